@@ -1,0 +1,1 @@
+"""The domain library: maps, networks, traffic, scenarios, planners, results. It knows nothing of MCP."""

@@ -1,0 +1,1 @@
+"""Worker processes and jobs: where native code runs, with limits, and how its progress comes back."""

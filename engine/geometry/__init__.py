@@ -1,0 +1,1 @@
+"""Plane geometry of polylines and oriented rectangles, in numpy."""

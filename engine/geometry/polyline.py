@@ -1,0 +1,132 @@
+"""Polylines as arrays of shape (n, 2) in metres."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float64]
+Values = NDArray[np.float64]
+
+
+def without_repeats(points: Points, tolerance_m: float = 1e-3) -> Points:
+    """The polyline without vertices that lie closer than the tolerance to the one before."""
+    points = np.asarray(points, dtype=float)
+    if len(points) < 2:
+        return points
+    kept = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > tolerance_m])
+    return points[kept]
+
+
+def arc_length(points: Points) -> Values:
+    """Distance travelled at each vertex, shape (n,), beginning with 0."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+
+
+def length_m(points: Points) -> float:
+    """Length of the polyline in metres."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def interpolate(points: Points, stations: Values, wanted: Values) -> Points:
+    """Points at the wanted stations (clamped to the ends), shape (m, 2)."""
+    return np.stack([np.interp(wanted, stations, points[:, 0]), np.interp(wanted, stations, points[:, 1])], axis=1)
+
+
+def resample(points: Points, count: int) -> Points:
+    """``count`` points evenly spaced along the polyline, ends included."""
+    stations = arc_length(points)
+    return interpolate(points, stations, np.linspace(0.0, stations[-1], count))
+
+
+def point_at(points: Points, station_m: float) -> tuple[Points, float]:
+    """Point of shape (2,) and heading in radians at an arc length (clamped to the ends)."""
+    stations = arc_length(points)
+    station_m = float(np.clip(station_m, 0.0, stations[-1]))
+    index = int(np.clip(np.searchsorted(stations, station_m, side="right") - 1, 0, len(points) - 2))
+    direction = points[index + 1] - points[index]
+    point = interpolate(points, stations, np.array([station_m]))[0]
+    return point, math.atan2(direction[1], direction[0])
+
+
+def project(points: Points, point: Points) -> tuple[float, float]:
+    """Arc length of the nearest point and signed lateral offset (left positive), both in metres."""
+    start, step = points[:-1], np.diff(points, axis=0)
+    squared = np.maximum((step**2).sum(axis=1), 1e-12)
+    along = np.clip(((point - start) * step).sum(axis=1) / squared, 0.0, 1.0)
+    nearest = start + step * along[:, None]
+    distance = np.linalg.norm(nearest - point, axis=1)
+    index = int(np.argmin(distance))
+    cross = step[index, 0] * (point[1] - start[index, 1]) - step[index, 1] * (point[0] - start[index, 0])
+    stations = arc_length(points)
+    station = float(stations[index] + along[index] * math.sqrt(squared[index]))
+    return station, float(math.copysign(distance[index], cross))
+
+
+def wrap_angle(angle_rad: float) -> float:
+    """The angle in [−π, π)."""
+    return (angle_rad + math.pi) % (2 * math.pi) - math.pi
+
+
+def wrap_angles(angles_rad: Values) -> Values:
+    """The angles in [−π, π)."""
+    return np.mod(np.asarray(angles_rad) + np.pi, 2 * np.pi) - np.pi
+
+
+def headings(points: Points) -> Values:
+    """Unwrapped heading of every segment in radians, shape (n − 1,)."""
+    step = np.diff(points, axis=0)
+    return np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+
+
+def gaussian(values: NDArray[np.float64], sigma_samples: float) -> NDArray[np.float64]:
+    """Gaussian filter along axis 0 with point reflection at the ends, so that the end values stay."""
+    count = len(values)
+    radius = min(int(3 * sigma_samples + 0.5), count - 1)
+    if radius < 1:
+        return values
+    kernel = np.exp(-0.5 * (np.arange(-radius, radius + 1) / sigma_samples) ** 2)
+    kernel /= kernel.sum()
+    columns = values.reshape(count, -1)
+    padded = np.concatenate(
+        [2 * columns[0] - columns[radius:0:-1], columns, 2 * columns[-1] - columns[-2 : -radius - 2 : -1]]
+    )
+    smooth = np.stack([np.convolve(padded[:, i], kernel, "valid") for i in range(columns.shape[1])], axis=1)
+    return smooth.reshape(values.shape)
+
+
+def maximum_curvature(points: Points, sigma_m: float = 4.0, spacing_m: float = 1.0) -> float:
+    """Largest curvature in 1/m after smoothing over ``sigma_m``; 0 for a straight or very short line."""
+    points = without_repeats(points)
+    if len(points) < 3:
+        return 0.0
+    stations = arc_length(points)
+    count = max(int(stations[-1] / spacing_m), 3)
+    even = interpolate(points, stations, np.linspace(0.0, stations[-1], count + 1))
+    even = gaussian(even, sigma_m / (stations[-1] / count))
+    turn = np.abs(np.diff(headings(even)))
+    step = np.linalg.norm(np.diff(even, axis=0), axis=1)
+    return float(np.max(turn / np.maximum((step[1:] + step[:-1]) / 2, 1e-3))) if len(turn) else 0.0
+
+
+def oriented_rectangle(center: Points, heading_rad: float, size_m: tuple[float, float]) -> Points:
+    """Corners of a rectangle (length, width), shape (4, 2), counter-clockwise from the front left."""
+    length, width = size_m
+    along = np.array([math.cos(heading_rad), math.sin(heading_rad)]) * length / 2
+    across = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * width / 2
+    return np.stack([center + along + across, center - along + across, center - along - across, center + along - across])
+
+
+def rectangles_overlap(first: Points, second: Points, shrink_m: float = 0.0) -> bool:
+    """Whether two convex quadrilaterals overlap (separating axes), touching by less than ``shrink_m`` not counted."""
+    for corners in (first, second):
+        edges = np.roll(corners, -1, axis=0) - corners
+        for edge in edges[:2]:
+            norm = math.hypot(edge[0], edge[1])
+            if norm < 1e-9:
+                continue
+            axis = np.array([-edge[1], edge[0]]) / norm
+            one, two = first @ axis, second @ axis
+            if one.max() - shrink_m <= two.min() or two.max() - shrink_m <= one.min():
+                return False
+    return True

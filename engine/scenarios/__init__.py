@@ -1,0 +1,1 @@
+"""CommonRoad scenarios: safe reading, recorded tracks, facts, generation and validation."""

@@ -1,0 +1,138 @@
+"""Reading CommonRoad XML files without trusting them.
+
+ElementTree, with which commonroad-io reads, takes 200,000 nesting levels and expands entities that a file declares:
+size, depth, element count and ``<!DOCTYPE`` are scanned before it sees the file.
+"""
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.parsers import expat
+
+from plannerforge.schemas.errors import UnknownName, UnsafeInput
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem, PlanningProblemSet
+    from commonroad.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class XmlLimits:
+    """What an XML file may hold at most before any parser of a library sees it."""
+
+    size_bytes: int = 100_000_000
+    depth: int = 64
+    elements: int = 3_000_000
+
+
+@dataclass(frozen=True)
+class LoadedScenario:
+    """A CommonRoad scenario in memory, with its planning problems and the file it came from."""
+
+    scenario: "Scenario"
+    planning_problems: "PlanningProblemSet"
+    path: Path
+
+    @property
+    def benchmark_id(self) -> str:
+        """The CommonRoad benchmark id, as in the file."""
+        return str(self.scenario.scenario_id)
+
+    @property
+    def step_s(self) -> float:
+        """Duration of one time step in seconds."""
+        return float(self.scenario.dt)
+
+    def problem(self, problem_id: int | None = None) -> "PlanningProblem":
+        """The planning problem with this id, or the first one.
+
+        Raises:
+            UnknownName: the file has no planning problem, or none with this id.
+        """
+        problems = self.planning_problems.planning_problem_dict
+        if not problems:
+            raise UnknownName(
+                f"{self.benchmark_id} has no planning problem",
+                next_step="use a scenario with a planning problem, or add a goal with modify_scenario op set_goal",
+            )
+        if problem_id is None:
+            return problems[min(problems)]
+        if problem_id not in problems:
+            raise UnknownName(f"{self.benchmark_id} has no planning problem {problem_id}", valid=sorted(problems))
+        return problems[problem_id]
+
+
+def scan_xml(path: Path, limits: XmlLimits | None = None) -> str:
+    """Refuse an XML file that is too large, too deep, broken or that declares a document type.
+
+    Returns:
+        The name of the root element.
+
+    Raises:
+        UnsafeInput: naming what was found and the limit.
+    """
+    limits = limits or XmlLimits()
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise UnsafeInput(f"{path.name} cannot be read: {error.strerror}") from error
+    if size > limits.size_bytes:
+        raise UnsafeInput(f"{path.name} has {size:,} bytes; at most {limits.size_bytes:,} are read")
+    scan = _Scan(path.name, limits)
+    try:
+        with path.open("rb") as stream:
+            scan.parser.ParseFile(stream)
+    except (expat.ExpatError, UnicodeError, LookupError) as error:
+        raise UnsafeInput(f"{path.name} is not well-formed XML: {error}") from error
+    return scan.root
+
+
+class _Scan:
+    """Counts depth and elements while expat reads; a document type ends it."""
+
+    def __init__(self, name: str, limits: XmlLimits) -> None:
+        self.name, self.limits, self.root = name, limits, ""
+        self.depth = self.elements = 0
+        self.parser = expat.ParserCreate()
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.StartDoctypeDeclHandler = self._doctype
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        del attributes
+        self.root = self.root or tag
+        self.depth += 1
+        self.elements += 1
+        if self.depth > self.limits.depth:
+            raise UnsafeInput(f"{self.name} nests elements deeper than {self.limits.depth} levels")
+        if self.elements > self.limits.elements:
+            raise UnsafeInput(f"{self.name} holds more than {self.limits.elements:,} elements")
+
+    def _end(self, tag: str) -> None:
+        del tag
+        self.depth -= 1
+
+    def _doctype(self, *declaration: Any) -> None:
+        del declaration
+        raise UnsafeInput(f"{self.name} declares a document type; entities are not read", next_step="remove <!DOCTYPE")
+
+
+def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario:
+    """Scan and read a CommonRoad file (2018b or 2020a).
+
+    Raises:
+        UnsafeInput: the file is hostile, broken or not a CommonRoad file.
+    """
+    from commonroad.common.file_reader import CommonRoadFileReader
+
+    root = scan_xml(path, limits)
+    if root != "commonRoad":
+        raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{root}>, not <commonRoad>")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            scenario, problems = CommonRoadFileReader(path).open()
+    except Exception as error:  # noqa: BLE001 - commonroad-io raises whatever a broken file makes it meet
+        raise UnsafeInput(f"{path.name} is not readable as CommonRoad: {type(error).__name__}: {error}") from error
+    return LoadedScenario(scenario, problems, path)

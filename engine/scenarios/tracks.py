@@ -1,0 +1,103 @@
+"""Recorded motion of the traffic as arrays."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, Values
+
+if TYPE_CHECKING:
+    from commonroad.scenario.obstacle import DynamicObstacle
+    from commonroad.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Track:
+    """A recorded obstacle: its centre at every step from ``first_step`` on.
+
+    ``positions`` (n, 2) in metres, ``headings_rad`` (n,), ``speeds_mps`` (n,); ``kind`` is CommonRoad's obstacle type.
+    """
+
+    obstacle_id: int
+    kind: str
+    length_m: float
+    width_m: float
+    first_step: int
+    positions: Points
+    headings_rad: Values
+    speeds_mps: Values
+
+    @property
+    def last_step(self) -> int:
+        """The last step at which the obstacle is there."""
+        return self.first_step + len(self.positions) - 1
+
+    def index_at(self, step: int) -> int | None:
+        """Index into the arrays for a time step, or None where the obstacle is not there."""
+        index = step - self.first_step
+        return index if 0 <= index < len(self.positions) else None
+
+
+def recorded_tracks(scenario: "Scenario") -> dict[int, Track]:
+    """Tracks of all dynamic obstacles that carry a trajectory, by id in ascending order.
+
+    Set-based predictions have no trajectory and are left out; states that give a region instead of a point count by
+    the region's centre, and a missing speed is the distance to the next position.
+    """
+    found = [_track(obstacle, float(scenario.dt)) for obstacle in scenario.dynamic_obstacles]
+    return {track.obstacle_id: track for track in sorted((t for t in found if t), key=lambda t: t.obstacle_id)}
+
+
+def last_recorded_step(scenario: "Scenario") -> int:
+    """The last time step at which any obstacle is recorded; 0 without moving obstacles."""
+    finals = [o.prediction.final_time_step for o in scenario.dynamic_obstacles if o.prediction is not None]
+    return max((int(getattr(final, "end", final)) for final in finals), default=0)
+
+
+def size_of(shape: Any) -> tuple[float, float]:
+    """Length and width in metres of a CommonRoad shape; circles give their diameter, polygons their bounding box."""
+    if hasattr(shape, "length"):
+        return float(shape.length), float(shape.width)
+    if hasattr(shape, "radius"):
+        return 2 * float(shape.radius), 2 * float(shape.radius)
+    vertices = np.asarray(shape.vertices)
+    extent = vertices.max(axis=0) - vertices.min(axis=0)
+    return float(extent[0]), float(extent[1])
+
+
+def _track(obstacle: "DynamicObstacle", step_s: float) -> Track | None:
+    trajectory = getattr(obstacle.prediction, "trajectory", None)
+    if trajectory is None:
+        return None
+    states = [obstacle.initial_state, *trajectory.state_list]
+    positions = np.array([_center(state.position) for state in states], dtype=float)
+    given = np.array([_middle(getattr(state, "velocity", None)) for state in states], dtype=float)
+    length, width = size_of(obstacle.obstacle_shape)
+    return Track(
+        obstacle_id=int(obstacle.obstacle_id),
+        kind=str(obstacle.obstacle_type.value),
+        length_m=length,
+        width_m=width,
+        first_step=int(states[0].time_step),
+        positions=positions,
+        headings_rad=np.array([_middle(getattr(state, "orientation", 0.0)) for state in states], dtype=float),
+        speeds_mps=np.where(np.isnan(given), _speeds(positions, step_s), given),
+    )
+
+
+def _center(position: Any) -> Any:
+    return position.center if hasattr(position, "center") else position
+
+
+def _middle(value: Any) -> float:
+    if value is None:
+        return float("nan")
+    return 0.5 * (float(value.start) + float(value.end)) if hasattr(value, "start") else float(value)
+
+
+def _speeds(positions: Points, step_s: float) -> Values:
+    if len(positions) < 2:
+        return np.zeros(len(positions))
+    speed = np.linalg.norm(np.diff(positions, axis=0), axis=1) / step_s
+    return np.append(speed, speed[-1])

@@ -1,0 +1,1 @@
+"""SUMO demand and simulation, and what turns SUMO's motion into drivable trajectories."""

@@ -1,0 +1,17 @@
+"""Base classes of all models: frozen, strict about unknown fields and finite numbers."""
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Model(BaseModel):
+    """A frozen value that refuses unknown fields and numbers that are not finite."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, ser_json_inf_nan="constants")
+
+
+class Arguments(Model):
+    """The arguments of a tool: flat (primitives, enumerations, lists of primitives or of one flat object)."""
+
+
+class Result(Model):
+    """The structured answer of a tool; its text says the same."""

@@ -1,0 +1,129 @@
+"""The errors of PlannerForge.
+
+    PlannerForgeError
+    ├── InvalidRequest      the caller asked for something that cannot be meant      (caller corrects the call)
+    │   ├── UnknownName     an id, tag, preset, weight … that does not exist
+    │   ├── OutsideRoots    a path outside the allowed roots
+    │   └── NotPossible     understood, but the scenario, map or network does not allow it
+    ├── UnsafeInput         a file that is malformed, hostile or too large
+    ├── ResourceFailure     disk, database or memory gave up                         (nothing was lost)
+    ├── WorkerFailure       native code in a worker process died
+    │   └── WorkerTimeout   … or ran past its limit
+    └── Cancelled           the caller stopped the work
+
+Every error carries a stable code, what was wrong, the valid values and the next step, and its text says all of them,
+because a host may show the model nothing else.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import ClassVar
+
+
+class PlannerForgeError(Exception):
+    """Base of all errors that a caller may see.
+
+    Args:
+        message: what was wrong, naming the value that was given.
+        valid: the values that would be accepted, most useful first (at most twelve are shown).
+        next_step: what to call or change next.
+    """
+
+    code: ClassVar[str] = "error"
+    shown_values: ClassVar[int] = 12
+
+    def __init__(self, message: str, *, valid: Iterable[object] = (), next_step: str = "") -> None:
+        self.message = message
+        self.valid: tuple[str, ...] = tuple(str(value) for value in valid)
+        self.next_step = next_step
+        super().__init__(self.text)
+
+    @property
+    def text(self) -> str:
+        """The whole error in one line: ``[code] what. Valid: …. Next: ….``"""
+        parts = [f"[{self.code}] {self.message.rstrip('.')}."]
+        if self.valid:
+            shown = ", ".join(self.valid[: self.shown_values])
+            more = len(self.valid) - self.shown_values
+            parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else ''}.")
+        if self.next_step:
+            parts.append(f"Next: {self.next_step.rstrip('.')}.")
+        return " ".join(parts)
+
+
+class InvalidRequest(PlannerForgeError):
+    """The arguments contradict each other or cannot be meant."""
+
+    code = "invalid_request"
+
+
+class UnknownName(InvalidRequest):
+    """A name or id that does not exist; ``valid`` holds the nearest ones first."""
+
+    code = "unknown_name"
+
+
+class OutsideRoots(InvalidRequest):
+    """A path outside the folders that the server may read or write."""
+
+    code = "outside_roots"
+
+
+class NotPossible(InvalidRequest):
+    """A request that was understood but that the scenario, the map or the network does not allow."""
+
+    code = "not_possible"
+
+
+class UnsafeInput(PlannerForgeError):
+    """A file that is malformed, hostile or larger than the limits."""
+
+    code = "unsafe_input"
+
+
+class ResourceFailure(PlannerForgeError):
+    """Disk, database or memory failed; what was stored before is intact."""
+
+    code = "resource_failure"
+
+
+class WorkerFailure(PlannerForgeError):
+    """A worker process died while it did the work; the next call gets a fresh one."""
+
+    code = "worker_failure"
+
+
+class WorkerTimeout(WorkerFailure):
+    """A worker process ran past its time limit and was ended."""
+
+    code = "worker_timeout"
+
+
+class Cancelled(PlannerForgeError):
+    """The work was stopped on request."""
+
+    code = "cancelled"
+
+
+def error_classes() -> dict[str, type[PlannerForgeError]]:
+    """All error classes by their code; codes are unique (a test holds it)."""
+    found: dict[str, type[PlannerForgeError]] = {}
+    waiting: list[type[PlannerForgeError]] = [PlannerForgeError]
+    while waiting:
+        current = waiting.pop()
+        found[current.code] = current
+        waiting.extend(current.__subclasses__())
+    return found
+
+
+def rebuild(code: str, message: str, valid: Sequence[str], next_step: str) -> PlannerForgeError:
+    """The error that a worker process reported, made again in the server's process."""
+    return error_classes().get(code, PlannerForgeError)(message, valid=valid, next_step=next_step)
+
+
+def closest(word: str, known: Iterable[str], limit: int = 12) -> list[str]:
+    """Known words ordered by likeness to ``word`` (case and accents ignored), the nearest first."""
+    from rapidfuzz import fuzz, process, utils
+
+    choices = list(known)
+    scored = process.extract(word, choices, scorer=fuzz.WRatio, processor=utils.default_process, limit=limit)
+    return [choice for choice, _, _ in scored]
