@@ -15,7 +15,8 @@ def without_repeats(points: Points, tolerance_m: float = 1e-3) -> Points:
     if len(points) < 2:
         return points
     kept = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > tolerance_m])
-    return points[kept]
+    unique: Points = points[kept]
+    return unique
 
 
 def arc_length(points: Points) -> Values:

@@ -36,7 +36,8 @@ def steering_angles(motion: Motion, step_s: float) -> Values:
     speed = np.maximum((motion.speeds_mps[:-1] + motion.speeds_mps[1:]) / 2, 1e-3)
     angle = np.arctan(WHEELBASE_M * turn / (speed * step_s))
     angle[speed < 0.05] = 0.0
-    return np.clip(np.append(angle, angle[-1]), -MAXIMUM_STEERING_RAD, MAXIMUM_STEERING_RAD)
+    limited: Values = np.clip(np.append(angle, angle[-1]), -MAXIMUM_STEERING_RAD, MAXIMUM_STEERING_RAD)
+    return limited
 
 
 def check_kinematics(motion: Motion, step_s: float) -> Feasibility:
