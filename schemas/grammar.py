@@ -1,0 +1,229 @@
+"""The small grammar of tool arguments: comparisons, assignments, selectors, quantities and intervals.
+
+    comparison   truck>=1 · bus=2 · car=2..5 · bicycle · !yield · traffic_light@map · speed_limit=50km/h
+    assignment   tau=0.7 · jerk*2 · jerk+0.1 · jerk-0.1 · jerk=lateral_jerk
+    selector     12 · all · one:truck · class:truck · nearest:3 · lead · new:0 · !12
+    quantity     50km/h · 30mph · 13.9 · 35m · 8s · 90steps
+    interval     8..12s · <=90steps · >=20mph · 50km/h
+
+Hosts drop patterns and bounds from schemas, so every error here repeats what is allowed.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from plannerforge.schemas.errors import InvalidRequest, UnknownName, closest
+
+NAME = r"[A-Za-z_][A-Za-z0-9_.\-]*"
+NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+UNIT = r"[A-Za-z][A-Za-z/0-9]*"
+
+COMPARISON_PATTERN = rf"^!?{NAME}(@[a-z]+)?((>=|<=|=|>|<).+)?$"
+ASSIGNMENT_PATTERN = rf"^{NAME}\s*[=*+\-].+$"
+
+_TO_BASE: dict[str, dict[str, float]] = {
+    "m/s": {"m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704},
+    "m": {"m": 1.0, "km": 1000.0, "ft": 0.3048},
+    "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
+    "": {},
+}
+BaseUnit = Literal["m/s", "m", "s", ""]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A closed interval; None on a side means unbounded. ``exact`` is True where one value was written."""
+
+    low: float | None
+    high: float | None
+    exact: bool = False
+
+    def contains(self, value: float) -> bool:
+        """Whether the value lies in the interval, ends included."""
+        return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A condition on a named quantity.
+
+    ``value`` holds the right-hand side as written where it is no number (``outcome=collision``), else None;
+    ``scope`` is what follows ``@``; without an operator the interval is "at least one".
+    """
+
+    name: str
+    interval: Interval
+    value: str | None = None
+    negated: bool = False
+    scope: str | None = None
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """A change of a named number: ``=`` sets, ``*`` multiplies, ``+`` and ``-`` add; or it copies another name."""
+
+    name: str
+    operator: Literal["=", "*", "+", "-"]
+    operand: float | None
+    copied_from: str | None = None
+
+
+@dataclass(frozen=True)
+class Selector:
+    """Which vehicles are meant: a kind (``id``, ``all``, ``class``, ``nearest``, …), its argument, and exclusion."""
+
+    kind: str
+    argument: str = ""
+    negated: bool = False
+
+    def __str__(self) -> str:
+        """The selector as it is written in a call."""
+        body = self.argument if self.kind == "id" else f"{self.kind}:{self.argument}" if self.argument else self.kind
+        return f"!{body}" if self.negated else body
+
+
+def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> float:
+    """A number in the base unit; a bare number is in the base unit already.
+
+    ``step_s`` allows ``steps`` where the base unit is seconds.
+
+    Raises:
+        InvalidRequest: no finite number, or a unit of another kind.
+    """
+    match = re.fullmatch(rf"\s*({NUMBER})\s*({UNIT})?\s*", text)
+    units = dict(_TO_BASE[unit])
+    if unit == "s" and step_s is not None:
+        units |= {"steps": step_s, "step": step_s}
+    if match is None or not math.isfinite(float(match[1])):
+        raise InvalidRequest(f"'{text}' is no quantity", valid=[f"a number{_or_units(units)}"])
+    if match[2] is None:
+        return float(match[1])
+    factor = units.get(match[2].lower())
+    if factor is None:
+        raise InvalidRequest(f"'{text}' has the unit '{match[2]}'", valid=list(units) or ["a number without a unit"])
+    return float(match[1]) * factor
+
+
+def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> Interval:
+    """``8..12s``, ``<=90steps``, ``>=20mph``, ``=3`` or a single value; ends are inclusive.
+
+    Raises:
+        InvalidRequest: malformed, or the ends are the wrong way round.
+    """
+    body = text.strip()
+    between = re.fullmatch(rf"=?\s*({NUMBER}\s*(?:{UNIT})?)\s*\.\.\s*({NUMBER}\s*(?:{UNIT})?)", body)
+    if between:
+        last_unit = re.search(rf"{UNIT}$", between[2].strip())
+        first = (
+            between[1]
+            if re.search(r"[A-Za-z]$", between[1].strip())
+            else between[1] + (last_unit[0] if last_unit else "")
+        )
+        low, high = (parse_quantity(part, unit, step_s=step_s) for part in (first, between[2]))
+        if low > high:
+            raise InvalidRequest(f"'{text}' begins above its end", valid=[f"{between[2]}..{between[1]}"])
+        return Interval(low, high)
+    for operator in (">=", "<="):
+        if body.startswith(operator):
+            bound = parse_quantity(body[2:], unit, step_s=step_s)
+            return Interval(bound, None) if operator == ">=" else Interval(None, bound)
+    value = parse_quantity(body.removeprefix("="), unit, step_s=step_s)
+    return Interval(value, value, exact=True)
+
+
+def parse_comparison(text: str, unit: BaseUnit = "", *, whole: bool = False) -> Comparison:
+    """A condition such as ``truck>=1``, ``car=2..5``, ``!yield``, ``speed_limit=50km/h`` or ``outcome=collision``.
+
+    Args:
+        text: the condition as written.
+        unit: base unit that a quantity on the right is turned into.
+        whole: counts: ``>`` and ``<`` mean at least one more or less; a fraction is refused.
+
+    Raises:
+        InvalidRequest: malformed.
+    """
+    match = re.fullmatch(rf"\s*(!?)\s*({NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", text)
+    if match is None:
+        raise InvalidRequest(f"'{text}' is no condition", valid=["name", "!name", "name=2", "name>=2", "name=2..5"])
+    negated, name, scope, operator, right = bool(match[1]), match[2], match[3], match[4], match[5]
+    if operator is None:
+        return Comparison(name, Interval(1.0, None), negated=negated, scope=scope)
+    if not re.match(r"[+-]?\.?\d", right):
+        if operator not in ("=", "=="):
+            raise InvalidRequest(f"'{text}' compares with '{right}', which is no number", valid=[f"{name}={right}"])
+        return Comparison(name, Interval(None, None), right, negated, scope)
+    interval = _compared(text, operator, right, unit, whole)
+    return Comparison(name, interval, None, negated, scope)
+
+
+def parse_assignment(text: str) -> Assignment:
+    """A change such as ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
+
+    Raises:
+        InvalidRequest: malformed, or not a finite number.
+    """
+    examples = ["name=0.5", "name*2", "name+0.1", "name-0.1", "name=other_name"]
+    match = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*([=*+\-])\s*(\S.*?)\s*", text)
+    if match is None:
+        raise InvalidRequest(f"'{text}' is no assignment", valid=examples)
+    name, operator, right = match[1], match[2], match[3]
+    if re.fullmatch(NUMBER, right) and math.isfinite(float(right)):
+        return Assignment(name, operator, float(right))  # type: ignore[arg-type]
+    if operator == "=" and re.fullmatch(r"[A-Za-z_]\w*", right) and right.lower() not in ("nan", "inf", "infinity"):
+        return Assignment(name, "=", None, copied_from=right)
+    raise InvalidRequest(f"'{text}' assigns '{right}', which is no finite number", valid=examples)
+
+
+_PLAIN = ("all", "farthest", "lead", "follow", "fastest", "slowest", "standing", "leftmost", "rightmost")
+_WITH_ARGUMENT = ("one", "class", "nearest", "only", "new", "lane")
+SELECTORS = ("an id", *_PLAIN, "nearest:3", "one:truck", "class:truck", "only:bus", "new:0", "!12")
+
+
+def parse_selector(text: str) -> Selector:
+    """A selector of vehicles.
+
+    Raises:
+        UnknownName: a word that is no selector.
+        InvalidRequest: an argument that does not fit, such as ``nearest:many``.
+    """
+    body = text.strip()
+    negated = body.startswith("!")
+    body = body.removeprefix("!").strip()
+    if re.fullmatch(r"\d+", body):
+        return Selector("id", str(int(body)), negated)
+    kind, colon, argument = body.partition(":")
+    if kind == "nearest" and not colon:
+        argument = "1"
+    if not colon and kind in _PLAIN:
+        return Selector(kind, "", negated)
+    if kind in _WITH_ARGUMENT and argument:
+        if kind in ("nearest", "new") and not re.fullmatch(r"\d+", argument):
+            raise InvalidRequest(f"'{text}' needs a whole number after '{kind}:'", valid=[f"{kind}:1"])
+        return Selector(kind, argument, negated)
+    raise UnknownName(f"'{text}' selects no vehicles", valid=_nearest_selectors(kind))
+
+
+def _nearest_selectors(word: str) -> list[str]:
+    likely = closest(word, [selector for selector in SELECTORS if selector != "an id"])
+    return ["an id", *likely]
+
+
+def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool) -> Interval:
+    if operator in ("=", "=="):
+        interval = parse_interval(right, unit)
+    else:
+        bound = parse_quantity(right, unit)
+        strict = 1.0 if whole else 0.0
+        if operator in (">", ">="):
+            interval = Interval(bound + (strict if operator == ">" else 0.0), None)
+        else:
+            interval = Interval(None, bound - (strict if operator == "<" else 0.0))
+    if whole and any(end is not None and end != int(end) for end in (interval.low, interval.high)):
+        raise InvalidRequest(f"'{text}' counts with a fraction", valid=["a whole number"])
+    return interval
+
+
+def _or_units(units: dict[str, float]) -> str:
+    return f" with a unit of {', '.join(units)}, or none" if units else ""
