@@ -1,1 +1,1 @@
-"""Pydantic models of every input and output, the errors and the small grammar: the lowest layer, imported by all others."""
+"""Pydantic models of every input and output, the errors and the small grammar: the lowest layer."""

@@ -9,12 +9,14 @@
     ├── ResourceFailure     disk, database or memory gave up                         (nothing was lost)
     ├── WorkerFailure       native code in a worker process died
     │   └── WorkerTimeout   … or ran past its limit
+    ├── UnexpectedFailure   a defect of ours; logged with an incident number         (never shown with a traceback)
     └── Cancelled           the caller stopped the work
 
 Every error carries a stable code, what was wrong, the valid values and the next step, and its text says all of them,
 because a host may show the model nothing else.
 """
 
+import hashlib
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
@@ -96,6 +98,25 @@ class WorkerTimeout(WorkerFailure):
     """A worker process ran past its time limit and was ended."""
 
     code = "worker_timeout"
+
+
+class UnexpectedFailure(PlannerForgeError):
+    """A defect of ours. The details are logged under an incident number, which is all that a caller sees.
+
+    Args:
+        what: the tool or operation that failed.
+        details: the traceback, for the log.
+    """
+
+    code = "unexpected"
+
+    def __init__(self, what: str, details: str) -> None:
+        self.details = details
+        self.incident = hashlib.sha256(f"{what}\n{details}".encode()).hexdigest()[:8]
+        super().__init__(
+            f"{what} failed through a defect of the server (incident {self.incident})",
+            next_step="try other arguments, and report the incident with the server's log",
+        )
 
 
 class Cancelled(PlannerForgeError):

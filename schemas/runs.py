@@ -7,7 +7,7 @@ from pydantic import Field
 from plannerforge.schemas.base import Model
 
 Outcome = Literal["goal_reached", "collision", "timeout", "infeasible", "off_road", "goal_missed", "invalid"]
-"""``invalid``: the problem could not be attempted (say, a collision in its initial state); never a planner's failure."""
+"""``invalid``: the problem could not be attempted (a collision in its initial state); never a planner's failure."""
 
 Prediction = Literal["constant_velocity", "ground_truth"]
 Traffic = Literal["recorded"]

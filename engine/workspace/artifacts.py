@@ -1,0 +1,249 @@
+"""Immutable artifacts: a record in SQLite and a folder of files, both there whole or not at all."""
+
+import json
+import os
+import re
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args
+
+from plannerforge.engine.workspace.database import Database
+from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.base import Model
+from plannerforge.schemas.errors import ResourceFailure, UnknownName, closest
+
+ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map"]
+Record = TypeVar("Record", bound=Model)
+
+_ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
+
+
+class Artifact(Model):
+    """What was made: its id, its recipe, and its record as JSON; the files lie in the workspace."""
+
+    artifact_id: str
+    kind: ArtifactKind
+    name: str
+    recipe: Recipe
+    record: dict[str, Any]
+    sequence: int
+    made_at: str
+
+    def read(self, record_type: type[Record]) -> Record:
+        """The record as the model that wrote it."""
+        return record_type.model_validate(self.record)
+
+
+class Workspace:
+    """One folder with everything that was made; several servers may use it at once."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.database = Database(root / "workspace.sqlite")
+
+    def put(
+        self,
+        kind: ArtifactKind,
+        artifact_id: str,
+        *,
+        recipe: Recipe,
+        record: Model,
+        files: Mapping[str, Path] | None = None,
+        name: str = "",
+    ) -> Artifact:
+        """Store an artifact; an id that is there already gives the stored one, untouched.
+
+        Args:
+            files: name in the artifact's folder → file to move there (same disk: use :meth:`scratch`).
+
+        Raises:
+            ResourceFailure: the disk is full; nothing of the artifact is left then.
+        """
+        found = self.find(kind, artifact_id)
+        if found is not None:
+            return found
+        self._place_files(kind, artifact_id, files or {})
+        with self.database.writing() as connection:
+            connection.execute(
+                "INSERT OR IGNORE INTO artifacts (artifact_id, kind, name, digest, recipe, record) "
+                "VALUES (?, ?, ?, ?, ?, ?)",
+                (artifact_id, kind, name, recipe.digest, recipe.model_dump_json(), record.model_dump_json()),
+            )
+            connection.executemany(
+                "INSERT OR IGNORE INTO parents VALUES (?, ?)", [(artifact_id, parent) for parent in recipe.parents]
+            )
+        return self.get(artifact_id, kind)
+
+    def find(self, kind: ArtifactKind, artifact_id: str) -> Artifact | None:
+        """The artifact with this id, or None."""
+        query = "SELECT * FROM artifacts WHERE kind = ? AND artifact_id = ?"
+        row = self.database.connection().execute(query, (kind, artifact_id)).fetchone()
+        return None if row is None else _artifact(row)
+
+    def find_by_recipe(self, kind: ArtifactKind, recipe: Recipe) -> Artifact | None:
+        """The artifact that this recipe made before, or None."""
+        query = "SELECT * FROM artifacts WHERE kind = ? AND digest = ? ORDER BY sequence LIMIT 1"
+        row = self.database.connection().execute(query, (kind, recipe.digest)).fetchone()
+        return None if row is None else _artifact(row)
+
+    def get(self, artifact_id: str, kind: ArtifactKind) -> Artifact:
+        """The artifact with this id; ``latest`` is the newest of its kind.
+
+        Raises:
+            UnknownName: with the nearest ids that exist.
+        """
+        if artifact_id == "latest":
+            newest = self.newest(kind=kind, limit=1)
+            if newest:
+                return newest[0]
+            raise UnknownName(f"there is no {kind} yet", next_step=_MAKERS[kind])
+        found = self.find(kind, artifact_id)
+        if found is None:
+            known = [row[0] for row in self._ids(kind)]
+            raise UnknownName(
+                f"there is no {kind} '{artifact_id}'", valid=closest(artifact_id, known), next_step=_MAKERS[kind]
+            )
+        return found
+
+    def newest(
+        self,
+        *,
+        kind: ArtifactKind | None = None,
+        parent: str | None = None,
+        text: str | None = None,
+        limit: int = 10,
+        offset: int = 0,
+    ) -> list[Artifact]:
+        """Artifacts, newest first; ``text`` looks into ids, names and recipes."""
+        conditions = ["1"]
+        values: list[str] = []
+        if kind is not None:
+            conditions.append("kind = ?")
+            values.append(kind)
+        if parent is not None:
+            conditions.append("artifact_id IN (SELECT artifact_id FROM parents WHERE parent_id = ?)")
+            values.append(parent)
+        if text:
+            conditions.append("instr(lower(artifact_id || ' ' || name || ' ' || recipe), lower(?)) > 0")
+            values.append(text)
+        query = f"SELECT * FROM artifacts WHERE {' AND '.join(conditions)} ORDER BY sequence DESC LIMIT ? OFFSET ?"  # noqa: S608 - fixed words only
+        rows = self.database.connection().execute(query, (*values, limit, offset)).fetchall()
+        return [_artifact(row) for row in rows]
+
+    def kind_of(self, artifact_id: str) -> ArtifactKind:
+        """The kind of an artifact.
+
+        Raises:
+            UnknownName: there is none with this id.
+        """
+        query = "SELECT kind FROM artifacts WHERE artifact_id = ? ORDER BY sequence DESC LIMIT 1"
+        row = self.database.connection().execute(query, (artifact_id,)).fetchone()
+        if row is None:
+            known = [str(entry[0]) for entry in self._ids(None)]
+            raise UnknownName(f"there is nothing called '{artifact_id}'", valid=closest(artifact_id, known))
+        kind: ArtifactKind = row[0]
+        return kind
+
+    def folder(self, kind: ArtifactKind, artifact_id: str) -> Path:
+        """The folder of an artifact's files."""
+        if not _ORDINARY_ID.fullmatch(artifact_id):
+            raise UnknownName(f"'{artifact_id}' cannot be the id of an artifact")
+        return self.root / f"{kind}s" / artifact_id
+
+    def file(self, kind: ArtifactKind, artifact_id: str, name: str) -> Path:
+        """A file of an artifact.
+
+        Raises:
+            UnknownName: the artifact has no such file.
+        """
+        path = self.folder(kind, artifact_id) / name
+        if not path.is_file():
+            there = sorted(entry.name for entry in path.parent.glob("*")) if path.parent.is_dir() else []
+            raise UnknownName(f"{kind} '{artifact_id}' has no file {name}", valid=there)
+        return path
+
+    @contextmanager
+    def scratch(self) -> Iterator[Path]:
+        """A temporary folder on the workspace's disk, gone after the block.
+
+        Raises:
+            ResourceFailure: it cannot be made.
+        """
+        parent = self.root / "scratch"
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            folder = Path(tempfile.mkdtemp(dir=parent))
+        except OSError as error:
+            raise _disk_failure(parent, error) from error
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def close(self) -> None:
+        """Close the database."""
+        self.database.close()
+
+    def _ids(self, kind: ArtifactKind | None) -> list[sqlite3.Row]:
+        query = "SELECT artifact_id FROM artifacts WHERE ?1 IS NULL OR kind = ?1 ORDER BY sequence DESC LIMIT 5000"
+        return self.database.connection().execute(query, (kind,)).fetchall()
+
+    def _place_files(self, kind: ArtifactKind, artifact_id: str, files: Mapping[str, Path]) -> None:
+        target = self.folder(kind, artifact_id)
+        if not files or target.is_dir():
+            return
+        try:
+            with self.scratch() as folder:
+                whole = folder / "whole"
+                whole.mkdir()
+                for name, source in sorted(files.items()):
+                    shutil.copyfile(source, whole / name)
+                    _flush(whole / name)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                whole.rename(target)
+        except OSError as error:
+            if not target.is_dir():  # another server may have stored the same artifact meanwhile
+                raise _disk_failure(target, error) from error
+
+
+_MAKERS: dict[ArtifactKind, str] = {
+    "scenario": "call find_scenarios, generate_scenarios or import_files",
+    "search": "call find_scenarios",
+    "config": "call configure_planner, or name PLANNER:PRESET such as frenetix:Default",
+    "run": "call run_planner",
+    "batch": "call run_planner with several scenarios or configurations",
+    "map": "call describe_catalog with facet maps",
+}
+
+
+def artifact_kinds() -> tuple[str, ...]:
+    """All kinds of artifacts."""
+    return get_args(ArtifactKind)
+
+
+def _artifact(row: sqlite3.Row) -> Artifact:
+    return Artifact(
+        artifact_id=row["artifact_id"],
+        kind=row["kind"],
+        name=row["name"],
+        recipe=Recipe.model_validate_json(row["recipe"]),
+        record=json.loads(row["record"]),
+        sequence=row["sequence"],
+        made_at=row["made_at"],
+    )
+
+
+def _flush(path: Path) -> None:
+    with path.open("rb") as stream:
+        os.fsync(stream.fileno())
+
+
+def _disk_failure(path: Path, error: OSError) -> ResourceFailure:
+    return ResourceFailure(
+        f"{path} cannot be written: {error.strerror or error}",
+        next_step="free disk space, or choose another --workspace",
+    )

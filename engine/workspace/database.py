@@ -1,0 +1,130 @@
+"""The SQLite file of a workspace: one connection a thread, write-ahead log, a schema with a version.
+
+Several servers work on one workspace at once (every IDE window starts its own), so writers wait for each other.
+"""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from plannerforge.schemas.errors import ResourceFailure
+
+SCHEMA_VERSION = 1
+BUSY_TIMEOUT_S = 10.0
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS artifacts (
+    sequence INTEGER PRIMARY KEY AUTOINCREMENT,
+    artifact_id TEXT NOT NULL,
+    kind TEXT NOT NULL,
+    name TEXT NOT NULL,
+    digest TEXT NOT NULL,
+    recipe TEXT NOT NULL,
+    record TEXT NOT NULL,
+    made_at TEXT NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%SZ', 'now')),
+    UNIQUE (kind, artifact_id)
+);
+CREATE INDEX IF NOT EXISTS artifacts_by_digest ON artifacts (kind, digest);
+CREATE TABLE IF NOT EXISTS parents (
+    artifact_id TEXT NOT NULL,
+    parent_id TEXT NOT NULL,
+    PRIMARY KEY (artifact_id, parent_id)
+) WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS parents_by_parent ON parents (parent_id);
+CREATE TABLE IF NOT EXISTS jobs (
+    sequence INTEGER PRIMARY KEY AUTOINCREMENT,
+    job_id TEXT NOT NULL UNIQUE,
+    kind TEXT NOT NULL,
+    digest TEXT NOT NULL,
+    recipe TEXT NOT NULL,
+    state TEXT NOT NULL,
+    share REAL NOT NULL,
+    message TEXT NOT NULL,
+    results TEXT NOT NULL,
+    error TEXT NOT NULL,
+    owner_pid INTEGER NOT NULL,
+    started_at REAL NOT NULL,
+    updated_at REAL NOT NULL
+);
+CREATE INDEX IF NOT EXISTS jobs_by_digest ON jobs (digest);
+"""
+
+
+class Database:
+    """Access to the workspace's SQLite file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._connection: sqlite3.Connection | None = None
+
+    def connection(self) -> sqlite3.Connection:
+        """The open connection, with rows by name; made, and its schema checked, when first needed.
+
+        Raises:
+            ResourceFailure: the file cannot be opened, or a newer version of PlannerForge wrote it.
+        """
+        if self._connection is None:
+            self._connection = self._open()
+        return self._connection
+
+    @contextmanager
+    def writing(self) -> Iterator[sqlite3.Connection]:
+        """A transaction: all of the block is stored, or nothing.
+
+        Raises:
+            ResourceFailure: the disk is full or the file is locked for too long.
+        """
+        connection = self.connection()
+        try:
+            connection.execute("BEGIN IMMEDIATE")
+        except sqlite3.Error as error:
+            raise _failure(self.path, error) from error
+        try:
+            yield connection
+            connection.execute("COMMIT")
+        except sqlite3.Error as error:
+            _roll_back(connection)
+            raise _failure(self.path, error) from error
+        except BaseException:
+            _roll_back(connection)
+            raise
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _open(self) -> sqlite3.Connection:
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            connection = sqlite3.connect(
+                self.path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
+            )
+            connection.row_factory = sqlite3.Row
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = NORMAL")
+            found = int(connection.execute("PRAGMA user_version").fetchone()[0])
+            if found > SCHEMA_VERSION:
+                connection.close()
+                raise ResourceFailure(
+                    f"the workspace {self.path.parent} has schema version {found}, this program knows {SCHEMA_VERSION}",
+                    next_step="use the newer PlannerForge that made it, or another --workspace",
+                )
+            connection.executescript(f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;")
+        except (sqlite3.Error, OSError) as error:
+            raise _failure(self.path, error) from error
+        return connection
+
+
+def _roll_back(connection: sqlite3.Connection) -> None:
+    if connection.in_transaction:
+        connection.execute("ROLLBACK")
+
+
+def _failure(path: Path, error: Exception) -> ResourceFailure:
+    return ResourceFailure(
+        f"the workspace database {path} cannot be used: {error}",
+        next_step="check that the folder is writable and the disk has room, or choose another --workspace",
+    )

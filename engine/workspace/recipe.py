@@ -1,0 +1,35 @@
+"""How an artifact is made: enough to make it again bit for bit on the same type of machine."""
+
+import hashlib
+import json
+from typing import Any
+
+from pydantic import Field
+
+from plannerforge.schemas.base import Model
+
+
+class Recipe(Model):
+    """The tool, its resolved arguments, the artifacts it started from, the seed, and the versions that matter.
+
+    Dates and counters are left out on purpose: the same request gives the same digest.
+    """
+
+    tool: str
+    arguments: dict[str, Any] = Field(default_factory=dict)
+    parents: tuple[str, ...] = ()
+    seed: int = 0
+    versions: dict[str, str] = Field(default_factory=dict)
+
+    @property
+    def digest(self) -> str:
+        """Twelve hexadecimal characters that name this recipe."""
+        content = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+        return hashlib.sha256(content.encode()).hexdigest()[:12]
+
+
+def versions_of(*packages: str) -> dict[str, str]:
+    """The installed versions of packages, and our own, for a recipe."""
+    from importlib.metadata import version
+
+    return {package: version(package) for package in sorted({"plannerforge-mcp", *packages})}

@@ -1,0 +1,105 @@
+"""What a tool function is given beside its arguments, and what it may answer."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from plannerforge.engine.execution.job_runner import JobRunner
+from plannerforge.engine.execution.limits import Limits
+from plannerforge.engine.execution.pool import Lane, WorkerPool
+from plannerforge.engine.workspace.artifacts import Workspace
+from plannerforge.schemas.base import Model
+
+Response = TypeVar("Response", bound=Model)
+SendProgress = Callable[[float, str], Awaitable[None]]
+
+
+@dataclass(frozen=True)
+class Services:
+    """What lives as long as the server: the workspace, the workers, the jobs and the bounds."""
+
+    workspace: Workspace
+    workers: WorkerPool
+    jobs: JobRunner
+    limits: Limits
+    map_folders: tuple[Path, ...] = ()
+
+
+class ToolCall:
+    """One call of a tool: the services, and the way to report progress to the client."""
+
+    def __init__(self, services: Services, send_progress: SendProgress) -> None:
+        self.services = services
+        self._send_progress = send_progress
+
+    @property
+    def workspace(self) -> Workspace:
+        """The artifacts."""
+        return self.services.workspace
+
+    @property
+    def jobs(self) -> JobRunner:
+        """The jobs."""
+        return self.services.jobs
+
+    @property
+    def limits(self) -> Limits:
+        """The bounds on files, time and memory."""
+        return self.services.limits
+
+    def allowed_path(self, text: str) -> Path:
+        """The path, if it lies inside an allowed root.
+
+        Raises:
+            OutsideRoots: it does not.
+        """
+        return self.limits.allowed_path(text)
+
+    async def progress(self, share: float, message: str = "") -> None:
+        """Tell the client the share done in [0, 1] of the whole call."""
+        await self._send_progress(share, message)
+
+    async def run(
+        self,
+        entry_point: str,
+        request: Model,
+        response_type: type[Response],
+        *,
+        timeout_s: float | None = None,
+        share: tuple[float, float] = (0.0, 1.0),
+        lane: Lane = "compute",
+    ) -> Response:
+        """Run an engine operation in a warm worker; its progress fills ``share`` of the call's.
+
+        Raises:
+            PlannerForgeError: what the operation raised, a time-out, or the death of the worker.
+        """
+        begin, end = share
+
+        async def forward(done: float, message: str) -> None:
+            await self.progress(begin + (end - begin) * done, message)
+
+        return await self.services.workers.run(
+            entry_point, request, response_type, timeout_s=timeout_s, on_progress=forward, lane=lane
+        )
+
+
+@dataclass(frozen=True)
+class Image:
+    """A picture of an answer: its file and media type."""
+
+    path: Path
+    mime_type: str
+
+
+@dataclass(frozen=True)
+class ImageAnswer:
+    """The answer of a tool that shows pictures: such a tool has no output schema, or hosts drop the pictures.
+
+    ``links`` are resource URIs where the same can be fetched.
+    """
+
+    text: str
+    images: tuple[Image, ...]
+    links: tuple[str, ...] = ()
