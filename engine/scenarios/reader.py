@@ -33,11 +33,12 @@ class LoadedScenario:
     scenario: "Scenario"
     planning_problems: "PlanningProblemSet"
     path: Path
+    declared_id: str = ""
 
     @property
     def benchmark_id(self) -> str:
-        """The CommonRoad benchmark id, as in the file."""
-        return str(self.scenario.scenario_id)
+        """The CommonRoad benchmark id as in the file; commonroad-io's own rendering changes unusual ones."""
+        return self.declared_id or str(self.scenario.scenario_id)
 
     @property
     def step_s(self) -> float:
@@ -63,11 +64,28 @@ class LoadedScenario:
         return problems[problem_id]
 
 
+@dataclass(frozen=True)
+class XmlRoot:
+    """Name and attributes of a document's root element."""
+
+    name: str
+    attributes: dict[str, str]
+
+
 def scan_xml(path: Path, limits: XmlLimits | None = None) -> str:
     """Refuse an XML file that is too large, too deep, broken or that declares a document type.
 
     Returns:
         The name of the root element.
+
+    Raises:
+        UnsafeInput: naming what was found and the limit.
+    """
+    return scan_root(path, limits).name
+
+
+def scan_root(path: Path, limits: XmlLimits | None = None) -> XmlRoot:
+    """As ``scan_xml``, with the attributes of the root element.
 
     Raises:
         UnsafeInput: naming what was found and the limit.
@@ -85,7 +103,7 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> str:
             scan.parser.ParseFile(stream)
     except (expat.ExpatError, UnicodeError, LookupError) as error:
         raise UnsafeInput(f"{path.name} is not well-formed XML: {error}") from error
-    return scan.root
+    return XmlRoot(scan.root, scan.attributes)
 
 
 class _Scan:
@@ -93,6 +111,7 @@ class _Scan:
 
     def __init__(self, name: str, limits: XmlLimits) -> None:
         self.name, self.limits, self.root = name, limits, ""
+        self.attributes: dict[str, str] = {}
         self.depth = self.elements = 0
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
@@ -100,8 +119,8 @@ class _Scan:
         self.parser.StartDoctypeDeclHandler = self._doctype
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        del attributes
-        self.root = self.root or tag
+        if not self.root:
+            self.root, self.attributes = tag, attributes
         self.depth += 1
         self.elements += 1
         if self.depth > self.limits.depth:
@@ -126,13 +145,13 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
     """
     from commonroad.common.file_reader import CommonRoadFileReader
 
-    root = scan_xml(path, limits)
-    if root != "commonRoad":
-        raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{root}>, not <commonRoad>")
+    root = scan_root(path, limits)
+    if root.name != "commonRoad":
+        raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{root.name}>, not <commonRoad>")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             scenario, problems = CommonRoadFileReader(path).open()
     except Exception as error:  # noqa: BLE001 - commonroad-io raises whatever a broken file makes it meet
         raise UnsafeInput(f"{path.name} is not readable as CommonRoad: {type(error).__name__}: {error}") from error
-    return LoadedScenario(scenario, problems, path)
+    return LoadedScenario(scenario, problems, path, root.attributes.get("benchmarkID", ""))

@@ -1,0 +1,149 @@
+"""The ego on the lanelets: where it stands, its way to the goal, and the line that it will follow."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, arc_length, point_at, project, without_repeats, wrap_angle
+from plannerforge.engine.network.lanelet_graph import LaneletGraph
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+TURN_RAD = math.radians(40.0)
+"""A heading change beyond this inside junction lanelets is a turn."""
+
+
+@dataclass(frozen=True)
+class EgoRoute:
+    """Lanelets from the ego's start to its goal, both included, and how the ego has to drive.
+
+    ``turn_rad``: heading change inside the lanelets that leave a fork, left positive.
+    """
+
+    lanelets: tuple[int, ...]
+    turn_rad: float
+    changes_lane: bool
+
+    @property
+    def turns(self) -> str:
+        """``left``, ``right`` or ``straight``."""
+        if self.turn_rad > TURN_RAD:
+            return "left"
+        return "right" if self.turn_rad < -TURN_RAD else "straight"
+
+
+def lanelets_at(network: "LaneletNetwork", point: Points) -> tuple[int, ...]:
+    """All lanelets that the point lies on, ascending."""
+    return tuple(sorted(network.find_lanelet_by_position([np.asarray(point, dtype=float)])[0]))
+
+
+def along(network: "LaneletNetwork", lanelet_ids: tuple[int, ...], point: Points, heading_rad: float) -> tuple[int, ...]:
+    """Those of the lanelets that lead in the direction of the heading (within 90°), best aligned first."""
+    turned = [(abs(wrap_angle(lanelet_heading(network, key, point) - heading_rad)), key) for key in lanelet_ids]
+    return tuple(key for angle, key in sorted(turned) if angle < math.pi / 2)
+
+
+def lanelet_heading(network: "LaneletNetwork", lanelet_id: int, point: Points) -> float:
+    """Heading in radians of the lanelet's centre line beside the point."""
+    line = center_line(network, lanelet_id)
+    return point_at(line, project(line, np.asarray(point))[0])[1] if len(line) > 1 else 0.0
+
+
+def center_line(network: "LaneletNetwork", lanelet_id: int) -> Points:
+    """The lanelet's centre line without repeated vertices, shape (n, 2)."""
+    return without_repeats(network.find_lanelet_by_id(lanelet_id).center_vertices)
+
+
+def goal_lanelets(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, ...]:
+    """Lanelets that the goal names, or that lie under the centre of its region; empty for goals without a place."""
+    named: set[int] = set()
+    for keys in (problem.goal.lanelets_of_goal_position or {}).values():
+        named.update(int(key) for key in keys)
+    if not named:
+        for center in goal_centers(problem):
+            named.update(lanelets_at(network, center))
+    known = {lanelet.lanelet_id for lanelet in network.lanelets}
+    return tuple(sorted(named & known))
+
+
+def goal_centers(problem: "PlanningProblem") -> list[Points]:
+    """Centres of the goal's regions, one per goal state that has one."""
+    shapes = [getattr(state, "position", None) for state in problem.goal.state_list]
+    return [_shape_center(shape) for shape in shapes if shape is not None]
+
+
+def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "PlanningProblem") -> EgoRoute | None:
+    """The ego's way to its goal; None where the goal has no place or cannot be reached from the start."""
+    point, heading = np.asarray(problem.initial_state.position), float(problem.initial_state.orientation)
+    under = lanelets_at(network, point)
+    starts = along(network, under, point, heading) or under
+    goals = goal_lanelets(network, problem)
+    lanelets = graph.shortest_route(starts, goals) if starts and goals else None
+    if lanelets is None:
+        return None
+    hops = list(zip(lanelets[:-1], lanelets[1:], strict=True))
+    changes = any(following not in graph.successors[current] for current, following in hops)
+    centers = goal_centers(problem)
+    named = bool(problem.goal.lanelets_of_goal_position)
+    return EgoRoute(lanelets, _turn(network, graph, lanelets, point, None if named or not centers else centers[0]), changes)
+
+
+def path_ahead(
+    network: "LaneletNetwork", graph: LaneletGraph, start: int, route: tuple[int, ...], ahead_m: float
+) -> tuple[Points, tuple[int, ...]]:
+    """Centre line from the start lanelet on, along the route and then the straightest successors.
+
+    Returns:
+        Points (n, 2) and the lanelets that they come from; at least ``ahead_m`` beyond the start where the map allows.
+    """
+    chosen, line = [start], center_line(network, start)
+    total = graph.length_m[start]
+    first = total
+    while total - first < ahead_m:
+        onward = [key for key in graph.successors[chosen[-1]] if key not in chosen]
+        if not onward:
+            break
+        following = next((key for key in onward if key in route), None) or _straightest(network, line, onward)
+        chosen.append(following)
+        line = without_repeats(np.vstack([line, center_line(network, following)]))
+        total += graph.length_m[following]
+    return line, tuple(chosen)
+
+
+def _straightest(network: "LaneletNetwork", line: Points, onward: list[int]) -> int:
+    arriving = math.atan2(*(line[-1] - line[-2])[::-1]) if len(line) > 1 else 0.0
+
+    def bend(key: int) -> tuple[float, int]:
+        following = center_line(network, key)
+        leaving = math.atan2(*(following[-1] - following[0])[::-1])
+        return abs(wrap_angle(leaving - arriving)), key
+
+    return min(onward, key=bend)
+
+
+def _turn(
+    network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
+) -> float:
+    """Sum of the heading changes inside lanelets that leave a fork, from the start's to the goal's station."""
+    total = 0.0
+    for index, key in enumerate(lanelets):
+        if not any(len(graph.successors[before]) > 1 for before in graph.predecessors[key]):
+            continue
+        line = center_line(network, key)
+        if len(line) < 2:
+            continue
+        begin = project(line, start)[0] if index == 0 else 0.0
+        end = project(line, goal)[0] if index == len(lanelets) - 1 and goal is not None else float(arc_length(line)[-1])
+        total += wrap_angle(point_at(line, end)[1] - point_at(line, begin)[1])
+    return total
+
+
+def _shape_center(shape: Any) -> Points:
+    if hasattr(shape, "center"):
+        return np.asarray(shape.center, dtype=float)
+    parts = [_shape_center(part) for part in shape.shapes]
+    return np.asarray(np.mean(parts, axis=0), dtype=float)

@@ -1,0 +1,186 @@
+"""Reading the facts of a CommonRoad file: the paper's four metadata layers and the computed features.
+
+Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle).
+"""
+
+import math
+import re
+from collections import Counter
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.network.lanelet_graph import LaneletGraph
+from plannerforge.engine.scenarios.ego_route import EgoRoute, along, ego_route, lanelets_at
+from plannerforge.engine.scenarios.features import features
+from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
+from plannerforge.engine.scenarios.road_facts import has_light, lanes_beside, limits_kmh, sign_keys, signs_of
+from plannerforge.engine.scenarios.tracks import last_recorded_step, recorded_tracks
+from plannerforge.schemas.errors import UnsafeInput
+from plannerforge.schemas.scenarios import (
+    EgoFacts,
+    LocationFacts,
+    ParticipantFacts,
+    ReadFactsRequest,
+    RoadFacts,
+    ScenarioFacts,
+)
+from plannerforge.schemas.vocabulary import GoalForm
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.scenario import Scenario
+
+_BENCHMARK_ID = re.compile(r"(?:C-)?([A-Z]{3})_([A-Za-z0-9][A-Za-z0-9_]{0,60}?)(?:-[A-Za-z0-9_,]{1,30}){0,3}")
+_LONGEST_COORDINATE_M = 1e8
+
+
+def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioFacts:
+    """The facts of one CommonRoad file.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken, no CommonRoad file, or holds coordinates that are not finite.
+    """
+    report(0.0, f"reading {request.path.name}")
+    loaded = read_scenario(request.path)
+    report(0.6, "looking at the geometry")
+    return facts_of(loaded)
+
+
+def facts_of(loaded: LoadedScenario) -> ScenarioFacts:
+    """The facts of a scenario in memory.
+
+    Raises:
+        UnsafeInput: an id outside the naming rules, or coordinates that are not finite.
+    """
+    scenario, network = loaded.scenario, loaded.scenario.lanelet_network
+    country, place = parse_benchmark_id(loaded.benchmark_id)
+    _refuse_wild_numbers(loaded)
+    graph = LaneletGraph.of(network)
+    problems = [problem for _, problem in sorted(loaded.planning_problems.planning_problem_dict.items())]
+    routes = [ego_route(network, graph, problem) for problem in problems]
+    egos = tuple(_ego(scenario, problem, route) for problem, route in zip(problems, routes, strict=True))
+    under = egos[0].lanelets if egos else ()
+    computed = features(network, graph, recorded_tracks(scenario), egos[0], routes[0]) if egos else ()
+    last_goal = max((ego.goal_last_step or 0 for ego in egos), default=0)
+    return ScenarioFacts(
+        scenario_id=loaded.benchmark_id,
+        format_version=str(scenario.scenario_id.scenario_version),
+        step_s=loaded.step_s,
+        horizon_steps=max(last_recorded_step(scenario), last_goal),
+        location=_location(country, place, scenario),
+        tags=tuple(sorted({_tag(tag.value) for tag in scenario.tags or ()})),
+        features=computed,
+        roads=RoadFacts(
+            lanelets=len(network.lanelets),
+            signs_ego=sign_keys(signs_of(network, under)),
+            signs_map=sign_keys(network.traffic_signs),
+            traffic_light_ego=has_light(network, under),
+            traffic_lights_map=len(network.traffic_lights),
+            limits_ego_kmh=limits_kmh(signs_of(network, under)),
+            limits_map_kmh=limits_kmh(network.traffic_signs),
+        ),
+        participants=ParticipantFacts(
+            dynamic=_counts(scenario.dynamic_obstacles), static=_counts(scenario.static_obstacles)
+        ),
+        egos=egos,
+    )
+
+
+def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
+    """Country and place of a CommonRoad benchmark id; the cooperative prefix ``C-`` is left out.
+
+    Raises:
+        UnsafeInput: the id does not follow COUNTRY_Place-…; ids become file names, so nothing else is taken.
+    """
+    match = _BENCHMARK_ID.fullmatch(benchmark_id)
+    if match is None:
+        raise UnsafeInput(
+            f"the benchmark id '{benchmark_id[:80]}' does not follow CommonRoad's naming",
+            valid=["COUNTRY_Place-1_1_T-1"],
+            next_step="correct benchmarkID in the file's root element",
+        )
+    return match[1], match[2]
+
+
+def _ego(scenario: "Scenario", problem: "PlanningProblem", route: EgoRoute | None) -> EgoFacts:
+    network, state = scenario.lanelet_network, problem.initial_state
+    point = np.asarray(state.position, dtype=float)
+    under = lanelets_at(network, point)
+    steps = [goal.time_step for goal in problem.goal.state_list if getattr(goal, "time_step", None) is not None]
+    first = [int(getattr(step, "start", step)) for step in steps]
+    last = [int(getattr(step, "end", step)) for step in steps]
+    return EgoFacts(
+        problem_id=int(problem.planning_problem_id),
+        speed_mps=float(state.velocity),
+        x_m=float(point[0]),
+        y_m=float(point[1]),
+        heading_rad=float(state.orientation),
+        lanes=max((lanes_beside(network, key) for key in under), default=0),
+        lanelets=along(network, under, point, float(state.orientation))
+        + tuple(k for k in under if k not in along(network, under, point, float(state.orientation))),
+        goal_forms=_goal_forms(problem),
+        goal_first_step=min(first, default=None),
+        goal_last_step=max(last, default=None),
+        route=route.lanelets if route else (),
+    )
+
+
+def _goal_forms(problem: "PlanningProblem") -> tuple[GoalForm, ...]:
+    goal = problem.goal
+    found = {
+        "lanelet": bool(goal.lanelets_of_goal_position),
+        "region": any(hasattr(s, "position") for s in goal.state_list) and not goal.lanelets_of_goal_position,
+        "speed": any(hasattr(state, "velocity") for state in goal.state_list),
+        "orientation": any(hasattr(state, "orientation") for state in goal.state_list),
+        "time": any(hasattr(state, "time_step") for state in goal.state_list),
+    }
+    return tuple(form for form in get_args(GoalForm) if found[form])
+
+
+def _location(country: str, place: str, scenario: "Scenario") -> LocationFacts:
+    latitude, longitude = _degrees(scenario, "gps_latitude", 90.0), _degrees(scenario, "gps_longitude", 180.0)
+    known = latitude is not None and longitude is not None
+    return LocationFacts(
+        country=country,
+        place=place,
+        latitude_deg=latitude if known else None,
+        longitude_deg=longitude if known else None,
+    )
+
+
+def _degrees(scenario: "Scenario", name: str, limit: float) -> float | None:
+    """A coordinate of the file; None where it is missing or the placeholder 999."""
+    value = getattr(scenario.location, name, None) if scenario.location else None
+    if value is None or not math.isfinite(float(value)) or abs(float(value)) > limit:
+        return None
+    return float(value)
+
+
+def _tag(value: str) -> str:
+    return "illegal_cut_in" if value == "illegal_cutin" else value
+
+
+def _counts(obstacles: list[Any]) -> dict[str, int]:
+    counts = Counter(str(obstacle.obstacle_type.value) for obstacle in obstacles)
+    return dict(sorted(counts.items()))
+
+
+def _refuse_wild_numbers(loaded: LoadedScenario) -> None:
+    for lanelet in loaded.scenario.lanelet_network.lanelets:
+        if not _tame(lanelet.left_vertices) or not _tame(lanelet.right_vertices):
+            raise UnsafeInput(f"lanelet {lanelet.lanelet_id} has coordinates that are not finite or beyond 1e8 m")
+    for track in recorded_tracks(loaded.scenario).values():
+        if not (_tame(track.positions) and _tame(track.headings_rad) and _tame(track.speeds_mps)):
+            raise UnsafeInput(f"obstacle {track.obstacle_id} has states that are not finite or beyond 1e8")
+    for key, problem in sorted(loaded.planning_problems.planning_problem_dict.items()):
+        state = problem.initial_state
+        values = np.array([*np.asarray(state.position, dtype=float), float(state.velocity), float(state.orientation)])
+        if not _tame(values):
+            raise UnsafeInput(f"planning problem {key} has an initial state that is not finite or beyond 1e8")
+
+
+def _tame(values: Any) -> bool:
+    array = np.asarray(values, dtype=float)
+    return bool(np.all(np.isfinite(array)) and np.all(np.abs(array) < _LONGEST_COORDINATE_M))
