@@ -1,0 +1,1 @@
+"""MCP prompts: requests in plain words that a person picks and fills in."""

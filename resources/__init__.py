@@ -1,0 +1,1 @@
+"""MCP resources: where the files of artifacts can be read."""

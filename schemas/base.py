@@ -1,5 +1,7 @@
 """Base classes of all models: frozen, strict about unknown fields and finite numbers."""
 
+from abc import abstractmethod
+
 from pydantic import BaseModel, ConfigDict
 
 
@@ -14,4 +16,8 @@ class Arguments(Model):
 
 
 class Result(Model):
-    """The structured answer of a tool; its text says the same."""
+    """The structured answer of a tool; its text says the same, because hosts show the model only one of them."""
+
+    @abstractmethod
+    def to_text(self) -> str:
+        """The answer as compact text."""

@@ -1,0 +1,1 @@
+"""The application: settings, assembly, transports, the journal of calls and the command line."""

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 import anyio
 import anyio.abc
 
-from plannerforge.engine.execution.jobs import Job, JobStore
+from plannerforge.engine.execution.jobs import Job, JobState, JobStore
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.errors import PlannerForgeError, UnexpectedFailure
 
@@ -80,17 +80,20 @@ class JobRunner:
     async def _carry_out(self, job_id: str, scope: anyio.CancelScope, work: JobWork) -> None:
         progress = JobProgress(self.store, job_id, self._announce)
         error = ""
+        state: JobState = "interrupted"
         try:
             with scope:
                 await work(progress)
+                state = "done"
         except PlannerForgeError as raised:
-            error = raised.text
+            error, state = raised.text, "failed"
         except Exception:  # noqa: BLE001 - the boundary of a job: it becomes the error of this one job
             failure = UnexpectedFailure(job_id, traceback.format_exc())
             logger.error("incident %s in %s:\n%s", failure.incident, job_id, failure.details)  # noqa: TRY400
-            error = failure.text
+            error, state = failure.text, "failed"
         finally:
-            state = "cancelled" if scope.cancel_called else "failed" if error else "done"
+            if scope.cancel_called and state == "interrupted":
+                state = "cancelled"
             self.store.end(job_id, state, results=progress.results, error=error)
             self._scopes.pop(job_id, None)
             self._announce()

@@ -1,0 +1,78 @@
+"""Resource templates: scenario files, run files, pictures and reports by URI.
+
+Runs and scenarios are not enumerated (a workspace holds thousands); tools find them and answer with these links.
+"""
+
+import json
+import re
+from dataclasses import dataclass
+
+from plannerforge.engine.workspace.artifacts import Workspace, artifact_kinds
+from plannerforge.schemas.errors import UnknownName
+
+SCHEME = "plannerforge://"
+
+
+@dataclass(frozen=True)
+class Template:
+    """One family of resources: the URI's form, and what is behind it."""
+
+    uri_template: str
+    name: str
+    description: str
+    mime_type: str
+
+
+TEMPLATES: tuple[Template, ...] = (
+    Template(f"{SCHEME}scenario/{{id}}/xml", "scenario", "CommonRoad XML of a scenario", "application/xml"),
+    Template(f"{SCHEME}scenario/{{id}}/net", "sumo_net", "SUMO net of a scenario", "application/xml"),
+    Template(f"{SCHEME}config/{{id}}/yaml", "configuration", "Cost weights of a planner as YAML", "application/yaml"),
+    Template(f"{SCHEME}run/{{id}}/steps", "run_steps", "Trajectory and cost terms of a run", "application/json"),
+    Template(f"{SCHEME}{{kind}}/{{id}}/record", "record", "Record and recipe of any artifact", "application/json"),
+    Template(f"{SCHEME}picture/{{name}}", "picture", "A picture or animation that render made", "image/png"),
+    Template(f"{SCHEME}report/{{name}}", "report", "A report as one HTML page", "text/html"),
+)
+
+_FILES = {
+    ("scenario", "xml"): ("scenario.xml", "application/xml"),
+    ("scenario", "net"): ("scenario.net.xml", "application/xml"),
+    ("config", "yaml"): ("config.yaml", "application/yaml"),
+    ("run", "steps"): ("steps.json", "application/json"),
+}
+_MADE = {"png": "image/png", "gif": "image/gif", "html": "text/html"}
+
+
+def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
+    """Content and media type behind a URI.
+
+    Raises:
+        UnknownName: nothing is there; the valid forms are named.
+    """
+    match = re.fullmatch(rf"{re.escape(SCHEME)}([a-z]+)/([\w.\-]+)(?:/([a-z]+))?", uri)
+    if match is None:
+        raise _unknown(uri)
+    kind, identifier, part = match[1], match[2], match[3]
+    if kind in ("picture", "report") and part is None:
+        return _made_file(uri, workspace, kind, identifier)
+    if kind not in artifact_kinds():
+        raise _unknown(uri)
+    if part == "record":
+        artifact = workspace.get(identifier, kind)  # type: ignore[arg-type]
+        return json.dumps(artifact.model_dump(mode="json"), indent=1, ensure_ascii=False), "application/json"
+    if (kind, part) not in _FILES:
+        raise _unknown(uri)
+    name, mime_type = _FILES[kind, part]
+    artifact = workspace.get(identifier, kind)  # type: ignore[arg-type]
+    return workspace.file(artifact.kind, artifact.artifact_id, name).read_text(encoding="utf-8"), mime_type
+
+
+def _made_file(uri: str, workspace: Workspace, kind: str, name: str) -> tuple[str | bytes, str]:
+    path = workspace.root / f"{kind}s" / name
+    mime_type = _MADE.get(path.suffix.removeprefix("."))
+    if mime_type is None or name.startswith(".") or not path.is_file():
+        raise _unknown(uri)
+    return (path.read_text(encoding="utf-8") if mime_type == "text/html" else path.read_bytes()), mime_type
+
+
+def _unknown(uri: str) -> UnknownName:
+    return UnknownName(f"there is no resource {uri}", valid=[template.uri_template for template in TEMPLATES])

@@ -1,0 +1,164 @@
+"""The MCP server: our tools, resources and prompts on the official SDK, in both protocol eras.
+
+Protocol 2026-07-28 is stateless and has no handshake; the revisions before it begin with ``initialize``. The SDK serves
+both; nothing here keeps state between the requests of one connection.
+"""
+
+import time
+from collections.abc import AsyncIterator, Callable, Iterable
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from datetime import UTC, datetime
+from typing import Any
+
+import anyio
+from mcp import MCPError
+from mcp.server import MCPServer
+from mcp.server.lowlevel.helper_types import ReadResourceContents
+from mcp.server.mcpserver.context import Context
+from mcp.types import INVALID_PARAMS, CallToolResult, GetPromptResult, Prompt, ResourceTemplate, Tool
+from pydantic import AnyUrl
+
+from plannerforge import __version__
+from plannerforge.prompts.catalog import PROMPTS, prompt_text
+from plannerforge.resources.templates import TEMPLATES, read_resource
+from plannerforge.schemas.errors import PlannerForgeError, UnknownName
+from plannerforge.server.journal import Journal
+from plannerforge.server.tool_calls import answer
+from plannerforge.server.tool_schema import tool_description
+from plannerforge.tools.call import Services, ToolCall
+from plannerforge.tools.registry import ToolSpec
+
+INSTRUCTIONS = """\
+PlannerForge tests motion planners on CommonRoad scenarios: find or generate a scenario, modify it, run planners, \
+compare, tune. Start with find_scenarios or generate_scenarios; both answer with scenario ids. describe_scenario shows \
+vehicles and lanelets with the ids that modify_scenario takes; editing gives a new scenario id and leaves the old one. \
+configure_planner makes a configuration from a preset and weights; run_planner takes scenarios x configurations and \
+answers with runs, or with a job for get_job when it takes long. analyze_results explains, compare_results pairs A \
+against B, render draws. Everything made is kept under its id; "latest" means the newest of its kind. Pass the user's \
+words and units on; a refusal names what is valid and the next call. Figures in answers are computed: quote them with \
+their ids, and never invent ids or numbers."""
+
+PROGRESS_INTERVAL_S = 0.5
+
+ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
+
+
+class PlannerForgeServer(MCPServer[Services]):
+    """An MCP server whose tools come from the registry and share the services of its lifespan."""
+
+    def __init__(self, tools: tuple[ToolSpec, ...], open_services: ServicesFactory, journal: Journal | None) -> None:
+        @asynccontextmanager
+        async def lifespan(server: MCPServer[Services]) -> AsyncIterator[Services]:
+            del server
+            async with open_services() as services:
+                yield services
+
+        super().__init__(
+            name="plannerforge",
+            title="PlannerForge",
+            version=__version__,
+            instructions=INSTRUCTIONS,
+            lifespan=lifespan,
+            log_level="ERROR",
+        )
+        self._specs = {spec.name: spec for spec in tools}
+        self._journal = journal
+
+    async def list_tools(self) -> list[Tool]:
+        """All tools, in the order of the registry."""
+        return [tool_description(spec) for spec in self._specs.values()]
+
+    async def call_tool(
+        self, name: str, arguments: dict[str, Any], context: Context[Services, Any] | None = None
+    ) -> CallToolResult:
+        """Call a tool.
+
+        Raises:
+            MCPError: there is no such tool (-32602).
+        """
+        spec = self._specs.get(name)
+        if spec is None:
+            error = UnknownName(f"there is no tool '{name}'", valid=self._specs)
+            raise MCPError(INVALID_PARAMS, error.text)
+        if context is None:
+            raise MCPError(INVALID_PARAMS, "a tool needs the context of a request")
+        started, clock = datetime.now(UTC), time.perf_counter()
+        call = ToolCall(context.request_context.lifespan_context, _PacedProgress(context).send)
+        result = await answer(spec, arguments, call)
+        if self._journal is not None:
+            self._journal.add(
+                time=started.isoformat(timespec="milliseconds"),
+                client=_client_name(context),
+                tool=name,
+                arguments=arguments,
+                duration_s=time.perf_counter() - clock,
+                result=result,
+            )
+        return result
+
+    async def list_resource_templates(self) -> list[ResourceTemplate]:
+        """Where scenarios, pictures and reports can be read; artifacts themselves are found by tools, not listed."""
+        return [
+            ResourceTemplate(
+                uri_template=template.uri_template,
+                name=template.name,
+                description=template.description,
+                mime_type=template.mime_type,
+            )
+            for template in TEMPLATES
+        ]
+
+    async def read_resource(
+        self, uri: AnyUrl | str, context: Context[Services, Any] | None = None
+    ) -> Iterable[ReadResourceContents]:
+        """Read a file of an artifact.
+
+        Raises:
+            MCPError: nothing is there (-32602), with the templates that exist.
+        """
+        if context is None:
+            raise MCPError(INVALID_PARAMS, "a resource needs the context of a request")
+        try:
+            content, mime_type = read_resource(str(uri), context.request_context.lifespan_context.workspace)
+        except PlannerForgeError as error:
+            raise MCPError(INVALID_PARAMS, error.text, data={"uri": str(uri)}) from error
+        return [ReadResourceContents(content=content, mime_type=mime_type)]
+
+    async def list_prompts(self) -> list[Prompt]:
+        """The prompts."""
+        return [prompt.description_for_clients() for prompt in PROMPTS]
+
+    async def get_prompt(
+        self, name: str, arguments: dict[str, Any] | None = None, context: Context[Services, Any] | None = None
+    ) -> GetPromptResult:
+        """A prompt with its arguments filled in.
+
+        Raises:
+            MCPError: there is no such prompt, or an argument is missing or unknown (-32602).
+        """
+        del context
+        try:
+            return prompt_text(name, arguments or {})
+        except PlannerForgeError as error:
+            raise MCPError(INVALID_PARAMS, error.text) from error
+
+
+class _PacedProgress:
+    """Sends progress to the client: strictly rising, at most twice a second."""
+
+    def __init__(self, context: Context[Services, Any]) -> None:
+        self._context = context
+        self._share, self._sent_at = 0.0, -1.0
+
+    async def send(self, share: float, message: str) -> None:
+        """Report the share done in [0, 1], if there is news and it is time."""
+        now = anyio.current_time()
+        if share <= self._share or (now - self._sent_at < PROGRESS_INTERVAL_S and share < 1.0):
+            return
+        self._share, self._sent_at = share, now
+        await self._context.report_progress(round(share, 4), 1.0, message or None)
+
+
+def _client_name(context: Context[Services, Any]) -> str:
+    parameters = context.request_context.session.client_params
+    return "unknown" if parameters is None else f"{parameters.client_info.name} {parameters.client_info.version}"

@@ -1,0 +1,65 @@
+"""Puts a server together from its settings."""
+
+import logging
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import anyio
+
+from plannerforge.engine.execution.job_runner import JobRunner
+from plannerforge.engine.execution.jobs import JobStore
+from plannerforge.engine.execution.pool import WorkerPool
+from plannerforge.engine.workspace.artifacts import Workspace
+from plannerforge.server.application import PlannerForgeServer
+from plannerforge.server.journal import Journal
+from plannerforge.server.settings import Settings
+from plannerforge.tools.call import Services
+from plannerforge.tools.registry import TOOLS, ToolSpec
+
+WARM_UP_DELAY_S = 1.0
+"""The first answers come before the first worker: both want the same cores."""
+
+
+def create_server(settings: Settings, start_folder: Path | None = None) -> PlannerForgeServer:
+    """A server for these settings; its services start with its first connection and end with it."""
+    logging.basicConfig(stream=sys.stderr, level=settings.log_level, format="%(levelname)s %(name)s: %(message)s")
+    workspace_root = settings.workspace.expanduser().resolve()
+    folder = start_folder or Path.cwd()
+    journal = (
+        Journal(workspace_root / "journal" / "calls.jsonl", settings.journal_mb * 1024**2) if settings.journal else None
+    )
+
+    @asynccontextmanager
+    async def open_services() -> AsyncIterator[Services]:
+        limits = settings.limits(folder)
+        workspace = Workspace(workspace_root)
+        try:
+            log = workspace_root / "logs" / "workers.log"
+            async with WorkerPool.open(limits, log) as workers, anyio.create_task_group() as tasks:
+                jobs = JobRunner(JobStore(workspace.database), tasks)
+                if settings.warm_up:
+                    tasks.start_soon(_warm_up, workers)
+                yield Services(workspace, workers, jobs, limits, settings.map_folders)
+                tasks.cancel_scope.cancel()
+        finally:
+            workspace.close()
+            if journal is not None:
+                journal.close()
+
+    return PlannerForgeServer(offered_tools(settings), open_services, journal)
+
+
+def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
+    """The tools that these settings offer, in the order of the registry."""
+    return tuple(
+        spec
+        for spec in TOOLS
+        if (spec.essential or settings.tools == "all") and (spec.read_only or not settings.read_only)
+    )
+
+
+async def _warm_up(workers: WorkerPool) -> None:
+    await anyio.sleep(WARM_UP_DELAY_S)
+    await workers.warm_up()

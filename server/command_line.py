@@ -1,0 +1,109 @@
+"""The command line: ``plannerforge serve | call | tools | demo``.
+
+Commands import what they need when they run, so that ``serve`` answers fast.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from plannerforge.server.settings import Settings
+
+application = typer.Typer(
+    name="plannerforge",
+    help="Scenario-based testing of motion planners behind one MCP server.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Workspace = Annotated[Path | None, typer.Option(help="Folder for everything that is made.")]
+Roots = Annotated[list[Path] | None, typer.Option("--roots", help="Folder that may be read and written; repeatable.")]
+MapFolders = Annotated[list[Path] | None, typer.Option("--map-folders", help="Folder with .osm maps; repeatable.")]
+Workers = Annotated[int | None, typer.Option(help="Worker processes for simulation and planning.")]
+
+
+def main() -> None:
+    """Entry point of the ``plannerforge`` command."""
+    application()
+
+
+@application.command()
+def serve(
+    workspace: Workspace = None,
+    roots: Roots = None,
+    map_folders: MapFolders = None,
+    workers: Workers = None,
+    tools: Annotated[str | None, typer.Option(help="all, or essential: the small set for small models.")] = None,
+    read_only: Annotated[bool | None, typer.Option("--read-only", help="Offer only tools that make nothing.")] = None,
+    no_journal: Annotated[bool, typer.Option("--no-journal", help="Do not write down calls.")] = False,
+    log_level: Annotated[str | None, typer.Option(help="DEBUG, INFO, WARNING or ERROR; goes to stderr.")] = None,
+) -> None:
+    """Serve MCP over standard input and output."""
+    from plannerforge.server.assembly import create_server
+
+    settings = _settings(
+        workspace=workspace,
+        roots=roots,
+        map_folders=map_folders,
+        workers=workers,
+        tools=tools,
+        read_only=read_only,
+        journal=False if no_journal else None,
+        log_level=log_level,
+    )
+    create_server(settings).run("stdio")
+
+
+@application.command()
+def call(
+    tool: Annotated[str, typer.Argument(help="Name of the tool; `plannerforge tools` lists them.")],
+    arguments: Annotated[str, typer.Argument(help='Arguments as a JSON object, such as {"count": 2}.')] = "{}",
+    as_json: Annotated[bool, typer.Option("--json", help="Print the structured answer.")] = False,
+    workspace: Workspace = None,
+    roots: Roots = None,
+    map_folders: MapFolders = None,
+    workers: Workers = None,
+) -> None:
+    """Make one tool call, the same that an MCP client makes."""
+    from plannerforge.server.one_call import make_call
+
+    settings = _settings(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, warm_up=False)
+    raise typer.Exit(make_call(settings, tool, arguments, as_json=as_json))
+
+
+@application.command(name="tools")
+def list_tools(
+    essential: Annotated[bool, typer.Option("--essential", help="Only the small set for small models.")] = False,
+) -> None:
+    """List the tools with what they cost in tokens."""
+    from plannerforge.server.tool_costs import print_costs
+
+    print_costs(_settings(tools="essential" if essential else None))
+
+
+@application.command()
+def demo(
+    scenario: Annotated[Path | None, typer.Option(help="A CommonRoad file to begin with.")] = None,
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="An OpenStreetMap extract (.osm) to begin with.")
+    ] = None,
+    folder: Annotated[Path, typer.Option(help="Where the report, pictures and scenarios go.")] = Path("demo-output"),
+) -> None:
+    """Take a scenario through every stage with a real MCP client, and write a report."""
+    from plannerforge.agent.demo import run_demo
+
+    raise typer.Exit(run_demo(scenario=scenario, map_file=map_file, folder=folder))
+
+
+def _settings(**flags: Any) -> Settings:
+    """Settings with the flags that were given; a wrong one ends the program with one line."""
+    from pydantic import ValidationError
+
+    try:
+        return Settings(**{name: value for name, value in flags.items() if value is not None})
+    except ValidationError as error:
+        problems = "; ".join(f"{detail['loc'][0]}: {detail['msg']}" for detail in error.errors(include_url=False))
+        typer.echo(f"plannerforge: {problems}", err=True)
+        raise typer.Exit(2) from None

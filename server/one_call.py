@@ -1,0 +1,49 @@
+"""One tool call from a shell or a script: through a real client session, in this process."""
+
+import json
+import sys
+
+import anyio
+from mcp import Client, MCPError
+from mcp.types import CallToolResult, TextContent
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+
+from plannerforge.server.assembly import create_server
+from plannerforge.server.settings import Settings
+
+
+def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool) -> int:
+    """Make the call, show its progress on stderr and its answer on stdout; 0, or 1 where it was refused."""
+    errors = Console(stderr=True)
+    try:
+        parsed = json.loads(arguments)
+    except json.JSONDecodeError as error:
+        errors.print(f"The arguments are no JSON: {error}", style="red", highlight=False)
+        return 2
+    if not isinstance(parsed, dict):
+        errors.print("The arguments are a JSON object, such as {}", style="red", highlight=False, markup=False)
+        return 2
+    try:
+        result = anyio.run(_call, settings, tool, parsed, errors)
+    except* MCPError as group:
+        errors.print(str(group.exceptions[0]), style="red", highlight=False, markup=False)
+        return 1
+    if as_json and not result.is_error:
+        sys.stdout.write(json.dumps(result.structured_content, indent=1, ensure_ascii=False) + "\n")
+    else:
+        texts = [block.text for block in result.content if isinstance(block, TextContent)]
+        (sys.stderr if result.is_error else sys.stdout).write("\n".join(texts) + "\n")
+    return 1 if result.is_error else 0
+
+
+async def _call(settings: Settings, tool: str, arguments: dict[str, object], console: Console) -> CallToolResult:
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn())
+    with Progress(*columns, console=console, transient=True) as bars:
+        bar = bars.add_task(tool, total=1.0)
+
+        async def show(progress: float, total: float | None, message: str | None) -> None:
+            bars.update(bar, completed=progress, total=total, description=message or tool)
+
+        async with Client(create_server(settings)) as client:
+            return await client.call_tool(tool, arguments, progress_callback=show)

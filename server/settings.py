@@ -1,0 +1,66 @@
+"""Settings: by flag, by environment (``PLANNERFORGE_…``), by ``plannerforge.toml``, in this order."""
+
+from pathlib import Path
+from typing import Literal
+
+from platformdirs import user_config_path, user_data_path
+from pydantic import Field
+from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict, TomlConfigSettingsSource
+
+from plannerforge.engine.execution.limits import Limits
+
+APPLICATION = "plannerforge"
+
+
+class Settings(BaseSettings):
+    """What a server can be told at its start. Every field is a flag, a variable and a key of the file."""
+
+    model_config = SettingsConfigDict(env_prefix="PLANNERFORGE_", extra="forbid", frozen=True)
+
+    workspace: Path = Field(
+        default_factory=lambda: user_data_path(APPLICATION), description="folder for everything that is made"
+    )
+    roots: tuple[Path, ...] = Field(
+        (), description="folders that files may be read from and written to; default: workspace and start folder"
+    )
+    map_folders: tuple[Path, ...] = Field((), description="folders with .osm maps, beside the built-in ones")
+    workers: int = Field(2, ge=1, le=64, description="worker processes for simulation and planning")
+    worker_memory_mb: int = Field(4096, ge=512, description="data memory of one worker process")
+    operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit of one operation in a worker")
+    file_mb: int = Field(100, ge=1, description="largest file that is read")
+    warm_up: bool = Field(True, description="start a worker before it is asked for")
+    tools: Literal["all", "essential"] = Field("all", description="essential: the small set for small models")
+    read_only: bool = Field(False, description="offer only tools that make nothing")
+    journal: bool = Field(True, description="write one line per call into the workspace's journal")
+    journal_mb: int = Field(20, ge=1, description="size at which the journal is rotated; five are kept")
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "WARNING"
+
+    @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,
+        dotenv_settings: PydanticBaseSettingsSource,
+        file_secret_settings: PydanticBaseSettingsSource,
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        """Flags win over the environment, the environment over the file."""
+        del dotenv_settings, file_secret_settings
+        file = TomlConfigSettingsSource(settings_cls, settings_file())
+        return init_settings, env_settings, file
+
+    def limits(self, start_folder: Path) -> Limits:
+        """The bounds of every call."""
+        roots = self.roots or (self.workspace, start_folder)
+        return Limits(
+            roots=tuple(dict.fromkeys(root.expanduser().resolve() for root in (*roots, self.workspace))),
+            worker_count=self.workers,
+            worker_memory_bytes=self.worker_memory_mb * 1024**2,
+            operation_timeout_s=self.operation_timeout_s,
+            file_bytes=self.file_mb * 1024**2,
+        )
+
+
+def settings_file() -> Path:
+    """Where the settings file is looked for."""
+    return user_config_path(APPLICATION) / "plannerforge.toml"

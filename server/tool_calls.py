@@ -1,0 +1,75 @@
+"""The one place that turns a typed function into a tool: check the arguments, call, shape the answer or the error."""
+
+import base64
+import logging
+import traceback
+import unicodedata
+from collections.abc import Mapping
+from typing import Any
+
+from mcp.types import CallToolResult, ContentBlock, ImageContent, ResourceLink, TextContent
+
+from plannerforge.schemas.base import Arguments, Result
+from plannerforge.schemas.errors import PlannerForgeError, UnexpectedFailure
+from plannerforge.server.argument_errors import read_arguments
+from plannerforge.tools.call import ImageAnswer, ToolCall
+from plannerforge.tools.registry import ToolSpec
+
+logger = logging.getLogger(__name__)
+
+
+async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> CallToolResult:
+    """Call a tool; whatever goes wrong becomes a result that says what was wrong and what to do next."""
+    try:
+        arguments = read_arguments(spec.arguments_type, given)
+        if not isinstance(arguments, Arguments):
+            raise TypeError(f"{spec.name} takes {type(arguments).__name__}, which is no Arguments")
+        return shaped(await spec.load_function()(arguments, call))
+    except PlannerForgeError as error:
+        if isinstance(error, UnexpectedFailure):
+            _log(error)
+        return refusal(error)
+    except Exception:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
+        failure = UnexpectedFailure(spec.name, traceback.format_exc())
+        _log(failure)
+        return refusal(failure)
+
+
+def shaped(result: Result | ImageAnswer) -> CallToolResult:
+    """The answer as content blocks and structured content, each of which says the whole."""
+    if isinstance(result, ImageAnswer):
+        blocks: list[ContentBlock] = [TextContent(type="text", text=printable(result.text))]
+        for image in result.images:
+            data = base64.b64encode(image.path.read_bytes()).decode()
+            blocks.append(ImageContent(type="image", data=data, mime_type=image.mime_type))
+        blocks.extend(
+            ResourceLink(type="resource_link", name=link.rpartition("/")[2], uri=link) for link in result.links
+        )
+        return CallToolResult(content=blocks)
+    text = printable(result.to_text())
+    structured = _printable_parts(result.model_dump(mode="json"))
+    return CallToolResult(content=[TextContent(type="text", text=text)], structured_content=structured)
+
+
+def refusal(error: PlannerForgeError) -> CallToolResult:
+    """An error result: its text holds code, message, valid values and next step."""
+    return CallToolResult(content=[TextContent(type="text", text=printable(error.text))], is_error=True)
+
+
+def printable(text: str) -> str:
+    """The text without control, zero-width and direction characters, which file contents could smuggle in."""
+    return "".join(c for c in text if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cf", "Co", "Cs"))
+
+
+def _printable_parts(value: Any) -> Any:
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, list):
+        return [_printable_parts(part) for part in value]
+    if isinstance(value, dict):
+        return {printable(key): _printable_parts(part) for key, part in value.items()}
+    return value
+
+
+def _log(failure: UnexpectedFailure) -> None:
+    logger.error("incident %s:\n%s", failure.incident, failure.details)

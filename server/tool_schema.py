@@ -1,0 +1,86 @@
+"""JSON Schemas of the tools, as lean as they can be and still hold."""
+
+from functools import cache
+from typing import Any
+
+from mcp.types import Tool, ToolAnnotations
+from pydantic import BaseModel
+
+from plannerforge.tools.registry import ToolSpec
+
+
+@cache
+def tool_description(spec: ToolSpec) -> Tool:
+    """The tool as a client sees it: name, description, schemas, annotations."""
+    arguments, result = spec.arguments_type, spec.result_type
+    return Tool(
+        name=spec.name,
+        title=spec.title,
+        description=" ".join((arguments.__doc__ or "").split()),
+        input_schema=input_schema(arguments),
+        output_schema=None if result is None else output_schema(result),
+        annotations=ToolAnnotations(
+            read_only_hint=spec.read_only,
+            destructive_hint=False,
+            idempotent_hint=spec.idempotent,
+            open_world_hint=False,
+        ),
+    )
+
+
+def input_schema(model: type[BaseModel]) -> dict[str, Any]:
+    """The schema without titles, references and null arms: fewer tokens, and small models understand it."""
+    schema = model.model_json_schema(mode="validation")
+    lean = _lean(schema, schema.get("$defs", {}))
+    lean.pop("description", None)
+    return {"type": "object", **lean}
+
+
+def output_schema(model: type[BaseModel]) -> dict[str, Any]:
+    """The schema of a structured answer; null arms stay, because clients validate against it."""
+    schema: dict[str, Any] = _without_noise(model.model_json_schema(mode="serialization"))
+    return schema
+
+
+def _lean(schema: Any, definitions: dict[str, Any]) -> Any:
+    if isinstance(schema, list):
+        return [_lean(part, definitions) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if "$ref" in schema:
+        target = {**definitions[schema["$ref"].rpartition("/")[2]]}
+        if "description" not in schema:
+            target.pop("description", None)
+        return _lean({**target, **{k: v for k, v in schema.items() if k != "$ref"}}, definitions)
+    kept = {
+        key: part for key, part in schema.items() if key != "$defs" and not (key == "title" and isinstance(part, str))
+    }
+    if "anyOf" in kept:
+        arms = [arm for arm in kept["anyOf"] if arm.get("type") != "null"]
+        if len(arms) == 1:
+            del kept["anyOf"]
+            kept = {**arms[0], **kept}
+    if kept.get("default", "") is None:
+        del kept["default"]
+    if "properties" in kept:
+        return {
+            key: {name: _lean(part, definitions) for name, part in value.items()}
+            if key == "properties"
+            else _lean(value, definitions)
+            for key, value in kept.items()
+        }
+    return {key: _lean(part, definitions) for key, part in kept.items()}
+
+
+def _without_noise(schema: Any) -> Any:
+    if isinstance(schema, list):
+        return [_without_noise(part) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    return {
+        key: {name: _without_noise(part) for name, part in value.items()}
+        if key in ("properties", "$defs")
+        else _without_noise(value)
+        for key, value in schema.items()
+        if not (key in ("title", "description") and isinstance(value, str))
+    }

@@ -1,0 +1,43 @@
+"""The tools that look at long work and stop it."""
+
+from plannerforge.engine.execution.jobs import Job
+from plannerforge.schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
+from plannerforge.tools.call import ToolCall
+
+_NEXT = {
+    "running": "call get_job again with the same job_id",
+    "done": "use the finished ids, for instance in analyze_results",
+    "failed": "correct what the error names and start again; what is finished is reused",
+    "cancelled": "the finished results stay; the same call takes up the rest",
+    "interrupted": "its server ended; the same call takes up the rest, what is finished is reused",
+}
+
+
+async def get_job(arguments: GetJobArguments, call: ToolCall) -> JobResult:
+    """Wait for news of a job."""
+
+    async def tell(job: Job) -> None:
+        await call.progress(job.share, job.message)
+
+    job = call.jobs.store.get(arguments.job_id)
+    return _result(await call.jobs.wait(job.job_id, arguments.wait_s, tell))
+
+
+async def cancel_job(arguments: CancelJobArguments, call: ToolCall) -> JobResult:
+    """Stop a job."""
+    job = call.jobs.store.get(arguments.job_id)
+    return _result(await call.jobs.cancel(job.job_id))
+
+
+def _result(job: Job) -> JobResult:
+    return JobResult(
+        job_id=job.job_id,
+        kind=job.kind,
+        state=job.state,
+        share=round(job.share, 4),
+        message=job.message,
+        remaining_s=None if job.remaining_s is None else round(job.remaining_s, 1),
+        results=job.results,
+        error=job.error,
+        next_step=_NEXT[job.state],
+    )
