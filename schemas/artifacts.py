@@ -1,0 +1,84 @@
+"""Arguments and answers of the tools that list and export what was made."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from plannerforge.schemas.base import Arguments, Model, Result
+
+ExportFormat = Literal["xml", "net", "yaml", "json", "recipe"]
+
+
+class ListArtifactsArguments(Arguments):
+    """What was made in this workspace, newest first."""
+
+    kind: Literal["scenario", "search", "config", "run", "batch", "map", "job"] | None = None
+    parent: str | None = Field(None, description="id that it was made from")
+    text: str | None = Field(None, description="in ids, names and recipes")
+    limit: int = Field(10, ge=1, le=50)
+    offset: int = Field(0, ge=0)
+
+
+class ListedArtifact(Model):
+    """One artifact in a list."""
+
+    artifact_id: str
+    kind: str
+    name: str
+    made_by: str
+    parents: tuple[str, ...]
+    made_at: str
+    uri: str
+
+
+class ListArtifactsResult(Result):
+    """Artifacts, newest first; ``more`` where the list goes on after ``limit``."""
+
+    artifacts: tuple[ListedArtifact, ...]
+    more: bool
+
+    def to_text(self) -> str:
+        """One line each."""
+        if not self.artifacts:
+            return "Nothing was made yet that fits. Next: generate_scenarios, find_scenarios or import_files."
+        lines = [
+            f"{item.kind} {item.artifact_id}"
+            + (f" ({item.name})" if item.name and item.name != item.artifact_id else "")
+            + f" by {item.made_by}"
+            + (f" from {', '.join(item.parents[:4])}" if item.parents else "")
+            + f", {item.made_at}"
+            for item in self.artifacts
+        ]
+        return "\n".join([*lines, *(["More: raise offset."] if self.more else [])])
+
+
+class ExportArtifactsArguments(Arguments):
+    """Write files of artifacts into a folder inside an allowed root. Existing files are refused unless overwrite."""
+
+    ids: list[str] = Field(min_length=1, max_length=200)
+    folder: str
+    formats: list[ExportFormat] = Field([], description="none: every format that the artifact has")
+    overwrite: bool = False
+
+
+class ExportedFile(Model):
+    """A written file."""
+
+    artifact_id: str
+    format: str
+    path: str
+    size_bytes: int
+
+
+class ExportArtifactsResult(Result):
+    """What was written."""
+
+    folder: str
+    files: tuple[ExportedFile, ...]
+
+    def to_text(self) -> str:
+        """The folder, then one line a file."""
+        lines = [f"{file.path} ({file.size_bytes:,} bytes, {file.format} of {file.artifact_id})" for file in self.files]
+        return "\n".join(
+            [f"{len(self.files)} files in {self.folder}:", *lines[:40], *(["…"] if len(lines) > 40 else [])]
+        )

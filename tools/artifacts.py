@@ -1,0 +1,72 @@
+"""The tools that list and export what was made."""
+
+from plannerforge.engine.workspace.artifacts import Artifact
+from plannerforge.engine.workspace.export import export
+from plannerforge.resources.templates import SCHEME
+from plannerforge.schemas.artifacts import (
+    ExportArtifactsArguments,
+    ExportArtifactsResult,
+    ExportedFile,
+    ListArtifactsArguments,
+    ListArtifactsResult,
+    ListedArtifact,
+)
+from plannerforge.tools.call import ToolCall
+
+
+async def list_artifacts(arguments: ListArtifactsArguments, call: ToolCall) -> ListArtifactsResult:
+    """Artifacts or jobs, newest first."""
+    if arguments.kind == "job":
+        return _jobs(arguments, call)
+    found = call.workspace.newest(
+        kind=arguments.kind,
+        parent=arguments.parent,
+        text=arguments.text,
+        limit=arguments.limit + 1,
+        offset=arguments.offset,
+    )
+    listed = tuple(_listed(artifact) for artifact in found[: arguments.limit])
+    return ListArtifactsResult(artifacts=listed, more=len(found) > arguments.limit)
+
+
+async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) -> ExportArtifactsResult:
+    """Write files of artifacts into a folder of the user's."""
+    folder = call.allowed_path(arguments.folder)
+    artifacts = [call.workspace.get(key, call.workspace.kind_of(key)) for key in dict.fromkeys(arguments.ids)]
+    written = export(call.workspace, artifacts, arguments.formats, folder, overwrite=arguments.overwrite)
+    files = tuple(
+        ExportedFile(
+            artifact_id=file.artifact_id, format=file.format, path=str(file.path), size_bytes=file.path.stat().st_size
+        )
+        for file in written
+    )
+    return ExportArtifactsResult(folder=str(folder), files=files)
+
+
+def _listed(artifact: Artifact) -> ListedArtifact:
+    return ListedArtifact(
+        artifact_id=artifact.artifact_id,
+        kind=artifact.kind,
+        name=artifact.name,
+        made_by=artifact.recipe.tool,
+        parents=artifact.recipe.parents,
+        made_at=artifact.made_at,
+        uri=f"{SCHEME}{artifact.kind}/{artifact.artifact_id}/record",
+    )
+
+
+def _jobs(arguments: ListArtifactsArguments, call: ToolCall) -> ListArtifactsResult:
+    jobs = call.jobs.store.newest(arguments.limit + 1, arguments.offset)
+    listed = tuple(
+        ListedArtifact(
+            artifact_id=job.job_id,
+            kind="job",
+            name=f"{job.state}, {job.share:.0%}",
+            made_by=job.recipe.tool,
+            parents=job.recipe.parents,
+            made_at="",
+            uri="",
+        )
+        for job in jobs[: arguments.limit]
+    )
+    return ListArtifactsResult(artifacts=listed, more=len(jobs) > arguments.limit)
