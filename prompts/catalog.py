@@ -41,9 +41,9 @@ PROMPTS: tuple[PromptSpec, ...] = (
             "preset_b": ("second preset", "Safety-Conservative"),
         },
         "Find or generate scenarios that show: {scenarios}. Run Frenetix on them with preset {preset_a} and with "
-        "preset {preset_b} in one run_planner call. Then use compare_results and tell me, with figures and run ids, which "
-        "scenarios flipped each way, what got better, what got worse, and whether the difference is significant. "
-        "Show a picture of one scenario that flipped.",
+        "preset {preset_b} in one run_planner call. Then use compare_results and tell me, with figures and run "
+        "ids, which scenarios flipped each way, what got better, what got worse, and whether the "
+        "difference is significant. Show a picture of one scenario that flipped.",
     ),
     PromptSpec(
         "find_the_weak_spot",
@@ -51,9 +51,9 @@ PROMPTS: tuple[PromptSpec, ...] = (
         "Make a scenario harder step by step until the planner fails, and explain why",
         {"scenario": ("scenario id or description", ""), "config": ("configuration", "frenetix:Default")},
         "Take the scenario {scenario}. Describe it, then make it harder with one edit at a time (a cut-in, an "
-        "aggressive follower, a slower lead vehicle, an added truck), running {config} after each edit, until the planner fails. "
-        "Use analyze_results with detail timeline on the failing run and explain in three sentences why it failed, "
-        "quoting the figures and the run id.",
+        "aggressive follower, a slower lead vehicle, an added truck), running {config} after each edit, until the "
+        "planner fails. Use analyze_results with detail timeline on the failing run and explain in three "
+        "sentences why it failed, quoting the figures and the run id.",
     ),
     PromptSpec(
         "explain_a_run",
@@ -61,7 +61,8 @@ PROMPTS: tuple[PromptSpec, ...] = (
         "What happened in a run and which weight to change",
         {"run": ("run id", "latest_run")},
         "Explain the run {run}: its outcome, the seconds before the end, the cost terms that dominated, and which "
-        "weight of which configuration you would change in which direction, and why. Quote figures from analyze_results only.",
+        "weight of which configuration you would change in which direction, and why. Quote figures from "
+        "analyze_results only.",
     ),
 )
 

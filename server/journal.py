@@ -17,7 +17,9 @@ from plannerforge.server.tokens import count_tokens
 KEPT_FILES = 5
 MOST_IDS = 20
 
-_ID = re.compile(r"\b(?:(?:cfg|run|batch|search|map|job)_[0-9A-Za-z_]+|(?:C-)?[A-Z]{3}_[\w\-]+)\b")
+_ID = re.compile(
+    r"\b(?:(?:cfg|run|batch|search|job)_[0-9a-f]{8,}(?:_\d+)?|map_\w+|(?:C-)?[A-Z]{3}_[A-Za-z]\w*-[\w\-]+)"
+)
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ def _entry(call: dict[str, Any]) -> JournalEntry:
         client=call["client"],
         tool=call["tool"],
         arguments=call["arguments"],
-        result_ids=tuple(dict.fromkeys(_ID.findall(said)))[:MOST_IDS],
+        result_ids=() if call["failed"] else tuple(dict.fromkeys(_ID.findall(said)))[:MOST_IDS],
         duration_s=call["duration_s"],
         result_tokens=count_tokens(call["text"]),
         error=call["text"] if call["failed"] else "",

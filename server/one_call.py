@@ -24,11 +24,7 @@ def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool) -
     if not isinstance(parsed, dict):
         errors.print("The arguments are a JSON object, such as {}", style="red", highlight=False, markup=False)
         return 2
-    try:
-        result = anyio.run(_call, settings, tool, parsed, errors)
-    except* MCPError as group:
-        errors.print(str(group.exceptions[0]), style="red", highlight=False, markup=False)
-        return 1
+    result = anyio.run(_call, settings, tool, parsed, errors)
     if as_json and not result.is_error:
         sys.stdout.write(json.dumps(result.structured_content, indent=1, ensure_ascii=False) + "\n")
     else:
@@ -46,4 +42,7 @@ async def _call(settings: Settings, tool: str, arguments: dict[str, object], con
             bars.update(bar, completed=progress, total=total, description=message or tool)
 
         async with Client(create_server(settings)) as client:
-            return await client.call_tool(tool, arguments, progress_callback=show)
+            try:
+                return await client.call_tool(tool, arguments, progress_callback=show)
+            except MCPError as error:
+                return CallToolResult(content=[TextContent(type="text", text=str(error))], is_error=True)
