@@ -1,0 +1,68 @@
+# Two commands for everyone: `make demo` and `make test`. For developers: check, bench, format, clean.
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+
+VENV ?= .venv
+PYTHON := $(VENV)/bin/python
+STAMP := $(VENV)/.installed
+DEV_STAMP := $(VENV)/.installed-dev
+WORKERS ?= 2
+
+.PHONY: help demo test check lint types layers bench bench-server starter format clean
+
+help:
+	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
+	@echo "make test    set everything up and run the tests"
+	@echo "make check   lint, types and import directions (developers)"
+	@echo "make bench   measure what the README states (developers)"
+	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
+	@echo "make clean   remove what was built"
+
+demo: $(STAMP)
+	@echo "==> Running the demo: a real MCP client takes a scenario through every stage"
+	@$(VENV)/bin/plannerforge demo
+
+test: $(DEV_STAMP)
+	@echo "==> Running the tests on $(WORKERS) processes"
+	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal
+
+$(STAMP): pyproject.toml scripts/setup.sh
+	@bash scripts/setup.sh $(VENV)
+	@touch $@
+
+$(DEV_STAMP): $(STAMP)
+	@echo "==> Installing what the tests need"
+	@bash scripts/setup.sh $(VENV) dev
+	@touch $@
+
+check: lint types layers
+
+lint: $(DEV_STAMP)
+	@echo "==> Lint"
+	@$(VENV)/bin/ruff format --check .
+	@$(VENV)/bin/ruff check .
+
+types: $(DEV_STAMP)
+	@echo "==> Types"
+	@$(VENV)/bin/mypy -p plannerforge
+
+layers: $(DEV_STAMP)
+	@echo "==> Import directions"
+	@$(VENV)/bin/lint-imports
+
+bench: bench-server
+
+bench-server: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_server
+
+starter: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.engine.maps.draw_library
+	@$(PYTHON) -m plannerforge.engine.catalog.build_starter
+
+format: $(DEV_STAMP)
+	@$(VENV)/bin/ruff format .
+	@$(VENV)/bin/ruff check --fix .
+
+clean:
+	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache demo-output
+	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -1,0 +1,66 @@
+#!/usr/bin/env bash
+# Makes the virtual environment and installs PlannerForge into it. Used by the Makefile.
+#   scripts/setup.sh VENV        the package and what it needs
+#   scripts/setup.sh VENV dev    what developers and tests need besides
+set -euo pipefail
+venv=${1:?the folder of the virtual environment}
+part=${2:-package}
+cd "$(dirname "$0")/.."
+
+say() { echo "==> $*"; }
+fail() { echo "plannerforge: $*" >&2; exit 1; }
+
+find_python() {
+    local name
+    for name in python3.11 python3.12 python3 python; do
+        if command -v "$name" >/dev/null 2>&1 &&
+            "$name" -c 'import sys; raise SystemExit(not (3, 11) <= sys.version_info[:2] < (3, 13))' 2>/dev/null; then
+            command -v "$name"
+            return
+        fi
+    done
+    if command -v uv >/dev/null 2>&1; then
+        uv python install 3.11 >&2 && uv python find 3.11
+        return
+    fi
+    fail "needs Python 3.11 or 3.12. Get it with: curl -LsSf https://astral.sh/uv/install.sh | sh && uv python install 3.11"
+}
+
+check_compiler() {
+    # Polygon3, which the drivability checker needs, is built from source.
+    command -v cc >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 || command -v clang >/dev/null 2>&1 ||
+        fail "needs a C compiler for one dependency (Polygon3). Get it with: sudo apt-get install gcc (or your system's equivalent)"
+    local header
+    header=$("$1" -c 'import sysconfig; print(sysconfig.get_paths()["include"])')/Python.h
+    [ -f "$header" ] ||
+        fail "needs Python's headers for one dependency (Polygon3); $header is missing. Get them with: sudo apt-get install python3-dev"
+}
+
+install_package() {
+    local python
+    python=$(find_python)
+    check_compiler "$python"
+    say "Making the environment in $venv with $("$python" --version)"
+    [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+    say "Installing torch for the CPU (asked for exactly and first, so that no CUDA build is fetched)"
+    install "torch==$(pinned torch)"
+    say "Installing PlannerForge and its dependencies (two to three minutes)"
+    install -e .
+    "$venv/bin/python" -m pip check
+}
+
+pinned() { sed -n "s/^ *\"$1==\([^\"]*\)\".*/\1/p" pyproject.toml; }
+
+install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$@"; }
+
+install_development() {
+    say "Installing the developers' tools"
+    "$venv/bin/python" - <<'PYTHON' | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
+import tomllib
+
+with open("pyproject.toml", "rb") as stream:
+    print(*tomllib.load(stream)["dependency-groups"]["dev"], sep="\n")
+PYTHON
+}
+
+if [ "$part" = dev ]; then install_development; else install_package; fi
