@@ -1,0 +1,1 @@
+"""Pictures, animations, charts and the report of scenarios and runs."""

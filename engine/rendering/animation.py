@@ -1,0 +1,155 @@
+"""An animated GIF of a scenario, with the ego of a run where there is one.
+
+The background is drawn once; every frame restores it and draws only what moves.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.rendering.canvas import SMALL_PT, TEXT_PT, exact_palette, new_figure
+from plannerforge.engine.rendering.driven_path import DrivenPath
+from plannerforge.engine.rendering.ego_layer import draw_endings
+from plannerforge.engine.rendering.furniture import draw_legend, write_title
+from plannerforge.engine.rendering.palette import INK, MUTED, series_style
+from plannerforge.engine.rendering.road_layer import draw_signals
+from plannerforge.engine.rendering.scene import HEADER_PX, SIDE_PX, draw_background, draw_egos, figure_height, fitted
+from plannerforge.engine.rendering.scene_view import Inventory, SceneView, inventory
+from plannerforge.engine.rendering.traffic_layer import VehicleShape, draw_vehicles, vehicles_at
+from plannerforge.engine.rendering.viewport import Viewport, viewport_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from PIL.Image import Image
+
+ANIMATION_WIDTH_PX = 1000
+MOST_FRAMES = 56
+TALLEST_PLOT_PX = 760.0
+PAUSE_MS = 1500
+LARGEST_BYTES = 2_000_000
+
+
+def animate(view: SceneView, path: Path, report: ProgressReporter) -> tuple[tuple[int, int], str]:
+    """Draw a scenario or its runs from the first to the last step and write them as GIF in real time.
+
+    Returns:
+        The size in pixels, and the alternative text.
+    """
+    steps = frame_steps(view)
+    frames, shown = _draw_frames(view, steps, report)
+    milliseconds = (
+        max(round(view.content.step_s * 1000 * (steps[1] - steps[0]) / 10) * 10, 20) if len(steps) > 1 else 500
+    )
+    _write_gif(frames, path, milliseconds)
+    report(1.0, "animation written")
+    begin, end = steps[0] * view.content.step_s, steps[-1] * view.content.step_s
+    told = f"Animation of {view.content.scenario_id} from {begin:.1f} to {end:.1f} s"
+    runs = "; ".join(run.label for run in view.paths)
+    kinds = f", with {', '.join(shown.kinds)}" if shown.kinds else ""
+    return frames[0].size, f"{told}, {runs or 'recorded traffic'}{kinds}."
+
+
+def frame_steps(view: SceneView) -> list[int]:
+    """The time steps that become frames: evenly spaced, at most 56, the last one included."""
+    first = min((path.first_step for path in view.paths), default=view.content.ego_step)
+    last = max((path.last_step for path in view.paths), default=view.content.last_step)
+    last = max(last, first)
+    stride = max(int(np.ceil((last - first) / (MOST_FRAMES - 1))), 1)
+    steps = list(range(first, last + 1, stride))
+    return steps if steps[-1] == last else [*steps, last]
+
+
+def _draw_frames(view: SceneView, steps: Sequence[int], report: ProgressReporter) -> tuple[list["Image"], Inventory]:
+    from PIL import Image
+
+    viewport = viewport_of(view.content, view.paths, steps[0])
+    width = ANIMATION_WIDTH_PX
+    plot_width = width - 2 * SIDE_PX
+    plot_height = min(plot_width * viewport.height_m / viewport.width_m, TALLEST_PLOT_PX)
+    viewport = fitted(viewport, plot_width / plot_height)
+    shown = inventory([view], [viewport], steps)
+    height = figure_height(plot_height, shown)
+    figure = new_figure(width, height)
+    bottom = height - HEADER_PX - plot_height
+    axes = figure.add_axes((SIDE_PX / width, bottom / height, plot_width / width, plot_height / height))
+    draw_background(axes, view, viewport)
+    write_title(figure, view.content.scenario_id, "", x=SIDE_PX / width + 0.002)
+    draw_legend(figure, shown)
+    canvas: Any = figure.canvas
+    canvas.draw()
+    background = canvas.copy_from_bbox(figure.bbox)
+    frames = []
+    for number, step in enumerate(steps):
+        canvas.restore_region(background)
+        artists = _moving_artists(axes, dataclasses.replace(view, step=step), viewport)
+        for artist in sorted(artists, key=lambda artist: artist.get_zorder()):
+            artist.draw(canvas.get_renderer())
+            artist.remove()
+        frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy(), "RGB"))
+        report(0.9 * (number + 1) / len(steps), f"frame {number + 1} of {len(steps)}")
+    return frames, shown
+
+
+def _moving_artists(axes: "Axes", view: SceneView, viewport: Viewport) -> list[Any]:
+    before = set(axes.get_children())
+    draw_signals(axes, view.content, view.step, viewport)
+    vehicles = vehicles_at(view.content, view.step)
+    draw_vehicles(axes, vehicles)
+    draw_egos(axes, view, start=False)
+    draw_endings(axes, view.paths, view.step)
+    _write_ids(axes, vehicles, viewport)
+    _write_state(axes, view)
+    return [artist for artist in axes.get_children() if artist not in before]
+
+
+def _write_ids(axes: "Axes", vehicles: Sequence[VehicleShape], viewport: Viewport) -> None:
+    """Ids stand above their vehicles; the frames move too fast for anything cleverer."""
+    if len(vehicles) > 40:
+        return
+    lift = viewport.height_m * 0.008
+    for vehicle in vehicles:
+        if viewport.contains(vehicle.center[None, :]):
+            top = float(vehicle.corners[:, 1].max()) + lift
+            axes.text(
+                vehicle.center[0], top, str(vehicle.vehicle_id), ha="center", va="bottom", fontsize=SMALL_PT,
+                clip_on=True, zorder=7,
+            )  # fmt: skip
+
+
+def _write_state(axes: "Axes", view: SceneView) -> None:
+    alone = len(view.paths) == 1
+    parts = [f"t = {view.time_s:4.1f} s", *(_speed(path, view.step, alone=alone) for path in view.paths)]
+    axes.annotate(
+        "   ".join(parts), (0, 1), xycoords="axes fraction", xytext=(2, 8), textcoords="offset points",
+        fontsize=TEXT_PT, color=MUTED, zorder=8,
+    )  # fmt: skip
+    for number, path in enumerate(view.paths):
+        if view.step >= path.last_step:
+            axes.annotate(
+                path.record.outcome.replace("_", " ") if alone else path.label,
+                (1, 1), xycoords="axes fraction", xytext=(-10, -12 - 26 * number), textcoords="offset points",
+                ha="right", va="top", fontsize=TEXT_PT, fontweight="bold", color=INK, zorder=8,
+                bbox={"facecolor": "white", "edgecolor": series_style(number)[0], "linewidth": 1.5, "pad": 4},
+            )  # fmt: skip
+
+
+def _speed(path: DrivenPath, step: int, *, alone: bool) -> str:
+    speed = f"{path.speeds_mps[path.index_at(step)]:4.1f} m/s"
+    return f"ego {speed}" if alone else f"{path.record.config_name} {speed}"
+
+
+def _write_gif(frames: Sequence["Image"], path: Path, milliseconds: int) -> None:
+    """One palette for all frames, so that nothing flickers; fewer colours where the file grows too large."""
+    from PIL import Image
+
+    for colours in (128, 64, 32):
+        palette = exact_palette([frames[0], frames[len(frames) // 2], frames[-1]], colours)
+        flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+        durations = [milliseconds] * (len(flat) - 1) + [PAUSE_MS]
+        flat[0].save(path, save_all=True, append_images=flat[1:], duration=durations, loop=0, disposal=1)
+        if path.stat().st_size <= LARGEST_BYTES:
+            return

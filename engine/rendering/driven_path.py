@@ -1,0 +1,66 @@
+"""A run's driven path, ready to be drawn over its scenario."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, Values
+from plannerforge.schemas.errors import ResourceFailure
+from plannerforge.schemas.results import RunSource
+from plannerforge.schemas.runs import RunRecord, RunSteps
+
+
+@dataclass(frozen=True)
+class DrivenPath:
+    """Centre of the ego (n, 2), headings, speeds (n,), from ``first_step`` on."""
+
+    record: RunRecord
+    first_step: int
+    positions: Points
+    headings_rad: Values
+    speeds_mps: Values
+
+    @property
+    def last_step(self) -> int:
+        """The last step that was driven."""
+        return self.first_step + len(self.positions) - 1
+
+    def index_at(self, step: int) -> int:
+        """Index for a time step, clamped to what was driven: the ego stays where its run ended."""
+        return int(np.clip(step - self.first_step, 0, len(self.positions) - 1))
+
+    @property
+    def label(self) -> str:
+        """Configuration and outcome, as in a legend."""
+        return f"{self.record.config_name}: {self.record.outcome.replace('_', ' ')}"
+
+
+def read_steps(source: RunSource) -> RunSteps | None:
+    """The steps of a run; None where none were kept.
+
+    Raises:
+        ResourceFailure: the file is named but cannot be read.
+    """
+    if source.steps_path is None:
+        return None
+    try:
+        return RunSteps.model_validate_json(Path(source.steps_path).read_bytes())
+    except OSError as error:
+        raise ResourceFailure(f"The steps of {source.record.run_id} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise ResourceFailure(f"The steps of {source.record.run_id} are damaged", next_step="run it again") from error
+
+
+def driven_path(source: RunSource) -> DrivenPath | None:
+    """The path of a run; None where it has no steps."""
+    steps = read_steps(source)
+    if steps is None or not steps.x_m:
+        return None
+    return DrivenPath(
+        record=source.record,
+        first_step=steps.first_step,
+        positions=np.column_stack([steps.x_m, steps.y_m]),
+        headings_rad=np.asarray(steps.heading_rad, dtype=float),
+        speeds_mps=np.asarray(steps.speed_mps, dtype=float),
+    )

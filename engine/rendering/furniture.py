@@ -1,0 +1,105 @@
+"""What stands around a scene: title, scale bar and legend."""
+
+import math
+from typing import TYPE_CHECKING, TypeVar
+
+from plannerforge.engine.rendering.canvas import SMALL_PT, TEXT_PT, TITLE_PT
+from plannerforge.engine.rendering.palette import EGO_COLOUR, INK, MUTED, class_colour, series_style
+from plannerforge.engine.rendering.scene_view import Inventory
+from plannerforge.engine.rendering.viewport import Viewport
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Handle = TypeVar("Handle")
+
+_CLASS_WORDS = {"priorityVehicle": "emergency vehicle", "parkedVehicle": "parked vehicle", "unknown": "other"}
+
+
+def write_title(figure: "Figure", title: str, subtitle: str, *, x: float = 0.012, top_px: float = 10) -> None:
+    """Title and subtitle at the top left, in pixels from the top edge."""
+    height = figure.get_figheight() * figure.dpi
+    figure.text(x, 1 - top_px / height, title, fontsize=TITLE_PT, fontweight="bold", va="top")
+    figure.text(x, 1 - (top_px + 26) / height, subtitle, fontsize=TEXT_PT, color=MUTED, va="top")
+
+
+def draw_scale_bar(axes: "Axes", viewport: Viewport) -> None:
+    """A bar of a round length at the lower left of the axes, on a white ground."""
+    length = round_length(viewport.width_m / 5)
+    x = viewport.x_min + viewport.width_m * 0.02
+    y = viewport.y_min + viewport.height_m * 0.045
+    tick = viewport.height_m * 0.012
+    axes.plot(
+        [x, x, x, x + length, x + length, x + length],
+        [y + tick, y - tick, y, y, y - tick, y + tick],
+        color=INK,
+        linewidth=1.6,
+        zorder=9,
+    )
+    axes.text(
+        x + length / 2,
+        y + tick * 1.4,
+        f"{length:g} m",
+        ha="center",
+        va="bottom",
+        fontsize=SMALL_PT,
+        zorder=9,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+    )
+
+
+def round_length(about_m: float) -> float:
+    """The largest of 1, 2, 5 × 10ⁿ metres that is not above the given length."""
+    power = 10.0 ** math.floor(math.log10(about_m))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= about_m)
+
+
+def draw_legend(figure: "Figure", shown: Inventory) -> None:
+    """One legend at the bottom of the figure, naming only what is there."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    def mark(marker: str, face: str, size: float, label: str) -> Line2D:
+        return Line2D(
+            [], [], marker=marker, color=face, markeredgecolor=INK, markersize=size, linestyle="none", label=label
+        )
+
+    handles: list[Line2D | Patch] = []
+    for number, label in enumerate(shown.runs):
+        colour, dashes = series_style(number)
+        handles.append(Line2D([], [], color=colour, linestyle=dashes, linewidth=3, label=label))
+    if shown.has_collision:
+        handles.append(mark("X", "white", 10, "collision"))
+    if shown.has_ego:
+        handles.append(Patch(facecolor=EGO_COLOUR, edgecolor=INK, label="ego"))
+    if shown.has_goal:
+        handles.append(Patch(facecolor="none", edgecolor=EGO_COLOUR, hatch="////", label="goal"))
+    handles += [
+        Patch(facecolor=class_colour(kind), edgecolor=INK, label=_CLASS_WORDS.get(kind, kind)) for kind in shown.kinds
+    ]
+    if shown.has_stop_lines:
+        handles.append(Line2D([], [], color=INK, linewidth=2.6, label="stop line"))
+    if shown.signals:
+        handles.append(mark("o", "#C8C8C8", 7, f"traffic light: {', '.join(shown.signals)}"))
+    if handles:
+        figure.legend(
+            handles=_by_rows(handles, shown.columns),
+            loc="lower left",
+            ncols=min(len(handles), shown.columns),
+            frameon=False,
+            fontsize=SMALL_PT + 0.5,
+            bbox_to_anchor=(0.004, 0.0),
+            handlelength=2.6 if shown.runs else 1.8,
+            columnspacing=1.4,
+        )
+
+
+def _by_rows(handles: list[Handle], columns: int) -> list[Handle]:
+    """Matplotlib fills a legend column by column; this order makes it read row by row."""
+    rows = math.ceil(len(handles) / columns)
+    if rows == 1:
+        return handles
+    full = len(handles) - (rows - 1) * columns
+    heights = [rows if column < full else rows - 1 for column in range(columns)]
+    return [handles[row * columns + column] for column, height in enumerate(heights) for row in range(height)]

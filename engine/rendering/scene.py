@@ -1,0 +1,154 @@
+"""A picture of one scenario, or of two side by side, at one moment."""
+
+import functools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plannerforge.engine.rendering.canvas import PICTURE_WIDTH_PX, new_figure, pixels, save_png
+from plannerforge.engine.rendering.ego_layer import (
+    draw_ego,
+    draw_endings,
+    draw_paths,
+    ego_corners,
+    focus,
+    path_corners,
+)
+from plannerforge.engine.rendering.furniture import draw_legend, draw_scale_bar, write_title
+from plannerforge.engine.rendering.road_layer import draw_goal, draw_road, draw_signals, draw_stop_lines
+from plannerforge.engine.rendering.scene_view import Inventory, SceneView, inventory
+from plannerforge.engine.rendering.traffic_layer import (
+    NamedOutline,
+    TrafficDrawn,
+    draw_vehicles,
+    label_vehicles,
+    vehicles_at,
+)
+from plannerforge.engine.rendering.viewport import Viewport, union, viewport_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+HEADER_PX, LEGEND_ROW_PX, SIDE_PX, GAP_PX, PAIR_WIDTH_PX = 62, 24, 10, 24, 1500
+
+
+def draw_background(axes: "Axes", view: SceneView, viewport: Viewport) -> None:
+    """Draw all that does not move: road, goal, driven paths, scale bar.
+
+    Args:
+        axes: gets the viewport's limits and no ticks.
+        view: what to draw.
+        viewport: which part of it; must have the shape of the axes.
+    """
+    _prepare(axes, viewport)
+    draw_road(axes, view.content, viewport)
+    draw_goal(axes, view.content)
+    draw_stop_lines(axes, view.content)
+    draw_paths(axes, view.paths)
+    draw_scale_bar(axes, viewport)
+
+
+def draw_scene(axes: "Axes", view: SceneView, viewport: Viewport) -> TrafficDrawn:
+    """Draw one moment: the background, the lights, the vehicles with their ids, the egos."""
+    draw_background(axes, view, viewport)
+    draw_signals(axes, view.content, view.step, viewport)
+    vehicles = vehicles_at(view.content, view.step)
+    draw_vehicles(axes, vehicles)
+    egos = draw_egos(axes, view)
+    draw_endings(axes, view.paths, view.step)
+    return label_vehicles(axes, vehicles, egos, focus(view.content, view.paths, view.step), viewport)
+
+
+def draw_picture(views: Sequence[SceneView], path: Path) -> tuple[tuple[int, int], str]:
+    """Draw one scene, or several side by side (with one scale where they share a map), and write it as PNG.
+
+    Returns:
+        The size in pixels, and the alternative text.
+    """
+    viewports = [viewport_of(view.content, view.paths, view.step) for view in views]
+    if _same_place(views):
+        viewports = [functools.reduce(union, viewports)] * len(views)
+    width = PICTURE_WIDTH_PX if len(views) == 1 else PAIR_WIDTH_PX
+    plot_width = (width - 2 * SIDE_PX - GAP_PX * (len(views) - 1)) / len(views)
+    plot_height = max(plot_width * viewport.height_m / viewport.width_m for viewport in viewports)
+    viewports = [fitted(viewport, plot_width / plot_height) for viewport in viewports]
+    shown = inventory(views, viewports)
+    height = figure_height(plot_height, shown)
+    figure = new_figure(width, height)
+    told = []
+    for number, (view, viewport) in enumerate(zip(views, viewports, strict=True)):
+        left, bottom = SIDE_PX + number * (plot_width + GAP_PX), height - HEADER_PX - plot_height
+        axes = figure.add_axes((left / width, bottom / height, plot_width / width, plot_height / height))
+        traffic = draw_scene(axes, view, viewport)
+        write_title(figure, view.content.scenario_id, _subtitle(view, traffic), x=left / width + 0.002)
+        told.append(alt_text(view, traffic))
+    draw_legend(figure, shown)
+    image = pixels(figure)
+    save_png(image, path)
+    return image.size, " Beside it: ".join(told)
+
+
+def figure_height(plot_height_px: float, shown: Inventory) -> int:
+    """Height of the whole figure in pixels: title, plot and as many legend rows as are needed."""
+    return round(HEADER_PX + plot_height_px + shown.rows * LEGEND_ROW_PX + 10)
+
+
+def alt_text(view: SceneView, traffic: TrafficDrawn) -> str:
+    """What the picture shows, for those who cannot see it."""
+    parts = [f"{view.content.scenario_id} from above at {view.time_s:.1f} s: {traffic.counts()}"]
+    if traffic.labelled:
+        parts.append(f"labelled {', '.join(map(str, traffic.labelled))}")
+    if view.paths:
+        parts.append("driven paths of " + "; ".join(path.label for path in view.paths))
+    return ", ".join(parts) + "."
+
+
+def draw_egos(axes: "Axes", view: SceneView, *, start: bool = True) -> list[NamedOutline]:
+    """Draw the egos of all runs, and faded the place where they started; without runs the ego's start.
+
+    Returns:
+        Outline and label of each ego, for the placing of labels.
+    """
+    begin = ego_corners(view.content)
+    later = view.step > view.content.ego_step
+    if begin is not None and (start or not view.paths) and (later or not view.paths):
+        draw_ego(axes, begin, faded=later)
+    egos = [path_corners(path, view.step) for path in view.paths]
+    for number in reversed(range(len(egos))):
+        draw_ego(axes, egos[number], colour=view.ego_colour(number))
+    names = [path.record.config_name for path in view.paths] if len(view.paths) > 1 else ["ego"]
+    drawn = egos or ([begin] if begin is not None else [])
+    return [NamedOutline(name, corners) for name, corners in zip(names, drawn, strict=False)]
+
+
+def _subtitle(view: SceneView, traffic: TrafficDrawn) -> str:
+    speed = ""
+    if len(view.paths) == 1:
+        path = view.paths[0]
+        speed = f"ego {path.speeds_mps[path.index_at(view.step)]:.1f} m/s · "
+    elif view.content.ego_position is not None and not view.paths:
+        speed = f"ego starts at {view.content.ego_speed_mps:.1f} m/s · "
+    return f"t = {view.time_s:.1f} s · {speed}{traffic.counts()}"
+
+
+def _prepare(axes: "Axes", viewport: Viewport) -> None:
+    axes.set_xlim(viewport.x_min, viewport.x_max)
+    axes.set_ylim(viewport.y_min, viewport.y_max)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(True)
+        spine.set_edgecolor("#C8C8C8")
+
+
+def fitted(viewport: Viewport, ratio: float) -> Viewport:
+    """The viewport widened to the shape of the axes, so that both scales are the same."""
+    width, height = viewport.width_m, viewport.height_m
+    wider, higher = max(width, height * ratio), max(height, width / ratio)
+    x, y = (viewport.x_min + viewport.x_max) / 2, (viewport.y_min + viewport.y_max) / 2
+    return Viewport(x - wider / 2, y - higher / 2, x + wider / 2, y + higher / 2)
+
+
+def _same_place(views: Sequence[SceneView]) -> bool:
+    places = [frozenset(lanelet.lanelet_id for lanelet in view.content.lanelets) for view in views]
+    return all(place == places[0] for place in places)

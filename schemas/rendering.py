@@ -1,0 +1,98 @@
+"""Pictures, animations, charts and the report: what is asked and what was made."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from plannerforge.schemas.base import Arguments, Model
+from plannerforge.schemas.results import ConfigWeights, RunSource, ScenarioSource
+
+PictureKind = Literal["auto", "picture", "animation", "outcomes", "costs", "flips", "profile"]
+
+
+class RenderArguments(Arguments):
+    """Picture, animation or chart of scenarios, runs or batches; two ids: side by side."""
+
+    ids: list[str] = Field(["latest"], min_length=1, max_length=200, description="scenario, run or batch ids")
+    kind: PictureKind = "auto"
+    time_s: float | None = Field(None, ge=0, description="moment of a picture; default: the start, or a run's end")
+
+
+class RenderRequest(Model):
+    """What the drawing operation needs: files, records and where to put the pictures.
+
+    ``scenarios`` in the order in which they are drawn; ``runs`` may be empty; ``folder`` exists.
+    """
+
+    kind: PictureKind
+    scenarios: tuple[ScenarioSource, ...] = ()
+    runs: tuple[RunSource, ...] = ()
+    configs: tuple[ConfigWeights, ...] = ()
+    time_s: float | None = None
+    folder: str
+
+
+class RenderedImage(Model):
+    """One image file; ``alt_text`` says in words what can be seen on it."""
+
+    path: str
+    mime_type: Literal["image/png", "image/gif"]
+    width_px: int
+    height_px: int
+    size_bytes: int
+    alt_text: str
+
+
+class Rendered(Model):
+    """The images that were made; ``notes`` name what was left out of them and why."""
+
+    kind: PictureKind
+    images: tuple[RenderedImage, ...]
+    notes: tuple[str, ...] = ()
+
+
+class ReportImage(Model):
+    """A picture on the report: file, caption and the words for those who cannot see it."""
+
+    path: str
+    caption: str
+    alt_text: str
+
+
+class ReportTable(Model):
+    """A table; numbers are given as they shall be read."""
+
+    caption: str = ""
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+class ReportSection(Model):
+    """One stage of the work: what was asked, what came of it, with tables, pictures and findings."""
+
+    title: str
+    asked: str = Field("", description="what was asked, in words")
+    text: tuple[str, ...] = Field((), description="paragraphs")
+    findings: tuple[str, ...] = ()
+    tables: tuple[ReportTable, ...] = ()
+    images: tuple[ReportImage, ...] = ()
+    took_s: float | None = None
+
+
+class ReportRequest(Model):
+    """A one-page report: sections in reading order, written to ``path`` as one self-contained HTML file."""
+
+    title: str
+    introduction: str = ""
+    sections: tuple[ReportSection, ...]
+    footer: str = ""
+    path: str
+
+
+class ReportWritten(Model):
+    """Where the report lies and how large it is."""
+
+    path: str
+    size_bytes: int
+    sections: int
+    images: int
