@@ -1,0 +1,178 @@
+"""From the arguments of a search to conditions on the catalogue, each with its stage, its words and its query.
+
+Semantics: Methodology, Scenario Selection (five slots, velocity ± 2 m/s where one value is given); counts are exact,
+a posted limit matches within 0.5 km/h. Features computed from the geometry belong to the stage of the tags.
+"""
+
+import sqlite3
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from plannerforge.engine.catalog.vocabulary_words import NameOf, feature_name, obstacle_name, road_net_name, tag_name
+from plannerforge.schemas.catalog import FindScenariosArguments, Stage
+from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.grammar import Comparison, Interval, parse_comparison, parse_interval
+
+SPEED_TOLERANCE_MPS = 2.0
+LIMIT_TOLERANCE_KMH = 0.5
+_ROUNDING = 1e-6
+_FAR = 1e12
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One condition of a search.
+
+    ``query`` selects the numbers of the scenarios that hold it (of those that do not, where ``negated``).
+    ``words``: names that no scenario at all may carry, as ``(kind, word)``, to say so.
+    """
+
+    stage: Stage
+    label: str
+    query: str
+    values: tuple[str | float, ...]
+    negated: bool = False
+    words: tuple[tuple[str, str], ...] = ()
+
+    def holds_for(self, connection: sqlite3.Connection, everything: frozenset[int]) -> frozenset[int]:
+        """Numbers of the scenarios that satisfy the condition."""
+        found = frozenset(row[0] for row in connection.execute(self.query, self.values))
+        return everything - found if self.negated else found & everything
+
+
+def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constraint]) -> tuple[Constraint, ...]:
+    """All conditions in the paper's order of stages; ``location`` comes from :mod:`.locations`.
+
+    Raises:
+        UnknownName: a tag, feature, key or obstacle outside the vocabulary; all wrong names of a slot at once.
+        InvalidRequest: a malformed condition, or a speed without a unit.
+    """
+    found = list(location)
+    found += [_word_constraint("tag", text, tag_name) for text in arguments.tags]
+    found += [_word_constraint("feature", text, feature_name) for text in arguments.features]
+    found += [_road_net(text) for text in arguments.road_net]
+    found += [_obstacles(text) for text in arguments.obstacles]
+    if arguments.ego_speed is not None:
+        found.append(_ego_speed(arguments.ego_speed))
+    return tuple(found)
+
+
+def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
+    body = text.strip()
+    negated = body.startswith("!")
+    names = [known(part) for part in body.removeprefix("!").split("|")]
+    label = ("!" if negated else "") + "|".join(names)
+    holes = ", ".join("?" * len(names))
+    return Constraint(
+        "tags",
+        f"{kind} {label}" if kind == "feature" else label,
+        f"SELECT DISTINCT number FROM catalog_words WHERE kind = ? AND word IN ({holes})",  # noqa: S608 - only ? marks
+        (kind, *names),
+        negated,
+        tuple((kind, name) for name in names),
+    )
+
+
+def _road_net(text: str) -> Constraint:
+    name = road_net_name(parse_name(text))
+    if name == "lanes":
+        return _lanes(text)
+    if name == "speed_limit" and any(mark in text for mark in "<>="):
+        return _limit(text)
+    condition = parse_comparison(text)
+    scope = _scope(condition, ("ego", "map"))
+    if condition.interval != Interval(1.0, None):
+        raise InvalidRequest(
+            f"'{text}' compares {name} with a number; it is only there or not",
+            valid=[name, f"!{name}", f"{name}@map", f"!{name}@map"],
+        )
+    return Constraint(
+        "road_net",
+        _label(condition, name, scope),
+        "SELECT number FROM catalog_words WHERE kind = ? AND word = ?",
+        (f"sign@{scope}", name),
+        condition.negated,
+        ((f"sign@{scope}", name),),
+    )
+
+
+def _lanes(text: str) -> Constraint:
+    condition = parse_comparison(text, whole=True)
+    _scope(condition, ("ego",))
+    query = "SELECT number FROM catalog_scenarios WHERE lanes BETWEEN ? AND ?"
+    return Constraint("road_net", text.strip(), query, _bounds(condition.interval, 0.0), condition.negated)
+
+
+def _limit(text: str) -> Constraint:
+    _refuse_without_unit(text, text.lstrip("!").partition("@")[0], ["speed_limit=50km/h", "speed_limit<=30mph"])
+    condition = parse_comparison(text, "m/s")
+    scope = _scope(condition, ("ego", "map"))
+    low, high = _bounds(_scaled(condition.interval, 3.6), LIMIT_TOLERANCE_KMH)
+    query = "SELECT DISTINCT number FROM catalog_limits WHERE scope = ? AND kmh BETWEEN ? AND ?"
+    return Constraint("road_net", text.strip(), query, (scope, low, high), condition.negated)
+
+
+def _obstacles(text: str) -> Constraint:
+    condition = parse_comparison(text, whole=True)
+    name = obstacle_name(condition.name)
+    _scope(condition, ("map",))
+    low, high = _bounds(condition.interval, 0.0)
+    label = text.strip().replace(condition.name, name, 1)
+    within = "SELECT number FROM catalog_counts WHERE obstacle = ? AND count BETWEEN ? AND ?"
+    outside = "SELECT number FROM catalog_counts WHERE obstacle = ? AND count NOT BETWEEN ? AND ?"
+    holds_for_none = low <= 0 <= high
+    query = outside if holds_for_none else within
+    return Constraint(
+        "obstacles", label, query, (name, low, high), condition.negated != holds_for_none, (("obstacle", name),)
+    )
+
+
+def _ego_speed(text: str) -> Constraint:
+    _refuse_without_unit(text, "ego_speed", ["50km/h", "10..15m/s", ">=20mph"])
+    interval = parse_interval(_operators(text), "m/s")
+    tolerance = SPEED_TOLERANCE_MPS if interval.exact else 0.0
+    query = "SELECT number FROM catalog_scenarios WHERE speed_mps BETWEEN ? AND ?"
+    return Constraint("velocity", f"ego_speed {text.strip()}", query, _bounds(interval, tolerance))
+
+
+def parse_name(text: str) -> str:
+    """The name that a condition begins with, whatever follows it."""
+    body = text.strip().lstrip("!").strip()
+    ends = [body.index(mark) for mark in "@<>= " if mark in body]
+    return body[: min(ends)] if ends else body
+
+
+def _operators(text: str) -> str:
+    body = text.strip()
+    return body[0] + "=" + body[1:] if body[:1] in "<>" and body[1:2] != "=" else body
+
+
+def _refuse_without_unit(text: str, name: str, valid: list[str]) -> None:
+    if not any(letter.isalpha() for letter in text.rpartition("=")[2].lstrip("<>").replace("speed_limit", "")):
+        raise InvalidRequest(f"'{text}' gives {name} without a unit", valid=valid, next_step="say km/h, m/s or mph")
+
+
+def _scope(condition: Comparison, allowed: tuple[str, ...]) -> str:
+    scope = condition.scope or allowed[0]
+    if scope not in allowed:
+        raise InvalidRequest(
+            f"'{condition.name}@{scope}' has an unknown scope", valid=[f"{condition.name}@{word}" for word in allowed]
+        )
+    return scope
+
+
+def _label(condition: Comparison, name: str, scope: str) -> str:
+    return f"{'!' if condition.negated else ''}{name}{'@map' if scope == 'map' else ''}"
+
+
+def _scaled(interval: Interval, factor: float) -> Interval:
+    low, high = interval.low, interval.high
+    return Interval(
+        None if low is None else low * factor, None if high is None else high * factor, interval.exact
+    )
+
+
+def _bounds(interval: Interval, tolerance: float) -> tuple[float, float]:
+    slack = tolerance + _ROUNDING
+    low = -_FAR if interval.low is None else interval.low - slack
+    return low, _FAR if interval.high is None else interval.high + slack

@@ -1,0 +1,50 @@
+"""Ranking scenarios by likeness to a text: the operation of the retrieval worker."""
+
+import sqlite3
+
+from plannerforge.engine.catalog.bm25 import bm25_scores
+from plannerforge.engine.catalog.tables import descriptions, is_ready
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.schemas.catalog import RankRequest, RankResponse
+
+
+def rank(request: RankRequest, report: ProgressReporter) -> RankResponse:
+    """The candidates ordered by likeness of their descriptions to the text.
+
+    Semantic: cosine of MiniLM vectors; the index is built first where the catalogue has changed. BM25: shared words.
+    """
+    texts = _descriptions(request)
+    if request.method == "bm25":
+        chosen = {key: texts[key] for key in request.candidates or texts if key in texts}
+        scores = bm25_scores(request.text, chosen)
+        ordered = sorted(scores, key=lambda key: (-scores[key], key))[: request.limit]
+        return RankResponse(
+            scenario_ids=tuple(ordered), scores=tuple(round(scores[key], 4) for key in ordered), built_index=False
+        )
+    return _semantic(request, texts, report)
+
+
+def _semantic(request: RankRequest, texts: dict[str, str], report: ProgressReporter) -> RankResponse:
+    from plannerforge.engine.catalog.embedding import MODEL_NAME, embed
+    from plannerforge.engine.catalog.vector_index import ensure_generation, query
+
+    if not texts:
+        return RankResponse(scenario_ids=(), scores=(), built_index=False)
+    report(0.1, "opening the text index")
+    folder, built = ensure_generation(request.index, texts, MODEL_NAME, embed)
+    report(0.8, "ranking by text")
+    candidates = None if request.candidates is None else [key for key in request.candidates if key in texts]
+    found = query(folder, embed([request.text])[0], candidates, request.limit)
+    return RankResponse(
+        scenario_ids=tuple(key for key, _ in found),
+        scores=tuple(round(score, 4) for _, score in found),
+        built_index=built,
+    )
+
+
+def _descriptions(request: RankRequest) -> dict[str, str]:
+    connection = sqlite3.connect(f"{request.database.absolute().as_uri()}?mode=ro", uri=True, timeout=10.0)
+    try:
+        return descriptions(connection) if is_ready(connection) else {}
+    finally:
+        connection.close()

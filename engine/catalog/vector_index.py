@@ -1,0 +1,164 @@
+"""The Chroma index: a cache in immutable generations that is rebuilt from SQLite whenever the catalogue changes.
+
+A generation is a folder named after what is in it (ids, descriptions, model). It is written by one process under a
+lock, marked complete last, and never written again: a second process that writes into a live collection breaks the
+reads of the first. Readers open a new client for a new generation.
+
+Chroma runs in this process only, without embedding functions (a stored one would be rebuilt by whoever opens the
+collection: CVE-2026-45829) and without telemetry.
+"""
+
+import hashlib
+import json
+import shutil
+import sqlite3
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from plannerforge.engine.catalog.embedding import Vectors
+from plannerforge.schemas.errors import ResourceFailure
+
+COLLECTION = "scenarios"
+COMPLETE = "complete"
+LOCK_TIMEOUT_S = 120.0
+GRACE_S = 3600.0
+"""A generation that was opened less than an hour ago may still be read by another server."""
+_BATCH = 1000
+
+Embed = Callable[[Sequence[str]], Vectors]
+
+
+def generation_name(texts: Mapping[str, str], model: str) -> str:
+    """The name of the generation that holds these texts, by id, embedded by this model."""
+    content = json.dumps([model, sorted(texts.items())], ensure_ascii=False, separators=(",", ":"))
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
+
+
+def ensure_generation(root: Path, texts: Mapping[str, str], model: str, embed: Embed) -> tuple[Path, bool]:
+    """The complete generation for these texts, built if it is not there; and whether it was built now.
+
+    Vectors of known texts come from a cache beside the generations, so that an import embeds only what is new.
+
+    Raises:
+        ResourceFailure: the folder cannot be written, or another process holds the lock for too long.
+    """
+    folder = root / generation_name(texts, model)
+    if (folder / COMPLETE).is_file():
+        (folder / COMPLETE).touch()
+        return folder, False
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        with _lock(root):
+            if (folder / COMPLETE).is_file():
+                return folder, False
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir()
+            _fill(folder, texts, _vectors(root, texts, model, embed))
+            (folder / COMPLETE).touch()
+            _remove_old(root, folder)
+    except (OSError, sqlite3.Error) as error:
+        raise ResourceFailure(
+            f"the search index in {root} cannot be written: {error}", next_step="search without text, or free the disk"
+        ) from error
+    return folder, True
+
+
+def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit: int) -> list[tuple[str, float]]:
+    """The nearest scenarios with their cosine likeness in [−1, 1], best first.
+
+    Args:
+        folder: a complete generation.
+        vector: shape (384,), unit length.
+        candidates: ids to choose from; None for all.
+        limit: at most so many.
+    """
+    if candidates is not None and not candidates:
+        return []
+    with _collection(folder) as collection:
+        count = collection.count()
+        wanted = min(limit, count if candidates is None else len(candidates))
+        if wanted == 0:
+            return []
+        found = collection.query(
+            query_embeddings=[vector.tolist()],
+            ids=None if candidates is None else list(candidates),
+            n_results=wanted,
+            include=["distances"],
+        )
+    pairs = [(key, 1.0 - float(distance)) for key, distance in zip(found["ids"][0], found["distances"][0], strict=True)]
+    return sorted(pairs, key=lambda pair: (-round(pair[1], 6), pair[0]))
+
+
+@contextmanager
+def _collection(folder: Path) -> Iterator[Any]:
+    client = _client(folder)
+    try:
+        yield client.get_collection(COLLECTION, embedding_function=None)
+    finally:
+        client.close()
+
+
+def _client(folder: Path) -> Any:
+    import chromadb
+    from chromadb.config import Settings
+
+    return chromadb.PersistentClient(path=str(folder / "chroma"), settings=Settings(anonymized_telemetry=False))
+
+
+def _fill(folder: Path, texts: Mapping[str, str], vectors: Vectors) -> None:
+    client = _client(folder)
+    try:
+        collection = client.create_collection(
+            COLLECTION, embedding_function=None, configuration={"hnsw": {"space": "cosine"}}
+        )
+        keys = sorted(texts)
+        for begin in range(0, len(keys), _BATCH):
+            chosen = slice(begin, begin + _BATCH)
+            collection.add(ids=keys[chosen], embeddings=vectors[chosen].tolist())
+    finally:
+        client.close()
+
+
+def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed) -> Vectors:
+    """Vectors in the alphabetical order of the ids."""
+    import numpy as np
+
+    digests = {key: hashlib.sha256(f"{model}\n{texts[key]}".encode()).hexdigest() for key in sorted(texts)}
+    connection = sqlite3.connect(root / "vectors.sqlite")
+    try:
+        connection.execute("CREATE TABLE IF NOT EXISTS vectors (digest TEXT PRIMARY KEY, vector BLOB NOT NULL)")
+        known = {row[0]: row[1] for row in connection.execute("SELECT digest, vector FROM vectors")}
+        missing = {digests[key]: texts[key] for key in sorted(texts) if digests[key] not in known}
+        made = embed(list(missing.values()))
+        fresh = {digest: vector.tobytes() for digest, vector in zip(missing, made, strict=True)}
+        connection.executemany("INSERT OR IGNORE INTO vectors VALUES (?, ?)", sorted(fresh.items()))
+        connection.commit()
+    finally:
+        connection.close()
+    known |= fresh
+    return np.stack([np.frombuffer(known[digests[key]], dtype=np.float32) for key in sorted(texts)])
+
+
+@contextmanager
+def _lock(root: Path) -> Iterator[None]:
+    """One writer at a time; a lock of SQLite's, because the operating system frees it when its holder dies."""
+    connection = sqlite3.connect(root / "writer.sqlite", timeout=LOCK_TIMEOUT_S, isolation_level=None)
+    try:
+        connection.execute("BEGIN EXCLUSIVE")
+        yield
+    finally:
+        connection.close()
+
+
+def _remove_old(root: Path, current: Path) -> None:
+    for folder in sorted(root.iterdir()):
+        if not folder.is_dir() or folder == current:
+            continue
+        marker = folder / COMPLETE
+        used = marker.stat().st_mtime if marker.is_file() else folder.stat().st_mtime
+        if time.time() - used > GRACE_S:
+            marker.unlink(missing_ok=True)
+            shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,219 @@
+"""What the catalogue's tools take and answer: facets, searches and imports."""
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from plannerforge.schemas.base import Arguments, Model, Result
+
+Facet = Literal["all", "places", "tags", "features", "road_net", "obstacles", "maps", "behaviours", "planners"]
+Method = Literal["funnel", "semantic", "hybrid", "rrf", "bm25"]
+Stage = Literal["location", "tags", "road_net", "obstacles", "velocity"]
+STAGES: tuple[Stage, ...] = ("location", "tags", "road_net", "obstacles", "velocity")
+
+
+class DescribeCatalogArguments(Arguments):
+    """What there is, with counts: places, tags, features, road_net keys, obstacles, maps, planners, presets. Read before filtering."""
+
+    facet: Facet = "all"
+    within: str | None = Field(None, description="search id")
+
+
+class FacetCounts(Model):
+    """Names of one kind with the number of scenarios (or, for maps and planners, of what the note says)."""
+
+    facet: str
+    counts: dict[str, int]
+    note: str = ""
+
+
+class DescribeCatalogResult(Result):
+    """The facets of the catalogue."""
+
+    scenarios: int
+    facets: tuple[FacetCounts, ...]
+
+    def to_text(self) -> str:
+        """One line a facet, the most frequent names first."""
+        lines = [f"{self.scenarios} scenarios."]
+        for facet in self.facets:
+            note = f" ({facet.note})" if facet.note else ""
+            names = ", ".join(f"{name} {count}" if count else name for name, count in facet.counts.items())
+            lines.append(f"{facet.facet}{note}: {names or 'none'}")
+        return "\n".join(lines)
+
+
+class FindScenariosArguments(Arguments):
+    """Filter the catalogue by facts, rank by text. Pass what the user said: an unknown word is refused with the nearest valid ones; an empty result names the condition that emptied it and what would match."""
+
+    country: str | None = Field(None, description="ISO alpha-3")
+    city: str | None = None
+    tags: list[str] = Field([], description="tags in the file, all of them; 'a|b' for either, '!a' without")
+    features: list[str] = Field([], description="computed from the geometry: roundabout, ego_turns_left, oncoming_traffic …")
+    road_net: list[str] = Field(
+        [],
+        description="'stop', '!yield', 'traffic_light@map', 'lanes>=2', 'speed_limit=50km/h'; on the ego's lane, or '@map' anywhere; lanes: side by side in the ego's direction",
+    )
+    obstacles: list[str] = Field(
+        [],
+        description="'truck' (a, with: at least one), 'bus=2', 'car=2..5' (a few), 'car>=20' (many), 'bicycle=0'; the ego is not counted",
+    )
+    ego_speed: str | None = Field(None, description="at the start: '50km/h' (about: ±2 m/s), '10..15m/s', '>=20mph'")
+    text: str | None = Field(None, description="anything else, for ranking only")
+    like: str | None = Field(None, description="scenario id")
+    within: str | None = Field(None, description="search id to refine")
+    method: Method = "funnel"
+    sort: Literal["match", "size"] = "match"
+    limit: int = Field(5, ge=1, le=50)
+    offset: int = Field(0, ge=0)
+
+
+class FoundScenario(Model):
+    """A scenario of the answer, with the facts behind it; ``unmet`` conditions make it a fallback, never a match."""
+
+    scenario_id: str
+    summary: str
+    satisfied: tuple[str, ...] = ()
+    unmet: tuple[str, ...] = ()
+    score: float | None = Field(None, description="likeness of the text, larger is better; None without text")
+
+
+class StageCount(Model):
+    """How many scenarios were left after a stage, and the conditions that it applied."""
+
+    stage: Stage
+    conditions: tuple[str, ...]
+    left: int
+
+
+class Relaxation(Model):
+    """Conditions to drop, and how many scenarios satisfy all others."""
+
+    drop: tuple[str, ...]
+    matches: int
+    examples: tuple[str, ...]
+
+
+class Emptied(Model):
+    """Why nothing is left: the stage, the conditions of it that no candidate satisfied, and values that exist."""
+
+    stage: Stage
+    conditions: tuple[str, ...]
+    note: str
+
+
+class SearchRecord(Model):
+    """A stored search: what was asked, all ids that satisfy it in order, and the counts on the way."""
+
+    arguments: FindScenariosArguments
+    scenario_ids: tuple[str, ...]
+    stages: tuple[StageCount, ...]
+
+
+class FindScenariosResult(Result):
+    """Matches, the count after every stage, and why there are none where there are none."""
+
+    search_id: str
+    method: Method
+    catalogue: int = Field(description="scenarios searched")
+    total: int = Field(description="scenarios that satisfy every condition")
+    stages: tuple[StageCount, ...]
+    matches: tuple[FoundScenario, ...]
+    emptied_by: Emptied | None = None
+    relaxations: tuple[Relaxation, ...] = ()
+    fallback: tuple[FoundScenario, ...] = Field((), description="not matches: each leaves conditions unmet")
+    notes: tuple[str, ...] = ()
+
+    def to_text(self) -> str:
+        """Counts, matches, and the way out of an empty result."""
+        lines = [f"{self.total} of {self.catalogue} scenarios match ({self.search_id}, {self.method})."]
+        lines += list(self.notes)
+        if self.stages:
+            steps = [f"{stage.stage} [{', '.join(stage.conditions)}] {stage.left}" for stage in self.stages]
+            lines.append(f"Left after: {' → '.join(steps)}")
+        lines += [_line(found) for found in self.matches]
+        if self.total > len(self.matches) > 0:
+            lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")
+        if self.emptied_by:
+            lines.append(f"Emptied at {self.emptied_by.stage}: {self.emptied_by.note}")
+        for relaxation in self.relaxations:
+            shown = ", ".join(relaxation.examples)
+            lines.append(f"Without {' and '.join(relaxation.drop)}: {relaxation.matches} match ({shown})")
+        if self.fallback:
+            lines.append("FALLBACK, not matches (unmet conditions named):")
+            lines += [_line(found) for found in self.fallback]
+        return "\n".join(lines)
+
+
+def _line(found: FoundScenario) -> str:
+    unmet = f" · UNMET: {', '.join(found.unmet)}" if found.unmet else ""
+    satisfied = f" · {'; '.join(found.satisfied)}" if found.satisfied else ""
+    return f"- {found.scenario_id}: {found.summary}{satisfied}{unmet}"
+
+
+class RankRequest(Model):
+    """Which scenarios to rank by likeness to a text, and where catalogue and index lie.
+
+    ``candidates``: None ranks all; ``like``: rank by likeness to this scenario's description instead of the text.
+    """
+
+    database: Path
+    index: Path
+    text: str
+    candidates: tuple[str, ...] | None
+    method: Literal["semantic", "bm25"]
+    limit: int = Field(ge=1)
+
+
+class RankResponse(Model):
+    """Scenario ids with their scores, best first; times for the benchmark."""
+
+    scenario_ids: tuple[str, ...]
+    scores: tuple[float, ...]
+    built_index: bool
+
+
+class ImportFilesArguments(Arguments):
+    """Take in CommonRoad files or folders, maps (.osm) or cost YAML from inside an allowed root. Result: ids, what was refused and why."""
+
+    path: str
+    kind: Literal["auto", "scenario", "map", "config"] = "auto"
+    name: str | None = None
+
+
+class ImportedItem(Model):
+    """A file that went in; ``reused`` where the same content was there already."""
+
+    file: str
+    kind: Literal["scenario", "map", "config"]
+    artifact_id: str
+    summary: str
+    reused: bool = False
+
+
+class RefusedItem(Model):
+    """A file that stayed out, and why."""
+
+    file: str
+    reason: str
+
+
+class ImportFilesResult(Result):
+    """What was added and what was refused."""
+
+    added: int
+    reused: int
+    refused: int
+    items: tuple[ImportedItem, ...] = Field(description="at most 20")
+    refusals: tuple[RefusedItem, ...] = Field(description="at most 20")
+
+    def to_text(self) -> str:
+        """Counts first, then a line a file."""
+        lines = [f"{self.added} added, {self.reused} known already, {self.refused} refused."]
+        lines += [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
+        lines += [f"- refused {item.file}: {item.reason}" for item in self.refusals]
+        hidden = self.added + self.reused + self.refused - len(self.items) - len(self.refusals)
+        if hidden:
+            lines.append(f"… {hidden} more files; describe_catalog counts what is there.")
+        return "\n".join(lines)
