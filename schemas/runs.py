@@ -77,3 +77,23 @@ class RunRecord(Model):
     collision: CollisionRecord | None
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
+
+
+class LostCell(Model):
+    """A cell of a batch that gave no run: an error of ours or a broken file, never a planner's failure."""
+
+    scenario_id: str
+    config_id: str
+    error: str
+
+
+class BatchRecord(Model):
+    """A grid of runs: scenarios × configurations under one prediction and traffic mode."""
+
+    batch_id: str
+    scenarios: tuple[str, ...]
+    configs: tuple[str, ...]
+    prediction: Prediction
+    traffic: Traffic
+    runs: tuple[str, ...]
+    lost: tuple[LostCell, ...]
