@@ -1,0 +1,135 @@
+"""Cutting a few hundred metres around a site out of a map, as an extract of its own.
+
+Roads are followed to the circle and end on it, so that what is inside is whole; everything else is left out.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from lxml import etree
+
+from plannerforge.engine.maps.osm_reader import OsmMap, OsmNode, OsmWay, ground_distance_m
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A part of a way inside the circle: its nodes in order, those on the circle made new."""
+
+    way: OsmWay
+    nodes: tuple[OsmNode, ...]
+
+
+def cut_map(
+    osm: OsmMap, center: tuple[float, float], radius_m: float, classes: Iterable[str], target: Path
+) -> tuple[OsmWay, ...]:
+    """Write the roads of the given classes within a circle around (latitude, longitude) as an .osm file.
+
+    Turn restrictions are kept where all their ways are inside in one piece.
+
+    Returns:
+        The ways that were written (parts of a way count once).
+    """
+    wanted = frozenset(classes)
+    fresh = _FreshIds(osm)
+    pieces = [
+        piece for way in osm.ways if way.road_class in wanted for piece in _pieces(osm, way, center, radius_m, fresh)
+    ]
+    root = etree.Element("osm", {"version": "0.6", "generator": "PlannerForge"})
+    nodes = {node.node_id: node for piece in pieces for node in piece.nodes}
+    for key in sorted(nodes):
+        _write_node(root, nodes[key])
+    used: set[int] = set()
+    whole: set[int] = set()
+    for piece in pieces:
+        way_id = piece.way.way_id if piece.way.way_id not in used else fresh.way()
+        (whole.discard if piece.way.way_id in used else whole.add)(piece.way.way_id)
+        used.add(piece.way.way_id)
+        _write_way(root, way_id, piece)
+    _write_restrictions(root, osm, nodes, whole)
+    target.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
+    return tuple({piece.way.way_id: piece.way for piece in pieces}.values())
+
+
+class _FreshIds:
+    """Ids above all that the map uses."""
+
+    def __init__(self, osm: OsmMap) -> None:
+        self._node = max(osm.nodes, default=0)
+        self._way = max((way.way_id for way in osm.ways), default=0)
+
+    def node(self) -> int:
+        self._node += 1
+        return self._node
+
+    def way(self) -> int:
+        self._way += 1
+        return self._way
+
+
+def _pieces(osm: OsmMap, way: OsmWay, center: tuple[float, float], radius_m: float, fresh: _FreshIds) -> list[Piece]:
+    nodes = [osm.nodes[key] for key in way.node_ids]
+    distances = [ground_distance_m((node.latitude, node.longitude), center) for node in nodes]
+    found: list[list[OsmNode]] = []
+    current: list[OsmNode] = []
+    for index, node in enumerate(nodes):
+        inside = distances[index] <= radius_m
+        if index > 0:
+            cuts = _on_circle(nodes[index - 1], node, center, radius_m)
+            current.extend(OsmNode(fresh.node(), *point, {}) for point in cuts)
+            if current and not inside:
+                found.append(current)
+                current = []
+        if inside:
+            current.append(node)
+    found.append(current)
+    return [Piece(way, tuple(piece)) for piece in found if len(piece) > 1]
+
+
+def _on_circle(start: OsmNode, end: OsmNode, center: tuple[float, float], radius_m: float) -> list[tuple[float, float]]:
+    """Points (latitude, longitude) at which a straight segment crosses the circle, in its direction."""
+    scale = ground_distance_m(center, (center[0] + 1e-3, center[1])) / 1e-3
+    scale_east = ground_distance_m(center, (center[0], center[1] + 1e-3)) / 1e-3
+    y, x = (start.latitude - center[0]) * scale, (start.longitude - center[1]) * scale_east
+    dy, dx = (end.latitude - start.latitude) * scale, (end.longitude - start.longitude) * scale_east
+    a, b, c = dx * dx + dy * dy, 2 * (x * dx + y * dy), x * x + y * y - radius_m * radius_m
+    inner = b * b - 4 * a * c
+    if a < 1e-9 or inner <= 0:
+        return []
+    shares = ((-b - inner**0.5) / (2 * a), (-b + inner**0.5) / (2 * a))
+    return [
+        (
+            round(start.latitude + t * (end.latitude - start.latitude), 7),
+            round(start.longitude + t * (end.longitude - start.longitude), 7),
+        )
+        for t in shares
+        if 0 < t < 1
+    ]
+
+
+def _write_node(root: etree._Element, node: OsmNode) -> None:
+    position = {"id": str(node.node_id), "lat": f"{node.latitude:.7f}", "lon": f"{node.longitude:.7f}"}
+    element = etree.SubElement(root, "node", {**position, "visible": "true", "version": "1"})
+    for key, value in sorted(node.tags.items()):
+        etree.SubElement(element, "tag", {"k": key, "v": value})
+
+
+def _write_way(root: etree._Element, way_id: int, piece: Piece) -> None:
+    element = etree.SubElement(root, "way", {"id": str(way_id), "visible": "true", "version": "1"})
+    for node in piece.nodes:
+        etree.SubElement(element, "nd", {"ref": str(node.node_id)})
+    for key, value in sorted(piece.way.tags.items()):
+        etree.SubElement(element, "tag", {"k": key, "v": value})
+
+
+def _write_restrictions(root: etree._Element, osm: OsmMap, nodes: dict[int, OsmNode], ways: set[int]) -> None:
+    for relation in osm.relations:
+        known = all(key in (ways if kind == "way" else nodes) for kind, key, _ in relation.members)
+        if relation.tags.get("type") == "restriction" and known and relation.members:
+            element = etree.SubElement(
+                root, "relation", {"id": str(relation.relation_id), "visible": "true", "version": "1"}
+            )
+            for kind, key, role in relation.members:
+                etree.SubElement(element, "member", {"type": kind, "ref": str(key), "role": role})
+            for key, value in sorted(relation.tags.items()):
+                etree.SubElement(element, "tag", {"k": key, "v": value})

@@ -1,0 +1,147 @@
+"""OpenStreetMap extracts (.osm) as plain values: nodes, roads, and what else helps to name and judge a place."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from plannerforge.engine.scenarios.reader import XmlLimits, scan_xml
+from plannerforge.schemas.errors import UnsafeInput
+
+LIMITS = XmlLimits(size_bytes=60_000_000, depth=8, elements=4_000_000)
+EARTH_RADIUS_M = 6_371_008.8
+STREETS = ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "living_street")
+ROADS = (*STREETS, "service", "track")
+LINKS = ("motorway_link", "trunk_link", "primary_link", "secondary_link", "tertiary_link")
+THROUGH_ROADS = frozenset((*STREETS, *LINKS))
+
+
+@dataclass(frozen=True)
+class OsmNode:
+    """A point of the map in degrees (WGS 84) with its tags."""
+
+    node_id: int
+    latitude: float
+    longitude: float
+    tags: dict[str, str]
+
+
+@dataclass(frozen=True)
+class OsmWay:
+    """A line through nodes that the extract holds, with its tags."""
+
+    way_id: int
+    node_ids: tuple[int, ...]
+    tags: dict[str, str]
+
+    @property
+    def road_class(self) -> str:
+        """OSM's ``highway`` value; empty where the way is no road."""
+        return self.tags.get("highway", "")
+
+    @property
+    def maxspeed_kmh(self) -> float | None:
+        """The signed limit in km/h; None where none is signed or it is not a number."""
+        parts = self.tags.get("maxspeed", "").split()
+        if not parts or not parts[0].isdigit():
+            return None
+        return int(parts[0]) * (1.609344 if parts[-1] == "mph" else 1.0)
+
+
+@dataclass(frozen=True)
+class OsmRelation:
+    """A relation: (type, id, role) of every member, and its tags."""
+
+    relation_id: int
+    members: tuple[tuple[str, int, str], ...]
+    tags: dict[str, str]
+
+
+@dataclass(frozen=True)
+class OsmMap:
+    """An extract: all nodes by id, ways in the file's order, relations, and the bounds that its header declares."""
+
+    nodes: dict[int, OsmNode]
+    ways: tuple[OsmWay, ...]
+    relations: tuple[OsmRelation, ...]
+    declared_bounds: tuple[float, float, float, float] | None
+
+    def roads(self, classes: frozenset[str] = THROUGH_ROADS) -> list[OsmWay]:
+        """Ways of the given ``highway`` values."""
+        return [way for way in self.ways if way.road_class in classes]
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(south, west, north, east) in degrees: as declared, otherwise around the nodes of all roads."""
+        if self.declared_bounds is not None:
+            return self.declared_bounds
+        used = [self.nodes[key] for way in self.roads(frozenset((*ROADS, *LINKS))) for key in way.node_ids]
+        found = used or list(self.nodes.values())
+        latitudes, longitudes = [node.latitude for node in found], [node.longitude for node in found]
+        return min(latitudes), min(longitudes), max(latitudes), max(longitudes)
+
+
+def read_osm(path: Path) -> OsmMap:
+    """Scan and read an extract; references to nodes that it does not hold are left out.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken, not OpenStreetMap XML, or holds no road.
+    """
+    root_name = scan_xml(path, LIMITS)
+    if root_name != "osm":
+        raise UnsafeInput(f"{path.name} is no OpenStreetMap extract: its root element is <{root_name}>, not <osm>")
+    try:
+        root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
+        nodes = {node.node_id: node for node in (_node(element) for element in root.iterfind("node"))}
+        ways = tuple(_way(element, nodes) for element in root.iterfind("way"))
+        relations = tuple(_relation(element) for element in root.iterfind("relation"))
+        found = OsmMap(nodes, tuple(way for way in ways if len(way.node_ids) > 1), relations, _bounds(root))
+    except (etree.LxmlError, ValueError, KeyError) as error:
+        raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
+    if not found.roads(frozenset((*ROADS, *LINKS))):
+        raise UnsafeInput(f"{path.name} holds no road", next_step="use an extract with highway=* ways")
+    return found
+
+
+def distance_m(first: OsmNode, second: OsmNode) -> float:
+    """Distance of two points on the ground, good for the size of an extract (equirectangular)."""
+    return ground_distance_m((first.latitude, first.longitude), (second.latitude, second.longitude))
+
+
+def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -> float:
+    """Distance in m of two (latitude, longitude) pairs in degrees (equirectangular)."""
+    middle = math.radians((first[0] + second[0]) / 2)
+    north = math.radians(second[0] - first[0])
+    east = math.radians(second[1] - first[1]) * math.cos(middle)
+    return EARTH_RADIUS_M * math.hypot(north, east)
+
+
+def _tags(element: Any) -> dict[str, str]:
+    return {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")}
+
+
+def _node(element: Any) -> OsmNode:
+    latitude, longitude = float(element.attrib["lat"]), float(element.attrib["lon"])
+    if not (-90 <= latitude <= 90 and -180 <= longitude <= 180):
+        raise ValueError(f"node {element.get('id')} lies at {latitude}, {longitude}")
+    return OsmNode(int(element.attrib["id"]), latitude, longitude, _tags(element))
+
+
+def _way(element: Any, nodes: dict[int, OsmNode]) -> OsmWay:
+    references = (int(member.attrib["ref"]) for member in element.iterfind("nd"))
+    return OsmWay(int(element.attrib["id"]), tuple(key for key in references if key in nodes), _tags(element))
+
+
+def _relation(element: Any) -> OsmRelation:
+    members = tuple((m.get("type", ""), int(m.get("ref", "0")), m.get("role", "")) for m in element.iterfind("member"))
+    return OsmRelation(int(element.attrib["id"]), members, _tags(element))
+
+
+def _bounds(root: Any) -> tuple[float, float, float, float] | None:
+    element = root.find("bounds")
+    if element is None:
+        return None
+    south, west, north, east = (float(element.attrib[key]) for key in ("minlat", "minlon", "maxlat", "maxlon"))
+    return south, west, north, east

@@ -1,0 +1,224 @@
+"""Finding sites in a map: where in it there is a roundabout, a signalised crossing, a ramp, a motorway …"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+from plannerforge.engine.maps.osm_reader import OsmMap, OsmNode, OsmWay, distance_m
+from plannerforge.schemas.generation import SiteType
+
+SIGNAL_REACH_M = 45.0
+MERGE_M = 60.0
+RURAL_CLEAR_M = 80.0
+RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
+BUILT_UP_ROADS = frozenset({"residential", "living_street"})
+BUILT_UP_LANDUSE = frozenset({"residential", "commercial", "retail", "industrial"})
+
+
+@dataclass(frozen=True)
+class Site:
+    """A place in a map: its type, its middle in degrees, the streets there, and the node or way that marks it."""
+
+    kind: SiteType
+    latitude: float
+    longitude: float
+    streets: tuple[str, ...]
+    mark: int
+
+
+class SiteFinder:
+    """Finds the sites of one map; every kind is looked for once, sites come in the order of the map."""
+
+    def __init__(self, osm: OsmMap) -> None:
+        self.osm = osm
+        self._kinds: dict[SiteType, Callable[[], list[Site]]] = {
+            "roundabout": self._roundabouts,
+            "signalised_intersection": self._signalised,
+            "ramp": self._ramps,
+            "highway": self._motorways,
+            "intersection": self._crossings,
+            "rural": self._rural,
+            "urban": self._urban,
+        }
+
+    def find(self, kind: SiteType) -> list[Site]:
+        """All sites of a kind, near ones merged."""
+        return merged(self._kinds[kind]())
+
+    def kinds(self) -> dict[SiteType, int]:
+        """How many sites of each kind the map holds; kinds that it lacks are left out."""
+        counts = {kind: len(self.find(kind)) for kind in self._kinds}
+        return {kind: count for kind, count in counts.items() if count}
+
+    @cached_property
+    def roads(self) -> list[OsmWay]:
+        """Roads that lead somewhere (no service roads and tracks)."""
+        return [way for way in self.osm.roads() if way.tags.get("area") != "yes"]
+
+    @cached_property
+    def ways_at(self) -> dict[int, list[OsmWay]]:
+        """Roads by node."""
+        found: dict[int, list[OsmWay]] = {}
+        for way in self.roads:
+            for key in dict.fromkeys(way.node_ids):
+                found.setdefault(key, []).append(way)
+        return found
+
+    @cached_property
+    def junctions(self) -> list[int]:
+        """Nodes at which at least three arms of roads meet."""
+        arms: dict[int, int] = {}
+        for way in self.roads:
+            for index, key in enumerate(way.node_ids):
+                arms[key] = arms.get(key, 0) + (index > 0) + (index < len(way.node_ids) - 1)
+        return [key for key, count in arms.items() if count >= 3]
+
+    def _site(self, kind: SiteType, node: OsmNode, ways: list[OsmWay], mark: int) -> Site:
+        streets = {name for way in ways for name in (way.tags.get("name"), way.tags.get("ref")) if name}
+        return Site(kind, node.latitude, node.longitude, tuple(sorted(streets)), mark)
+
+    def _roundabouts(self) -> list[Site]:
+        found = []
+        for way in self.roads:
+            if way.tags.get("junction") in ("roundabout", "circular"):
+                nodes = [self.osm.nodes[key] for key in way.node_ids]
+                middle = _middle(nodes)
+                arms = [other for key in way.node_ids for other in self.ways_at[key]]
+                found.append(self._site("roundabout", middle, arms, way.way_id))
+        return found
+
+    def _signalised(self) -> list[Site]:
+        """Junctions with a traffic signal at them or within reach; a signal alone may be a pedestrian crossing."""
+        signals = [
+            n for k, n in self.osm.nodes.items() if n.tags.get("highway") == "traffic_signals" and k in self.ways_at
+        ]
+        found = []
+        for key in self.junctions:
+            node = self.osm.nodes[key]
+            lit = any(distance_m(node, signal) < SIGNAL_REACH_M for signal in signals)
+            if lit and self._crosses(key) and not self._only_motorway(key):
+                found.append(self._site("signalised_intersection", node, self.ways_at[key], key))
+        return found
+
+    def _crosses(self, key: int) -> bool:
+        """Whether two different streets meet here (not one road that parts in two)."""
+        names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at[key]}
+        return len(names) > 1 or len(self.ways_at[key]) > 3
+
+    def _only_motorway(self, key: int) -> bool:
+        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at[key])
+
+    def _crossings(self) -> list[Site]:
+        return [
+            self._site("intersection", self.osm.nodes[key], self.ways_at[key], key)
+            for key in self.junctions
+            if self._crosses(key) and not self._only_motorway(key)
+        ]
+
+    def _ramps(self) -> list[Site]:
+        """Where a link road leaves or joins the road that it belongs to; motorways' ramps first."""
+        for family in ("motorway", "trunk", "primary", "secondary", "tertiary"):
+            found = []
+            for key in self.junctions:
+                ways = self.ways_at[key]
+                classes = {way.road_class for way in ways}
+                if family in classes and f"{family}_link" in classes:
+                    found.append(self._site("ramp", self.osm.nodes[key], ways, key))
+            if found:
+                return found
+        return []
+
+    def _motorways(self) -> list[Site]:
+        for family in ("motorway", "trunk"):
+            ways = [way for way in self.roads if way.road_class == family and self._length_m(way) > 40]
+            ways = [way for way in ways if family == "motorway" or _is_expressway(way)]
+            if ways:
+                return [self._site("highway", self._halfway(way), [way], way.way_id) for way in ways]
+        return []
+
+    def _rural(self) -> list[Site]:
+        """Stretches of main roads away from houses and residential streets, or signed with 70 km/h and more."""
+        found = []
+        for way in self.roads:
+            if way.road_class not in RURAL_CLASSES or way.tags.get("junction"):
+                continue
+            fast = (way.maxspeed_kmh or 0) >= 70 and way.road_class != "trunk"
+            middle = self._halfway(way)
+            if self._length_m(way) > 60 and (fast or self._far_from_houses(middle)):
+                found.append(self._site("rural", middle, [way], way.way_id))
+        return found
+
+    def _urban(self) -> list[Site]:
+        """Junctions of streets with houses or residential streets around."""
+        return [
+            Site("urban", site.latitude, site.longitude, site.streets, site.mark)
+            for site in self._crossings()
+            if not self._far_from_houses(self.osm.nodes[site.mark])
+        ]
+
+    def _far_from_houses(self, node: OsmNode) -> bool:
+        reach = RURAL_CLEAR_M / 111_000
+        for point in self._built_up:
+            near = abs(point.latitude - node.latitude) < reach
+            if near and distance_m(point, node) < RURAL_CLEAR_M:
+                return False
+        return True
+
+    @cached_property
+    def _built_up(self) -> list[OsmNode]:
+        found = [node for node in self.osm.nodes.values() if "addr:housenumber" in node.tags or "shop" in node.tags]
+        for way in self.osm.ways:
+            house = way.road_class in BUILT_UP_ROADS or "building" in way.tags
+            if house or way.tags.get("landuse") in BUILT_UP_LANDUSE:
+                found.extend(self.osm.nodes[key] for key in way.node_ids)
+        return found
+
+    def _length_m(self, way: OsmWay) -> float:
+        nodes = [self.osm.nodes[key] for key in way.node_ids]
+        return sum(distance_m(one, other) for one, other in pairwise(nodes))
+
+    def _halfway(self, way: OsmWay) -> OsmNode:
+        """The point in the middle of a way, between its nodes where need be."""
+        nodes = [self.osm.nodes[key] for key in way.node_ids]
+        left = self._length_m(way) / 2
+        for one, other in pairwise(nodes):
+            step = distance_m(one, other)
+            if step >= left:
+                share = left / max(step, 1e-9)
+                latitude = one.latitude + share * (other.latitude - one.latitude)
+                return OsmNode(0, latitude, one.longitude + share * (other.longitude - one.longitude), {})
+            left -= step
+        return nodes[-1]
+
+
+def _is_expressway(way: OsmWay) -> bool:
+    """A trunk road that drives like a motorway: one-way carriageway, or signed as one."""
+    fast = (way.maxspeed_kmh or 0) >= 80 and way.tags.get("oneway") == "yes"
+    return fast or way.tags.get("motorroad") == "yes"
+
+
+def _middle(nodes: list[OsmNode]) -> OsmNode:
+    latitude = math.fsum(node.latitude for node in nodes) / len(nodes)
+    return OsmNode(0, latitude, math.fsum(node.longitude for node in nodes) / len(nodes), {})
+
+
+def merged(sites: list[Site], within_m: float = MERGE_M) -> list[Site]:
+    """Sites of one kind that lie close together as one, with the streets of all."""
+    groups: list[list[Site]] = []
+    for site in sites:
+        here = OsmNode(0, site.latitude, site.longitude, {})
+        for group in groups:
+            if distance_m(here, OsmNode(0, group[0].latitude, group[0].longitude, {})) < within_m:
+                group.append(site)
+                break
+        else:
+            groups.append([site])
+    found = []
+    for group in groups:
+        latitude = math.fsum(site.latitude for site in group) / len(group)
+        longitude = math.fsum(site.longitude for site in group) / len(group)
+        streets = tuple(sorted({street for site in group for street in site.streets}))
+        found.append(Site(group[0].kind, latitude, longitude, streets, group[0].mark))
+    return found

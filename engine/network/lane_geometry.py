@@ -1,0 +1,194 @@
+"""Left and right bounds for all lanes of a SUMO net: shared between neighbours, continuous from lane to lane."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, Values, arc_length, interpolate, resample
+from plannerforge.engine.network.lane_graph import LaneGraph
+from plannerforge.engine.network.net_parser import NetLane, SumoNet
+from plannerforge.engine.network.ribbons import offset, repaired, stations_along, unfolded
+
+LARGEST_GAP_M = 3.0
+
+
+@dataclass
+class Ribbon:
+    """A lane while its bounds are being drawn; ``on_left`` and ``on_right`` name neighbours that share a bound."""
+
+    lane: NetLane
+    center: Points
+    left: Points
+    right: Points
+    on_left: "Ribbon | None" = None
+    on_right: "Ribbon | None" = None
+    oncoming: "Ribbon | None" = None
+
+    def part(self) -> None:
+        """Forget the neighbours: they no longer share a bound."""
+        if self.on_left is not None:
+            self.on_left.on_right = None
+        if self.on_right is not None:
+            self.on_right.on_left = None
+        self.on_left = self.on_right = None
+
+    def move_end(self, index: int, left: Points, right: Points) -> None:
+        """Set the first (0) or last (−1) vertices of both bounds, for sharing neighbours too."""
+        self.left[index], self.right[index] = left, right
+        if self.on_left is not None:
+            self.on_left.right[index] = left
+        if self.on_right is not None:
+            self.on_right.left[index] = right
+
+
+def draw_ribbons(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, Ribbon], tuple[str, ...]]:
+    """The ribbons of all lanes of the graph, and the internal lanes for which none can be drawn (hairpins)."""
+    ribbons: dict[str, Ribbon] = {}
+    for edge in net.edges.values():
+        lanes = sorted((graph.lanes[key] for key in edge.lane_ids if key in graph.lanes), key=lambda lane: lane.index)
+        for group in _parallel_groups(lanes):
+            ribbons.update(_draw_group(group[::-1] if net.lefthand else group))
+    inside = [ribbon for ribbon in ribbons.values() if ribbon.lane.internal]
+    for ribbon in inside:
+        _stitch(ribbon, ribbons, graph)
+    for ribbon in inside:
+        following = ribbons[graph.successors[ribbon.lane.lane_id][0]]
+        if following.lane.internal:
+            _meet(ribbon, following)
+    for ribbon in inside:
+        _share_again(ribbon)
+    for key, ribbon in ribbons.items():
+        _close_joint(key, ribbon, ribbons, graph)
+    dropped = tuple(key for key, ribbon in ribbons.items() if not _repair(ribbon) and ribbon.lane.internal)
+    for key in dropped:
+        ribbons.pop(key).part()
+    _find_oncoming(net, ribbons)
+    return ribbons, dropped
+
+
+def _parallel_groups(lanes: list[NetLane]) -> list[list[NetLane]]:
+    groups: list[list[NetLane]] = []
+    for lane in lanes:
+        if groups and lane.index == groups[-1][-1].index + 1 and _parallel(groups[-1][-1], lane):
+            groups[-1].append(lane)
+        else:
+            groups.append([lane])
+    return groups
+
+
+def _parallel(one: NetLane, other: NetLane) -> bool:
+    distance = np.linalg.norm(resample(one.shape, 9) - resample(other.shape, 9), axis=1)
+    width = (one.width_m + other.width_m) / 2
+    return bool(np.max(np.abs(distance - width)) < 0.35 * width + 0.1)
+
+
+def _draw_group(group: list[NetLane]) -> dict[str, Ribbon]:
+    """Ribbons of parallel lanes, given from right to left, with vertices at the same shares of their length."""
+    shares = _common_shares(group)
+    ribbons = []
+    for lane in group:
+        stations = arc_length(lane.shape)
+        center = interpolate(lane.shape, stations, shares * stations[-1])
+        half = lane.width_m / 2
+        ribbons.append(Ribbon(lane, center, offset(center, half), offset(center, -half)))
+    for right, left in pairwise(ribbons):
+        shared = unfolded(right.center, (right.left + left.right) / 2)
+        right.left, left.right = shared, shared.copy()
+        right.on_left, left.on_right = left, right
+    return {ribbon.lane.lane_id: ribbon for ribbon in ribbons}
+
+
+def _common_shares(group: list[NetLane]) -> Values:
+    stations = [stations_along(lane.shape) for lane in group]
+    longest = max(float(station[-1]) for station in stations)
+    kept = [0.0]
+    for share in np.unique(np.round(np.concatenate([station / station[-1] for station in stations]), 5))[1:]:
+        if (share - kept[-1]) * longest >= 0.25 or share == 1.0:
+            kept.append(float(share))
+    if len(kept) > 2 and (kept[-1] - kept[-2]) * longest < 0.25:
+        kept.pop(-2)
+    return np.array(kept) if len(kept) >= 3 else np.linspace(0, 1, 3)
+
+
+def _stitch(ribbon: Ribbon, ribbons: dict[str, Ribbon], graph: LaneGraph) -> None:
+    """Draw an internal lane's ends onto those of the lanes before and after, faded out along its length."""
+    before = ribbons[graph.predecessors[ribbon.lane.lane_id][0]]
+    after = ribbons[graph.successors[ribbon.lane.lane_id][0]]
+    at_start, at_end = not before.lane.internal, not after.lane.internal
+    stations = arc_length(ribbon.center)
+    share = stations / stations[-1]
+    if at_start:
+        fade = (np.clip(1 - 2 * share, 0, 1) if at_end else 1 - share)[:, None]
+        ribbon.left = ribbon.left + (before.left[-1] - ribbon.left[0]) * fade
+        ribbon.right = ribbon.right + (before.right[-1] - ribbon.right[0]) * fade
+    if at_end:
+        fade = (np.clip(2 * share - 1, 0, 1) if at_start else share)[:, None]
+        ribbon.left = ribbon.left + (after.left[0] - ribbon.left[-1]) * fade
+        ribbon.right = ribbon.right + (after.right[0] - ribbon.right[-1]) * fade
+    ribbon.left, ribbon.right = unfolded(ribbon.center, ribbon.left), unfolded(ribbon.center, ribbon.right)
+    if at_start:
+        ribbon.left[0], ribbon.right[0] = before.left[-1], before.right[-1]
+    if at_end:
+        ribbon.left[-1], ribbon.right[-1] = after.left[0], after.right[0]
+
+
+def _meet(before: Ribbon, after: Ribbon) -> None:
+    """Two internal lanes in a row share the middle of their end points."""
+    left, right = (before.left[-1] + after.left[0]) / 2, (before.right[-1] + after.right[0]) / 2
+    before.left[-1], before.right[-1] = left, right
+    after.left[0], after.right[0] = left, right
+
+
+def _share_again(ribbon: Ribbon) -> None:
+    """After stitching: internal neighbours share the middle of their bounds, or are neighbours no more."""
+    other = ribbon.on_left
+    if other is None:
+        return
+    near = len(other.right) == len(ribbon.left) and float(np.abs(ribbon.left - other.right).max()) < 0.5
+    if near:
+        shared = (ribbon.left + other.right) / 2
+        ribbon.left, other.right = shared, shared.copy()
+    else:
+        ribbon.on_left = other.on_right = None
+
+
+def _close_joint(key: str, ribbon: Ribbon, ribbons: dict[str, Ribbon], graph: LaneGraph) -> None:
+    """Two normal lanes that follow each other directly share their end points."""
+    if len(graph.successors[key]) != 1 or ribbon.lane.internal:
+        return
+    after = ribbons[graph.successors[key][0]]
+    alone = len(graph.predecessors[after.lane.lane_id]) == 1
+    if after.lane.internal or not alone or np.linalg.norm(ribbon.center[-1] - after.center[0]) >= LARGEST_GAP_M:
+        return
+    left, right = (ribbon.left[-1] + after.left[0]) / 2, (ribbon.right[-1] + after.right[0]) / 2
+    ribbon.move_end(-1, left, right)
+    after.move_end(0, left, right)
+
+
+def _repair(ribbon: Ribbon) -> bool:
+    bounds = repaired(ribbon.center, ribbon.left, ribbon.right)
+    if bounds is None:
+        return False
+    if bounds[0] is not ribbon.left:
+        ribbon.part()
+    ribbon.left, ribbon.right = bounds
+    return True
+
+
+def _find_oncoming(net: SumoNet, ribbons: dict[str, Ribbon]) -> None:
+    """Innermost lanes of two edges between the same junctions that share their inner bound."""
+    innermost: dict[tuple[str, str], list[Ribbon]] = {}
+    for edge in net.edges.values():
+        lanes = [ribbons[key] for key in edge.lane_ids if key in ribbons]
+        if not edge.internal and lanes:
+            ends = (edge.from_junction, edge.to_junction)
+            innermost.setdefault(ends, []).append(max(lanes, key=lambda ribbon: ribbon.lane.index))
+    for (start, end), found in innermost.items():
+        for ribbon in found:
+            for other in innermost.get((end, start), ()):
+                one = ribbon.right if net.lefthand else ribbon.left
+                two = other.right if net.lefthand else other.left
+                if float(np.linalg.norm(resample(one, 20) - resample(two[::-1], 20), axis=1).max()) < 0.5:
+                    ribbon.oncoming = other
+                    break

@@ -1,0 +1,188 @@
+"""SUMO's .net.xml as plain values: lanes, edges, connections, signal programs."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from plannerforge.engine.geometry.polyline import Points, without_repeats
+from plannerforge.engine.scenarios.reader import XmlLimits, scan_xml
+from plannerforge.schemas.errors import UnsafeInput
+
+_MOTOR = """
+passenger private taxi bus coach delivery truck trailer motorcycle moped evehicle emergency authority army vip hov
+custom1 custom2
+"""
+_OTHER = """
+bicycle pedestrian tram rail_urban rail rail_electric rail_fast ship container cable_car subway aircraft wheelchair
+scooter drone
+"""
+MOTOR_CLASSES = frozenset(_MOTOR.split())
+ALL_CLASSES = MOTOR_CLASSES | frozenset(_OTHER.split())
+ROAD_CLASSES = MOTOR_CLASSES | {"bicycle"}
+DEFAULT_LANE_WIDTH_M = 3.2
+
+
+@dataclass(frozen=True)
+class NetLane:
+    """A lane: centre line of shape (n, 2) in metres, speed limit, width and the SUMO classes that may use it."""
+
+    lane_id: str
+    edge_id: str
+    index: int
+    speed_mps: float
+    width_m: float
+    allowed: frozenset[str]
+    shape: Points
+    internal: bool
+
+
+@dataclass(frozen=True)
+class NetEdge:
+    """A road in one direction between two junctions, or the inside of a junction (``internal``)."""
+
+    edge_id: str
+    from_junction: str
+    to_junction: str
+    internal: bool
+    road_type: str
+    name: str
+    lane_ids: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A way from lane to lane over a junction; ``via`` is the internal lane that it drives."""
+
+    from_edge: str
+    to_edge: str
+    from_lane: str
+    to_lane: str
+    via: str | None
+    direction: str
+    signal: str | None
+    link: int
+
+
+@dataclass(frozen=True)
+class SignalProgram:
+    """A traffic light's cycle: offset in s and phases as (duration in s, state letter of every link)."""
+
+    signal_id: str
+    offset_s: float
+    phases: tuple[tuple[float, str], ...]
+
+
+@dataclass(frozen=True)
+class SumoNet:
+    """A SUMO net; all mappings in the order of the file.
+
+    ``offset_m``: what netconvert added to the projected coordinates (``projection``, a PROJ string).
+    """
+
+    lanes: dict[str, NetLane]
+    edges: dict[str, NetEdge]
+    connections: tuple[Connection, ...]
+    junction_types: dict[str, str]
+    signals: dict[str, SignalProgram]
+    roundabout_edges: tuple[tuple[str, ...], ...]
+    projection: str
+    offset_m: tuple[float, float]
+    lefthand: bool
+
+    def drivable_edges(self, sumo_class: str) -> frozenset[str]:
+        """Ids of the normal edges with at least one lane that the class may use."""
+        return frozenset(
+            lane.edge_id for lane in self.lanes.values() if not lane.internal and sumo_class in lane.allowed
+        )
+
+
+def read_net(path: Path) -> SumoNet:
+    """Read a SUMO net; pedestrian crossings and walking areas are left out.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken or not a SUMO net.
+    """
+    if scan_xml(path, XmlLimits(size_bytes=200_000_000)) != "net":
+        raise UnsafeInput(f"{path.name} is no SUMO net: its root element is not <net>")
+    root = etree.parse(path).getroot()
+    edges, lanes = _edges_and_lanes(root)
+    location = root.find("location")
+    projection = "" if location is None else location.get("projParameter", "")
+    offset = "0,0" if location is None else location.get("netOffset", "0,0")
+    offset_x, offset_y = (float(part) for part in offset.split(","))
+    return SumoNet(
+        lanes=lanes,
+        edges=edges,
+        connections=tuple(_connection(c) for c in root.iterfind("connection")),
+        junction_types={j.get("id", ""): j.get("type", "") for j in root.iterfind("junction")},
+        signals={t.get("id", ""): _signal(t) for t in root.iterfind("tlLogic")},
+        roundabout_edges=tuple(tuple(r.get("edges", "").split()) for r in root.iterfind("roundabout")),
+        projection="" if projection == "!" else projection,
+        offset_m=(offset_x, offset_y),
+        lefthand=root.get("lefthand", "") in ("true", "1"),
+    )
+
+
+def _edges_and_lanes(root: etree._Element) -> tuple[dict[str, NetEdge], dict[str, NetLane]]:
+    edges: dict[str, NetEdge] = {}
+    lanes: dict[str, NetLane] = {}
+    for element in root.iterfind("edge"):
+        function = element.get("function", "normal")
+        if function in ("crossing", "walkingarea", "connector"):
+            continue
+        edge_id, internal = element.get("id", ""), function == "internal"
+        found = [_lane(lane, edge_id, internal) for lane in element.iterfind("lane")]
+        lanes.update({lane.lane_id: lane for lane in found})
+        edges[edge_id] = NetEdge(
+            edge_id=edge_id,
+            from_junction=element.get("from", ""),
+            to_junction=element.get("to", ""),
+            internal=internal,
+            road_type=element.get("type", ""),
+            name=element.get("name", ""),
+            lane_ids=tuple(lane.lane_id for lane in found),
+        )
+    return edges, lanes
+
+
+def _lane(element: etree._Element, edge_id: str, internal: bool) -> NetLane:
+    points = [tuple(float(value) for value in point.split(",")[:2]) for point in element.get("shape", "").split()]
+    return NetLane(
+        lane_id=element.get("id", ""),
+        edge_id=edge_id,
+        index=int(element.get("index", "0")),
+        speed_mps=float(element.get("speed", "13.89")),
+        width_m=float(element.get("width", str(DEFAULT_LANE_WIDTH_M))),
+        allowed=_permissions(element.get("allow"), element.get("disallow")),
+        shape=without_repeats(np.array(points, dtype=float)),
+        internal=internal,
+    )
+
+
+def _permissions(allow: str | None, disallow: str | None) -> frozenset[str]:
+    if allow is not None:
+        return ALL_CLASSES if allow == "all" else frozenset(allow.split())
+    if disallow is not None:
+        return frozenset() if disallow == "all" else ALL_CLASSES - frozenset(disallow.split())
+    return ALL_CLASSES
+
+
+def _connection(element: etree._Element) -> Connection:
+    source, target = element.get("from", ""), element.get("to", "")
+    return Connection(
+        from_edge=source,
+        to_edge=target,
+        from_lane=f"{source}_{element.get('fromLane', '0')}",
+        to_lane=f"{target}_{element.get('toLane', '0')}",
+        via=element.get("via"),
+        direction=element.get("dir", "s"),
+        signal=element.get("tl"),
+        link=int(element.get("linkIndex", "-1")),
+    )
+
+
+def _signal(element: etree._Element) -> SignalProgram:
+    phases = tuple((float(p.get("duration", "0")), p.get("state", "")) for p in element.iterfind("phase"))
+    return SignalProgram(element.get("id", ""), float(element.get("offset", "0")), phases)

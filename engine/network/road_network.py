@@ -1,0 +1,114 @@
+"""A road network as CommonRoad sees it, as plain values: what the writer writes and the checks read."""
+
+from dataclasses import dataclass
+
+from plannerforge.engine.geometry.polyline import Points
+
+
+@dataclass(frozen=True)
+class RoadLanelet:
+    """A lanelet with the SUMO lane that it was made from; bounds (n, 2) in metres, ids are CommonRoad's.
+
+    ``types`` and ``users`` are CommonRoad's words (``urban``, ``car`` …); ``allowed`` are SUMO's classes.
+    """
+
+    lanelet_id: int
+    lane_id: str
+    edge_id: str
+    left: Points
+    right: Points
+    successors: tuple[int, ...]
+    predecessors: tuple[int, ...]
+    left_neighbour: int | None
+    left_same_direction: bool
+    right_neighbour: int | None
+    right_same_direction: bool
+    internal: bool
+    types: tuple[str, ...]
+    users: tuple[str, ...]
+    allowed: frozenset[str]
+    speed_mps: float
+    street: str
+
+    @property
+    def center(self) -> Points:
+        """Centre line of shape (n, 2): the middle of the bounds."""
+        middle: Points = (self.left + self.right) / 2
+        return middle
+
+    @property
+    def polygon(self) -> Points:
+        """Corners of the lanelet, counter-clockwise, shape (2n, 2)."""
+        import numpy as np
+
+        return np.concatenate([self.right, self.left[::-1]])
+
+    def neighbours(self) -> tuple[int, ...]:
+        """Lanelets beside this one that lead the same way."""
+        sides = ((self.left_neighbour, self.left_same_direction), (self.right_neighbour, self.right_same_direction))
+        return tuple(key for key, same in sides if key is not None and same)
+
+
+@dataclass(frozen=True)
+class SpeedSign:
+    """A speed limit in m/s that holds on the lanelets; stands at ``position`` (2,)."""
+
+    sign_id: int
+    speed_mps: float
+    position: Points
+    lanelet_ids: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TrafficLight:
+    """A light at the end of one lanelet: cycle as (steps, colour) and the steps already gone at time 0."""
+
+    light_id: int
+    lanelet_id: int
+    position: Points
+    cycle: tuple[tuple[int, str], ...]
+    offset_steps: int
+    direction: str
+
+
+@dataclass(frozen=True)
+class Incoming:
+    """One arm of an intersection: the lanelets that lead in, and those behind them by direction."""
+
+    incoming_id: int
+    lanelet_ids: tuple[int, ...]
+    right: tuple[int, ...]
+    straight: tuple[int, ...]
+    left: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Intersection:
+    """A junction with at least two ways in and a choice."""
+
+    intersection_id: int
+    incomings: tuple[Incoming, ...]
+
+
+@dataclass(frozen=True)
+class RoadNetwork:
+    """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: no valid ribbon could be drawn."""
+
+    lanelets: dict[int, RoadLanelet]
+    signs: tuple[SpeedSign, ...]
+    lights: tuple[TrafficLight, ...]
+    intersections: tuple[Intersection, ...]
+    dropped_lanes: tuple[str, ...]
+
+    @property
+    def next_id(self) -> int:
+        """The smallest id above all that the network uses."""
+        used = [*self.lanelets, *(s.sign_id for s in self.signs), *(t.light_id for t in self.lights)]
+        for crossing in self.intersections:
+            used.append(crossing.intersection_id)
+            used.extend(i.incoming_id for i in crossing.incomings)
+        return max(used, default=0) + 1
+
+    def by_lane(self) -> dict[str, RoadLanelet]:
+        """Lanelets by the SUMO lane that they were made from."""
+        return {lanelet.lane_id: lanelet for lanelet in self.lanelets.values()}

@@ -1,0 +1,55 @@
+"""Name and head of a generated scenario: benchmark id, place on the globe, tags."""
+
+import unicodedata
+
+from plannerforge.engine.maps.sites import Site
+from plannerforge.engine.network.net_parser import SumoNet
+from plannerforge.engine.scenarios.writer import ScenarioHead
+from plannerforge.schemas.generation import GenerationRequest, SiteType
+
+NO_COUNTRY = "ZAM"
+"""Zamunda: CommonRoad's country for places that are in none."""
+
+TAGS: dict[SiteType, tuple[str, ...]] = {
+    "highway": ("highway", "multi_lane"),
+    "ramp": ("highway", "slip_road", "merging_lanes"),
+    "rural": ("rural",),
+    "urban": ("urban",),
+    "intersection": ("urban", "intersection"),
+    "signalised_intersection": ("urban", "intersection"),
+    "roundabout": ("urban", "roundabout"),
+}
+SPEED_SIGNS = {"USA": "R2-1", "ESP": "r301"}
+"""The sign for a speed limit where it is not the German and Zamundan 274."""
+
+
+def benchmark_id(request: GenerationRequest) -> str:
+    """The CommonRoad benchmark id by the 2020a naming: COUNTRY_Place-number_index_T-1."""
+    country = request.country or NO_COUNTRY
+    return f"{country}_{plain_name(request.place)}-{request.benchmark_number}_{request.index + 1}_T-1"
+
+
+def plain_name(place: str) -> str:
+    """A place's name in ASCII letters and digits, every word with a capital; ``Site`` where nothing is left."""
+    spelled = place.translate(
+        str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
+    )
+    letters = unicodedata.normalize("NFKD", spelled).encode("ascii", "ignore").decode()
+    words = "".join(letter if letter.isalnum() else " " for letter in letters).split()
+    return "".join(word[0].upper() + word[1:] for word in words)[:40] or "Site"
+
+
+def head_of(request: GenerationRequest, site: Site, net: SumoNet, step_s: float) -> ScenarioHead:
+    """Everything that stands in the file before the lanelets."""
+    return ScenarioHead(
+        benchmark_id=benchmark_id(request),
+        affiliation=f"PlannerForge; map data: {request.attribution}",
+        source="PlannerForge MCP, SUMO 1.28.0",
+        latitude=site.latitude,
+        longitude=site.longitude,
+        projection=net.projection,
+        offset_m=net.offset_m,
+        tags=("simulated", *TAGS[site.kind]),
+        step_s=step_s,
+        speed_sign=SPEED_SIGNS.get(request.country or NO_COUNTRY, "274"),
+    )

@@ -1,0 +1,77 @@
+"""Choosing the site of a scenario: of the asked type, on the asked streets, within the asked box, by seed and index."""
+
+import random
+
+from plannerforge.engine.catalog.places import fold
+from plannerforge.engine.maps.osm_reader import OsmMap
+from plannerforge.engine.maps.sites import Site, SiteFinder
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.generation import GenerationRequest, SiteType
+
+RADIUS_M: dict[SiteType, float] = {
+    "highway": 450.0,
+    "ramp": 350.0,
+    "rural": 400.0,
+    "urban": 220.0,
+    "intersection": 200.0,
+    "signalised_intersection": 230.0,
+    "roundabout": 220.0,
+}
+"""How much is cut out around a site; vehicles on fast roads need longer approaches."""
+
+ANY_ORDER: tuple[SiteType, ...] = (
+    "roundabout",
+    "signalised_intersection",
+    "ramp",
+    "highway",
+    "intersection",
+    "rural",
+    "urban",
+)
+DENSITY_STRETCH = {"low": 1.0, "medium": 1.15, "high": 1.35}
+
+
+def choose_site(osm: OsmMap, request: GenerationRequest) -> Site:
+    """The site for this request: sites are shuffled by the seed and taken in turn by the index.
+
+    Raises:
+        NotPossible: the map, street or box holds no such site; the types that it does hold are named.
+    """
+    finder = SiteFinder(osm)
+    wanted = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
+    choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
+    kinds = [fitting for kind in wanted if (fitting := _fitting(finder.find(kind), request))]
+    if not kinds:
+        held = [kind for kind in ANY_ORDER if _fitting(finder.find(kind), request)]
+        where = f" on {' / '.join(request.streets)}" if request.streets else ""
+        where += " in the box" if request.bbox is not None else ""
+        raise NotPossible(
+            f"{request.place} ({request.map_id}) holds no {request.scenario_type} site{where}",
+            valid=held,
+            next_step="choose one of these scenario types, or another place" if held else "choose another place",
+        )
+    for sites in kinds:
+        choice.shuffle(sites)
+    choice.shuffle(kinds)
+    turn, kind = divmod(request.index, len(kinds))
+    return kinds[kind][turn % len(kinds[kind])]
+
+
+def radius_for(site: Site, request: GenerationRequest) -> float:
+    """Metres to cut out around a site: more for denser traffic and for longer recordings."""
+    stretch = DENSITY_STRETCH[request.density] * (1.0 + min(max(request.duration_s - 20.0, 0.0), 100.0) / 100.0)
+    return RADIUS_M[site.kind] * stretch
+
+
+def _fitting(sites: list[Site], request: GenerationRequest) -> list[Site]:
+    streets = {fold(street) for street in request.streets}
+    found = [site for site in sites if streets <= {fold(name) for name in _single_names(site.streets)}]
+    if request.bbox is None:
+        return found
+    south, west, north, east = request.bbox
+    return [site for site in found if south <= site.latitude <= north and west <= site.longitude <= east]
+
+
+def _single_names(streets: tuple[str, ...]) -> list[str]:
+    """Names as they are, and road numbers of a list (``A 4;E 40``) one by one."""
+    return [part.strip() for street in streets for part in street.split(";")]

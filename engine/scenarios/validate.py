@@ -1,0 +1,98 @@
+"""Checks on a written scenario, made on the file as others will read it."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import oriented_rectangle, rectangles_overlap
+from plannerforge.engine.network.lanelet_graph import LaneletGraph
+from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
+from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
+from plannerforge.engine.traffic.feasibility import check_kinematics
+from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.schemas.generation import Checks
+
+BENCHMARK_ID = re.compile(r"[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
+EGO_SIZE_M = (4.508, 1.61)
+
+
+def check_scenario(path: Path, *, ego_collision_free: bool) -> Checks:
+    """Read a written scenario back and check it.
+
+    Args:
+        path: the CommonRoad file.
+        ego_collision_free: whether the ego's recorded way (which the file does not hold) meets nobody.
+    """
+    loaded = read_scenario(path)
+    tracks = recorded_tracks(loaded.scenario)
+    infeasible = tuple(key for key, track in tracks.items() if not _feasible(track, loaded.step_s))
+    return Checks(
+        schema_valid=not schema_errors(path),
+        goal_reachable=_goal_reachable(loaded),
+        collisions_at_start=_collisions_at_start(loaded, tracks),
+        recorded_ego_collision_free=ego_collision_free,
+        centers_on_lanelets=_share_on_lanelets(loaded, tracks),
+        feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
+        infeasible_vehicles=infeasible,
+    )
+
+
+def schema_errors(path: Path) -> list[str]:
+    """What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file."""
+    import commonroad
+    from lxml import etree
+
+    folder = Path(str(commonroad.__file__)).parent / "scenario_definition" / "xml_definition_files"
+    schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
+    tree = etree.parse(path)
+    schema.validate(tree)
+    found = [str(error.message) for error in schema.error_log]
+    benchmark_id = tree.getroot().get("benchmarkID", "")
+    if BENCHMARK_ID.fullmatch(benchmark_id) is None:
+        found.append(f"{benchmark_id!r} is no benchmark id of 2020a")
+    return found
+
+
+def _feasible(track: Track, step_s: float) -> bool:
+    acceleration = np.gradient(track.speeds_mps, step_s)
+    return check_kinematics(
+        Motion(track.positions, track.headings_rad, track.speeds_mps, acceleration), step_s
+    ).feasible
+
+
+def _goal_reachable(loaded: LoadedScenario) -> bool:
+    network = loaded.scenario.lanelet_network
+    problem = loaded.problem()
+    starts = network.find_lanelet_by_position([np.asarray(problem.initial_state.position)])[0]
+    goals = [
+        key
+        for state in problem.goal.state_list
+        for key in network.find_lanelet_by_position([np.asarray(state.position.center)])[0]
+    ]
+    return bool(starts and goals) and LaneletGraph.of(network).shortest_route(starts, goals) is not None
+
+
+def _collisions_at_start(loaded: LoadedScenario, tracks: dict[int, Track]) -> int:
+    state = loaded.problem().initial_state
+    boxes = [oriented_rectangle(np.asarray(state.position), float(state.orientation), EGO_SIZE_M)]
+    for track in tracks.values():
+        if track.first_step == 0:
+            size = (track.length_m, track.width_m)
+            boxes.append(oriented_rectangle(track.positions[0], float(track.headings_rad[0]), size))
+    pairs = ((one, other) for index, one in enumerate(boxes) for other in boxes[:index])
+    return sum(rectangles_overlap(one, other) for one, other in pairs)
+
+
+def _share_on_lanelets(loaded: LoadedScenario, tracks: dict[int, Track]) -> float:
+    """Share of all recorded centres that lie on a lanelet."""
+    from shapely import contains_xy, prepare, union_all
+
+    if not tracks:
+        return 1.0
+    union = union_all(
+        [lanelet.polygon.shapely_object.buffer(0.02) for lanelet in loaded.scenario.lanelet_network.lanelets]
+    )
+    prepare(union)
+    points = np.concatenate([track.positions for track in tracks.values()])
+    return float(np.mean(contains_xy(union, points[:, 0], points[:, 1])))

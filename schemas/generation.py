@@ -1,0 +1,222 @@
+"""Generation of scenarios from maps: arguments and result of the tool, and what the engine is asked and answers."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from plannerforge.schemas.base import Arguments, Model, Result
+
+SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
+ScenarioType = Literal[
+    "any", "highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"
+]
+Density = Literal["low", "medium", "high"]
+
+
+class MapFacts(Model):
+    """What a map shows: read from the file, nothing guessed.
+
+    ``country`` is None where neither the file nor the caller names it; ``sites`` counts sites by scenario type.
+    """
+
+    map_id: str
+    file_name: str
+    place: str = Field(description="name for the map; the file's own where no place is known")
+    places: tuple[str, ...]
+    country: str | None
+    south: float
+    west: float
+    north: float
+    east: float
+    streets: tuple[str, ...]
+    refs: tuple[str, ...]
+    sites: dict[SiteType, int]
+    road_km: float
+    attribution: str
+
+
+class ReadMapRequest(Model):
+    """A map file to be read; place and country as the caller knows them (None: what the file says)."""
+
+    path: str
+    map_id: str | None = None
+    place: str | None = None
+    country: str | None = None
+    attribution: str | None = None
+
+
+class VehicleDemand(Model):
+    """How many vehicles of a class have to be there beside the ego; ``most`` None: no upper bound."""
+
+    vehicle_class: str
+    least: int = 1
+    most: int | None = None
+
+
+class GenerationRequest(Model):
+    """Everything that makes one scenario; the same request gives the same bytes.
+
+    ``streets``: names or road numbers one of which the site must carry, all of ``crossing`` that must meet there.
+    """
+
+    map_path: str
+    map_id: str
+    place: str
+    country: str | None
+    attribution: str
+    scenario_type: ScenarioType = "any"
+    streets: tuple[str, ...] = ()
+    bbox: tuple[float, float, float, float] | None = None
+    road_classes: tuple[str, ...]
+    density: Density = "low"
+    vehicles: tuple[VehicleDemand, ...] = ()
+    duration_s: float = 20.0
+    ego: str = "first"
+    goal: str = "steps:50"
+    seed: int = 0
+    index: int = 0
+    benchmark_number: int = 1
+    folder: str
+
+
+class SiteFacts(Model):
+    """Where a scenario was cut out: type, middle in degrees, streets, radius."""
+
+    scenario_type: SiteType
+    latitude: float
+    longitude: float
+    streets: tuple[str, ...]
+    radius_m: float
+
+
+class EgoFacts(Model):
+    """The ego's start and goal: step and distance on its own recorded way, speed, the goal's lanelet and window."""
+
+    vehicle: str
+    cars_to_choose_from: int
+    speed_mps: float
+    goal_step: int
+    goal_distance_m: float
+    goal_lanelet: int
+    goal_time_s: tuple[float, float]
+    goal_size_m: tuple[float, float]
+
+
+class Checks(Model):
+    """What was checked on the written file.
+
+    ``centers_on_lanelets`` and ``feasible_share`` are shares in [0, 1] over all recorded positions and all tracks.
+    """
+
+    schema_valid: bool
+    goal_reachable: bool
+    collisions_at_start: int
+    recorded_ego_collision_free: bool
+    centers_on_lanelets: float
+    feasible_share: float
+    infeasible_vehicles: tuple[int, ...]
+
+
+class GeneratedScenario(Model):
+    """One scenario: files, and what was asked beside what came out."""
+
+    benchmark_id: str
+    scenario_path: str
+    net_path: str
+    site: SiteFacts
+    vehicles_asked: int
+    vehicles_realised: int
+    classes_asked: dict[str, int]
+    classes_realised: dict[str, int]
+    duration_s: float
+    recorded_s: float
+    lanelets: int
+    traffic_lights: int
+    ego: EgoFacts
+    checks: Checks
+    notes: tuple[str, ...]
+    netconvert_warnings: tuple[str, ...]
+    attribution: str
+
+
+class GenerateScenariosArguments(Arguments):
+    """Make scenarios from a map; asked and realised are stated. Unknown places are refused with the known ones."""
+
+    place: str | None = Field(
+        None, description="city, street, 'street A / street B', road number or map id; none: any map"
+    )
+    country: str | None = Field(None, description="ISO alpha-3")
+    bbox: list[float] | None = Field(None, description="[south, west, north, east] degrees")
+    scenario_type: ScenarioType = "any"
+    road_classes: list[str] | None = Field(
+        None, description="left out: roads, plus link for ramps. Else roads, link, all or OSM highway values"
+    )
+    density: Density = "low"
+    vehicles: list[str] = Field(
+        [],
+        description=(
+            "beside cars; 'truck' or 'truck=2' at least, 'car=4..4' exactly. Classes: car truck bus motorcycle "
+            "bicycle trailer delivery coach taxi emergency moped (scooters)"
+        ),
+    )
+    duration_s: float = Field(20, ge=5, le=120)
+    ego: str = Field(
+        "first",
+        description=(
+            "first, index:N (cars, from 0) or type:CLASS; never refuse another class: the ego stays a car, "
+            "that class joins the traffic, the answer says so"
+        ),
+    )
+    goal: str = Field("steps:50", description="steps:N or distance_m:X ahead on the ego's track")
+    count: int = Field(1, ge=1, le=50)
+    seed: int = 0
+
+
+class ScenarioSummary(Model):
+    """One generated scenario in the answer; asked beside realised."""
+
+    scenario_id: str
+    reused: bool
+    site: str
+    latitude: float
+    longitude: float
+    vehicles_asked: int
+    vehicles_realised: int
+    classes_asked: dict[str, int]
+    classes_realised: dict[str, int]
+    recorded_s: float
+    ego: str
+    goal: str
+    feasible_share: float
+    checks_passed: list[str]
+    checks_failed: list[str]
+    notes: list[str]
+
+    def lines(self) -> list[str]:
+        """The scenario in a few lines of plain text."""
+        realised = ", ".join(f"{count} {name}" for name, count in self.classes_realised.items())
+        asked = ", ".join(f"{name} at least {count}" for name, count in self.classes_asked.items())
+        wished = f"; asked: {asked}" if asked else ""
+        reused = " (reused)" if self.reused else ""
+        failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
+        first = f"{self.scenario_id}{reused}: {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
+        traffic = f"  vehicles {self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished})"
+        ego = f"  {self.recorded_s:g} s recorded; {self.ego}; goal {self.goal}"
+        checks = f"  checks passed: {', '.join(self.checks_passed) or 'none'}{failed}"
+        drivable = f"{self.feasible_share:.0%} of tracks drivable"
+        return [first, traffic, ego, f"{checks}; {drivable}", *(f"  note: {note}" for note in self.notes)]
+
+
+class GenerateScenariosResult(Result):
+    """The scenarios that were made."""
+
+    map_id: str
+    place: str
+    scenarios: list[ScenarioSummary]
+    attribution: str
+
+    def to_text(self) -> str:
+        """A few lines a scenario, asked beside realised."""
+        head = f"{len(self.scenarios)} scenario(s) from {self.map_id} ({self.place}):"
+        body = [line for made in self.scenarios for line in made.lines()]
+        return "\n".join([head, *body, f"Map data: {self.attribution}"])
