@@ -1,0 +1,1 @@
+"""The planner interface, Frenetix, and the loop that runs planners on scenarios."""

@@ -1,0 +1,1 @@
+"""Cost-weight configurations: weights, presets, assignments."""

@@ -1,0 +1,146 @@
+"""The cost and feasibility functions of the C++ core, set up anew for every planning step."""
+
+from dataclasses import dataclass
+
+import frenetix
+import frenetix.trajectory_functions as functions
+import frenetix.trajectory_functions.cost_functions as costs
+import frenetix.trajectory_functions.feasability_functions as feasibility
+import numpy as np
+
+from plannerforge.engine.planners.frenet_frame import FrenetFrame
+from plannerforge.engine.planners.interface import EgoState, PredictedObstacle
+from plannerforge.engine.planners.vehicle import VehicleParameters
+
+CONSTRAINTS = {
+    "Yaw rate Constraint": "yaw_rate",
+    "Acceleration Constraint": "acceleration",
+    "Curvature Constraint": "curvature",
+    "Curvature Rate Constraint": "curvature_rate",
+}
+"""Names of the core's feasibility checks and ours."""
+
+
+@dataclass(frozen=True)
+class StepInputs:
+    """What the functions of one planning step depend on."""
+
+    ego: EgoState
+    obstacles: tuple[PredictedObstacle, ...]
+    desired_speed_mps: float
+    low_speed: bool
+    horizon_s: float
+    step_s: float
+    shortest_s: float
+    reach_m: float
+
+
+def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParameters) -> None:
+    """The four constraints that the core really checks; they stay the same during a run."""
+    steering, wheelbase = vehicle.maximum_steering_rad, vehicle.wheelbase_m
+    handler.add_feasability_function(feasibility.CheckYawRateConstraint(steering, wheelbase, False))
+    handler.add_feasability_function(
+        feasibility.CheckAccelerationConstraint(vehicle.switching_speed_mps, vehicle.maximum_acceleration_mps2, False)
+    )
+    handler.add_feasability_function(feasibility.CheckCurvatureConstraint(steering, wheelbase, False))
+    handler.add_feasability_function(
+        feasibility.CheckCurvatureRateConstraint(wheelbase, vehicle.maximum_steering_rate_radps, False)
+    )
+
+
+def add_step_functions(
+    handler: "frenetix.TrajectoryHandler",
+    weights: dict[str, float],
+    frame: FrenetFrame,
+    inputs: StepInputs,
+    vehicle: VehicleParameters,
+) -> None:
+    """Coordinates and cost terms of this step; those of the step before are removed first.
+
+    The handler keeps functions until one of the same name replaces them, so a term that is left out this time (no
+    obstacle in sight) would otherwise go on with old positions.
+    """
+    handler.clear_cost_functions()
+    orientation = frame.heading_inwards(inputs.ego.heading_rad)
+    handler.add_function(functions.FillCoordinates(inputs.low_speed, orientation, frame.system, inputs.horizon_s))
+    for name, make in _CONSTANT.items():
+        if weights[name] > 0:
+            handler.add_cost_function(make(name, weights[name]))
+    if weights["velocity_offset"] > 0:
+        handler.add_cost_function(
+            costs.CalculateVelocityOffsetCost(
+                "velocity_offset",
+                weights["velocity_offset"],
+                inputs.desired_speed_mps,
+                inputs.step_s,
+                inputs.shortest_s,
+                False,  # limit_to_t_min is broken in the core
+                2,
+            )
+        )
+    _add_obstacle_functions(handler, weights, frame, inputs, vehicle)
+
+
+_CONSTANT = {
+    "acceleration": costs.CalculateAccelerationCost,
+    "jerk": costs.CalculateJerkCost,
+    "lateral_jerk": costs.CalculateLateralJerkCost,
+    "longitudinal_jerk": costs.CalculateLongitudinalJerkCost,
+    "orientation_offset": costs.CalculateOrientationOffsetCost,
+    "distance_to_reference_path": costs.CalculateDistanceToReferencePathCost,
+}
+
+
+def _add_obstacle_functions(
+    handler: "frenetix.TrajectoryHandler",
+    weights: dict[str, float],
+    frame: FrenetFrame,
+    inputs: StepInputs,
+    vehicle: VehicleParameters,
+) -> None:
+    # the core raises TypeError for an empty (0, 2) array of obstacles
+    if weights["distance_to_obstacles"] > 0 and inputs.obstacles:
+        present = frame.inwards(np.array([obstacle.positions[0] for obstacle in inputs.obstacles]))
+        handler.add_cost_function(
+            costs.CalculateDistanceToObstacleCost(
+                "distance_to_obstacles", weights["distance_to_obstacles"], np.ascontiguousarray(present)
+            )
+        )
+    if weights["prediction"] > 0:
+        reachable = [obstacle for obstacle in inputs.obstacles if _within_reach(obstacle, inputs)]
+        predictions = {obstacle.obstacle_id: _core_prediction(obstacle, frame) for obstacle in reachable}
+        handler.add_cost_function(
+            costs.CalculateCollisionProbabilityFast(
+                "prediction",
+                weights["prediction"],
+                predictions,
+                vehicle.length_m,
+                vehicle.width_m,
+                vehicle.rear_axle_behind_center_m,
+            )
+        )
+
+
+def _within_reach(obstacle: PredictedObstacle, inputs: StepInputs) -> bool:
+    """Whether the ego can come near within the horizon (the core counts nothing farther than about 7 m)."""
+    gap = np.linalg.norm(obstacle.positions - inputs.ego.position, axis=1).min()
+    return bool(gap < inputs.reach_m + obstacle.length_m + 10.0)
+
+
+def _core_prediction(obstacle: PredictedObstacle, frame: FrenetFrame) -> "frenetix.PredictedObject":
+    """The core compares its state i with entry i − 1, so its list begins one step ahead."""
+    turn = np.array(
+        [[np.cos(frame.angle_rad), np.sin(frame.angle_rad)], [-np.sin(frame.angle_rad), np.cos(frame.angle_rad)]]
+    )
+    covariance = np.zeros((6, 6), order="F")
+    covariance[:2, :2] = turn @ obstacle.covariance @ turn.T
+    covariance[0, 1] = covariance[1, 0] = (covariance[0, 1] + covariance[1, 0]) / 2
+    positions = frame.inwards(obstacle.positions[1:])
+    half = (obstacle.headings_rad[1:] - frame.angle_rad) / 2
+    poses = [
+        frenetix.PoseWithCovariance(
+            np.array([x, y, 0.0]), np.array([0.0, 0.0, np.sin(angle), np.cos(angle)]), covariance
+        )
+        for (x, y), angle in zip(positions.tolist(), half.tolist(), strict=True)
+    ]
+    return frenetix.PredictedObject(obstacle.obstacle_id, poses, obstacle.length_m, obstacle.width_m)

@@ -1,0 +1,70 @@
+"""The end states that Frenetix samples: duration × final speed × final lateral offset."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, Values
+from plannerforge.engine.planners.vehicle import VehicleParameters
+
+SPEED_LIMIT_MPS = 36.0
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """The reference's sampling at level 2: nine values per axis; durations from 1.1 s in steps of 0.3 s."""
+
+    horizon_s: float = 3.0
+    shortest_s: float = 1.1
+    duration_step_s: float = 0.3
+    lateral_m: float = 3.0
+    values: int = 9
+
+
+@dataclass(frozen=True)
+class CurvilinearState:
+    """Arc length and lateral offset with two derivatives each.
+
+    At low speed (``low_speed``) the lateral derivatives are by arc length, else by time.
+    """
+
+    longitudinal: Values
+    lateral: Values
+    low_speed: bool
+
+    def as_mode(self, low_speed: bool) -> "CurvilinearState":
+        """The same state with the lateral derivatives of the other mode (chain rule)."""
+        if low_speed == self.low_speed:
+            return self
+        _, speed, acceleration = self.longitudinal
+        offset, first, second = self.lateral
+        if not low_speed:
+            lateral = [offset, first * speed, second * speed**2 + first * acceleration]
+        elif speed > 1e-3:
+            slope = first / speed
+            lateral = [offset, slope, (second - slope * acceleration) / speed**2]
+        else:
+            lateral = [offset, 0.0, 0.0]
+        return CurvilinearState(self.longitudinal, np.array(lateral), low_speed)
+
+
+def sampling_matrix(
+    state: CurvilinearState, speed_mps: float, settings: SamplingSettings, vehicle: VehicleParameters
+) -> Points:
+    """All combinations as the core's matrix, shape (n, 13).
+
+    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''. About 800 rows: the present speed and offset and the whole horizon are among the end states.
+    """
+    durations = np.arange(settings.shortest_s, settings.horizon_s + 1e-9, settings.duration_step_s)
+    durations = np.unique(np.round(np.append(durations, settings.horizon_s), 6))
+    low = max(0.001, speed_mps - vehicle.maximum_acceleration_mps2 * settings.horizon_s)
+    reach = speed_mps + vehicle.maximum_acceleration_mps2 / 6.0 * settings.horizon_s
+    high = max(min(reach, SPEED_LIMIT_MPS, vehicle.maximum_speed_mps), low)
+    speeds = np.unique(np.append(np.linspace(low, high, settings.values), state.longitudinal[1]))
+    offsets = np.linspace(-settings.lateral_m, settings.lateral_m, settings.values)
+    offsets = np.unique(np.append(offsets, state.lateral[0]))
+    t1, v1, d1 = (axis.ravel() for axis in np.meshgrid(durations, speeds, offsets, indexing="ij"))
+    matrix = np.zeros((len(t1), 13))
+    matrix[:, 1], matrix[:, 5], matrix[:, 10] = t1, v1, d1
+    matrix[:, 2:5], matrix[:, 7:10] = state.longitudinal, state.lateral
+    return matrix

@@ -1,0 +1,174 @@
+"""Frenetix: the sampling planner of TUM, its C++ core driven by our own loop.
+
+Candidates end at sampled durations, speeds and lateral offsets (quartic along, quintic across the reference path).
+They are tested in the order of their cost against the predicted obstacles and the edge of the road; the first that
+passes is driven. Where none passes: standing still under 0.1 m/s, else the feasible candidate that stops soonest.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from time import perf_counter
+
+import frenetix
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, project
+from plannerforge.engine.planners.cost_terms import CandidateBatch, own_terms
+from plannerforge.engine.planners.desired_speed import DesiredSpeed
+from plannerforge.engine.planners.frenet_costs import CONSTRAINTS, StepInputs, add_feasibility, add_step_functions
+from plannerforge.engine.planners.frenet_frame import FrameKeeper, FrenetFrame
+from plannerforge.engine.planners.frenet_memory import (
+    DrivenPlan,
+    copied_curvilinear,
+    copied_trajectory,
+    initial_state,
+    standstill,
+)
+from plannerforge.engine.planners.frenet_sampling import SamplingSettings, sampling_matrix
+from plannerforge.engine.planners.goal import Goal
+from plannerforge.engine.planners.interface import EgoState, Observation, Plan, PlanKind, PlanningTask
+from plannerforge.engine.planners.lane_center import LaneCenters
+from plannerforge.engine.planners.safety import SafetyCheck
+
+LOW_SPEED_MPS = 2.0
+STANDSTILL_MPS = 0.1
+
+
+@dataclass
+class _Step:
+    """One planning step in progress."""
+
+    observation: Observation
+    frame: FrenetFrame
+    low_speed: bool
+    rejected: Counter[str]
+    candidates: int = 0
+    core_s: float = 0.0
+
+    @property
+    def ego(self) -> EgoState:
+        return self.observation.ego
+
+
+class Frenetix:
+    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+
+    def __init__(self, settings: SamplingSettings | None = None) -> None:
+        self._settings = settings or SamplingSettings()
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare for a new run."""
+        self._task = task
+        self._weights = task.configuration.weights
+        self._own_terms = {name: term for name, term in own_terms().items() if self._weights[name] > 0}
+        self._lanes = LaneCenters(task.scenario.lanelet_network) if self._own_terms else None
+        self._frames = FrameKeeper(task.reference.points)
+        self._desired_speed = DesiredSpeed(Goal(task.problem.goal), task.reference, task.step_s)
+        self._handler = frenetix.TrajectoryHandler(task.step_s)
+        add_feasibility(self._handler, task.vehicle)
+        self._driven: DrivenPlan | None = None
+
+    def plan(self, observation: Observation) -> Plan:
+        """Sample, score, and take the first candidate that is safe."""
+        ego, task = observation.ego, self._task
+        station_m = project(task.reference.points, ego.position)[0]
+        frame = self._frames.frame_for(station_m, self._reach_m(ego))
+        step = _Step(observation, frame, ego.speed_mps < LOW_SPEED_MPS, Counter())
+        state = self._driven.state_for(ego, step.low_speed) if self._driven else None
+        state = state or initial_state(frame, ego, task.vehicle, step.low_speed)
+        if state is None:
+            step.rejected["initial_state"] = 1
+            return Plan(None, rejected=dict(step.rejected))
+        matrix = sampling_matrix(state, ego.speed_mps, self._settings, task.vehicle)
+        feasible = self._scored(matrix, step)
+        safety = SafetyCheck(task, observation)
+        for sample in feasible:
+            objection = safety.objection(copied_trajectory(sample, frame, ego, task.vehicle))
+            if objection is None:
+                return self._drive(sample, "regular", step)
+            step.rejected[objection] += 1
+        return self._fallback(feasible, float(state.lateral[0]), step)
+
+    def _scored(self, matrix: Points, step: _Step) -> list["frenetix.TrajectorySample"]:
+        """The feasible candidates, cheapest first; the others are counted by the constraint that rejects them."""
+        inputs = StepInputs(
+            ego=step.ego,
+            obstacles=step.observation.obstacles,
+            desired_speed_mps=self._desired_speed.at(step.ego),
+            low_speed=step.low_speed,
+            horizon_s=self._settings.horizon_s,
+            step_s=self._task.step_s,
+            shortest_s=self._settings.shortest_s,
+            reach_m=self._reach_m(step.ego),
+        )
+        add_step_functions(self._handler, self._weights, step.frame, inputs, self._task.vehicle)
+        began = perf_counter()
+        self._handler.generate_trajectories(matrix, step.low_speed)
+        self._handler.evaluate_all_current_functions(False)
+        step.core_s = perf_counter() - began
+        step.candidates = len(matrix)
+        feasible = self._sorted_out(step)
+        self._add_own_terms(feasible, step)
+        return sorted(feasible, key=lambda sample: (sample.cost, sample.uniqueId))
+
+    def _sorted_out(self, step: _Step) -> list["frenetix.TrajectorySample"]:
+        feasible, valid = [], 0
+        for sample in self._handler.get_sorted_trajectories():
+            valid += 1
+            if sample.feasible:
+                feasible.append(sample)
+                continue
+            broken = [CONSTRAINTS[name] for name, count in sample.feasabilityMap.items() if count > 0]
+            step.rejected.update(broken or ["negative_speed"])
+        if valid < step.candidates:
+            step.rejected["off_reference_path"] += step.candidates - valid
+        return feasible
+
+    def _add_own_terms(self, feasible: list["frenetix.TrajectorySample"], step: _Step) -> None:
+        if not feasible or not self._own_terms or self._lanes is None:
+            return
+        vehicle, frame = self._task.vehicle, step.frame
+        inner = [(s.cartesian.x, s.cartesian.y, s.cartesian.theta, s.cartesian.v) for s in feasible]
+        x, y, theta, speed = (np.array([row[i] for row in inner], dtype=float) for i in range(4))
+        heading = theta + frame.angle_rad
+        center = frame.outwards(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(*x.shape, 2)
+        batch = CandidateBatch(
+            x_m=center[..., 0] + vehicle.rear_axle_behind_center_m * np.cos(heading),
+            y_m=center[..., 1] + vehicle.rear_axle_behind_center_m * np.sin(heading),
+            heading_rad=heading,
+            speed_mps=speed,
+            step_s=self._task.step_s,
+            target_speed_mps=self._desired_speed.average_to_goal(step.ego),
+            obstacles=step.observation.obstacles,
+            half_length_m=vehicle.length_m / 2,
+            lanes=self._lanes,
+        )
+        for name, term in self._own_terms.items():
+            weight = self._weights[name]
+            for sample, value in zip(feasible, term(batch).tolist(), strict=True):
+                sample.add_cost_value_to_list(name, value, weight * value)
+
+    def _fallback(self, feasible: list["frenetix.TrajectorySample"], offset_m: float, step: _Step) -> Plan:
+        if step.ego.speed_mps <= STANDSTILL_MPS:
+            self._driven = None
+            still = standstill(step.ego, round(self._settings.horizon_s / self._task.step_s))
+            return Plan(still, {}, dict(step.rejected), step.candidates, "standstill", step.core_s)
+        if not feasible:
+            return Plan(None, {}, dict(step.rejected), step.candidates, core_s=step.core_s)
+
+        def how_soon(sample: "frenetix.TrajectorySample") -> tuple[float, float, float, float]:
+            end = sample.sampling_parameters
+            return float(end[5]), float(end[1]), abs(float(end[10]) - offset_m), float(end[10])
+
+        return self._drive(min(feasible, key=how_soon), "stopping", step)
+
+    def _drive(self, sample: "frenetix.TrajectorySample", kind: PlanKind, step: _Step) -> Plan:
+        trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
+        self._driven = DrivenPlan(step.ego.step, trajectory, copied_curvilinear(sample), step.low_speed)
+        weighted = {name: float(pair[1]) for name, pair in sorted(sample.costMap.items())}
+        return Plan(trajectory, weighted, dict(step.rejected), step.candidates, kind, step.core_s)
+
+    def _reach_m(self, ego: EgoState) -> float:
+        """Distance that the fastest candidate covers within the horizon."""
+        gain = self._task.vehicle.maximum_acceleration_mps2 / 6.0 * self._settings.horizon_s
+        return (ego.speed_mps + gain) * self._settings.horizon_s

@@ -1,0 +1,125 @@
+"""What a planner is: it is reset for one planning problem, then asked for a plan again and again.
+
+Planners that satisfy :class:`Planner` run in our loop; :mod:`plannerforge.engine.planners.contract` checks one.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, Protocol
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, Values
+from plannerforge.engine.planners.vehicle import VehicleParameters
+from plannerforge.schemas.planning import PlannerConfiguration
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.scenario import Scenario
+
+    from plannerforge.engine.planners.reference_path import ReferencePath
+    from plannerforge.engine.planners.road import Road
+
+PlanKind = Literal["regular", "standstill", "stopping"]
+
+
+@dataclass(frozen=True)
+class EgoState:
+    """The ego at one time step: centre (2,) in m, heading in rad, and its derivatives."""
+
+    step: int
+    position: Points
+    heading_rad: float
+    speed_mps: float
+    acceleration_mps2: float = 0.0
+    yaw_rate_radps: float = 0.0
+
+
+@dataclass(frozen=True)
+class PredictedObstacle:
+    """Where another is now (index 0) and will be, one entry a step: centres (n, 2), headings (n,), covariance (2, 2).
+
+    ``length_m`` and ``width_m`` hold the safety margin of the prediction already.
+    """
+
+    obstacle_id: int
+    positions: Points
+    headings_rad: Values
+    covariance: Points
+    length_m: float
+    width_m: float
+    speed_mps: float = 0.0
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What the planner sees before it plans."""
+
+    ego: EgoState
+    obstacles: tuple[PredictedObstacle, ...]
+
+
+@dataclass(frozen=True)
+class PlanningTask:
+    """Everything that stays the same during a run."""
+
+    scenario: "Scenario"
+    problem: "PlanningProblem"
+    configuration: PlannerConfiguration
+    reference: "ReferencePath"
+    road: "Road"
+    vehicle: VehicleParameters
+    step_s: float
+
+
+@dataclass(frozen=True)
+class PlannedTrajectory:
+    """States of the centre, one a step beginning with the present: positions (n, 2), the others (n,)."""
+
+    positions: Points
+    headings_rad: Values
+    speeds_mps: Values
+    accelerations_mps2: Values
+
+    def state_at(self, index: int, step: int, step_s: float) -> EgoState:
+        """The state ``index`` steps ahead, as the ego state of time step ``step``."""
+        before = max(index - 1, 0)
+        turn = float(self.headings_rad[index] - self.headings_rad[before])
+        return EgoState(
+            step=step,
+            position=np.array(self.positions[index]),
+            heading_rad=float(self.headings_rad[index]),
+            speed_mps=float(self.speeds_mps[index]),
+            acceleration_mps2=float(self.accelerations_mps2[index]),
+            yaw_rate_radps=turn / step_s if index > before else 0.0,
+        )
+
+
+@dataclass(frozen=True)
+class Plan:
+    """An answer of a planner; ``trajectory`` is None where no candidate can be driven.
+
+    ``costs``: weighted cost term → value of the chosen candidate; ``rejected``: constraint → candidates it rejected;
+    ``core_s``: time that the planner's native core took, where it has one.
+    """
+
+    trajectory: PlannedTrajectory | None
+    costs: Mapping[str, float] = field(default_factory=dict)
+    rejected: Mapping[str, int] = field(default_factory=dict)
+    candidates: int = 0
+    kind: PlanKind = "regular"
+    core_s: float = 0.0
+
+
+class Planner(Protocol):
+    """A motion planner; it holds the state of one run between :meth:`reset` and the next."""
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare for a new run.
+
+        Raises:
+            NotPossible: the planner cannot attempt this problem.
+        """
+
+    def plan(self, observation: Observation) -> Plan:
+        """The trajectory to follow from the observed state on, at least one second long where there is one."""

@@ -1,0 +1,74 @@
+"""The operation that a worker performs for one planner run."""
+
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.planners.metrics import run_metrics
+from plannerforge.engine.planners.registry import make_planner
+from plannerforge.engine.planners.simulation import DrivenRun, simulate
+from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.schemas.planning import RunRequest, RunResponse
+from plannerforge.schemas.runs import RunMetrics, RunRecord, RunSteps, RunTiming
+
+
+def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
+    """Run a planner on one planning problem of a CommonRoad file.
+
+    Raises:
+        UnsafeInput: the file cannot be read.
+        UnknownName: no such planning problem or planner.
+    """
+    began = perf_counter()
+    loaded = read_scenario(Path(request.scenario_path))
+    problem = loaded.problem(request.problem_id)
+    planner = make_planner(request.configuration.planner)
+    driven = simulate(loaded.scenario, problem, request.configuration, planner, request.prediction, report)
+    record = RunRecord(
+        run_id=request.run_id,
+        scenario_id=request.scenario_id,
+        problem_id=int(problem.planning_problem_id),
+        config_id=request.configuration.config_id,
+        config_name=request.configuration.name,
+        planner=request.configuration.planner,
+        prediction=request.prediction,
+        traffic=request.traffic,
+        seed=request.seed,
+        step_s=loaded.step_s,
+        outcome=driven.final.outcome,
+        reason=driven.final.reason,
+        collision=driven.final.collision,
+        rejected_candidates=dict(sorted(driven.rejected.items())),
+        metrics=_metrics(driven, loaded.step_s),
+    )
+    report(1.0, driven.final.outcome)
+    timing = RunTiming(
+        wall_s=perf_counter() - began,
+        planning_step_median_ms=1000 * median(driven.plan_s) if driven.plan_s else 0.0,
+    )
+    return RunResponse(record=record, steps=_steps(driven), timing=timing)
+
+
+def _metrics(driven: DrivenRun, step_s: float) -> RunMetrics | None:
+    if driven.final.outcome == "invalid":
+        return None
+    totals = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill"]
+    return run_metrics(driven.states, driven.traffic, BMW_320I, step_s, totals)
+
+
+def _steps(driven: DrivenRun) -> RunSteps:
+    """The driven states; a term that a planning step did not have counts 0 there."""
+    states = driven.states
+    terms = sorted({name for plan in driven.plans for name in plan.costs})
+    return RunSteps(
+        first_step=states[0].step,
+        x_m=tuple(float(state.position[0]) for state in states),
+        y_m=tuple(float(state.position[1]) for state in states),
+        heading_rad=tuple(state.heading_rad for state in states),
+        speed_mps=tuple(state.speed_mps for state in states),
+        acceleration_mps2=tuple(state.acceleration_mps2 for state in states),
+        plan_steps=tuple(driven.plan_steps),
+        costs={name: tuple(float(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
+    )

@@ -1,0 +1,151 @@
+"""The loop for every planner: observe, plan, follow the plan for some steps, judge."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.planners.goal import Goal
+from plannerforge.engine.planners.interface import EgoState, Observation, Plan, Planner, PlanningTask
+from plannerforge.engine.planners.prediction import observe, predictor
+from plannerforge.engine.planners.reference_path import BEYOND_GOAL_M, build_reference_path
+from plannerforge.engine.planners.road import build_road
+from plannerforge.engine.planners.route import find_route
+from plannerforge.engine.planners.traffic import RecordedTraffic
+from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.planners.verdict import Judge, Verdict
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.planning import PlannerConfiguration
+from plannerforge.schemas.runs import Prediction
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.scenario import Scenario
+
+REPLANNING_STEPS = 3
+PREDICTION_S = 3.0
+
+
+@dataclass
+class DrivenRun:
+    """What a run has given so far."""
+
+    states: list[EgoState]
+    traffic: RecordedTraffic
+    plan_steps: list[int] = field(default_factory=list)
+    plans: list[Plan] = field(default_factory=list)
+    plan_s: list[float] = field(default_factory=list)
+    rejected: Counter[str] = field(default_factory=Counter)
+    verdict: Verdict | None = None
+
+    @property
+    def final(self) -> Verdict:
+        """The verdict of an ended run."""
+        if self.verdict is None:
+            raise RuntimeError("the run has not ended")
+        return self.verdict
+
+
+def simulate(
+    scenario: "Scenario",
+    problem: "PlanningProblem",
+    configuration: PlannerConfiguration,
+    planner: Planner,
+    prediction: Prediction,
+    report: ProgressReporter,
+) -> DrivenRun:
+    """Run a planner on a planning problem until the judge ends it.
+
+    A problem that cannot be attempted (initial collision, no route, off the road) ends as ``invalid`` without a plan.
+    """
+    step_s = float(scenario.dt)
+    ego = initial_ego(problem.initial_state)
+    run = DrivenRun([ego], RecordedTraffic(scenario))
+    try:
+        task = _task(scenario, problem, configuration, ego)
+    except NotPossible as obstacle:
+        run.verdict = Verdict("invalid", obstacle.message)
+        return run
+    judge = Judge(Goal(problem.goal), task.reference, task.road, run.traffic, task.vehicle, ego, step_s)
+    run.verdict = judge.before_the_run(ego)
+    if run.verdict is None:
+        planner.reset(task)
+        _drive(run, planner, judge, predictor(prediction), step_s, report)
+    return run
+
+
+def initial_ego(state: Any) -> EgoState:
+    """The ego of a planning problem; uncertain values count by their middle, missing ones as 0."""
+    position = state.position.center if hasattr(state.position, "center") else state.position
+    return EgoState(
+        step=int(_middle(state.time_step)),
+        position=np.array(position, dtype=float),
+        heading_rad=_middle(getattr(state, "orientation", None)),
+        speed_mps=_middle(getattr(state, "velocity", None)),
+        acceleration_mps2=_middle(getattr(state, "acceleration", None)),
+        yaw_rate_radps=_middle(getattr(state, "yaw_rate", None)),
+    )
+
+
+def _task(
+    scenario: "Scenario", problem: "PlanningProblem", configuration: PlannerConfiguration, ego: EgoState
+) -> PlanningTask:
+    network, step_s = scenario.lanelet_network, float(scenario.dt)
+    if not problem.goal.state_list:
+        raise NotPossible("the planning problem has no goal state")
+    goal = Goal(problem.goal)
+    beyond_m = max(BEYOND_GOAL_M, PREDICTION_S * 36.0 + 40.0)
+    ahead_m = beyond_m
+    if not goal.has_position:
+        ahead_m += (ego.speed_mps + 5.0) * max(goal.last_step - ego.step, 0) * step_s
+    route = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=ahead_m)
+    reference = build_reference_path(network, route, ego.position, ego.speed_mps, beyond_m=beyond_m)
+    road = build_road(network, reference)
+    return PlanningTask(scenario, problem, configuration, reference, road, BMW_320I, step_s)
+
+
+def _drive(
+    run: DrivenRun, planner: Planner, judge: Judge, predict: Any, step_s: float, report: ProgressReporter
+) -> None:
+    first, horizon = run.states[0].step, round(PREDICTION_S / step_s)
+    while run.verdict is None:
+        ego = run.states[-1]
+        report((ego.step - first) / max(judge.last_step - first, 1), f"step {ego.step} of at most {judge.last_step}")
+        observation = Observation(ego, observe(run.traffic, ego, predict, horizon, step_s))
+        began = perf_counter()
+        plan = planner.plan(observation)
+        run.plan_s.append(perf_counter() - began)
+        run.rejected.update(plan.rejected)
+        if plan.trajectory is None:
+            run.verdict = _infeasible(plan, ego, (ego.step - first) * step_s)
+            return
+        run.plan_steps.append(ego.step)
+        run.plans.append(plan)
+        for ahead in range(1, min(REPLANNING_STEPS, len(plan.trajectory.positions) - 1) + 1):
+            following = plan.trajectory.state_at(ahead, ego.step + ahead, step_s)
+            run.states.append(following)
+            run.verdict = judge.after_step(following)
+            if run.verdict is not None:
+                return
+
+
+def _infeasible(plan: Plan, ego: EgoState, time_s: float) -> Verdict:
+    if "initial_state" in plan.rejected:
+        return Verdict("infeasible", f"at {time_s:.1f} s the ego's heading or place does not fit its route")
+    most = sorted(plan.rejected.items(), key=lambda item: (-item[1], item[0]))
+    why = ", ".join(f"{name} {count}" for name, count in most[:3])
+    speed = f"{ego.speed_mps:.1f} m/s"
+    return Verdict(
+        "infeasible", f"at {time_s:.1f} s and {speed} none of {plan.candidates} candidates can be driven ({why})"
+    )
+
+
+def _middle(value: Any) -> float:
+    if value is None:
+        return 0.0
+    number = 0.5 * (float(value.start) + float(value.end)) if hasattr(value, "start") else float(value)
+    return number if math.isfinite(number) else 0.0

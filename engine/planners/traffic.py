@@ -1,0 +1,113 @@
+"""The others as recorded: where each is at every step, and collision with them."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.vehicle import VehicleParameters
+from plannerforge.engine.scenarios.tracks import Track, recorded_tracks, size_of
+
+if TYPE_CHECKING:
+    from commonroad.scenario.scenario import Scenario
+    from commonroad_dc import pycrcc
+
+
+@dataclass(frozen=True)
+class _Body:
+    obstacle_id: int
+    kind: str
+    shape: "pycrcc.CollisionObject"
+
+
+class RecordedTraffic:
+    """Dynamic and static obstacles of a scenario, following their recordings; environment and phantoms are no bodies.
+
+    ``moving``: a track for every dynamic obstacle, set-based predictions and obstacles without any prediction
+    included; ``standing``: static obstacles as tracks of one state.
+    """
+
+    def __init__(self, scenario: "Scenario") -> None:
+        from commonroad_dc import pycrcc
+        from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_object
+
+        self.moving: tuple[Track, ...] = _all_tracks(scenario)
+        self.standing: tuple[Track, ...] = tuple(_static_track(obstacle) for obstacle in scenario.static_obstacles)
+        obstacles = [*scenario.dynamic_obstacles, *scenario.static_obstacles]
+        self._bodies = [
+            _Body(int(o.obstacle_id), str(o.obstacle_type.value), create_collision_object(o))
+            for o in sorted(obstacles, key=lambda o: int(o.obstacle_id))
+        ]
+        self._checker = pycrcc.CollisionChecker()
+        for body in self._bodies:
+            self._checker.add_collision_object(body.shape)
+
+    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
+        """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
+        from commonroad_dc import pycrcc
+
+        body = pycrcc.TimeVariantCollisionObject(ego.step)
+        body.append_obstacle(rectangle(ego, vehicle))
+        if not self._checker.collide(body):
+            return None
+        return next(((o.obstacle_id, o.kind) for o in self._bodies if o.shape.collide(body)), None)
+
+
+def rectangle(ego: EgoState, vehicle: VehicleParameters) -> "pycrcc.RectOBB":
+    """The ego's rectangle for the collision checker."""
+    from commonroad_dc import pycrcc
+
+    x, y = float(ego.position[0]), float(ego.position[1])
+    return pycrcc.RectOBB(vehicle.length_m / 2, vehicle.width_m / 2, ego.heading_rad, x, y)
+
+
+def _all_tracks(scenario: "Scenario") -> tuple[Track, ...]:
+    tracks = recorded_tracks(scenario)
+    for obstacle in scenario.dynamic_obstacles:
+        if int(obstacle.obstacle_id) not in tracks:
+            tracks[int(obstacle.obstacle_id)] = _occupancy_track(obstacle)
+    return tuple(tracks[key] for key in sorted(tracks))
+
+
+def _occupancy_track(obstacle: Any) -> Track:
+    """Track of the centres of an obstacle's occupied regions, its size that of the largest one."""
+    first = int(obstacle.initial_state.time_step)
+    shapes = [obstacle.occupancy_at_time(first).shape]
+    if obstacle.prediction is not None:
+        shapes += [occupancy.shape for occupancy in obstacle.prediction.occupancy_set]
+    parts = [_largest(shape) for shape in shapes]
+    sizes = [size_of(part) for part in parts]
+    heading = float(getattr(obstacle.initial_state, "orientation", None) or 0.0)
+    speed = float(getattr(obstacle.initial_state, "velocity", None) or 0.0)
+    return Track(
+        obstacle_id=int(obstacle.obstacle_id),
+        kind=str(obstacle.obstacle_type.value),
+        length_m=max(size[0] for size in sizes),
+        width_m=max(size[1] for size in sizes),
+        first_step=first,
+        positions=np.array([part.center for part in parts], dtype=float),
+        headings_rad=np.array([getattr(part, "orientation", heading) for part in parts], dtype=float),
+        speeds_mps=np.full(len(parts), speed),
+    )
+
+
+def _static_track(obstacle: Any) -> Track:
+    state = obstacle.initial_state
+    shape = _largest(obstacle.occupancy_at_time(state.time_step).shape)
+    length, width = size_of(shape)
+    return Track(
+        obstacle_id=int(obstacle.obstacle_id),
+        kind=str(obstacle.obstacle_type.value),
+        length_m=length,
+        width_m=width,
+        first_step=0,
+        positions=np.array([shape.center], dtype=float),
+        headings_rad=np.array([float(getattr(shape, "orientation", 0.0))]),
+        speeds_mps=np.zeros(1),
+    )
+
+
+def _largest(shape: Any) -> Any:
+    parts = getattr(shape, "shapes", None)
+    return max(parts, key=lambda part: float(part.shapely_object.area)) if parts else shape
