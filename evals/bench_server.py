@@ -1,7 +1,8 @@
 """``make bench-server``: what the server adds to the protocol, against an ``MCPServer`` without tools in the same run.
 
 Keys: ``start_ratio`` (process start to first answer, median of the paired ratios), ``call_memory_ms``,
-``call_stdio_ms`` (medians of a call that reads the workspace).
+``call_stdio_ms`` (medians of a call that reads the workspace), ``kill_error_s`` (worker killed → error at the client),
+``cancel_gone_s`` (call cancelled → worker gone), ``close_gone_s`` (client closed → server and workers gone; the worst).
 """
 
 import statistics
@@ -14,6 +15,7 @@ import anyio
 from mcp import Client, StdioServerParameters
 from rich.progress import track
 
+from plannerforge.evals.bench_faults import measure_faults
 from plannerforge.evals.bench_output import print_figures, spread
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
@@ -52,6 +54,7 @@ async def measure(workspace: Path) -> None:
         memory = await call_ms(client)
     async with Client(StdioServerParameters(command=sys.executable, args=ours)) as client:
         stdio = await call_ms(client)
+    faults = await measure_faults(ours)
     ratios = [one / other for one, other in zip(full, bare, strict=True)]
     print_figures(
         "Server",
@@ -61,11 +64,17 @@ async def measure(workspace: Path) -> None:
             ("ratio", spread(ratios, "×")),
             ("call in memory", spread(memory, "ms")),
             ("call over stdio", spread(stdio, "ms")),
+            ("worker killed to error result", spread(faults.kill_error_s, "s")),
+            ("call cancelled to worker gone", spread(faults.cancel_gone_s, "s")),
+            ("client closed to server and workers gone", spread(faults.close_gone_s, "s")),
         ],
         {
             "start_ratio": round(statistics.median(ratios), 3),
             "call_memory_ms": round(statistics.median(memory), 3),
             "call_stdio_ms": round(statistics.median(stdio), 3),
+            "kill_error_s": round(max(faults.kill_error_s), 3),
+            "cancel_gone_s": round(max(faults.cancel_gone_s), 3),
+            "close_gone_s": round(max(faults.close_gone_s), 3),
         },
     )
 

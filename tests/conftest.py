@@ -1,13 +1,13 @@
 """Fixtures that every part of the test suite uses."""
 
 import os
-from collections.abc import AsyncIterator, Iterator
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Protocol
 
 import pytest
 from mcp import Client
+from support import Connect
 
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
@@ -42,10 +42,6 @@ def settings(tmp_path: Path) -> Settings:
     return Settings(workspace=tmp_path / "workspace", roots=(tmp_path,), workers=1, warm_up=False)
 
 
-class Connect(Protocol):
-    def __call__(self, settings: Settings | None = None) -> AbstractAsyncContextManager[Client]: ...
-
-
 @pytest.fixture(params=["auto", "legacy"], ids=["2026-07-28", "initialize"])
 def era(request: pytest.FixtureRequest) -> str:
     """Both protocol eras: the stateless revision and those that begin with ``initialize``."""
@@ -66,7 +62,10 @@ def connect(settings: Settings, era: str, tmp_path: Path) -> Connect:
 
 
 @pytest.fixture
-def importable_tests(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def importable_tests(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets worker processes import ``worker_operations``, the operations that only tests have."""
     monkeypatch.setenv("PYTHONPATH", str(CHECKOUT / "tests"))
-    yield
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--update-snapshots", action="store_true", help="write the schema snapshots anew")

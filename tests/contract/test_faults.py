@@ -1,0 +1,66 @@
+"""A dead or unwanted worker costs one call, never the server."""
+
+import os
+import signal
+from typing import Any
+
+import anyio
+import psutil
+import pytest
+from support import Connect
+
+pytestmark = pytest.mark.anyio
+
+LONG_WORK: dict[str, Any] = {"density": "high", "duration_s": 120, "seed": 3}
+
+
+def worker_processes() -> set[psutil.Process]:
+    """Workers of this test process."""
+    children = psutil.Process().children(recursive=True)
+    return {child for child in children if "plannerforge.engine.execution.worker" in " ".join(child.cmdline())}
+
+
+class Strike:
+    """Does something to the workers when the first progress of a call arrives."""
+
+    def __init__(self, action: Any) -> None:
+        self.action, self.struck = action, anyio.Event()
+
+    async def __call__(self, progress: float, total: float | None, message: str | None) -> None:
+        if not self.struck.is_set():
+            self.struck.set()
+            self.action()
+
+
+def kill_all_workers() -> None:
+    for process in worker_processes():
+        os.kill(process.pid, signal.SIGKILL)
+
+
+async def test_a_killed_worker_gives_an_error_and_the_next_call_works(connect: Connect) -> None:
+    async with connect() as client:
+        strike = Strike(kill_all_workers)
+        result = await client.call_tool("generate_scenarios", LONG_WORK, progress_callback=strike)
+        assert strike.struck.is_set()
+        assert result.is_error
+        assert "[worker_failure]" in result.content[0].text  # type: ignore[union-attr]
+        again = await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": 4})
+        assert not again.is_error
+
+
+async def test_a_cancelled_call_ends_its_worker_and_the_next_call_works(connect: Connect) -> None:
+    async with connect() as client:
+        with anyio.CancelScope() as scope:
+            await client.call_tool("generate_scenarios", LONG_WORK, progress_callback=Strike(scope.cancel))
+        assert scope.cancelled_caught
+        while worker_processes():
+            await anyio.sleep(0.05)
+        again = await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": 4})
+        assert not again.is_error
+
+
+async def test_a_server_that_is_left_leaves_no_worker(connect: Connect) -> None:
+    async with connect() as client:
+        await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": 4})
+        assert worker_processes()
+    assert not worker_processes()

@@ -1,0 +1,38 @@
+"""The schemas of all tools are part of the contract: a change shows in a snapshot."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from plannerforge.server.tool_schema import tool_description
+from plannerforge.tools.registry import TOOLS, ToolSpec
+
+SNAPSHOTS = Path(__file__).parent / "snapshots"
+
+
+@pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
+def test_the_schema_of_a_tool_is_the_one_in_its_snapshot(spec: ToolSpec, request: pytest.FixtureRequest) -> None:
+    described = tool_description(spec).model_dump(mode="json", by_alias=True, exclude_none=True)
+    current = json.dumps(described, indent=1, ensure_ascii=False) + "\n"
+    snapshot = SNAPSHOTS / f"{spec.name}.json"
+    if request.config.getoption("--update-snapshots"):
+        SNAPSHOTS.mkdir(exist_ok=True)
+        snapshot.write_text(current, encoding="utf-8")
+    assert current == snapshot.read_text(encoding="utf-8"), "run pytest tests/contract --update-snapshots and look"
+
+
+def test_there_is_no_snapshot_without_a_tool() -> None:
+    assert {path.stem for path in SNAPSHOTS.glob("*.json")} == {spec.name for spec in TOOLS}
+
+
+@pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
+def test_input_schemas_are_flat(spec: ToolSpec) -> None:
+    text = json.dumps(tool_description(spec).input_schema)
+    assert "$ref" not in text
+    assert "anyOf" not in text
+    assert '"additionalProperties": false' in text
+    for name, part in tool_description(spec).input_schema["properties"].items():
+        nested = part.get("items", {})
+        assert part.get("type") != "object", name
+        assert all(inner.get("type") != "object" for inner in nested.get("properties", {}).values()), name
