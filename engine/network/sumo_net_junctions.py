@@ -73,7 +73,7 @@ def find_paths(table: LaneTable, interior: frozenset[int]) -> tuple[JunctionPath
 
 
 def crossing_of(first: Points, second: Points) -> tuple[float, float, float] | None:
-    """First proper crossing of two polylines: arc length on each in m and the angle in rad; None where there is none."""
+    """First proper crossing of two polylines: arc length on each in m and the angle in rad, if there is one."""
     start, step = first[:-1], np.diff(first, axis=0)
     other_start, other_step = second[:-1], np.diff(second, axis=0)
     cross = step[:, None, 0] * other_step[None, :, 1] - step[:, None, 1] * other_step[None, :, 0]

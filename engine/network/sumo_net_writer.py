@@ -172,7 +172,7 @@ def _connections(layout: NetLayout, links: Mapping[int, Link], rules: Mapping[st
 
 def _hull(points: list[Points]) -> Points:
     """Convex hull by monotone chain; fewer than three points are given back as they are."""
-    unique = np.unique(np.round(np.array(points), 3), axis=0)
+    unique: Points = np.unique(np.round(np.array(points, dtype=np.float64), 3), axis=0)
     if len(unique) < 3:
         return unique
     ordered = unique[np.lexsort((unique[:, 1], unique[:, 0]))]

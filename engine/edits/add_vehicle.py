@@ -1,0 +1,121 @@
+"""Edit P: put new vehicles in."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from plannerforge.engine.edits.behaviours import behaviour_from, usual_behaviour
+from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep
+from plannerforge.engine.edits.entry_speed import entry_speed
+from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets
+from plannerforge.engine.edits.occupancy import free_places, occupant
+from plannerforge.engine.edits.placing import Place, ahead, first_place
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from plannerforge.schemas.grammar import parse_quantity
+from plannerforge.schemas.modification import Edit
+
+USUAL_SPACING_M = 10.0
+
+
+def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Put one or several vehicles of a class in; several stand downstream of the first, ``spacing_m`` apart.
+
+    Raises:
+        UnknownName: no such class, lanelet or vehicle.
+        NotPossible: the place is taken (the nearest free ones are named), or there is no such lane.
+    """
+    vehicle_class = _class(edit.vehicle_class)
+    place = first_place(edit, scene, changes, vehicle_class.length_m)
+    count = edit.count or 1
+    spacing = edit.spacing_m if edit.spacing_m is not None else max(USUAL_SPACING_M, 2 * vehicle_class.length_m)
+    added: list[int] = []
+    for number in range(count):
+        plan = _plan(edit, scene, changes, vehicle_class, ahead(scene, place, number * spacing))
+        added.append(changes.next_id)
+        changes = replace(changes.with_plan(plan), next_id=changes.next_id + 1)
+    speed = float(changes.driven[added[0]].start.speeds_mps[0])
+    departs = changes.driven[added[0]].from_step * scene.step_s
+    what = (
+        f"{vehicle_class.name} {', '.join(map(str, added))} on lanelet {place.lanelet_id} at {place.station_m:.1f} m, "
+        f"{speed:.1f} m/s, from {departs:.1f} s on"
+    )
+    return EditStep(changes, tuple(added), what)
+
+
+def _class(word: str | None) -> VehicleClass:
+    classes = vehicle_classes()
+    if word is None:
+        raise InvalidRequest("add_vehicle needs a vehicle_class", valid=classes)
+    if word.strip().lower() not in classes:
+        raise UnknownName(f"there is no vehicle class '{word}' that can be added", valid=closest(word, classes))
+    return classes[word.strip().lower()]
+
+
+def _plan(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> DrivePlan:
+    step = _free_step(edit, scene, changes, vehicle_class, place)
+    usual = behaviour_from(usual_behaviour(vehicle_class), edit.preset, edit.params)
+    targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
+    who = f"the added {vehicle_class.name}"
+    way = reach(scene, [place.lanelet_id], targets, who) if targets else (place.lanelet_id,)
+    edges = scene.edge_graph.route(way)
+    if edges is None:
+        raise NotPossible(f"{who} cannot drive from lanelet {way[0]} to {way[-1]}: the lanes do not connect")
+    asked = None if edit.speed is None else _speed(edit.speed, vehicle_class)
+    speed = entry_speed(scene, changes, vehicle_class, place, step) if asked is None else asked
+    return DrivePlan(
+        start=_start(changes.next_id, vehicle_class, scene, place, step, speed),
+        cause="added",
+        from_step=step,
+        lanelets=way,
+        edges=scene.edge_graph.extended(edges, way[-1]),
+        targets=targets,
+        behaviour=usual,
+        vehicle_class=vehicle_class,
+    )
+
+
+def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> int:
+    """The step at which the vehicle enters: at once, or as soon after a named departure as there is room."""
+    size = (vehicle_class.length_m, vehicle_class.width_m)
+    first = round((edit.time_s or 0.0) / scene.step_s)
+    if first >= scene.last_step:
+        raise InvalidRequest(
+            f"departure at {edit.time_s} s is not before the scenario's end",
+            valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
+        )
+    last = scene.last_step - 1 if edit.time_s else first
+    for step in range(first, last + 1):
+        who = occupant(scene, changes, place, size, step)
+        if not who:
+            return step
+    who = occupant(scene, changes, place, size, first)
+    raise NotPossible(
+        f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is taken by {who}",
+        valid=free_places(scene, changes, place, size, first),
+        next_step="choose a free place or another departure",
+    )
+
+
+def _speed(text: str, vehicle_class: VehicleClass) -> float:
+    speed = parse_quantity(text, "m/s")
+    if not 0.0 <= speed <= vehicle_class.maximum_speed_mps:
+        limit = vehicle_class.maximum_speed_mps
+        raise InvalidRequest(f"a {vehicle_class.name} does not drive {text}", valid=[f"0 … {limit:g} m/s"])
+    return speed
+
+
+def _start(key: int, vehicle_class: VehicleClass, scene: Scene, place: Place, step: int, speed_mps: float) -> Track:
+    center, heading = place.pose(scene)
+    return Track(
+        obstacle_id=key,
+        kind=vehicle_class.commonroad_type,
+        length_m=vehicle_class.length_m,
+        width_m=vehicle_class.width_m,
+        first_step=step,
+        positions=center[None],
+        headings_rad=np.array([heading]),
+        speeds_mps=np.array([speed_mps]),
+    )

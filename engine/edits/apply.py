@@ -1,0 +1,129 @@
+"""The operation behind ``modify_scenario``: edits in, a new scenario file out."""
+
+import tempfile
+from pathlib import Path
+
+from plannerforge.engine.edits.cascade import Resimulated, resimulate_until_clear
+from plannerforge.engine.edits.changes import Changes, EditStep
+from plannerforge.engine.edits.edit_report import edit_reports, reported_collisions, touched_vehicles
+from plannerforge.engine.edits.operations import resolve_edits
+from plannerforge.engine.edits.resimulation import SimulationSetup
+from plannerforge.engine.edits.scenario_document import ScenarioDocument
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.state_elements import added_obstacle, write_goal, write_touched
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.network.sumo_net_writer import write_sumo_net
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.modification import ModificationOutcome, ModificationRequest
+
+SCENARIO_FILE, NET_FILE = "scenario.xml", "scenario.net.xml"
+
+
+def apply_edits(request: ModificationRequest, report: ProgressReporter) -> ModificationOutcome:
+    """Carry out all edits, or none, in one re-simulation from the base scenario.
+
+    Raises:
+        InvalidRequest: an edit that cannot be meant, or that the scenario does not allow.
+        NotPossible: collisions are left and the request refuses them.
+        UnsafeInput: the file is not readable.
+    """
+    report(0.0, "reading the scenario")
+    scene = Scene.of(read_scenario(request.xml))
+    document = ScenarioDocument.read(request.xml)
+    report(0.3, "resolving the edits")
+    changes, steps = resolve_edits(request.edits, scene, document.highest_id + 1)
+    with tempfile.TemporaryDirectory() as folder:
+        net = Path(folder) / NET_FILE
+        write_sumo_net(scene.layout, scene.lane_speeds_mps, net)
+        report(0.4, "simulating")
+        result = _simulated(request, scene, changes, net)
+        _check(request, scene, changes, result)
+        report(0.8, "writing")
+        notes = _write_changes(document, scene, changes, result)
+        files = (None, None) if request.dry_run else _write_files(request, document, net)
+    return _outcome(request, scene, changes, steps, result, files, notes)
+
+
+def _simulated(request: ModificationRequest, scene: Scene, changes: Changes, net: Path) -> Resimulated:
+    """Re-simulate if anything is driven; removals and goals alone leave all recordings as they are."""
+    if not changes.driven:
+        return Resimulated({}, {}, (), ())
+    setup = SimulationSetup(net, net.parent, scene.step_s, scene.last_step, request.seed)
+    return resimulate_until_clear(scene, changes, setup)
+
+
+def _check(request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated) -> None:
+    lost = [key for key in result.missing if key in changes.driven]
+    if lost:
+        raise NotPossible(
+            f"vehicle {', '.join(map(str, lost))} leaves the road network within two steps of its start",
+            valid=[key for key in scene.tracks if key not in lost],
+            next_step="choose a vehicle or a place with road ahead",
+        )
+    hits = reported_collisions(scene, result)
+    if hits and request.on_conflict == "refuse":
+        pairs = [f"{hit.vehicles[0]} with {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in hits]
+        raise NotPossible(
+            f"the edits cause collisions: {'; '.join(pairs)}",
+            valid=["on_conflict=report"],
+            next_step="accept them with on_conflict=report, or change the edit",
+        )
+
+
+def _write_changes(document: ScenarioDocument, scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
+    for key in sorted(changes.removed):
+        document.remove(document.obstacle(key))
+    for key, track in result.tracks.items():
+        plan = result.plans[key]
+        if plan.cause == "added":
+            element = added_obstacle(plan, track, scene.step_s, is_2018b=document.is_2018b)
+            document.add_obstacle(element)
+        else:
+            write_touched(document, track, scene.step_s)
+    return [] if changes.goal is None else write_goal(document, changes.goal)
+
+
+def _write_files(request: ModificationRequest, document: ScenarioDocument, net: Path) -> tuple[Path, Path]:
+    request.output.mkdir(parents=True, exist_ok=True)
+    xml, kept_net = request.output / SCENARIO_FILE, request.output / NET_FILE
+    document.write(xml, request.benchmark_id)
+    kept_net.write_bytes(net.read_bytes())
+    return xml, kept_net
+
+
+def _outcome(
+    request: ModificationRequest,
+    scene: Scene,
+    changes: Changes,
+    steps: tuple[EditStep, ...],
+    result: Resimulated,
+    files: tuple[Path | None, Path | None],
+    notes: list[str],
+) -> ModificationOutcome:
+    recorded = set(scene.tracks) - set(result.tracks) - changes.removed
+    return ModificationOutcome(
+        xml=files[0],
+        net=files[1],
+        edits=edit_reports(request, scene, steps, result),
+        touched=touched_vehicles(scene, result),
+        removed=tuple(sorted(changes.removed)),
+        collisions=reported_collisions(scene, result),
+        untouched=len(recorded),
+        warnings=(*notes, *_warnings(scene, result)),
+    )
+
+
+def _warnings(scene: Scene, result: Resimulated) -> list[str]:
+    late = [key for key, plan in result.plans.items() if plan.cause == "added" and plan.from_step > 0]
+    unseen = sorted(key for key in scene.tracks if key not in scene.matches)
+    found = []
+    if late:
+        found.append(
+            f"vehicle {', '.join(map(str, late))} enters after time 0, which CommonRoad's schema does not foresee"
+        )
+    if unseen and result.plans:
+        found.append(
+            f"recorded off the lanelets, so that driven vehicles do not see them: {', '.join(map(str, unseen))}"
+        )
+    return found

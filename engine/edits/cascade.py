@@ -1,0 +1,71 @@
+"""Re-simulation in rounds: who would run into an edited vehicle is handed over too, in time to react."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from plannerforge.engine.edits.changes import Changes, DrivePlan, not_drivable, recorded_plan
+from plannerforge.engine.edits.collisions import Overlap, body_of_touched, body_of_track, new_overlaps
+from plannerforge.engine.edits.handover import TouchedTrack, touched_track
+from plannerforge.engine.edits.participants import participants
+from plannerforge.engine.edits.resimulation import SimulationSetup, resimulate
+from plannerforge.engine.edits.scene import Scene
+
+ROUNDS = 3
+REACTION_S = 4.0
+"""A handed-over vehicle is driven from so long before the collision on."""
+
+
+@dataclass(frozen=True)
+class Resimulated:
+    """The outcome of all rounds: plans and new tracks of the driven vehicles, and the overlaps that are left."""
+
+    plans: Mapping[int, DrivePlan]
+    tracks: Mapping[int, TouchedTrack]
+    overlaps: tuple[Overlap, ...]
+    missing: tuple[int, ...]
+
+
+def resimulate_until_clear(scene: Scene, changes: Changes, setup: SimulationSetup) -> Resimulated:
+    """Simulate, hand over whom a driven vehicle hits, and simulate again, at most three rounds more."""
+    plans: dict[int, DrivePlan] = dict(changes.driven)
+    result = _round(scene, changes, setup, plans)
+    for _ in range(ROUNDS):
+        more = _handed_over(scene, plans, result.overlaps)
+        if not more:
+            break
+        plans = dict(sorted({**plans, **more}.items()))
+        result = _round(scene, changes, setup, plans)
+    return result
+
+
+def _round(scene: Scene, changes: Changes, setup: SimulationSetup, plans: Mapping[int, DrivePlan]) -> Resimulated:
+    driven = resimulate(setup, participants(scene, changes, plans))
+    tracks = {
+        key: made
+        for key, plan in plans.items()
+        if key in driven and (made := touched_track(plan.start, driven[key], scene.step_s)) is not None
+    }
+    recorded = {key: body_of_track(track) for key, track in (scene.tracks | scene.standing).items()}
+    others = [body for key, body in recorded.items() if key not in tracks and key not in changes.removed]
+    overlaps = new_overlaps([body_of_touched(track) for track in tracks.values()], others, recorded)
+    return Resimulated(plans, tracks, overlaps, tuple(key for key in plans if key not in tracks))
+
+
+def _handed_over(scene: Scene, plans: Mapping[int, DrivePlan], overlaps: tuple[Overlap, ...]) -> dict[int, DrivePlan]:
+    """Plans for the replayed vehicles that are hit, and earlier hand-overs for those handed over too late."""
+    before = round(REACTION_S / scene.step_s)
+    found: dict[int, DrivePlan] = {}
+    for hit in overlaps:
+        for key in (hit.first, hit.second):
+            plan = plans.get(key)
+            if plan is not None and plan.cause != "handed_over":
+                continue
+            if plan is None and (key not in scene.tracks or not_drivable(scene, key)):
+                continue
+            first = scene.tracks[key].first_step
+            step = max(first, hit.step - before if plan is None else plan.from_step - before)
+            if plan is not None and step == plan.from_step:
+                continue
+            made = plan or recorded_plan(scene, key, "handed_over", step)
+            found[key] = replace(made, from_step=min(step, found[key].from_step) if key in found else step)
+    return found

@@ -1,0 +1,90 @@
+"""Collisions that edits bring about: overlaps of touched vehicles that are not in the recording."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from plannerforge.engine.edits.handover import TouchedTrack
+from plannerforge.engine.geometry.polyline import Points, Values, oriented_rectangle, rectangles_overlap
+from plannerforge.engine.scenarios.tracks import Track
+
+TOUCH_M = 0.05
+"""Bodies that overlap by less are not colliding: recorded positions are not better than that."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """A moving rectangle: centres (n, 2) and headings (n,) from ``first_step`` on, length and width in m."""
+
+    key: int
+    first_step: int
+    positions: Points
+    headings_rad: Values
+    size_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """The first step at which two bodies overlap; ``first`` is a touched one."""
+
+    first: int
+    second: int
+    step: int
+
+
+def body_of_track(track: Track) -> Body:
+    """A recorded road user."""
+    return Body(
+        track.obstacle_id, track.first_step, track.positions, track.headings_rad, (track.length_m, track.width_m)
+    )
+
+
+def body_of_touched(track: TouchedTrack) -> Body:
+    """A touched vehicle."""
+    size = (track.length_m, track.width_m)
+    return Body(track.vehicle_id, track.first_step, track.motion.positions, track.motion.headings_rad, size)
+
+
+def new_overlaps(touched: Iterable[Body], others: Iterable[Body], recorded: Mapping[int, Body]) -> tuple[Overlap, ...]:
+    """First overlaps of touched bodies with all others and with one another, ordered by step.
+
+    Pairs that overlap in the recording as well are left out: no edit caused them.
+    """
+    moved, rest = list(touched), list(others)
+    found = []
+    for number, body in enumerate(moved):
+        for other in [*moved[number + 1 :], *rest]:
+            step = first_overlap(body, other)
+            if step is not None and not _recorded(body.key, other.key, recorded):
+                found.append(Overlap(body.key, other.key, step))
+    return tuple(sorted(found, key=lambda hit: (hit.step, hit.first, hit.second)))
+
+
+def first_overlap(first: Body, second: Body) -> int | None:
+    """The first step at which two bodies overlap, or None."""
+    begin = max(first.first_step, second.first_step)
+    end = min(first.first_step + len(first.positions), second.first_step + len(second.positions))
+    if begin >= end:
+        return None
+    one, two = (
+        slice(begin - first.first_step, end - first.first_step),
+        slice(begin - second.first_step, end - second.first_step),
+    )
+    apart = np.linalg.norm(first.positions[one] - second.positions[two], axis=1)
+    reach = (math.hypot(*first.size_m) + math.hypot(*second.size_m)) / 2
+    for offset in np.flatnonzero(apart < reach).tolist():
+        corners = [
+            oriented_rectangle(body.positions[index], float(body.headings_rad[index]), body.size_m)
+            for body, index in ((first, one.start + offset), (second, two.start + offset))
+        ]
+        if rectangles_overlap(corners[0], corners[1], TOUCH_M):
+            return int(begin + offset)
+    return None
+
+
+def _recorded(first: int, second: int, recorded: Mapping[int, Body]) -> bool:
+    if first not in recorded or second not in recorded:
+        return False
+    return first_overlap(recorded[first], recorded[second]) is not None

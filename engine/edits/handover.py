@@ -1,0 +1,84 @@
+"""From SUMO's track of a driven vehicle to a motion that begins exactly at its recorded state."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from plannerforge.engine.edits.resimulation import DrivenTrack, front_of
+from plannerforge.engine.geometry.polyline import Points, Values, wrap_angle
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.engine.traffic.smoothing import REAR_AXLE_BEHIND_CENTER_M, Motion, drivable_motion
+
+HISTORY_STEPS = 15
+POSE_DECAY_S, SPEED_DECAY_S = 1.5, 0.6
+STANDING_MPS = 0.02
+
+
+@dataclass(frozen=True)
+class TouchedTrack:
+    """The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its size."""
+
+    vehicle_id: int
+    first_step: int
+    motion: Motion
+    length_m: float
+    width_m: float
+    leaves: bool
+    lanes: tuple[str, ...]
+
+    @property
+    def last_step(self) -> int:
+        """The last step at which the vehicle is there."""
+        return self.first_step + len(self.motion.speeds_mps) - 1
+
+
+def touched_track(start: Track, driven: DrivenTrack, step_s: float) -> TouchedTrack | None:
+    """Smooth a driven track and join it to its recorded start without a jump; None if it leaves within two steps."""
+    if len(driven.front) < 3:
+        return None
+    index = driven.first_step - start.first_step
+    history = _history(start, index, step_s)
+    front = np.concatenate([history, front_of(start, index)[None], driven.front[1:]])
+    first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
+    smooth = drivable_motion(front, first_heading, start.length_m, step_s)
+    motion = _joined(smooth, len(history), start, index, step_s)
+    return TouchedTrack(
+        start.obstacle_id, driven.first_step, motion, start.length_m, start.width_m, driven.leaves, driven.lanes
+    )
+
+
+def _history(start: Track, index: int, step_s: float) -> Points:
+    """The recorded front track before the hand-over, led straight back where the recording is too short: (15, 2)."""
+    first = max(0, index - HISTORY_STEPS)
+    recorded = [front_of(start, past) for past in range(first, index)]
+    angle, speed = float(start.headings_rad[first]), max(float(start.speeds_mps[first]), 0.0)
+    back = np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
+    missing = HISTORY_STEPS - len(recorded)
+    return np.array([front_of(start, first) - back * steps for steps in range(missing, 0, -1)] + recorded)
+
+
+def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float) -> Motion:
+    """The smoothed motion from the hand-over on; differences to the recorded state fade out instead of jumping."""
+    centers, headings = smooth.positions[skip:], smooth.headings_rad[skip:]
+    times = np.arange(len(centers)) * step_s
+    fading = np.exp(-times / POSE_DECAY_S)
+    centers = centers + (start.positions[index] - centers[0]) * fading[:, None]
+    headings = headings + wrap_angle(float(start.headings_rad[index]) - float(headings[0])) * fading
+    speed = max(float(start.speeds_mps[index]), 0.0)
+    first_steps = np.linalg.norm(np.diff(centers[:3], axis=0), axis=1) / step_s
+    missing = speed - (1.5 * first_steps[0] - 0.5 * first_steps[-1])
+    forward = np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    centers = centers + forward * (missing * times * np.exp(-times / SPEED_DECAY_S))[:, None]
+    speeds = _rear_axle_speeds(centers, headings, speed, step_s)
+    return Motion(centers, headings, speeds, np.gradient(speeds, step_s))
+
+
+def _rear_axle_speeds(centers: Points, headings: Values, first_mps: float, step_s: float) -> Values:
+    """Speeds along the heading of the rear axle, which a kinematic single-track model steers, shape (n,)."""
+    forward = np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    moved = np.diff(centers - REAR_AXLE_BEHIND_CENTER_M * forward, axis=0)
+    along = np.maximum((moved * forward[:-1]).sum(axis=1) / step_s, 0.0)
+    speeds = np.concatenate([[first_mps], (along[:-1] + along[1:]) / 2, along[-1:]])
+    speeds[speeds < STANDING_MPS] = 0.0
+    return speeds

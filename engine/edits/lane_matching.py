@@ -1,0 +1,138 @@
+"""Which lanelets a recorded vehicle drove on: a Viterbi search over the lanelets near its positions."""
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, point_at, project, wrap_angle
+from plannerforge.engine.network.sumo_net_layout import NetLayout
+from plannerforge.engine.scenarios.tracks import Track
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+REACH_M = 2.5
+LARGEST_TURN_RAD = 1.2
+STANDING_MPS = 0.5
+SAMPLES = 40
+COST_PER_M_OUTSIDE, COST_PER_M_BESIDE, COST_PER_RAD = 3.0, 0.6, 2.0
+COST_OF_A_STEP, COST_OF_A_LEAP = 0.3, 8.0
+
+
+@dataclass(frozen=True)
+class LaneMatch:
+    """Lanelets of a track: at array index ``indices[i]`` (ascending) the vehicle is on ``lanelets[i]``."""
+
+    indices: tuple[int, ...]
+    lanelets: tuple[int, ...]
+
+    def at(self, index: int) -> int:
+        """The lanelet at an array index of the track (the last sample not after it)."""
+        place = int(np.searchsorted(self.indices, index, side="right")) - 1
+        return self.lanelets[max(place, 0)]
+
+    @property
+    def sequence(self) -> tuple[int, ...]:
+        """The lanelets in order without repeats in a row."""
+        return tuple(key for place, key in enumerate(self.lanelets) if place == 0 or self.lanelets[place - 1] != key)
+
+
+@dataclass(frozen=True)
+class LaneMatcher:
+    """The drivable lanelets of a network, ready for queries by place."""
+
+    layout: NetLayout
+    keys: tuple[int, ...]
+    polygons: tuple[Any, ...]
+    tree: Any
+    related: dict[int, frozenset[int]]
+
+    @classmethod
+    def of(cls, layout: NetLayout, network: "LaneletNetwork") -> "LaneMatcher":
+        """Index the lanelets of a network."""
+        from shapely import STRtree
+
+        keys = tuple(layout.table.lanes)
+        polygons = []
+        for key in keys:
+            polygon = network.find_lanelet_by_id(key).polygon.shapely_object
+            polygons.append(polygon if polygon.is_valid else polygon.buffer(0))
+        related = {key: _related(layout, key) for key in keys}
+        return cls(layout, keys, tuple(polygons), STRtree(polygons), related)
+
+    def match(self, track: Track) -> LaneMatch | None:
+        """The most likely lanelets of a track; None where it is never near a lanelet of its direction."""
+        indices = _samples(len(track.positions))
+        candidates = [
+            (index, found)
+            for index in indices
+            if (found := self.near(track.positions[index], track.headings_rad[index], track.speeds_mps[index]))
+        ]
+        if not candidates:
+            return None
+        return LaneMatch(tuple(index for index, _ in candidates), self._best([found for _, found in candidates]))
+
+    def near(self, position: Points, heading_rad: float, speed_mps: float) -> list[tuple[int, float]]:
+        """Lanelets within reach of a pose and their cost, by ascending id; the heading counts while moving."""
+        from shapely import Point
+
+        point = Point(position[0], position[1])
+        found = []
+        for place in sorted(self.tree.query(point, predicate="dwithin", distance=REACH_M).tolist()):
+            center = self.layout.table.lanes[self.keys[place]].center
+            station, beside = project(center, position)
+            turn = abs(wrap_angle(point_at(center, station)[1] - heading_rad))
+            if turn > LARGEST_TURN_RAD and speed_mps > STANDING_MPS:
+                continue
+            outside = float(self.polygons[place].distance(point))
+            cost = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * abs(beside) + COST_PER_RAD * turn
+            found.append((self.keys[place], cost))
+        return found
+
+    def _best(self, candidates: list[list[tuple[int, float]]]) -> tuple[int, ...]:
+        costs = [cost for _, cost in candidates[0]]
+        back: list[list[int]] = []
+        for before, current in itertools.pairwise(candidates):
+            steps = [[costs[i] + self._step(old, new) for i, (old, _) in enumerate(before)] for new, _ in current]
+            back.append([int(np.argmin(row)) for row in steps])
+            costs = [min(row) + cost for row, (_, cost) in zip(steps, current, strict=True)]
+        place = int(np.argmin(costs))
+        chosen = [candidates[-1][place][0]]
+        for layer in range(len(back) - 1, -1, -1):
+            place = back[layer][place]
+            chosen.append(candidates[layer][place][0])
+        return tuple(reversed(chosen))
+
+    def _step(self, old: int, new: int) -> float:
+        if old == new:
+            return 0.0
+        return COST_OF_A_STEP if new in self.related[old] else COST_OF_A_LEAP
+
+
+def _samples(count: int) -> list[int]:
+    indices = list(range(0, count, max(1, count // SAMPLES)))
+    return indices if indices[-1] == count - 1 else [*indices, count - 1]
+
+
+def _related(layout: NetLayout, key: int) -> frozenset[int]:
+    """Lanelets that a vehicle may be on one sample later: followers, neighbours, and their followers."""
+    following = layout.table.successors
+    lane = layout.table.lanes[key]
+    beside = [other for other in (lane.left, lane.right) if other is not None and other in layout.table.lanes]
+    direct = {*following[key], *beside}
+    return frozenset(direct | {after for other in direct for after in following[other]})
+
+
+def heading_on(layout: NetLayout, lanelet_id: int, station_m: float) -> tuple[Points, float]:
+    """Point (2,) and heading in rad at an arc length of a lanelet's centre line."""
+    return point_at(layout.table.lanes[lanelet_id].center, station_m)
+
+
+def straightness(first: Points, second: Points) -> float:
+    """Cosine between the end of one polyline and the beginning of another, rounded to a tenth."""
+    one, two = first[-1] - first[-2], second[1] - second[0]
+    norm = float(np.linalg.norm(one) * np.linalg.norm(two))
+    return round(float(one @ two) / max(norm, 1e-9), 1) if math.isfinite(norm) else 0.0

@@ -1,0 +1,82 @@
+"""Which lanelets the argument ``to`` means, and how they are reached."""
+
+from collections.abc import Iterable, Sequence
+
+from plannerforge.engine.edits.changes import Changes
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.selection import nearest_ids, select
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+
+
+def target_lanelets(texts: Sequence[str], scene: Scene, changes: Changes) -> frozenset[int]:
+    """Lanelets named by id, by SUMO edge (all its lanes) or as ``lanelet_of:SELECTOR``.
+
+    Raises:
+        InvalidRequest: none is named.
+        UnknownName: a lanelet or edge that does not exist.
+    """
+    if not texts:
+        raise InvalidRequest("no lanelet is named in 'to'", valid=[*scene.layout.lane_of][:12], next_step="name one")
+    return frozenset(key for text in texts for key in _named(text.strip(), scene, changes))
+
+
+def _named(text: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
+    if text.startswith("lanelet_of:"):
+        return tuple(
+            _lanelet_at_start(key, scene) for key in select([text.removeprefix("lanelet_of:")], scene, changes)
+        )
+    if text in scene.layout.edges:
+        return scene.layout.edges[text]
+    return (known_lanelet(text, scene),)
+
+
+def known_lanelet(text: str, scene: Scene) -> int:
+    """The drivable lanelet with this id.
+
+    Raises:
+        UnknownName: no such lanelet or edge; the nearest ids are named.
+    """
+    lanes = scene.layout.table.lanes
+    if text.isdigit() and int(text) in lanes:
+        return int(text)
+    if text.isdigit():
+        every = {lanelet.lanelet_id for lanelet in scene.network.lanelets}
+        what = "is no lanelet that vehicles drive on" if int(text) in every else "is no lanelet of the scenario"
+        raise UnknownName(f"{text} {what}", valid=nearest_ids(int(text), list(lanes)))
+    raise UnknownName(f"'{text}' is no lanelet or edge", valid=closest(text, [*map(str, lanes), *scene.layout.edges]))
+
+
+def reach(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str) -> tuple[int, ...]:
+    """Lanelets from a start to the nearest target, both included.
+
+    Raises:
+        NotPossible: no target can be reached; those that can are named, the nearest first.
+    """
+    begin, wanted = tuple(starts), sorted(targets)
+    route = scene.lanelet_graph.shortest_route(begin, wanted)
+    if route is None:
+        raise NotPossible(
+            f"lanelet {' or '.join(map(str, wanted))} cannot be reached by {who}"
+            f" from lanelet {', '.join(map(str, begin))}: no successors or lane changes lead there",
+            valid=reachable_lanelets(scene, begin),
+            next_step="choose a lanelet that can be reached",
+        )
+    return route
+
+
+def reachable_lanelets(scene: Scene, starts: Sequence[int]) -> list[int]:
+    """Lanelets outside junctions that can be reached, the fewest lanelets away first, without the starts."""
+    order: list[int] = list(starts)
+    for key in order:
+        onward = {*scene.lanelet_graph.successors.get(key, ()), *scene.lanelet_graph.neighbours.get(key, ())}
+        order += sorted(after for after in onward if after not in order)
+    return [key for key in order if key not in starts and key in scene.layout.lane_of]
+
+
+def _lanelet_at_start(vehicle_id: int, scene: Scene) -> int:
+    match = scene.matches.get(vehicle_id)
+    if match is None:
+        raise NotPossible(f"vehicle {vehicle_id} is on no lanelet")
+    track = scene.tracks.get(vehicle_id)
+    index = track.index_at(scene.ego.step) if track and scene.ego else None
+    return match.at(index or 0)

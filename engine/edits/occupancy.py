@@ -1,0 +1,52 @@
+"""Whether a place is free for a vehicle at a time step, and where the nearest free one is."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from plannerforge.engine.edits.changes import Changes
+from plannerforge.engine.edits.placing import Place
+from plannerforge.engine.edits.scene import EGO_SIZE_M, Scene
+from plannerforge.engine.geometry.polyline import Points, oriented_rectangle, rectangles_overlap
+
+CLEARANCE_M = 0.3
+SEARCH_STEP_M = 1.0
+
+
+def occupant(scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int) -> str:
+    """Who stands where a vehicle (length, width) would be put at a step; empty if the place is free."""
+    center, heading = place.pose(scene)
+    mine = oriented_rectangle(center, heading, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
+    for name, position, corners in _bodies(scene, changes, step):
+        if float(np.abs(position - center).max()) < 40.0 and rectangles_overlap(mine, corners):
+            return name
+    return ""
+
+
+def free_places(scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int) -> list[str]:
+    """The nearest free places on the same lanelet, as ``at`` and ``position``, nearest first."""
+    length = scene.layout.table.lanes[place.lanelet_id].length_m
+    stations = np.arange(size_m[0] / 2, length - size_m[0] / 2 + 1e-6, SEARCH_STEP_M)
+    ordered = sorted(stations.tolist(), key=lambda station: (abs(station - place.station_m), station))
+    found: list[str] = []
+    for station in ordered:
+        if not occupant(scene, changes, Place(place.lanelet_id, station), size_m, step):
+            found.append(f"at={place.lanelet_id} position='{station:.1f}m'")
+        if len(found) == 3:
+            break
+    return found
+
+
+def _bodies(scene: Scene, changes: Changes, step: int) -> Iterator[tuple[str, Points, Points]]:
+    """Everybody who is there at a step: name, centre (2,) and corners (4, 2)."""
+    added = {key: plan.start for key, plan in changes.driven.items() if plan.cause == "added"}
+    for key, track in (scene.tracks | scene.standing | added).items():
+        index = track.index_at(step)
+        if index is None or key in changes.removed:
+            continue
+        size = (track.length_m, track.width_m)
+        position = track.positions[index]
+        yield f"vehicle {key}", position, oriented_rectangle(position, float(track.headings_rad[index]), size)
+    if scene.ego is not None and scene.ego.step == step:
+        corners = oriented_rectangle(scene.ego.position, scene.ego.heading_rad, EGO_SIZE_M)
+        yield "the ego", scene.ego.position, corners

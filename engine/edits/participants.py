@@ -1,0 +1,110 @@
+"""Everybody in a hybrid re-simulation: who is replayed, who is driven, and from when on."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.sax.saxutils import quoteattr
+
+from plannerforge.engine.edits.behaviours import Behaviour, usual_behaviour
+from plannerforge.engine.edits.changes import Changes, DrivePlan, class_of
+from plannerforge.engine.edits.lane_matching import LaneMatch
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.scenarios.tracks import Track
+
+EMERGENCY_DECELERATION_MPS2 = 9.0
+
+Hint = tuple[str, int]
+"""SUMO edge and lane index where a recorded pose lies; ("", -1) where nobody knows."""
+
+
+@dataclass(frozen=True)
+class Participant:
+    """A road user of the re-simulation.
+
+    ``drive_from``: the step whose pose is still the recorded one and after which SUMO drives; None: replayed to the
+    end. ``target``: the lane that a driven vehicle changes to when it is on its edge.
+    """
+
+    track: Track
+    edges: tuple[str, ...]
+    hints: tuple[Hint, ...]
+    drive_from: int | None
+    target: Hint | None
+    behaviour: Behaviour
+    sumo_class: str
+
+    @property
+    def key(self) -> str:
+        """SUMO's id of the vehicle."""
+        return str(self.track.obstacle_id)
+
+    def hint_at(self, index: int) -> Hint:
+        """The lane of the pose at an index of the track."""
+        return self.hints[index]
+
+    def vehicle_type(self) -> str:
+        """The ``vType`` element with the vehicle's own size and driver."""
+        attributes: dict[str, object] = {
+            "id": f"t{self.key}",
+            "vClass": self.sumo_class,
+            "length": f"{max(self.track.length_m, 0.5):.3f}",
+            "width": f"{max(self.track.width_m, 0.3):.3f}",
+            "maxSpeed": "70",
+            "speedDev": "0",
+            "emergencyDecel": f"{max(EMERGENCY_DECELERATION_MPS2, self.behaviour.values['decel']):g}",
+            "apparentDecel": f"{self.behaviour.values['decel']:g}",
+        }
+        attributes |= {name: f"{value:g}" for name, value in self.behaviour.values.items()}
+        return f"<vType {' '.join(f'{name}={quoteattr(str(value))}' for name, value in attributes.items())}/>"
+
+
+def participants(scene: Scene, changes: Changes, plans: Mapping[int, DrivePlan]) -> tuple[Participant, ...]:
+    """All road users near a lane, by ascending id; ``plans`` are the driven ones, handed over ones included."""
+    found = [_driven(scene, plan) for plan in plans.values()]
+    for key, track in (scene.tracks | scene.standing).items():
+        if key not in plans and key not in changes.removed and key in scene.matches:
+            found.append(_replayed(scene, track, scene.matches[key]))
+    return tuple(sorted(found, key=lambda one: one.track.obstacle_id))
+
+
+def _driven(scene: Scene, plan: DrivePlan) -> Participant:
+    match = scene.matches.get(plan.start.obstacle_id)
+    if plan.cause == "added" or match is None:
+        match = LaneMatch((0,), plan.lanelets[:1])
+    lane_of = scene.layout.lane_of
+    target = next((lane_of[key] for key in reversed(plan.lanelets) if key in plan.targets and key in lane_of), None)
+    return Participant(
+        track=plan.start,
+        edges=plan.edges,
+        hints=_hints(scene, plan.start, match, plan.edges),
+        drive_from=plan.from_step,
+        target=target,
+        behaviour=plan.behaviour,
+        sumo_class=plan.vehicle_class.sumo_class,
+    )
+
+
+def _replayed(scene: Scene, track: Track, match: LaneMatch) -> Participant:
+    route = scene.edge_graph.route(match.sequence) or scene.edge_graph.route(match.sequence[:1])
+    edges = route or next(iter(scene.layout.edges.items()))[:1]
+    vehicle_class = class_of(track.kind)
+    return Participant(
+        track=track,
+        edges=edges,
+        hints=_hints(scene, track, match, edges),
+        drive_from=None,
+        target=None,
+        behaviour=usual_behaviour(vehicle_class),
+        sumo_class="passenger",
+    )
+
+
+def _hints(scene: Scene, track: Track, match: LaneMatch, edges: tuple[str, ...]) -> tuple[Hint, ...]:
+    by_lanelet = {key: _hint(scene, key, edges) for key in match.sequence}
+    return tuple(by_lanelet[match.at(index)] for index in range(len(track.positions)))
+
+
+def _hint(scene: Scene, lanelet_id: int, edges: tuple[str, ...]) -> Hint:
+    if lanelet_id in scene.layout.lane_of:
+        return scene.layout.lane_of[lanelet_id]
+    path = scene.edge_graph.path_for(lanelet_id, edges)
+    return ("", -1) if path is None else (scene.layout.internal_edge_of_path[path], 0)

@@ -1,0 +1,133 @@
+"""Where an added vehicle is put."""
+
+from dataclasses import dataclass
+
+from plannerforge.engine.edits.changes import Changes
+from plannerforge.engine.edits.lane_matching import straightness
+from plannerforge.engine.edits.lanelet_targets import known_lanelet
+from plannerforge.engine.edits.positions import VALID, station_m
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.selection import EGO_WORDS, select
+from plannerforge.engine.geometry.polyline import Points, point_at, project
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.modification import Edit
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point on a lanelet's centre line, by arc length in m."""
+
+    lanelet_id: int
+    station_m: float
+
+    def pose(self, scene: Scene) -> tuple[Points, float]:
+        """Position (2,) in m and heading in rad."""
+        return point_at(scene.layout.table.lanes[self.lanelet_id].center, self.station_m)
+
+
+@dataclass(frozen=True)
+class _Reference:
+    """Something that a place is given relative to."""
+
+    name: str
+    lanelet_id: int
+    position: Points
+
+
+def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> Place:
+    """The place that an edit names, on a lanelet or relative to the ego or a vehicle.
+
+    Raises:
+        InvalidRequest: no place, or arguments that contradict each other.
+        UnknownName: a lanelet, edge or vehicle that does not exist.
+        NotPossible: no such lane, or the road ends before.
+    """
+    if edit.at is None:
+        raise InvalidRequest(
+            "add_vehicle needs a place",
+            valid=["at=LANELET with position", "at=ego with lane and offset_m", "at=VEHICLE with lane and offset_m"],
+        )
+    lanelet = _lanelet(edit.at, scene)
+    if lanelet is not None:
+        if edit.lane not in (None, "same"):
+            raise InvalidRequest(
+                "lane is relative to the ego or a vehicle; name the lanelet itself", valid=["position"]
+            )
+        lane_length = scene.layout.table.lanes[lanelet].length_m
+        station = station_m(edit.position or "middle", lanelet, lane_length, length_m / 2)
+        return ahead(scene, Place(lanelet, station), edit.offset_m or 0.0)
+    if edit.position is not None:
+        raise InvalidRequest(f"position is for lanelets; '{edit.at}' is none", valid=["lane", "offset_m", *VALID])
+    reference = _reference(edit.at, scene, changes)
+    lane = _lane_beside(reference, edit.lane or "same", scene)
+    station, _ = project(scene.layout.table.lanes[lane].center, reference.position)
+    return ahead(scene, Place(lane, station), edit.offset_m or 0.0)
+
+
+def ahead(scene: Scene, place: Place, distance_m: float) -> Place:
+    """The place farther along the lane (behind for a negative distance), over the straightest joints.
+
+    Raises:
+        NotPossible: the road ends before.
+    """
+    lanes, table = scene.layout.table.lanes, scene.layout.table
+    key, station, seen = place.lanelet_id, place.station_m + distance_m, {place.lanelet_id}
+    while not 0.0 <= station <= lanes[key].length_m:
+        forward = station > lanes[key].length_m
+        onward = [other for other in (table.successors if forward else table.predecessors)[key] if other not in seen]
+        if not onward:
+            raise NotPossible(
+                f"the road ends before {distance_m:+.1f} m from lanelet {place.lanelet_id}",
+                valid=[f"lanelet {key} is {lanes[key].length_m:.1f} m long"],
+                next_step="choose a smaller offset",
+            )
+        before, current = lanes[key].length_m, lanes[key].center
+        if forward:
+            key = max(onward, key=lambda other: (straightness(current, lanes[other].center), -other))
+            station -= before
+        else:
+            key = max(onward, key=lambda other: (straightness(lanes[other].center, current), -other))
+            station += lanes[key].length_m
+        seen.add(key)
+    return Place(key, station)
+
+
+def _lanelet(text: str, scene: Scene) -> int | None:
+    """The lanelet that ``at`` names, or None if it names the ego or a vehicle."""
+    body = text.strip()
+    if body in scene.layout.edges:
+        return scene.layout.edges[body][0]
+    if body.isdigit() and int(body) not in scene.tracks and int(body) not in scene.standing:
+        return known_lanelet(body, scene)
+    return None
+
+
+def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
+    body = text.strip()
+    if body.lower() in EGO_WORDS:
+        if scene.ego is None or not scene.ego.lanelets:
+            raise NotPossible("the scenario has no ego on a lanelet", next_step="name a lanelet or a vehicle")
+        return _Reference("the ego", scene.ego.lanelets[0], scene.ego.position)
+    found = select([body.removeprefix("vehicle:")], scene, changes)
+    if len(found) != 1:
+        raise NotPossible(f"'{text}' means {len(found)} vehicles", valid=found, next_step="name one by its id")
+    if found[0] not in scene.tracks or found[0] not in scene.matches:
+        raise NotPossible(f"vehicle {found[0]} is recorded on no lanelet", next_step="name a lanelet")
+    track, match = scene.tracks[found[0]], scene.matches[found[0]]
+    index = track.index_at(scene.ego.step if scene.ego else 0) or 0
+    return _Reference(f"vehicle {found[0]}", match.at(index), track.positions[index])
+
+
+def _lane_beside(reference: _Reference, side: str, scene: Scene) -> int:
+    if side == "same":
+        return reference.lanelet_id
+    lane = scene.layout.table.lanes[reference.lanelet_id]
+    beside = {"left": lane.left, "right": lane.right}
+    there = {key: value for key, value in beside.items() if value is not None and value in scene.layout.table.lanes}
+    if side not in there:
+        raise NotPossible(
+            f"{reference.name} has no lane of its direction to its {side}",
+            valid=["same", *there],
+            next_step="choose another lane",
+        )
+    return there[side]

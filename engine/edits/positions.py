@@ -1,0 +1,46 @@
+"""Words and numbers for a place along a lanelet."""
+
+from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.grammar import parse_quantity
+
+POSITION_WORDS = {
+    "beginning": 0.0,
+    "start": 0.0,
+    "quarter": 0.25,
+    "middle": 0.5,
+    "three_quarter": 0.75,
+    "final": 1.0,
+    "end": 1.0,
+}
+VALID = ("beginning", "quarter", "middle", "three_quarter", "final", "a fraction in 0…1 such as 0.66", "metres: '35m'")
+
+
+def station_m(text: str, lanelet_id: int, length_m: float, margin_m: float = 0.0) -> float:
+    """Arc length in m for a position word, a fraction or metres.
+
+    ``margin_m``: words and fractions keep so far from both ends (half a vehicle); metres are taken as they are.
+
+    Raises:
+        InvalidRequest: no such word, or a place beyond the lanelet.
+    """
+    body = text.strip().lower()
+    if body.endswith("m") and body[:-1].strip()[-1:].isdigit():
+        metres = parse_quantity(body, "m")
+        if not 0.0 <= metres <= length_m:
+            raise InvalidRequest(f"lanelet {lanelet_id} is {length_m:.1f} m long; {text} lies beyond", valid=VALID)
+        return metres
+    fraction = POSITION_WORDS.get(body)
+    if fraction is None:
+        fraction = _fraction(text)
+    inside = min(margin_m, length_m / 2)
+    return min(max(fraction * length_m, inside), length_m - inside)
+
+
+def _fraction(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise InvalidRequest(f"'{text}' is no position on a lanelet", valid=VALID) from None
+    if not 0.0 <= value <= 1.0:
+        raise InvalidRequest(f"position {text} is no fraction of a lanelet; metres are written '{text}m'", valid=VALID)
+    return value

@@ -1,0 +1,63 @@
+"""Edit T: send vehicles another way."""
+
+from dataclasses import replace
+
+from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, plan_of
+from plannerforge.engine.edits.forks import branch_for
+from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.selection import select
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.modification import Edit
+
+
+def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Send the selected vehicles to any of the target lanelets, or along a turn at their next fork.
+
+    Raises:
+        InvalidRequest: neither or both of ``to`` and ``turn``.
+        NotPossible: a vehicle cannot get there, or cannot be driven.
+    """
+    if bool(edit.to) == bool(edit.turn):
+        raise InvalidRequest("reroute takes either 'to' or 'turn'", valid=["to=[lanelet]", "turn=left|right|straight"])
+    vehicles = select(edit.vehicles, scene, changes)
+    for vehicle_id in vehicles:
+        plan = plan_of(scene, changes, vehicle_id)
+        changes = changes.with_plan(_rerouted(edit, scene, changes, plan))
+    where = f"turn {edit.turn} at the next fork" if edit.turn else f"to {' or '.join(edit.to)}"
+    return EditStep(changes, vehicles, f"{_names(vehicles)} rerouted {where}")
+
+
+def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
+    start, who = plan.lanelets[0], f"vehicle {plan.start.obstacle_id}"
+    if edit.turn:
+        targets = frozenset(branch_for(scene, start, edit.turn, who).lanelets)
+        way = reach(scene, [start], [_last_of_branch(scene, start, edit.turn, who)], who)
+    else:
+        targets = target_lanelets(edit.to, scene, changes)
+        way = reach(scene, [start], targets, who)
+    return drive_along(scene, plan, way, targets)
+
+
+def drive_along(scene: Scene, plan: DrivePlan, way: tuple[int, ...], targets: frozenset[int]) -> DrivePlan:
+    """The plan with another way, led on straight ahead after its end.
+
+    Raises:
+        NotPossible: SUMO's edges do not connect along the way.
+    """
+    edges = scene.edge_graph.route(way)
+    if edges is None:
+        raise NotPossible(
+            f"vehicle {plan.start.obstacle_id} cannot drive from lanelet {way[0]} to {way[-1]}: lanes do not connect",
+            next_step="choose another lanelet",
+        )
+    return replace(plan, lanelets=way, targets=targets, edges=scene.edge_graph.extended(edges, way[-1]))
+
+
+def _last_of_branch(scene: Scene, start: int, turn: str, who: str) -> int:
+    return branch_for(scene, start, turn, who).lanelets[-1]
+
+
+def _names(vehicles: tuple[int, ...]) -> str:
+    shown = ", ".join(str(key) for key in vehicles[:8]) + (" …" if len(vehicles) > 8 else "")
+    return f"vehicle{'s' if len(vehicles) > 1 else ''} {shown}"

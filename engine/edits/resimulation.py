@@ -1,0 +1,187 @@
+"""Hybrid re-simulation in SUMO: recorded vehicles replay exactly, driven ones react to them.
+
+Replayed vehicles are put at their recorded pose by ``moveToXY`` before every step, with the pose of the step after;
+their speed is set after the step, so that others see it. A driven vehicle is put like that until its hand-over.
+One libsumo simulation may run in a process at a time.
+"""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plannerforge.engine.edits.participants import Participant
+from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.schemas.errors import WorkerFailure
+
+REPLAYED_SPEED_MODE, DRIVEN_SPEED_MODE = 32, 31
+REPLAYED_LANE_CHANGES, DRIVEN_LANE_CHANGES = 0, 1621
+KEEP_ROUTE_FREELY = 2
+"""SUMO's keepRoute flag for poses that need not lie on the route; others snap the vehicle to its lane."""
+
+MATCH_REACH_M = 20.0
+LANE_CHANGE_S = 2.5
+
+
+@dataclass(frozen=True)
+class DrivenTrack:
+    """What SUMO made of a driven vehicle: its front bumper (n, 2) in m at every step from ``first_step`` on.
+
+    The first point is the recorded one. ``lanes``: SUMO's lane id at every step. ``leaves``: it left the network.
+    """
+
+    first_step: int
+    front: Points
+    lanes: tuple[str, ...]
+    leaves: bool
+
+
+@dataclass(frozen=True)
+class SimulationSetup:
+    """Where the network is, and how long and how finely is simulated; ``folder`` takes the vehicle types."""
+
+    net: Path
+    folder: Path
+    step_s: float
+    last_step: int
+    seed: int
+
+
+def front_of(track: Track, index: int) -> Points:
+    """The front bumper (2,) in m of a recorded pose."""
+    angle = float(track.headings_rad[index])
+    forward = np.array([math.cos(angle), math.sin(angle)])
+    front: Points = track.positions[index] + track.length_m / 2 * forward
+    return front
+
+
+def resimulate(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> dict[int, DrivenTrack]:
+    """Run all steps; the driven vehicles' tracks by id.
+
+    Raises:
+        WorkerFailure: SUMO refused the network or a vehicle.
+    """
+    with _simulation(setup, everybody) as sumo:
+        run = _Run(sumo, everybody)
+        try:
+            for step in range(setup.last_step + 1):
+                run.before(step)
+                sumo.simulationStep()
+                run.after(step)
+        except (sumo.TraCIException, sumo.FatalTraCIError) as error:
+            raise WorkerFailure(f"SUMO stopped: {error}") from error
+        return run.tracks(setup.last_step)
+
+
+@contextmanager
+def _simulation(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> Iterator[Any]:
+    import libsumo
+
+    types = setup.folder / "types.add.xml"
+    types.write_text("\n".join(["<additional>", *(one.vehicle_type() for one in everybody), "</additional>\n"]))
+    options = {
+        "--net-file": setup.net,
+        "--additional-files": types,
+        "--step-length": setup.step_s,
+        "--default.action-step-length": setup.step_s,
+        "--seed": setup.seed,
+        "--lanechange.duration": LANE_CHANGE_S,
+        "--time-to-teleport": -1,
+        "--max-depart-delay": -1,
+        "--collision.action": "none",
+        "--collision.check-junctions": "false",
+    }
+    arguments = [str(part) for option in options.items() for part in option]
+    try:
+        libsumo.start(["sumo", "--no-step-log", "--no-warnings", *arguments])
+        yield libsumo
+    except libsumo.TraCIException as error:
+        raise WorkerFailure(f"SUMO did not start: {error}") from error
+    finally:
+        libsumo.close()
+
+
+class _Run:
+    """The state of one simulation: who is there, and what was seen of the driven ones."""
+
+    def __init__(self, sumo: Any, everybody: tuple[Participant, ...]) -> None:
+        self.sumo, self.everybody = sumo, everybody
+        self.present: set[str] = set()
+        self.seen: dict[int, list[tuple[int, float, float, str]]] = {}
+
+    def before(self, step: int) -> None:
+        """Insert, place and remove, so that all replayed vehicles stand right after the step."""
+        for one in self.everybody:
+            index = step - one.track.first_step
+            if index == 0:
+                self._insert(one)
+            if one.key not in self.present or _drives(one, step):
+                continue
+            if one.track.index_at(step) is not None:
+                self._place(one, index)
+            elif one.drive_from is None:
+                self._remove(one)
+
+    def after(self, step: int) -> None:
+        """Set the speeds of the replayed ones, hand over, and record the driven ones."""
+        there = set(self.sumo.vehicle.getIDList())
+        for one in self.everybody:
+            if one.key not in self.present or one.key not in there:
+                continue
+            index = one.track.index_at(step)
+            if index is not None and not _drives(one, step):
+                self.sumo.vehicle.setPreviousSpeed(one.key, max(float(one.track.speeds_mps[index]), 0.0))
+                if step == one.track.first_step:
+                    self._hold(one)
+            if one.drive_from is not None and step >= one.drive_from:
+                self._drive(one, step)
+
+    def tracks(self, last_step: int) -> dict[int, DrivenTrack]:
+        """The driven tracks so far."""
+        found = {}
+        for key, rows in sorted(self.seen.items()):
+            front = np.array([(x, y) for _, x, y, _ in rows])
+            leaves = rows[-1][0] < last_step
+            found[key] = DrivenTrack(rows[0][0], front, tuple(lane for *_, lane in rows), leaves)
+        return found
+
+    def _insert(self, one: Participant) -> None:
+        self.sumo.route.add(f"r{one.key}", one.edges)
+        self.sumo.vehicle.add(one.key, f"r{one.key}", f"t{one.key}", depart="now", departLane="0", departPos="0")
+        self.present.add(one.key)
+
+    def _place(self, one: Participant, index: int) -> None:
+        edge, lane = one.hint_at(index)
+        x, y = front_of(one.track, index)
+        angle = (90.0 - math.degrees(float(one.track.headings_rad[index]))) % 360.0
+        self.sumo.vehicle.moveToXY(one.key, edge, lane, x, y, angle, KEEP_ROUTE_FREELY, MATCH_REACH_M)
+
+    def _remove(self, one: Participant) -> None:
+        self.present.discard(one.key)
+        if one.key in self.sumo.vehicle.getIDList():
+            self.sumo.vehicle.remove(one.key)
+
+    def _hold(self, one: Participant) -> None:
+        self.sumo.vehicle.setSpeedMode(one.key, REPLAYED_SPEED_MODE)
+        self.sumo.vehicle.setLaneChangeMode(one.key, REPLAYED_LANE_CHANGES)
+
+    def _drive(self, one: Participant, step: int) -> None:
+        vehicle = self.sumo.vehicle
+        if step == one.drive_from:
+            vehicle.setSpeed(one.key, -1)
+            vehicle.setSpeedMode(one.key, DRIVEN_SPEED_MODE)
+            vehicle.setLaneChangeMode(one.key, DRIVEN_LANE_CHANGES)
+        lane_id = vehicle.getLaneID(one.key)
+        if one.target and lane_id.rpartition("_")[0] == one.target[0] and lane_id != "_".join(map(str, one.target)):
+            vehicle.changeLane(one.key, one.target[1], LANE_CHANGE_S)
+        x, y = vehicle.getPosition(one.key)
+        self.seen.setdefault(one.track.obstacle_id, []).append((step, x, y, lane_id))
+
+
+def _drives(one: Participant, step: int) -> bool:
+    return one.drive_from is not None and step > one.drive_from

@@ -1,0 +1,138 @@
+"""A scenario made ready for edits: its lanes as a SUMO network, its vehicles on their lanelets, its ego."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from plannerforge.engine.edits.edge_routes import EdgeGraph
+from plannerforge.engine.edits.lane_matching import LaneMatch, LaneMatcher
+from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.network.lanelet_graph import LaneletGraph
+from plannerforge.engine.network.sumo_net_layout import NetLayout
+from plannerforge.engine.network.sumo_net_speeds import lane_speeds
+from plannerforge.engine.scenarios.reader import LoadedScenario
+from plannerforge.engine.scenarios.tracks import Track, last_recorded_step, recorded_tracks, size_of
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+NOT_DRIVEN = ("pedestrian",)
+"""Obstacle types that SUMO's vehicles cannot stand for: they are replayed, never driven."""
+
+EGO_SIZE_M = (4.508, 1.61)
+"""Length and width of CommonRoad's vehicle 2 (BMW 320i), which stands for the ego."""
+
+
+@dataclass(frozen=True)
+class Ego:
+    """The first planning problem's start: centre (2,) in m, heading, speed, and the lanelets there (best first)."""
+
+    problem_id: int
+    step: int
+    position: Points
+    heading_rad: float
+    speed_mps: float
+    lanelets: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The base scenario of an edit; nothing here changes while edits are applied.
+
+    ``tracks``: recorded vehicles that move by a trajectory, by id. ``standing``: static obstacles as tracks of one
+    pose. ``matches``: the lanelets of each track that was found near any.
+    """
+
+    loaded: LoadedScenario
+    layout: NetLayout
+    matcher: LaneMatcher
+    tracks: dict[int, Track]
+    standing: dict[int, Track]
+    matches: dict[int, LaneMatch]
+    last_step: int
+    ego: Ego | None
+
+    @classmethod
+    def of(cls, loaded: LoadedScenario) -> "Scene":
+        """Lay out the network and match every recorded vehicle."""
+        network = loaded.scenario.lanelet_network
+        layout = NetLayout.of(network)
+        matcher = LaneMatcher.of(layout, network)
+        tracks = recorded_tracks(loaded.scenario)
+        last = last_recorded_step(loaded.scenario)
+        standing = _standing(loaded, last)
+        matches = {key: matcher.match(track) for key, track in (tracks | standing).items()}
+        found = {key: match for key, match in matches.items() if match is not None}
+        return cls(loaded, layout, matcher, tracks, standing, found, last, _ego(loaded, matcher))
+
+    @property
+    def step_s(self) -> float:
+        """Duration of a time step in s."""
+        return self.loaded.step_s
+
+    @property
+    def network(self) -> "LaneletNetwork":
+        """The lanelet network of the file."""
+        return self.loaded.scenario.lanelet_network
+
+    @cached_property
+    def edge_graph(self) -> EdgeGraph:
+        """Routes of edges."""
+        return EdgeGraph(self.layout)
+
+    @cached_property
+    def lanelet_graph(self) -> LaneletGraph:
+        """What can be reached from where."""
+        return LaneletGraph.of(self.network)
+
+    @cached_property
+    def lane_speeds_mps(self) -> dict[int, float]:
+        """Speed of every drivable lanelet, raised where a vehicle was recorded faster than usual."""
+        fastest: dict[int, float] = {}
+        for key, match in self.matches.items():
+            track = self.tracks.get(key)
+            for index, lanelet in zip(match.indices, match.lanelets, strict=True):
+                speed = float(track.speeds_mps[index]) if track else 0.0
+                fastest[lanelet] = max(fastest.get(lanelet, 0.0), speed)
+        return lane_speeds(self.layout, fastest)
+
+
+def _ego(loaded: LoadedScenario, matcher: LaneMatcher) -> Ego | None:
+    problems = loaded.planning_problems.planning_problem_dict
+    if not problems:
+        return None
+    problem = problems[min(problems)]
+    state = problem.initial_state
+    position, heading = np.asarray(state.position, dtype=float), float(state.orientation)
+    near = sorted(matcher.near(position, heading, 1.0), key=lambda found: (found[1], found[0]))
+    return Ego(
+        problem_id=int(problem.planning_problem_id),
+        step=int(state.time_step),
+        position=position,
+        heading_rad=heading,
+        speed_mps=float(state.velocity),
+        lanelets=tuple(key for key, _ in near),
+    )
+
+
+def _standing(loaded: LoadedScenario, last_step: int) -> dict[int, Track]:
+    found = {}
+    for obstacle in sorted(loaded.scenario.static_obstacles, key=lambda obstacle: int(obstacle.obstacle_id)):
+        state = obstacle.initial_state
+        if not isinstance(state.position, np.ndarray):
+            continue
+        length, width = size_of(obstacle.obstacle_shape)
+        count = last_step + 1
+        found[int(obstacle.obstacle_id)] = Track(
+            obstacle_id=int(obstacle.obstacle_id),
+            kind=str(obstacle.obstacle_type.value),
+            length_m=length,
+            width_m=width,
+            first_step=0,
+            positions=np.repeat(np.asarray(state.position, dtype=float)[None], count, axis=0),
+            headings_rad=np.full(count, float(getattr(state, "orientation", 0.0))),
+            speeds_mps=np.zeros(count),
+        )
+    return found

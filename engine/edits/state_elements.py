@@ -1,0 +1,158 @@
+"""States, obstacles and goals as CommonRoad elements."""
+
+import numpy as np
+from lxml import etree
+
+from plannerforge.engine.edits.changes import DrivePlan, GoalChange
+from plannerforge.engine.edits.handover import TouchedTrack
+from plannerforge.engine.edits.scenario_document import ScenarioDocument
+from plannerforge.engine.geometry.polyline import wrap_angle
+from plannerforge.engine.traffic.feasibility import steering_angles
+
+DECIMALS = 6
+USUAL_FIELDS = ("position", "orientation", "time", "velocity", "acceleration")
+USUAL_GOAL_SIZE_M = (6.0, 2.0)
+"""Length and width of a goal region where neither the request nor the file gives one, as in the paper's code."""
+
+Element = etree._Element
+
+
+def write_touched(document: ScenarioDocument, track: TouchedTrack, step_s: float) -> None:
+    """Replace the states of a recorded obstacle after its hand-over; those up to it stay as they are."""
+    trajectory = document.obstacle(track.vehicle_id).find("trajectory")
+    if trajectory is None:
+        return
+    states = trajectory.findall("state")
+    fields = tuple(str(child.tag) for child in states[0])
+    later = [state for state in states if _step(state) > track.first_step]
+    new = state_elements(track, fields, step_s, first=1)
+    if later:
+        document.replace_children(trajectory, later, new)
+    else:
+        document.replace_children(trajectory, states[-1:], [states[-1], *new])
+
+
+def state_elements(track: TouchedTrack, fields: tuple[str, ...], step_s: float, first: int) -> list[Element]:
+    """``<state>`` elements for the motion from its ``first`` index on, with the fields that can be told."""
+    rates = np.gradient(track.motion.headings_rad, step_s)
+    steering = steering_angles(track.motion, step_s)
+    made = []
+    for index in range(first, len(track.motion.speeds_mps)):
+        values = {
+            "orientation": wrap_angle(float(track.motion.headings_rad[index])),
+            "velocity": float(track.motion.speeds_mps[index]),
+            "acceleration": float(track.motion.accelerations_mps2[index]),
+            "yawRate": float(rates[index]),
+            "slipAngle": 0.0,
+            "steeringAngle": float(steering[index]),
+        }
+        x, y = track.motion.positions[index]
+        made.append(_state("state", fields, values, (float(x), float(y)), track.first_step + index))
+    return made
+
+
+def added_obstacle(plan: DrivePlan, track: TouchedTrack, step_s: float, *, is_2018b: bool) -> Element:
+    """The element of an added vehicle, its type and size those of its class."""
+    obstacle = etree.Element("obstacle" if is_2018b else "dynamicObstacle", id=str(track.vehicle_id))
+    if is_2018b:
+        etree.SubElement(obstacle, "role").text = "dynamic"
+    etree.SubElement(obstacle, "type").text = plan.vehicle_class.commonroad_type
+    rectangle = etree.SubElement(etree.SubElement(obstacle, "shape"), "rectangle")
+    etree.SubElement(rectangle, "length").text = _number(track.length_m)
+    etree.SubElement(rectangle, "width").text = _number(track.width_m)
+    states = state_elements(track, USUAL_FIELDS, step_s, first=0)
+    states[0].tag = "initialState"
+    obstacle.append(states[0])
+    trajectory = etree.SubElement(obstacle, "trajectory")
+    trajectory.extend(states[1:])
+    return obstacle
+
+
+def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
+    """Replace the goal of a planning problem; what the edit does not name stays.
+
+    Returns:
+        Sentences on what else had to change.
+    """
+    problem = document.problem(goal.problem_id)
+    states = problem.findall("goalState")
+    notes = []
+    if len(states) > 1:
+        notes.append(f"the {len(states)} goal states of problem {goal.problem_id} became one")
+        for state in states[1:]:
+            problem.remove(state)
+    old = states[0]
+    new = etree.Element("goalState")
+    new.append(_goal_position(old, goal))
+    orientation = old.find("orientation")
+    if orientation is not None:
+        new.append(_turned(orientation, goal.heading_rad))
+        notes.append("the goal's orientation interval was turned into the direction of its lanelet")
+    for name, interval in (("time", goal.steps), ("velocity", goal.speed_mps)):
+        element = old.find(name)
+        if interval is not None:
+            new.append(_interval(name, *interval))
+        elif element is not None:
+            element.tail = None
+            new.append(element)
+    document.replace_children(problem, [old], [new])
+    return notes
+
+
+def _goal_position(old: Element, goal: GoalChange) -> Element:
+    rectangle = old.find("position/rectangle")
+    size = goal.size_m or (USUAL_GOAL_SIZE_M if rectangle is None else _size(rectangle))
+    position = etree.Element("position")
+    shape = etree.SubElement(position, "rectangle")
+    etree.SubElement(shape, "length").text = _number(size[0])
+    etree.SubElement(shape, "width").text = _number(size[1])
+    etree.SubElement(shape, "orientation").text = _number(wrap_angle(goal.heading_rad))
+    center = etree.SubElement(shape, "center")
+    etree.SubElement(center, "x").text = _number(float(goal.center[0]))
+    etree.SubElement(center, "y").text = _number(float(goal.center[1]))
+    return position
+
+
+def _size(rectangle: Element) -> tuple[float, float]:
+    return float(rectangle.findtext("length", "0")), float(rectangle.findtext("width", "0"))
+
+
+def _turned(orientation: Element, heading_rad: float) -> Element:
+    """The interval with its old width around a new heading."""
+    start, end = float(orientation.findtext("intervalStart", "0")), float(orientation.findtext("intervalEnd", "0"))
+    half = min(abs(end - start) / 2, 3.14)
+    middle = wrap_angle(heading_rad)
+    return _interval("orientation", middle - half, middle + half)
+
+
+def _interval(name: str, start: float, end: float) -> Element:
+    element = etree.Element(name)
+    etree.SubElement(element, "intervalStart").text = str(start) if isinstance(start, int) else _number(start)
+    etree.SubElement(element, "intervalEnd").text = str(end) if isinstance(end, int) else _number(end)
+    return element
+
+
+def _state(
+    tag: str, fields: tuple[str, ...], values: dict[str, float], position: tuple[float, float], step: int
+) -> Element:
+    state = etree.Element(tag)
+    for field in fields:
+        if field == "position":
+            point = etree.SubElement(etree.SubElement(state, "position"), "point")
+            etree.SubElement(point, "x").text = _number(position[0])
+            etree.SubElement(point, "y").text = _number(position[1])
+        elif field == "time":
+            etree.SubElement(etree.SubElement(state, "time"), "exact").text = str(step)
+        elif field in values:
+            etree.SubElement(etree.SubElement(state, field), "exact").text = _number(values[field])
+    return state
+
+
+def _step(state: Element) -> int:
+    exact = state.findtext("time/exact")
+    return int(exact if exact is not None else state.findtext("time/intervalStart", "0"))
+
+
+def _number(value: float) -> str:
+    rounded = round(value, DECIMALS)
+    return f"{rounded + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".") if rounded else "0"

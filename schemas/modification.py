@@ -1,0 +1,226 @@
+"""Typed edits of a scenario: what ``modify_scenario`` takes, what its worker is asked, and what comes back."""
+
+from pathlib import Path
+from typing import Final, Literal
+
+from pydantic import Field
+
+from plannerforge.schemas.base import Arguments, Model, Result
+
+Operation = Literal["reroute", "set_behaviour", "add_vehicle", "remove_vehicle", "set_goal"]
+Letter = Literal["T", "B", "P", "G"]
+"""The paper's kinds of edits: trajectory, behaviour, population, goal."""
+
+LETTERS: Final[dict[Operation, Letter]] = {
+    "reroute": "T",
+    "set_behaviour": "B",
+    "add_vehicle": "P",
+    "remove_vehicle": "P",
+    "set_goal": "G",
+}
+
+ARGUMENTS_OF: Final[dict[Operation, tuple[str, ...]]] = {
+    "reroute": ("vehicles", "to", "turn"),
+    "set_behaviour": ("vehicles", "preset", "params"),
+    "add_vehicle": (
+        *("vehicle_class", "count", "spacing_m", "at", "lane", "offset_m", "position", "speed", "time_s", "to"),
+        *("preset", "params"),
+    ),
+    "remove_vehicle": ("vehicles",),
+    "set_goal": ("to", "position", "rectangle_m", "goal_time", "goal_speed"),
+}
+"""Which arguments belong to which operation; any other is refused."""
+
+
+class Edit(Arguments):
+    """One change of the traffic or of the ego's goal."""
+
+    op: Operation
+    vehicles: list[str] = Field(
+        default=[],
+        description="ids, or all (never the ego), one:truck ('the truck'), class:truck (all of them), nearest:3, "
+        "farthest, lead, follow, fastest, slowest, standing, new:0 (added by edit 0); '!id' excludes",
+    )
+    to: list[str] = Field(
+        default=[],
+        description="lanelet or edge: goal, any end of a reroute, destination of an added vehicle; lanelet_of:lead",
+    )
+    turn: Literal["left", "right", "straight"] | None = Field(None, description="reroute at the next fork")
+    preset: str | None = Field(None, description="aggressive, cautious, emergency (urgent), eco, balanced, speeder")
+    params: list[str] = Field([], description="SUMO names: 'tau=0.7', 'minGap=1'")
+    vehicle_class: str | None = None
+    count: int | None = Field(None, ge=1, le=20)
+    spacing_m: float | None = Field(None, gt=0)
+    at: str | None = Field(None, description="where to add: lanelet or edge id, ego, vehicle:ID")
+    lane: Literal["same", "left", "right"] | None = None
+    offset_m: float | None = Field(None, description="from at, centre to centre along the lane; + ahead, - behind")
+    position: str | None = Field(
+        None,
+        description="on the lanelet: beginning, quarter, middle, three_quarter, final (a goal's default), "
+        "a fraction 0.66 or '35m'",
+    )
+    speed: str | None = Field(None, description="'30km/h', '8m/s'")
+    time_s: float | None = Field(None, ge=0, description="departure of an added vehicle")
+    rectangle_m: list[float] | None = Field(None, description="goal [length, width]")
+    goal_time: str | None = Field(None, description="'8..12s', '<=90steps'")
+    goal_speed: str | None = None
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Names of the arguments that were given beside ``op``."""
+        return tuple(name for name in type(self).model_fields if name != "op" and getattr(self, name) not in (None, []))
+
+
+class ModifyScenarioArguments(Arguments):
+    """Change the traffic or the ego's goal: edits in the given order, all or none, one new scenario.
+
+    Untouched vehicles stay exactly as recorded. The ego's own driving is configure_planner's.
+    """
+
+    scenario_id: str = "latest"
+    edits: list[Edit] = Field(min_length=1, max_length=50)
+    on_conflict: Literal["report", "refuse"] = "report"
+    dry_run: bool = False
+    seed: int = 0
+
+
+class VehicleRoute(Model):
+    """Where a touched vehicle drives: lanelets in order, and whether it gets where the edit sends it.
+
+    ``arrives`` is None where no target was named; ``reason`` says why it does not arrive.
+    """
+
+    vehicle_id: int
+    lanelets: tuple[int, ...]
+    arrives: bool | None = None
+    reason: str = ""
+
+
+class EditReport(Model):
+    """What became of one edit."""
+
+    index: int
+    op: Operation
+    letter: Letter
+    done: bool
+    what: str = Field(description="what was done, in one sentence with figures")
+    vehicles: tuple[int, ...] = ()
+    routes: tuple[VehicleRoute, ...] = ()
+
+
+class EditCollision(Model):
+    """Two road users overlap for the first time, which they did not do in the recording."""
+
+    vehicles: tuple[int, int]
+    time_s: float
+
+
+class TouchedVehicle(Model):
+    """A vehicle whose motion was computed anew, and what a closed form of the kinematic check says of it.
+
+    ``handover_*``: differences between the recorded state at the hand-over and the first new step, beyond what the
+    speed explains; None for vehicles that were not recorded.
+    """
+
+    vehicle_id: int
+    cause: Literal["edited", "added", "handed_over"]
+    from_time_s: float
+    until_time_s: float
+    leaves_network: bool
+    feasible: bool
+    feasible_share: float
+    handover_jump_m: float | None = None
+    handover_speed_step_mps: float | None = None
+
+
+class ModificationRequest(Model):
+    """What the worker needs: the base file, all edits since the base, and where to write.
+
+    ``earlier``: how many of the edits come from the scenario that is edited further; they are applied, not reported.
+    """
+
+    xml: Path
+    edits: tuple[Edit, ...]
+    benchmark_id: str
+    output: Path
+    earlier: int = 0
+    on_conflict: Literal["report", "refuse"] = "report"
+    dry_run: bool = False
+    seed: int = 0
+
+
+class ModificationOutcome(Model):
+    """Files (None for a dry run) and everything that the edits did."""
+
+    xml: Path | None
+    net: Path | None
+    edits: tuple[EditReport, ...]
+    touched: tuple[TouchedVehicle, ...] = ()
+    removed: tuple[int, ...] = ()
+    collisions: tuple[EditCollision, ...] = ()
+    checked_by: Literal["closed_form"] = "closed_form"
+    untouched: int = Field(0, description="vehicles that stay exactly as recorded")
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def handed_over(self) -> tuple[int, ...]:
+        """Vehicles that no edit names, driven anew because they would have hit one that an edit moved."""
+        return tuple(vehicle.vehicle_id for vehicle in self.touched if vehicle.cause == "handed_over")
+
+
+class ModifyScenarioResult(Result):
+    """The new scenario and what the edits did; no id where nothing was stored."""
+
+    scenario_id: str | None
+    base_id: str
+    reused: bool = False
+    edits: tuple[EditReport, ...]
+    touched: tuple[TouchedVehicle, ...]
+    removed: tuple[int, ...]
+    handed_over: tuple[int, ...]
+    collisions: tuple[EditCollision, ...]
+    checked_by: Literal["closed_form"]
+    untouched: int
+    warnings: tuple[str, ...]
+
+    def to_text(self) -> str:
+        """All of it in a few lines."""
+        head = f"{self.scenario_id} (from {self.base_id})" if self.scenario_id else f"dry run on {self.base_id}"
+        lines = [head + (", reused" if self.reused else "")]
+        for edit in self.edits:
+            lines.append(
+                f"edit {edit.index} {edit.op} ({edit.letter}): {'done' if edit.done else 'not done'}: {edit.what}"
+            )
+            lines += [f"  {_route_text(route)}" for route in edit.routes[:8]]
+            if len(edit.routes) > 8:
+                lines.append(f"  … and {len(edit.routes) - 8} more routes")
+        lines += [_touched_text(vehicle) for vehicle in self.touched[:12]]
+        if len(self.touched) > 12:
+            infeasible = [vehicle.vehicle_id for vehicle in self.touched if not vehicle.feasible]
+            lines.append(f"{len(self.touched)} touched in all; infeasible steps in: {_ids(infeasible)}")
+        lines.append(f"removed: {_ids(self.removed)}; handed over besides: {_ids(self.handed_over)}")
+        hits = [f"{hit.vehicles[0]} with {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
+        lines.append(f"collisions caused: {'; '.join(hits) if hits else 'none'}")
+        lines.append(f"{self.untouched} vehicles exactly as recorded")
+        lines += [f"note: {warning}" for warning in self.warnings]
+        return "\n".join(lines)
+
+
+def _route_text(route: VehicleRoute) -> str:
+    way = " → ".join(str(key) for key in route.lanelets[:12]) + (" …" if len(route.lanelets) > 12 else "")
+    arrives = {None: "", True: ", arrives", False: f", does not arrive: {route.reason}"}[route.arrives]
+    return f"{route.vehicle_id}: lanelets {way}{arrives}"
+
+
+def _touched_text(vehicle: TouchedVehicle) -> str:
+    verdict = "feasible" if vehicle.feasible else f"{vehicle.feasible_share:.1%} of the steps feasible"
+    end = "leaves the network" if vehicle.leaves_network else "there"
+    return (
+        f"{vehicle.vehicle_id} {vehicle.cause.replace('_', ' ')} from {vehicle.from_time_s:.1f} s, "
+        f"{end} at {vehicle.until_time_s:.1f} s, {verdict}"
+    )
+
+
+def _ids(keys: "tuple[int, ...] | list[int]") -> str:
+    shown = ", ".join(str(key) for key in keys[:20]) + (f" and {len(keys) - 20} more" if len(keys) > 20 else "")
+    return shown or "none"
