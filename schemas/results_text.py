@@ -31,15 +31,8 @@ def listed(ids: Iterable[str], most: int = 5) -> str:
 
 def analysis_text(result: AnalyzeResultsResult) -> str:
     """All sections that are there, one line an item."""
-    valid = result.success.of
-    lines = [f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {rate_text(result.success)}"]
-    lines += [
-        f"- {item.outcome}: {rate_text(item.rate)} · {listed(item.run_ids, 3)}"
-        for item in result.outcomes
-        if item.outcome != "goal_reached"
-    ]
-    lines += [f"- invalid, in no rate: {item.run_id} {item.scenario_id}: {item.reason}" for item in result.invalid]
-    sections = (_groups, _metrics, _costs, _correlations, _rows, _timeline)
+    lines = [] if result.runs == 1 else _rates(result)
+    sections = (_rows, _groups, _metrics, _costs, _correlations, _timeline)
     for section in sections:
         lines += section(result)
     if result.findings:
@@ -47,6 +40,19 @@ def analysis_text(result: AnalyzeResultsResult) -> str:
         lines += [finding_text(finding) for finding in result.findings]
     lines += [f"Note: {note}" for note in result.notes]
     return "\n".join(lines)
+
+
+def _rates(result: AnalyzeResultsResult) -> list[str]:
+    valid = result.success.of
+    lines = [f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {rate_text(result.success)}"]
+    lines += [
+        f"- {item.outcome}: {rate_text(item.rate)} · {listed(item.run_ids, 3)}"
+        for item in result.outcomes
+        if item.outcome != "goal_reached"
+    ]
+    return lines + [
+        f"- invalid, in no rate: {item.run_id} {item.scenario_id}: {item.reason}" for item in result.invalid
+    ]
 
 
 def finding_text(finding: Finding) -> str:
@@ -72,6 +78,10 @@ def _groups(result: AnalyzeResultsResult) -> list[str]:
 
 
 def _metrics(result: AnalyzeResultsResult) -> list[str]:
+    if result.runs == 1:
+        return ["Metrics: " + ", ".join(f"{i.name} {figure(i.median)} {i.unit}" for i in result.metrics)] * bool(
+            result.metrics
+        )
     found = [
         f"- {item.name}: median {figure(item.median)}, mean {figure(item.mean)}, "
         f"{figure(item.lowest)}–{figure(item.highest)} {item.unit} (n={item.n})"
@@ -83,7 +93,7 @@ def _metrics(result: AnalyzeResultsResult) -> list[str]:
 def _costs(result: AnalyzeResultsResult) -> list[str]:
     found = [
         f"- {item.config_name} {item.term}: {percent(item.share)} of the cost, {figure(item.mean_weighted)} a planning "
-        f"step ({item.runs} runs)"
+        f"step (n={item.runs})"
         for item in result.costs
     ]
     return ["Weighted cost terms of the chosen candidates:", *found] if found else []
@@ -103,7 +113,7 @@ def _rows(result: AnalyzeResultsResult) -> list[str]:
         f"gap {figure(row.minimum_distance_m)} m; {row.reason}"
         for row in result.rows
     ]
-    return ["Runs:", *found] if found else []
+    return ["Runs:", *found] if found and result.runs > 1 else [line.removeprefix("- ") for line in found]
 
 
 def _timeline(result: AnalyzeResultsResult) -> list[str]:

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from plannerforge.engine.rendering.palette import EXACT, INK
 
 if TYPE_CHECKING:
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
 PICTURE_WIDTH_PX = 1200
 DPI = 100
 SMALL_PT, TEXT_PT, TITLE_PT = 9.5, 11.0, 14.0
+CLOSE = 10
+"""Differences of a colour channel (of 255) that nobody sees."""
 
 _STYLE: Any = {  # Any: matplotlib's stubs list every key as a literal
     "font.family": "DejaVu Sans",
@@ -77,9 +81,13 @@ def exact_palette(images: Sequence["Image"], colours: int) -> "Image":
         together.paste(image, (left, 0))
         left += image.width
     chosen = together.quantize(colors=colours - len(EXACT), method=Image.Quantize.MEDIANCUT).getpalette() or []
-    fixed = [int(colour[place : place + 2], 16) for colour in EXACT for place in (1, 3, 5)]
+    fixed = np.array([[int(colour[place : place + 2], 16) for place in (1, 3, 5)] for colour in EXACT])
+    free = np.array(chosen[: 3 * (colours - len(EXACT))]).reshape(-1, 3)
+    # Pillow finds the nearest entry only roughly: entries close to an exact colour would win over it.
+    distance = np.abs(free[:, None, :] - fixed[None, :, :]).max(axis=2)
+    free = np.where(distance.min(axis=1, keepdims=True) <= CLOSE, fixed[distance.argmin(axis=1)], free)
     palette = Image.new("P", (1, 1))
-    palette.putpalette(fixed + chosen[: 3 * (colours - len(EXACT))])
+    palette.putpalette(np.vstack([fixed, free]).ravel().tolist())
     return palette
 
 

@@ -1,14 +1,13 @@
 """A run's driven path, ready to be drawn over its scenario."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
+from plannerforge.engine.analysis.run_steps import read_steps
 from plannerforge.engine.geometry.polyline import Points, Values
-from plannerforge.schemas.errors import ResourceFailure
 from plannerforge.schemas.results import RunSource
-from plannerforge.schemas.runs import RunRecord, RunSteps
+from plannerforge.schemas.runs import RunRecord
 
 
 @dataclass(frozen=True)
@@ -34,22 +33,6 @@ class DrivenPath:
     def label(self) -> str:
         """Configuration and outcome, as in a legend."""
         return f"{self.record.config_name}: {self.record.outcome.replace('_', ' ')}"
-
-
-def read_steps(source: RunSource) -> RunSteps | None:
-    """The steps of a run; None where none were kept.
-
-    Raises:
-        ResourceFailure: the file is named but cannot be read.
-    """
-    if source.steps_path is None:
-        return None
-    try:
-        return RunSteps.model_validate_json(Path(source.steps_path).read_bytes())
-    except OSError as error:
-        raise ResourceFailure(f"The steps of {source.record.run_id} cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise ResourceFailure(f"The steps of {source.record.run_id} are damaged", next_step="run it again") from error
 
 
 def driven_path(source: RunSource) -> DrivenPath | None:

@@ -1,0 +1,73 @@
+"""What the analysis looks at: the runs, their steps, their configurations and their scenarios' traffic."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from plannerforge.engine.analysis.obstacle_counts import count_obstacles
+from plannerforge.engine.analysis.run_steps import read_steps
+from plannerforge.schemas.results import ConfigWeights, RunSource, ScenarioSource
+from plannerforge.schemas.runs import RunRecord, RunSteps
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A set of runs with all that is known about them; files are read when first asked for."""
+
+    sources: tuple[RunSource, ...]
+    configs: tuple[ConfigWeights, ...] = ()
+    scenarios: tuple[ScenarioSource, ...] = ()
+
+    @property
+    def runs(self) -> tuple[RunRecord, ...]:
+        """All records, in the given order."""
+        return tuple(source.record for source in self.sources)
+
+    @property
+    def valid(self) -> tuple[RunRecord, ...]:
+        """Runs that could be attempted: the denominator of every rate."""
+        return tuple(record for record in self.runs if record.outcome != "invalid")
+
+    @property
+    def failures(self) -> tuple[RunRecord, ...]:
+        """Valid runs that did not reach the goal."""
+        return tuple(record for record in self.valid if record.outcome != "goal_reached")
+
+    @property
+    def successes(self) -> tuple[RunRecord, ...]:
+        """Runs that reached the goal."""
+        return tuple(record for record in self.valid if record.outcome == "goal_reached")
+
+    @cached_property
+    def steps(self) -> dict[str, RunSteps]:
+        """Steps by run id; runs without steps are not in it."""
+        read = ((source.record.run_id, read_steps(source)) for source in self.sources)
+        return {run_id: steps for run_id, steps in read if steps is not None}
+
+    @cached_property
+    def obstacles(self) -> dict[str, dict[str, int]]:
+        """Obstacles by type, by scenario id; only scenarios whose file was given."""
+        return {source.scenario_id: count_obstacles(Path(source.path)) for source in self.scenarios}
+
+    def weight(self, config_id: str, name: str) -> float | None:
+        """A weight of a configuration; None where either is unknown."""
+        found = [config for config in self.configs if config.config_id == config_id]
+        return found[0].weights.get(name) if found else None
+
+    def by_config(self, records: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
+        """The records by configuration id, in order of appearance."""
+        groups: dict[str, list[RunRecord]] = {}
+        for record in records:
+            groups.setdefault(record.config_id, []).append(record)
+        return groups
+
+
+def country_of(scenario_id: str) -> str:
+    """The country code of a CommonRoad benchmark id (``C-`` marks cooperative scenarios)."""
+    return scenario_id.removeprefix("C-")[:3]
+
+
+def place_of(scenario_id: str) -> str:
+    """The place of a CommonRoad benchmark id: ``Antwerp`` of ``BEL_Antwerp-1_9_T-1``."""
+    return scenario_id.removeprefix("C-").partition("_")[2].partition("-")[0]

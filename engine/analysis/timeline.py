@@ -1,0 +1,81 @@
+"""The moments before a run ended: speed, acceleration, what the cost was made of, how near the other was."""
+
+from pathlib import Path
+
+import numpy as np
+
+from plannerforge.engine.analysis.evidence import Evidence
+from plannerforge.engine.geometry.polyline import oriented_rectangle
+from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
+from plannerforge.schemas.results import TimelineStep
+from plannerforge.schemas.runs import RunRecord, RunSteps
+
+MOMENTS = 10
+LAST_S = 3.0
+
+
+def timeline(evidence: Evidence, record: RunRecord) -> tuple[TimelineStep, ...]:
+    """At most ten moments of the last three seconds, the last one being the end; empty without steps."""
+    steps = evidence.steps.get(record.run_id)
+    if steps is None or not steps.x_m:
+        return ()
+    tracks = _tracks(evidence, record)
+    last = len(steps.x_m) - 1
+    first = max(last - round(LAST_S / record.step_s), 0)
+    chosen = sorted({round(float(index)) for index in np.linspace(first, last, min(MOMENTS, last - first + 1))})
+    return tuple(_moment(record, steps, index, tracks) for index in chosen)
+
+
+def _tracks(evidence: Evidence, record: RunRecord) -> dict[int, Track]:
+    path = next((source.path for source in evidence.scenarios if source.scenario_id == record.scenario_id), None)
+    return recorded_tracks(read_scenario(Path(path)).scenario) if path is not None else {}
+
+
+def _moment(record: RunRecord, steps: RunSteps, index: int, tracks: dict[int, Track]) -> TimelineStep:
+    hit = record.collision.obstacle_id if record.collision is not None else None
+    considered = {hit: tracks[hit]} if hit is not None and hit in tracks else tracks
+    nearest, gap = _nearest(steps, index, considered)
+    term, share = _largest_cost(steps, steps.first_step + index)
+    return TimelineStep(
+        time_s=round(index * record.step_s, 9),
+        speed_mps=steps.speed_mps[index],
+        acceleration_mps2=steps.acceleration_mps2[index],
+        obstacle_id=nearest,
+        gap_m=gap,
+        largest_cost=term,
+        largest_cost_share=share,
+    )
+
+
+def _nearest(steps: RunSteps, index: int, tracks: dict[int, Track]) -> tuple[int | None, float | None]:
+    import shapely
+
+    center = np.array([steps.x_m[index], steps.y_m[index]])
+    size = (BMW_320I.length_m, BMW_320I.width_m)
+    ego = shapely.Polygon(oriented_rectangle(center, steps.heading_rad[index], size))
+    gaps = []
+    for track in tracks.values():
+        at = track.index_at(steps.first_step + index)
+        if at is not None:
+            heading = float(track.headings_rad[at])
+            other = oriented_rectangle(track.positions[at], heading, (track.length_m, track.width_m))
+            gaps.append((float(ego.distance(shapely.Polygon(other))), track.obstacle_id))
+    if not gaps:
+        return None, None
+    gap, obstacle_id = min(gaps)
+    return obstacle_id, gap
+
+
+def _largest_cost(steps: RunSteps, step: int) -> tuple[str | None, float | None]:
+    planned = [i for i, plan_step in enumerate(steps.plan_steps) if plan_step <= step]
+    if not planned:
+        return None, None
+    at = planned[-1]
+    terms = {term: values[at] for term, values in sorted(steps.costs.items()) if at < len(values)}
+    total = sum(terms.values())
+    if total <= 0:
+        return None, None
+    term = max(terms, key=lambda name: (terms[name], name))
+    return term, terms[term] / total
