@@ -1,0 +1,1 @@
+"""Clients of the server that come with it: the demo."""

@@ -41,7 +41,7 @@ def create_server(settings: Settings, start_folder: Path | None = None) -> Plann
                 jobs = JobRunner(JobStore(workspace.database), tasks)
                 if settings.warm_up:
                     tasks.start_soon(_warm_up, workers)
-                yield Services(workspace, workers, jobs, limits, settings.map_folders)
+                yield Services(workspace, workers, jobs, limits, settings.map_folders, settings.starter)
                 tasks.cancel_scope.cancel()
         finally:
             workspace.close()

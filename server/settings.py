@@ -24,10 +24,12 @@ class Settings(BaseSettings):
         (), description="folders that files may be read from and written to; default: workspace and start folder"
     )
     map_folders: tuple[Path, ...] = Field((), description="folders with .osm maps, beside the built-in ones")
+    starter: bool = Field(True, description="put the starter scenarios into a new workspace")
     workers: int = Field(2, ge=1, le=64, description="worker processes for simulation and planning")
     worker_memory_mb: int = Field(4096, ge=512, description="data memory of one worker process")
     operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit of one operation in a worker")
     file_mb: int = Field(100, ge=1, description="largest file that is read")
+    starter: bool = Field(True, description="begin with the starter catalogue")
     warm_up: bool = Field(True, description="start a worker before it is asked for")
     tools: Literal["all", "essential"] = Field("all", description="essential: the small set for small models")
     read_only: bool = Field(False, description="offer only tools that make nothing")

@@ -24,6 +24,7 @@ class Services:
     jobs: JobRunner
     limits: Limits
     map_folders: tuple[Path, ...] = ()
+    with_starter: bool = True
 
 
 class ToolCall:
