@@ -137,7 +137,12 @@ def error_classes() -> dict[str, type[PlannerForgeError]]:
 
 
 def rebuild(code: str, message: str, valid: Sequence[str], next_step: str) -> PlannerForgeError:
-    """The error that a worker process reported, made again in the server's process."""
+    """The error that a worker process reported, made again in the server's process.
+
+    A defect (``unexpected``) takes its message as the details to log; a code that nobody knows gives the base class.
+    """
+    if code == UnexpectedFailure.code:
+        return UnexpectedFailure("an operation", message)
     return error_classes().get(code, PlannerForgeError)(message, valid=valid, next_step=next_step)
 
 

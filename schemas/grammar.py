@@ -103,7 +103,10 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     factor = units.get(match[2].lower())
     if factor is None:
         raise InvalidRequest(f"'{text}' has the unit '{match[2]}'", valid=list(units) or ["a number without a unit"])
-    return float(match[1]) * factor
+    value = float(match[1]) * factor
+    if not math.isfinite(value):
+        raise InvalidRequest(f"'{text}' is too large", valid=[f"a number{_or_units(units)}"])
+    return value
 
 
 def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> Interval:
@@ -123,7 +126,7 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         )
         low, high = (parse_quantity(part, unit, step_s=step_s) for part in (first, between[2]))
         if low > high:
-            raise InvalidRequest(f"'{text}' begins above its end", valid=[f"{between[2]}..{between[1]}"])
+            raise InvalidRequest(f"'{text}' begins above its end", valid=[f"{between[2]}..{first}"])
         return Interval(low, high)
     for operator in (">=", "<="):
         if body.startswith(operator):

@@ -94,9 +94,15 @@ class JobRunner:
         finally:
             if scope.cancel_called and state == "interrupted":
                 state = "cancelled"
-            self.store.end(job_id, state, results=progress.results, error=error)
+            self._record_end(job_id, state, progress.results, error)
             self._scopes.pop(job_id, None)
             self._announce()
+
+    def _record_end(self, job_id: str, state: JobState, results: tuple[str, ...], error: str) -> None:
+        try:
+            self.store.end(job_id, state, results=results, error=error)
+        except PlannerForgeError:  # a full disk must not end the server's other work
+            logger.exception("the end of %s (%s) could not be recorded", job_id, state)
 
     def _announce(self) -> None:
         self._changed.set()

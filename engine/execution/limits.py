@@ -30,12 +30,19 @@ class Limits:
         Raises:
             OutsideRoots: naming the roots and the setting that extends them.
         """
-        path = Path(text).expanduser()
-        path = (path if path.is_absolute() else self.roots[0] / path).resolve()
-        if any(path.is_relative_to(root.resolve()) for root in self.roots):
+        path = self._resolved(text)
+        if path is not None and any(path.is_relative_to(root.resolve()) for root in self.roots):
             return path
         raise OutsideRoots(
             f"'{text}' lies outside the folders that may be used",
             valid=self.roots,
             next_step="use a path inside them, or name the folder in --roots or PLANNERFORGE_ROOTS at the start",
         )
+
+    def _resolved(self, text: str) -> Path | None:
+        """The absolute path; None for what cannot be one: a null byte, a loop of links, the home of nobody."""
+        try:
+            path = Path(text).expanduser()
+            return (path if path.is_absolute() else self.roots[0] / path).resolve()
+        except (ValueError, RuntimeError, OSError):
+            return None

@@ -25,12 +25,13 @@ WARM_UP = "warm-up"
 
 def main() -> None:
     """Serve orders from standard input until it closes."""
-    reports = os.fdopen(os.dup(1), "wb", buffering=0)
+    reports, orders_in = os.fdopen(os.dup(1), "wb", buffering=0), os.fdopen(os.dup(0), "rb")
     os.dup2(2, 1)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # programs that an operation starts must not read our orders
     _end_with_parent()
     _limit_memory(int(os.environ.get("PLANNERFORGE_WORKER_MEMORY", "0")))
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    threading.Thread(target=_read_orders, args=(orders,), daemon=True).start()
+    threading.Thread(target=_read_orders, args=(orders_in, orders), daemon=True).start()
     while True:
         order = Order.read(orders.get())
         if order.entry_point == WARM_UP:
@@ -40,10 +41,12 @@ def main() -> None:
         reports.write(_carry_out(order, reports).line())
 
 
-def _read_orders(orders: "queue.SimpleQueue[bytes]") -> None:
-    for line in sys.stdin.buffer:
+def _read_orders(orders_in: BinaryIO, orders: "queue.SimpleQueue[bytes]") -> None:
+    for line in orders_in:
         orders.put(line)
-    os._exit(0)  # the server is gone: whatever runs here has nobody to report to
+    if os.getpgrp() == os.getpid():  # the server is gone: whatever runs here has nobody to report to
+        os.killpg(0, signal.SIGKILL)
+    os._exit(0)
 
 
 def _carry_out(order: Order, reports: BinaryIO) -> Answer | Failure:

@@ -1,6 +1,8 @@
 """One worker process, seen from the server: start, give an order, kill."""
 
+import contextlib
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Awaitable, Callable
@@ -46,8 +48,12 @@ class WorkerProcess:
                 start_new_session=True,
             )
         worker = cls(process)
-        if preload:
-            await worker._orders.send(Order(WARM_UP, " ".join(preload)).line())
+        try:
+            if preload:
+                await worker._orders.send(Order(WARM_UP, " ".join(preload)).line())
+        except BaseException:
+            await worker.kill()
+            raise
         return worker
 
     @property
@@ -66,13 +72,17 @@ class WorkerProcess:
         Raises:
             WorkerFailure: the process died.
         """
+        report = await self._exchanged(order, order.line())
+        while isinstance(report, Progress):
+            await on_progress(report.share, report.message)
+            report = await self._exchanged(order)
+        return report
+
+    async def _exchanged(self, order: Order, line: bytes = b"") -> Progress | Answer | Failure:
         try:
-            await self._orders.send(order.line())
-            while True:
-                report = read_report(await self._reports.receive_until(b"\n", LONGEST_LINE_BYTES))
-                if not isinstance(report, Progress):
-                    return report
-                await on_progress(report.share, report.message)
+            if line:
+                await self._orders.send(line)
+            return read_report(await self._reports.receive_until(b"\n", LONGEST_LINE_BYTES))
         except (anyio.IncompleteRead, anyio.EndOfStream, anyio.BrokenResourceError, anyio.ClosedResourceError) as error:
             status = await self.kill()
             raise WorkerFailure(
@@ -81,13 +91,20 @@ class WorkerProcess:
             ) from error
 
     async def kill(self) -> int:
-        """End the process at once and wait until it is gone; returns its exit status."""
+        """End the process and all that it started at once, and wait until it is gone; returns its exit status."""
         with anyio.CancelScope(shield=True):
             if self.alive:
-                self._process.kill()
+                self._end_group()
             status = await self._process.wait()
             await self._process.aclose()
         return status
+
+    def _end_group(self) -> None:
+        if sys.platform == "win32":
+            self._process.kill()
+            return
+        with contextlib.suppress(ProcessLookupError):  # it ended by itself meanwhile
+            os.killpg(self.pid, signal.SIGKILL)
 
 
 class _opened:  # noqa: N801 - reads as a verb where it is used

@@ -66,16 +66,16 @@ class Workspace:
         found = self.find(kind, artifact_id)
         if found is not None:
             return found
-        self._place_files(kind, artifact_id, files or {})
-        with self.database.writing() as connection:
-            connection.execute(
-                "INSERT OR IGNORE INTO artifacts (artifact_id, kind, name, digest, recipe, record) "
-                "VALUES (?, ?, ?, ?, ?, ?)",
-                (artifact_id, kind, name, recipe.digest, recipe.model_dump_json(), record.model_dump_json()),
-            )
-            connection.executemany(
-                "INSERT OR IGNORE INTO parents VALUES (?, ?)", [(artifact_id, parent) for parent in recipe.parents]
-            )
+        with self._copied(kind, artifact_id, files or {}) as copies, self.database.writing() as connection:
+            if self.find(kind, artifact_id) is None:  # another server may have stored it meanwhile
+                self._place(kind, artifact_id, copies)
+                connection.execute(
+                    "INSERT INTO artifacts (artifact_id, kind, name, digest, recipe, record) VALUES (?, ?, ?, ?, ?, ?)",
+                    (artifact_id, kind, name, recipe.digest, recipe.model_dump_json(), record.model_dump_json()),
+                )
+                connection.executemany(
+                    "INSERT OR IGNORE INTO parents VALUES (?, ?)", [(artifact_id, parent) for parent in recipe.parents]
+                )
         return self.get(artifact_id, kind)
 
     def find(self, kind: ArtifactKind, artifact_id: str) -> Artifact | None:
@@ -192,22 +192,35 @@ class Workspace:
         query = "SELECT artifact_id FROM artifacts WHERE ?1 IS NULL OR kind = ?1 ORDER BY sequence DESC LIMIT 5000"
         return self.database.connection().execute(query, (kind,)).fetchall()
 
-    def _place_files(self, kind: ArtifactKind, artifact_id: str, files: Mapping[str, Path]) -> None:
+    @contextmanager
+    def _copied(self, kind: ArtifactKind, artifact_id: str, files: Mapping[str, Path]) -> Iterator[Path | None]:
+        """A folder with copies of the files that are safe on the disk, before anything is locked."""
         target = self.folder(kind, artifact_id)
-        if not files or target.is_dir():
+        if not files:
+            yield None
             return
-        try:
-            with self.scratch() as folder:
-                whole = folder / "whole"
-                whole.mkdir()
+        with self.scratch() as folder:
+            copies = folder / "whole"
+            try:
+                copies.mkdir()
                 for name, source in sorted(files.items()):
-                    shutil.copyfile(source, whole / name)
-                    _flush(whole / name)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                whole.rename(target)
-        except OSError as error:
-            if not target.is_dir():  # another server may have stored the same artifact meanwhile
+                    shutil.copyfile(source, copies / name)
+                    _flush(copies / name)
+            except OSError as error:
                 raise _disk_failure(target, error) from error
+            yield copies
+
+    def _place(self, kind: ArtifactKind, artifact_id: str, copies: Path | None) -> None:
+        """Give the copies their place; what lies there without a record was left by a server that died in between."""
+        target = self.folder(kind, artifact_id)
+        try:
+            if target.is_dir():
+                shutil.rmtree(target)
+            if copies is not None:
+                target.parent.mkdir(parents=True, exist_ok=True)
+                copies.rename(target)
+        except OSError as error:
+            raise _disk_failure(target, error) from error
 
 
 _MAKERS: dict[ArtifactKind, str] = {

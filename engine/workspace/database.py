@@ -1,4 +1,4 @@
-"""The SQLite file of a workspace: one connection a thread, write-ahead log, a schema with a version.
+"""The SQLite file of a workspace: one connection a server, write-ahead log, a schema with a version.
 
 Several servers work on one workspace at once (every IDE window starts its own), so writers wait for each other.
 """

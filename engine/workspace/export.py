@@ -48,7 +48,9 @@ def export(
         for file in wanted:
             _write(workspace, by_id[file.artifact_id], file)
     except OSError as error:
-        raise ResourceFailure(f"{folder} cannot be written: {error.strerror or error}") from error
+        raise ResourceFailure(
+            f"{folder} cannot be written: {error.strerror or error}", next_step="free disk space or name another folder"
+        ) from error
     return wanted
 
 
@@ -69,9 +71,12 @@ def _file_name(artifact: Artifact, form: str) -> str:
 
 def _write(workspace: Workspace, artifact: Artifact, file: Exported) -> None:
     partial = file.path.with_name(file.path.name + ".partial")
-    if file.format in _FILES:
-        shutil.copyfile(workspace.file(artifact.kind, artifact.artifact_id, _FILES[file.format]), partial)
-    else:
-        content = artifact.recipe if file.format == "recipe" else artifact
-        partial.write_text(content.model_dump_json(indent=1), encoding="utf-8")
-    partial.replace(file.path)
+    try:
+        if file.format in _FILES:
+            shutil.copyfile(workspace.file(artifact.kind, artifact.artifact_id, _FILES[file.format]), partial)
+        else:
+            content = artifact.recipe if file.format == "recipe" else artifact
+            partial.write_text(content.model_dump_json(indent=1), encoding="utf-8")
+        partial.replace(file.path)
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,35 @@
+"""Bounds of a call: paths stay inside the allowed roots, whatever way they are written."""
+
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.execution.limits import Limits
+from plannerforge.schemas.errors import OutsideRoots
+
+
+@pytest.fixture
+def roots(tmp_path: Path) -> tuple[Path, ...]:
+    folders = (tmp_path / "one", tmp_path / "two")
+    for folder in folders:
+        folder.mkdir()
+    return folders
+
+
+def test_path_inside_a_root_is_made_absolute(roots: tuple[Path, ...]) -> None:
+    limits = Limits(roots=roots)
+    assert limits.allowed_path("maps/a.osm") == roots[0] / "maps/a.osm"
+    assert limits.allowed_path(str(roots[1] / "b" / ".." / "c")) == roots[1] / "c"
+    assert limits.allowed_path(str(roots[0])) == roots[0]
+
+
+def test_path_outside_is_refused_with_the_roots_and_the_setting(roots: tuple[Path, ...]) -> None:
+    (roots[0] / "link").symlink_to("/etc")
+    (roots[0] / "loop").symlink_to(roots[0] / "loop")
+    sibling = f"{roots[0]}_sibling"
+    outside = ["/etc/passwd", "../three/a", "../../../etc/passwd", "link/passwd", "~/x", "~nobody_at_all/x", sibling]
+    for text in [*outside, "loop/x", "null\x00byte"]:
+        with pytest.raises(OutsideRoots) as caught:
+            Limits(roots=roots).allowed_path(text)
+        assert caught.value.valid == tuple(map(str, roots))
+        assert "PLANNERFORGE_ROOTS" in caught.value.next_step

@@ -1,0 +1,257 @@
+"""Worker processes: what they answer, and that no misbehaviour of an operation reaches the server."""
+
+import logging
+import signal
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import anyio
+import psutil
+import pytest
+
+from plannerforge.engine.execution import pool as pool_module
+from plannerforge.engine.execution.limits import Limits
+from plannerforge.engine.execution.pool import WorkerPool
+from plannerforge.schemas.base import Model
+from plannerforge.schemas.errors import (
+    ResourceFailure,
+    UnexpectedFailure,
+    UnknownName,
+    WorkerFailure,
+    WorkerTimeout,
+)
+
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("importable_tests")]
+PATIENCE_S = 60.0
+
+
+class Words(Model):
+    text: str = ""
+    number: int = 0
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return tmp_path / "logs" / "workers.log"
+
+
+@pytest.fixture
+async def pool(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[WorkerPool]:
+    monkeypatch.setitem(pool_module.PRELOAD, "compute", ())
+    limits = Limits(
+        roots=(tmp_path,), worker_count=1, worker_memory_bytes=512 * 1024**2, operation_timeout_s=PATIENCE_S
+    )
+    async with WorkerPool.open(limits, log) as opened:
+        yield opened
+
+
+async def run(pool: WorkerPool, operation: str, text: str = "", number: int = 0, **options: object) -> Words:
+    request = Words(text=text, number=number)
+    return await pool.run(f"worker_operations:{operation}", request, Words, **options)  # type: ignore[arg-type]
+
+
+async def pid_of_worker(pool: WorkerPool) -> int:
+    return (await run(pool, "tell_pid")).number
+
+
+async def gone(*pids: int) -> bool:
+    """Whether the processes end (a zombie that waits for its new parent has ended)."""
+    with anyio.move_on_after(PATIENCE_S):
+        while any(psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE for pid in pids):
+            await anyio.sleep(0.02)
+        return True
+    return False
+
+
+class Hanging:
+    """Progress of ``hang``: the pids that it told, as soon as it has told them."""
+
+    def __init__(self) -> None:
+        self.pids: tuple[int, ...] = ()
+        self.told = anyio.Event()
+
+    async def __call__(self, share: float, message: str) -> None:
+        self.pids = tuple(int(pid) for pid in message.split())
+        self.told.set()
+
+
+async def test_answer_is_that_of_the_operation(pool: WorkerPool) -> None:
+    assert await run(pool, "echo", "Grüße, 世界\n\u2028\x00", 7) == Words(text="Grüße, 世界\n\u2028\x00", number=7)
+
+
+async def test_worker_is_warm_for_the_next_call(pool: WorkerPool) -> None:
+    assert await pid_of_worker(pool) == await pid_of_worker(pool)
+    assert len(pool.worker_pids) == 1
+
+
+async def test_large_request_and_answer_pass(pool: WorkerPool) -> None:
+    text = "x" * 5_000_000
+    assert (await run(pool, "echo", text)).text == text
+
+
+async def test_progress_arrives_whole_and_in_order(pool: WorkerPool) -> None:
+    told: list[tuple[float, str]] = []
+
+    async def note(share: float, message: str) -> None:
+        told.append((share, message))
+
+    await run(pool, "tell_progress", number=500, on_progress=note)
+    assert told == [(step / 500, f"step {step}") for step in range(500)]
+
+
+async def test_stray_output_goes_to_the_log_and_never_into_the_protocol(pool: WorkerPool, log: Path) -> None:
+    for _ in range(2):
+        assert (await run(pool, "write_to_standard_output")).text == "true answer"
+    written = log.read_text()
+    for stray in ("forged by native code", "forged by print", "forged by puts", "no newline at the end"):
+        assert stray in written
+
+
+async def test_started_program_cannot_read_the_orders(pool: WorkerPool) -> None:
+    assert (await run(pool, "read_standard_input")).number == 0
+    assert (await run(pool, "echo", "next")).text == "next"
+
+
+@pytest.mark.parametrize("variable", ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"])
+async def test_sums_are_made_by_one_thread(pool: WorkerPool, variable: str) -> None:
+    assert (await run(pool, "tell_environment", variable)).text == "1"
+
+
+@pytest.mark.parametrize(
+    ("operation", "number", "cause"),
+    [
+        ("kill_itself", 0, f"signal {signal.SIGKILL}"),
+        ("touch_bad_memory", 0, f"signal {signal.SIGSEGV}"),
+        ("leave", 3, "exit status 3"),
+        ("leave", 0, "exit status 0"),
+    ],
+)
+async def test_death_of_a_worker_is_one_failure_and_the_next_call_gets_a_fresh_one(
+    pool: WorkerPool, operation: str, number: int, cause: str
+) -> None:
+    before = await pid_of_worker(pool)
+    with pytest.raises(WorkerFailure, match=cause) as caught:
+        await run(pool, operation, number=number)
+    assert operation in caught.value.message
+    assert caught.value.next_step
+    assert await pid_of_worker(pool) != before
+    assert await gone(before)
+
+
+async def test_worker_that_died_while_idle_is_replaced(pool: WorkerPool) -> None:
+    before = await pid_of_worker(pool)
+    psutil.Process(before).kill()
+    assert await gone(before)
+    await anyio.sleep(0.05)  # the event loop notices the exit
+    assert await pid_of_worker(pool) != before
+
+
+async def test_time_out_ends_the_worker_and_all_that_it_started(pool: WorkerPool) -> None:
+    hanging = Hanging()
+    with pytest.raises(WorkerTimeout, match=r"hang took longer than 2 s") as caught:
+        await run(pool, "hang", timeout_s=2, on_progress=hanging)
+    assert "operation_timeout_s" in caught.value.next_step
+    assert len(hanging.pids) == 2
+    assert await gone(*hanging.pids)
+    assert await pid_of_worker(pool) not in hanging.pids
+
+
+async def test_cancelled_call_ends_the_worker_and_all_that_it_started(pool: WorkerPool) -> None:
+    hanging = Hanging()
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(lambda: run(pool, "hang", on_progress=hanging))
+        await hanging.told.wait()
+        tasks.cancel_scope.cancel()
+    assert await gone(*hanging.pids)
+    assert pool.worker_pids == ()
+    assert (await run(pool, "echo", "next")).text == "next"
+
+
+async def test_call_that_is_cancelled_while_it_waits_for_a_worker_disturbs_nobody(pool: WorkerPool) -> None:
+    hanging = Hanging()
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(lambda: run(pool, "hang", on_progress=hanging))
+        await hanging.told.wait()
+        with anyio.move_on_after(0.05) as waiting:
+            await run(pool, "echo")
+        assert waiting.cancelled_caught
+        assert pool.worker_pids == (hanging.pids[0],)
+        tasks.cancel_scope.cancel()
+    assert (await run(pool, "echo", "next")).text == "next"
+
+
+async def test_memory_beyond_the_limit_is_a_failure_of_that_call_only(pool: WorkerPool) -> None:
+    with pytest.raises((ResourceFailure, WorkerFailure)):
+        await run(pool, "fill_memory", number=4 * 1024**3)
+    assert (await run(pool, "fill_memory", number=1000)).number == 1000
+
+
+async def test_refusal_comes_back_as_it_was_raised(pool: WorkerPool) -> None:
+    with pytest.raises(UnknownName) as caught:
+        await run(pool, "refuse")
+    assert caught.value.text == "[unknown_name] there is no such thing. Valid: this, that. Next: ask for this."
+
+
+async def test_defect_of_an_operation_has_an_incident_number_and_keeps_its_details(pool: WorkerPool) -> None:
+    before = await pid_of_worker(pool)
+    with pytest.raises(UnexpectedFailure) as caught:
+        await run(pool, "fail", "Alice")
+    assert "secret of Alice" in caught.value.details
+    assert "secret" not in caught.value.text
+    assert await pid_of_worker(pool) == before, "a defect in Python does not cost the worker"
+
+
+async def test_refusal_of_the_operating_system_is_logged(pool: WorkerPool, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.ERROR), pytest.raises(ResourceFailure, match="No such file"):
+        await run(pool, "read_missing_file")
+    assert "/no/such/file" in caplog.text
+
+
+@pytest.mark.parametrize("entry_point", ["answer_with_no_model", "no_such_operation"])
+async def test_operation_that_breaks_its_contract_is_a_defect(pool: WorkerPool, entry_point: str) -> None:
+    with pytest.raises(UnexpectedFailure):
+        await run(pool, entry_point)
+    assert (await run(pool, "echo", "next")).text == "next"
+
+
+async def test_failing_listener_does_not_look_like_a_dead_worker(pool: WorkerPool) -> None:
+    async def hang_up(share: float, message: str) -> None:
+        raise anyio.BrokenResourceError
+
+    with pytest.raises(anyio.BrokenResourceError):
+        await run(pool, "tell_progress", number=3, on_progress=hang_up)
+    assert (await run(pool, "echo", "next")).text == "next"
+
+
+async def test_calls_share_the_workers_and_wait_for_each_other(pool: WorkerPool) -> None:
+    pids: set[int] = set()
+
+    async def note_pid() -> None:
+        pids.add(await pid_of_worker(pool))
+
+    async with anyio.create_task_group() as tasks:
+        for _ in range(5):
+            tasks.start_soon(note_pid)
+    assert len(pids) == 1
+
+
+async def test_warm_up_starts_the_worker_that_the_first_call_gets(pool: WorkerPool) -> None:
+    await pool.warm_up()
+    (pid,) = pool.worker_pids
+    assert await pid_of_worker(pool) == pid
+    await pool.warm_up()
+    assert pool.worker_pids == (pid,)
+
+
+async def test_closed_pool_leaves_no_process(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(pool_module.PRELOAD, "compute", ())
+    async with WorkerPool.open(Limits(roots=(tmp_path,)), log) as pool:
+        hanging = Hanging()
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(lambda: run(pool, "hang", on_progress=hanging))
+            await hanging.told.wait()
+            idle = await pid_of_worker(pool)
+            assert set(pool.worker_pids) == {hanging.pids[0], idle}
+            tasks.cancel_scope.cancel()
+    assert pool.worker_pids == ()
+    assert await gone(idle, *hanging.pids)

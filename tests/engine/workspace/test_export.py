@@ -1,0 +1,113 @@
+"""Exports: files of artifacts in the user's folder, all names checked before the first is written."""
+
+import errno
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.workspace.artifacts import Artifact, Workspace
+from plannerforge.engine.workspace.export import export
+from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.base import Model
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure
+
+
+class Note(Model):
+    text: str
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Iterator[Workspace]:
+    opened = Workspace(tmp_path / "workspace")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def scenario(workspace: Workspace) -> Artifact:
+    with workspace.scratch() as folder:
+        (folder / "a").write_text("<scenario/>")
+        (folder / "b").write_text("<net/>")
+        return workspace.put(
+            "scenario",
+            "DEU_A-1_1_T-1",
+            recipe=Recipe(tool="generate_scenarios", seed=5),
+            record=Note(text="n"),
+            files={"scenario.xml": folder / "a", "scenario.net.xml": folder / "b"},
+        )
+
+
+@pytest.fixture
+def search(workspace: Workspace) -> Artifact:
+    return workspace.put("search", "search_1", recipe=Recipe(tool="find_scenarios"), record=Note(text="n"))
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_every_format_that_the_artifact_has(workspace: Workspace, scenario: Artifact, tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "folder"
+    written = export(workspace, [scenario], [], folder, overwrite=False)
+    assert [file.format for file in written] == ["xml", "net", "json", "recipe"]
+    assert names(folder) == [
+        "DEU_A-1_1_T-1.json",
+        "DEU_A-1_1_T-1.net.xml",
+        "DEU_A-1_1_T-1.recipe.json",
+        "DEU_A-1_1_T-1.xml",
+    ]
+    assert (folder / "DEU_A-1_1_T-1.xml").read_text() == "<scenario/>"
+    assert Recipe.model_validate_json((folder / "DEU_A-1_1_T-1.recipe.json").read_text()) == scenario.recipe
+    assert json.loads((folder / "DEU_A-1_1_T-1.json").read_text())["record"] == {"text": "n"}
+
+
+def test_artifact_without_files_has_its_record_and_recipe(
+    workspace: Workspace, search: Artifact, tmp_path: Path
+) -> None:
+    assert [file.format for file in export(workspace, [search], [], tmp_path / "out", overwrite=False)] == [
+        "json",
+        "recipe",
+    ]
+
+
+def test_format_that_one_artifact_lacks_is_refused_before_anything_is_written(
+    workspace: Workspace, scenario: Artifact, search: Artifact, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidRequest, match="search_1 has no xml") as caught:
+        export(workspace, [scenario, search], ["xml"], tmp_path / "out", overwrite=False)
+    assert caught.value.valid == ("json", "recipe")
+    assert not (tmp_path / "out").exists()
+
+
+def test_existing_file_is_kept_unless_overwriting_was_asked_for(
+    workspace: Workspace, scenario: Artifact, tmp_path: Path
+) -> None:
+    mine = tmp_path / "DEU_A-1_1_T-1.net.xml"
+    mine.write_text("mine")
+    with pytest.raises(NotPossible, match="1 files are there already"):
+        export(workspace, [scenario], ["xml", "net"], tmp_path, overwrite=False)
+    assert mine.read_text() == "mine"
+    assert not (tmp_path / "DEU_A-1_1_T-1.xml").exists()
+    export(workspace, [scenario], ["xml", "net"], tmp_path, overwrite=True)
+    assert mine.read_text() == "<net/>"
+
+
+def test_full_disk_leaves_no_half_written_file(
+    workspace: Workspace, scenario: Artifact, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(source: Path, target: Path) -> None:
+        target.write_text("hal")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(shutil, "copyfile", full)
+    with pytest.raises(ResourceFailure, match="No space left") as caught:
+        export(workspace, [scenario], ["xml"], tmp_path / "out", overwrite=False)
+    assert caught.value.next_step
+    assert names(tmp_path / "out") == []
+
+
+def test_asked_twice_is_written_once(workspace: Workspace, scenario: Artifact, tmp_path: Path) -> None:
+    assert len(export(workspace, [scenario], ["xml", "xml"], tmp_path / "out", overwrite=False)) == 1

@@ -1,0 +1,112 @@
+"""The errors: stable codes, texts that say everything, and the way back from a worker process."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plannerforge.schemas import errors
+from plannerforge.schemas.errors import (
+    InvalidRequest,
+    NotPossible,
+    PlannerForgeError,
+    UnexpectedFailure,
+    UnknownName,
+    closest,
+    error_classes,
+    rebuild,
+)
+
+CODES = {
+    "cancelled",
+    "error",
+    "invalid_request",
+    "not_possible",
+    "outside_roots",
+    "resource_failure",
+    "unexpected",
+    "unknown_name",
+    "unsafe_input",
+    "worker_failure",
+    "worker_timeout",
+}
+
+
+def defined_classes() -> list[type[PlannerForgeError]]:
+    return [
+        value for value in vars(errors).values() if isinstance(value, type) and issubclass(value, PlannerForgeError)
+    ]
+
+
+def test_codes_are_unique_and_stable() -> None:
+    assert sorted(kind.code for kind in defined_classes()) == sorted(CODES)
+    assert set(error_classes()) == CODES
+
+
+def test_every_class_is_reachable_and_drawn_in_the_hierarchy() -> None:
+    assert set(error_classes().values()) == set(defined_classes())
+    for kind in defined_classes():
+        assert kind.__name__ in (errors.__doc__ or "")
+        assert "code" in vars(kind), f"{kind.__name__} has no code of its own"
+
+
+def test_text_holds_code_message_valid_values_and_next_step() -> None:
+    error = UnknownName("there is no planner 'frenetics'.", valid=["frenetix", "mprbfn"], next_step="call find_planner")
+    assert error.text == (
+        "[unknown_name] there is no planner 'frenetics'. Valid: frenetix, mprbfn. Next: call find_planner."
+    )
+    assert str(error) == error.text
+
+
+def test_text_without_valid_values_and_next_step_is_short() -> None:
+    assert NotPossible("the lane ends").text == "[not_possible] the lane ends."
+
+
+def test_long_lists_of_valid_values_are_cut_and_counted() -> None:
+    error = InvalidRequest("too many", valid=range(30))
+    assert "0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11 and 18 more" in error.text
+    assert len(error.valid) == 30
+
+
+@pytest.mark.parametrize("code", sorted(CODES - {"unexpected"}))
+def test_error_is_rebuilt_as_its_own_class(code: str) -> None:
+    error = rebuild(code, "what", ["a", "b"], "then")
+    assert type(error) is error_classes()[code]
+    assert (error.code, error.message, error.valid, error.next_step) == (code, "what", ("a", "b"), "then")
+
+
+def test_rebuilt_defect_keeps_its_message_for_the_log_only() -> None:
+    error = rebuild("unexpected", "secret detail", [], "")
+    assert isinstance(error, UnexpectedFailure)
+    assert error.details == "secret detail"
+    assert "secret" not in error.text
+
+
+def test_unknown_code_is_rebuilt_as_the_base_class() -> None:
+    assert type(rebuild("from_the_future", "what", [], "")) is PlannerForgeError
+
+
+def test_defect_shows_an_incident_number_and_no_details() -> None:
+    error = UnexpectedFailure("render", "Traceback: KeyError 'x'")
+    assert error.incident in error.text
+    assert "KeyError" not in error.text
+    assert error.incident == UnexpectedFailure("render", "Traceback: KeyError 'x'").incident
+    assert error.incident != UnexpectedFailure("render", "Traceback: KeyError 'y'").incident
+
+
+@pytest.mark.parametrize(
+    ("word", "nearest"),
+    [
+        ("safety conservative", "Safety-Conservative"),
+        ("DEFAULT", "Default"),
+        ("comfrt", "Comfort"),
+    ],
+)
+def test_closest_ignores_case_and_signs(word: str, nearest: str) -> None:
+    assert closest(word, ["Default", "Comfort", "Safety-Conservative", "Efficiency"])[0] == nearest
+
+
+@given(st.text(max_size=20), st.lists(st.text(max_size=10), unique=True, max_size=20))
+def test_closest_gives_known_words_only(word: str, known: list[str]) -> None:
+    found = closest(word, known)
+    assert set(found) <= set(known)
+    assert len(found) == len(set(found)) == min(len(known), 12)

@@ -1,0 +1,272 @@
+"""The grammar of comparisons, assignments, selectors, quantities and intervals."""
+
+import math
+import re
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError, UnknownName
+from plannerforge.schemas.grammar import (
+    ASSIGNMENT_PATTERN,
+    COMPARISON_PATTERN,
+    Assignment,
+    Comparison,
+    Interval,
+    Selector,
+    parse_assignment,
+    parse_comparison,
+    parse_interval,
+    parse_quantity,
+    parse_selector,
+)
+
+NAMES = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,15}", fullmatch=True)
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=32).map(float)
+LIKELY_TEXT = st.text(alphabet="abe0159.+-*=<>!@:/_ kmhs∞é\n", max_size=24) | st.text(max_size=24)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("50km/h", "m/s", 50 / 3.6),
+        ("36 km/h", "m/s", 10.0),
+        ("30mph", "m/s", 13.4112),
+        ("13.9", "m/s", 13.9),
+        ("13.9 m/s", "m/s", 13.9),
+        ("50 KM/H", "m/s", 50 / 3.6),
+        ("35m", "m", 35.0),
+        ("1.5km", "m", 1500.0),
+        ("100ft", "m", 30.48),
+        ("8s", "s", 8.0),
+        ("250ms", "s", 0.25),
+        ("2min", "s", 120.0),
+        ("-3", "", -3.0),
+        (".5", "", 0.5),
+        ("1e3", "", 1000.0),
+    ],
+)
+def test_quantity_is_turned_into_the_base_unit(text: str, unit: str, expected: float) -> None:
+    assert parse_quantity(text, unit) == pytest.approx(expected)  # type: ignore[arg-type]
+
+
+def test_steps_are_seconds_where_the_step_is_known() -> None:
+    assert parse_quantity("90steps", "s", step_s=0.1) == pytest.approx(9.0)
+    with pytest.raises(InvalidRequest, match="'steps'"):
+        parse_quantity("90steps", "s")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [("50km/h", "m"), ("50furlongs", "m/s"), ("fast", "m/s"), ("", "s"), ("1e999", ""), ("nan", ""), ("5s", "")],
+)
+def test_quantity_of_another_kind_is_refused_and_named(text: str, unit: str) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        parse_quantity(text, unit)  # type: ignore[arg-type]
+    assert f"'{text}'" in caught.value.text
+    assert caught.value.valid
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "expected"),
+    [
+        ("8..12s", "s", Interval(8, 12)),
+        ("8s..12s", "s", Interval(8, 12)),
+        ("1min..90s", "s", Interval(60, 90)),
+        ("=2..5", "", Interval(2, 5)),
+        ("<=3", "", Interval(None, 3)),
+        (">=20", "m/s", Interval(20, None)),
+        ("=3", "", Interval(3, 3, exact=True)),
+        ("3", "", Interval(3, 3, exact=True)),
+        ("36..72km/h", "m/s", Interval(10, 20)),
+        (" 1 .. 2 ", "", Interval(1, 2)),
+    ],
+)
+def test_interval(text: str, unit: str, expected: Interval) -> None:
+    found = parse_interval(text, unit)  # type: ignore[arg-type]
+    assert (found.low, found.high, found.exact) == (
+        pytest.approx(expected.low),
+        pytest.approx(expected.high),
+        expected.exact,
+    )
+
+
+def test_interval_the_wrong_way_round_is_refused_with_the_right_way() -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        parse_interval("12..8km/h", "m/s")
+    assert parse_interval(caught.value.valid[0], "m/s") == parse_interval("8..12km/h", "m/s")
+
+
+def test_interval_holds_its_ends() -> None:
+    interval = Interval(1.0, 2.0)
+    assert [interval.contains(value) for value in (0.99, 1.0, 1.5, 2.0, 2.01)] == [False, True, True, True, False]
+    assert Interval(None, None).contains(-1e300)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("truck>=1", Comparison("truck", Interval(1, None))),
+        ("truck >= 1", Comparison("truck", Interval(1, None))),
+        ("bus=2", Comparison("bus", Interval(2, 2, exact=True))),
+        ("bus==2", Comparison("bus", Interval(2, 2, exact=True))),
+        ("car=2..5", Comparison("car", Interval(2, 5))),
+        ("bicycle", Comparison("bicycle", Interval(1, None))),
+        ("!yield", Comparison("yield", Interval(1, None), negated=True)),
+        ("traffic_light@map", Comparison("traffic_light", Interval(1, None), scope="map")),
+        ("car@ego<=3", Comparison("car", Interval(None, 3), scope="ego")),
+        ("outcome=collision", Comparison("outcome", Interval(None, None), "collision")),
+    ],
+)
+def test_comparison(text: str, expected: Comparison) -> None:
+    assert parse_comparison(text) == expected
+    assert re.match(COMPARISON_PATTERN, text.replace(" ", ""))
+
+
+def test_strict_comparison_of_counts_moves_by_one() -> None:
+    assert parse_comparison("truck>1", whole=True).interval == Interval(2, None)
+    assert parse_comparison("truck<3", whole=True).interval == Interval(None, 2)
+    assert parse_comparison("ttc<3").interval == Interval(None, 3)
+
+
+@pytest.mark.parametrize("text", ["truck>=1.5", "truck=0.5..2", "truck<0.1"])
+def test_count_with_a_fraction_is_refused(text: str) -> None:
+    with pytest.raises(InvalidRequest, match="fraction"):
+        parse_comparison(text, whole=True)
+
+
+def test_comparison_with_a_unit() -> None:
+    assert parse_comparison("speed_limit=50km/h", "m/s").interval.low == pytest.approx(50 / 3.6)
+
+
+@pytest.mark.parametrize("text", ["", " ", "=3", "3>=2", "truck>=", "truck>=many", "a b", "truck>=1 2", "config!=3"])
+def test_malformed_comparison_is_refused_with_its_text(text: str) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        parse_comparison(text)
+    assert caught.value.valid
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("tau=0.7", Assignment("tau", "=", 0.7)),
+        ("jerk*2", Assignment("jerk", "*", 2.0)),
+        ("jerk+0.1", Assignment("jerk", "+", 0.1)),
+        ("jerk-0.1", Assignment("jerk", "-", 0.1)),
+        ("jerk = -0.1", Assignment("jerk", "=", -0.1)),
+        ("jerk=lateral_jerk", Assignment("jerk", "=", None, copied_from="lateral_jerk")),
+        ("jerk=1e-3", Assignment("jerk", "=", 0.001)),
+    ],
+)
+def test_assignment(text: str, expected: Assignment) -> None:
+    assert parse_assignment(text) == expected
+    assert re.match(ASSIGNMENT_PATTERN, text)
+
+
+@pytest.mark.parametrize("text", ["jerk", "jerk=", "jerk=nan", "jerk=inf", "jerk=1e999", "jerk*other", "=1", "jerk/2"])
+def test_assignment_of_no_finite_number_is_refused(text: str) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        parse_assignment(text)
+    assert "name=0.5" in caught.value.valid
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("12", Selector("id", "12")),
+        ("0012", Selector("id", "12")),
+        ("!12", Selector("id", "12", negated=True)),
+        ("all", Selector("all")),
+        ("nearest", Selector("nearest", "1")),
+        ("nearest:3", Selector("nearest", "3")),
+        ("one:truck", Selector("one", "truck")),
+        ("class:truck", Selector("class", "truck")),
+        ("new:0", Selector("new", "0")),
+        ("! lead", Selector("lead", negated=True)),
+    ],
+)
+def test_selector(text: str, expected: Selector) -> None:
+    assert parse_selector(text) == expected
+    assert parse_selector(str(expected)) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "offered"),
+    [
+        ("neares", UnknownName, "nearest:3"),
+        ("nearest:many", InvalidRequest, "nearest:1"),
+        ("fastes", UnknownName, "fastest"),
+        ("class:", UnknownName, "class:truck"),
+        ("", UnknownName, "an id"),
+        ("-3", UnknownName, "an id"),
+    ],
+)
+def test_word_that_selects_nothing_is_refused_with_the_nearest(
+    text: str, error: type[InvalidRequest], offered: str
+) -> None:
+    with pytest.raises(error) as caught:
+        parse_selector(text)
+    assert offered in caught.value.valid
+
+
+@given(NAMES, NUMBERS, st.sampled_from("=*+-"))
+def test_written_assignment_reads_back(name: str, number: float, operator: str) -> None:
+    assert parse_assignment(f"{name}{operator}{number!r}") == Assignment(name, operator, number)  # type: ignore[arg-type]
+
+
+@given(NAMES, NUMBERS, st.sampled_from((">=", "<=", "=")), st.booleans())
+def test_written_comparison_reads_back(name: str, number: float, operator: str, negated: bool) -> None:
+    expected = {
+        ">=": Interval(number, None),
+        "<=": Interval(None, number),
+        "=": Interval(number, number, exact=True),
+    }[operator]
+    assert parse_comparison(f"{'!' if negated else ''}{name}{operator}{number!r}") == Comparison(
+        name, expected, negated=negated
+    )
+
+
+@given(st.tuples(NUMBERS, NUMBERS).map(sorted))
+def test_written_interval_reads_back(ends: list[float]) -> None:
+    low, high = ends
+    interval = parse_interval(f"{low!r}..{high!r}")
+    assert (interval.low, interval.high) == (low, high)
+    assert interval.contains(low)
+    assert interval.contains(high)
+
+
+@given(st.sampled_from(("m/s", "m", "s")), NUMBERS)
+def test_bare_number_is_in_the_base_unit(unit: str, number: float) -> None:
+    assert parse_quantity(repr(number), unit) == number  # type: ignore[arg-type]
+
+
+@given(LIKELY_TEXT)
+def test_arbitrary_text_is_read_or_refused_but_never_a_crash(text: str) -> None:
+    for parse in (parse_comparison, parse_assignment, parse_selector, parse_interval, parse_quantity):
+        with suppress(PlannerForgeError):
+            parse(text)
+
+
+@given(LIKELY_TEXT)
+def test_what_is_read_holds_finite_numbers_only(text: str) -> None:
+    for unit in ("m/s", "m", "s", ""):
+        try:
+            interval = parse_interval(text, unit)  # type: ignore[arg-type]
+        except PlannerForgeError:
+            continue
+        assert all(end is None or math.isfinite(end) for end in (interval.low, interval.high))
+
+
+@pytest.mark.parametrize("text", ["1e308km", ">=1e308km", "1..1e308km"])
+def test_number_that_its_unit_makes_infinite_is_refused(text: str) -> None:
+    with pytest.raises(InvalidRequest):
+        parse_interval(text, "m")
+
+
+@pytest.mark.parametrize("text", ["٣", "nearest:²", "²", "new:٣"])
+def test_digits_of_other_scripts_never_crash(text: str) -> None:
+    for parse in (parse_selector, parse_comparison, parse_quantity, parse_interval, parse_assignment):
+        with suppress(PlannerForgeError):
+            parse(text)
