@@ -1,15 +1,20 @@
 """Planners and their configurations: arguments and results of list_planners, configure_planner and run_planner."""
 
+from typing import Literal
+
 from pydantic import Field
 
-from plannerforge.schemas.base import Model
-from plannerforge.schemas.runs import Prediction, RunRecord, RunSteps, RunTiming, Traffic
+from plannerforge.schemas.base import Arguments, Model, Result
+from plannerforge.schemas.runs import LostCell, Outcome, Prediction, RunRecord, RunSteps, RunTiming, Traffic
+
+LISTED_RUNS = 20
+LISTED_CONFIGURATIONS = 8
 
 
 class PlannerConfiguration(Model):
     """A planner with its cost weights; immutable, its id is made from its content.
 
-    ``preset``: the preset it started from; ``base``: the configuration that ``assignments`` changed.
+    ``base``: the configuration that ``assignments`` changed.
     """
 
     config_id: str
@@ -43,8 +48,15 @@ class RunResponse(Model):
     timing: RunTiming
 
 
+class ListPlannersArguments(Arguments):
+    """Planners, their weights (value in force, meaning, effect of raising, if it acts), presets, configurations."""
+
+    planner: str | None = None
+    config_id: str | None = Field(None, description="whose values to show; default: the current configuration")
+
+
 class WeightInfo(Model):
-    """A cost weight: value in force, what it means, what raising it does, and whether it acts."""
+    """A cost weight: value in force, what its term measures, what raising it does, and whether it acts."""
 
     name: str
     value: float
@@ -52,3 +64,173 @@ class WeightInfo(Model):
     raising: str
     acts: bool
     computed_by: str
+
+
+class PresetInfo(Model):
+    """A preset: its name, the paper's short name, what it is for, and the weights that are not 0."""
+
+    name: str
+    short_name: str
+    intent: str
+    weights: dict[str, float]
+
+
+class ConfigurationInfo(Model):
+    """A configuration that was made in this workspace."""
+
+    config_id: str
+    name: str
+    base: str | None
+
+
+class ListPlannersResult(Result):
+    """Planners and what can be set; weights range from 0 to 1e6, 0 switches a term off."""
+
+    planners: tuple[str, ...]
+    predictions: tuple[Prediction, ...]
+    config_id: str
+    config_name: str
+    weights: tuple[WeightInfo, ...]
+    presets: tuple[PresetInfo, ...]
+    configurations: tuple[ConfigurationInfo, ...] = Field(description="newest first, at most eight")
+
+    def to_text(self) -> str:
+        """Weights, one a line, then presets and configurations."""
+        lines = [f"Planners: {', '.join(self.planners)}. Predictions: {', '.join(self.predictions)}."]
+        lines.append(f"Weights of {self.config_id} ({self.config_name}), each 0 to 1e6, 0 switches it off:")
+        for item in self.weights:
+            idle = "" if item.acts else " [does not act]"
+            lines.append(f"  {item.name}={item.value:g}{idle}: {item.meaning}; raising: {item.raising}")
+        lines.append("Presets (weights not named are 0):")
+        for preset in self.presets:
+            values = " ".join(f"{name}={value:g}" for name, value in preset.weights.items())
+            short = f" or {preset.short_name}" if preset.short_name != preset.name else ""
+            lines.append(f"  {preset.name}{short}: {preset.intent}: {values}")
+        made = [
+            f"{entry.config_id} ({entry.name}{f' from {entry.base}' if entry.base else ''})"
+            for entry in self.configurations
+        ]
+        lines.append(f"Configurations made here: {', '.join(made) or 'none'}.")
+        return "\n".join(lines)
+
+
+class ConfigurePlannerArguments(Arguments):
+    """New configuration of the ego's planner: preset (replaces all weights), then weights.
+
+    Unknown names are refused whole. Result: id, diff, YAML.
+    """
+
+    planner: str | None = Field(None, description="frenetix; default: that of the base")
+    preset: str | None = Field(
+        None, description="Default, Comfort, Balanced, Efficiency-Sporty (Sporty), Safety-Conservative (Safety)"
+    )
+    weights: list[str] = Field(
+        [], max_length=40, description="'jerk=0.5', 'jerk*2', 'jerk+0.1', 'jerk=lateral_jerk'; 0*2 stays 0"
+    )
+    base: str = Field("current", description="config id")
+
+
+class WeightChange(Model):
+    """A weight before and after."""
+
+    name: str
+    before: float
+    after: float
+
+
+class ConfigurePlannerResult(Result):
+    """The configuration that was made; ``changes`` against the base, ``notes`` on what changed nothing."""
+
+    config_id: str
+    name: str
+    planner: str
+    base: str
+    changes: tuple[WeightChange, ...]
+    notes: tuple[str, ...]
+    yaml: str
+    reused: bool = Field(description="the same weights were stored before under this id")
+
+    def to_text(self) -> str:
+        """Id, differences, notes, then the file."""
+        again = " (stored before)" if self.reused else ""
+        lines = [f"{self.config_id} ({self.name}){again}, against {self.base}:"]
+        lines += [f"  {item.name}: {item.before:g} → {item.after:g}" for item in self.changes] or ["  no difference"]
+        lines += [f"Note: {note}" for note in self.notes]
+        return "\n".join([*lines, self.yaml.rstrip(), f"Next: run_planner with configs ['{self.config_id}']"])
+
+
+class RunPlannerArguments(Arguments):
+    """Run scenarios x configurations, starting at once. Small grids answer directly, larger ones give a job id for get_job."""  # noqa: E501 - the text that the model reads
+
+    scenarios: list[str] = Field(
+        ["latest"],
+        min_length=1,
+        max_length=500,
+        description="scenario ids (ID#problem for another problem), a search id (all its hits; search:latest), or "
+        "preset:N (10 50 100 200 300 400 500 or any N)",
+    )
+    configs: list[str] = Field(
+        ["current"], min_length=1, max_length=20, description="config ids, PLANNER or PLANNER:PRESET"
+    )
+    prediction: Prediction = "constant_velocity"
+    wait_s: float = Field(45, ge=0, le=50)
+    seed: int = 0
+
+
+class RunLine(Model):
+    """One run in a list."""
+
+    run_id: str
+    scenario_id: str
+    problem_id: int
+    config_id: str
+    outcome: Outcome
+    reason: str
+    duration_s: float | None
+    minimum_distance_m: float | None
+
+
+class ConfigurationSummary(Model):
+    """How the finished runs of one configuration ended; ``invalid`` problems are no failures of the planner."""
+
+    config_id: str
+    config_name: str
+    outcomes: dict[Outcome, int]
+
+
+class RunPlannerResult(Result):
+    """The runs that are finished; ``job_id`` while others still run, ``batch_id`` when a grid is complete."""
+
+    state: Literal["done", "running", "failed", "cancelled", "interrupted"]
+    total: int
+    finished: int
+    reused: int = Field(description="runs that were stored before")
+    prediction: Prediction
+    traffic: Traffic
+    batch_id: str | None = None
+    job_id: str | None = None
+    summary: tuple[ConfigurationSummary, ...]
+    runs: tuple[RunLine, ...] = Field(description="at most 20")
+    lost: tuple[LostCell, ...] = Field((), description="at most 10: errors of ours, not the planner's failures")
+    notes: tuple[str, ...] = ()
+    next_step: str
+
+    def to_text(self) -> str:
+        """Summary by configuration, then the runs, one a line."""
+        head = f"{self.finished} of {self.total} runs finished ({self.reused} stored before)"
+        lines = [f"{head}, traffic {self.traffic}, prediction {self.prediction}."]
+        if self.batch_id:
+            lines.append(f"Batch: {self.batch_id}")
+        if self.job_id and self.state != "done":
+            lines.append(f"Job: {self.job_id} ({self.state})")
+        for item in self.summary:
+            counts = ", ".join(f"{count} {outcome}" for outcome, count in item.outcomes.items())
+            lines.append(f"{item.config_id} ({item.config_name}): {counts}")
+        for run in self.runs:
+            near = "" if run.minimum_distance_m is None else f", nearest {run.minimum_distance_m:.2f} m"
+            lines.append(f"  {run.run_id} {run.scenario_id} {run.config_id}: {run.outcome}: {run.reason}{near}")
+        if self.finished > len(self.runs):
+            lines.append(f"  … {self.finished - len(self.runs)} more: analyze_results with detail rows")
+        lines += [f"Lost: {cell.scenario_id} {cell.config_id}: {cell.error}" for cell in self.lost]
+        lines += [f"Note: {note}" for note in self.notes]
+        return "\n".join([*lines, f"Next: {self.next_step}"])

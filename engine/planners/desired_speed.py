@@ -15,7 +15,9 @@ class DesiredSpeed:
     """Distance to the goal's middle over the time to the middle of its window, within 5 m/s of the present speed.
 
     Inside the goal it is the middle of the goal's speed interval; the present speed where nothing else is known (a
-    goal without a place or speed). This is the rule of the Frenetix reference loop.
+    goal without a place or speed). This is the rule of the Frenetix reference loop, with one difference: inside a goal
+    without a speed interval the reference keeps the present speed and so drives out of it before its time; here the
+    ego goes on aiming at the goal's middle, and waits there.
     """
 
     def __init__(self, goal: Goal, reference: ReferencePath, step_s: float) -> None:
@@ -45,8 +47,8 @@ class DesiredSpeed:
         otherwise = ego.speed_mps if self._goal.speed_mps is None else self._goal.speed_mps
         if self._goal_station_m is None:
             return otherwise if self._goal.has_position else ego.speed_mps
-        if self._goal.holds(ego.position):
-            return otherwise
+        if self._goal.holds(ego.position) and self._goal.speed_mps is not None:
+            return self._goal.speed_mps
         time_left_s = (self._middle_step - ego.step) * self._step_s
         if time_left_s <= 0:
             return otherwise

@@ -53,7 +53,8 @@ def sampling_matrix(
 ) -> Points:
     """All combinations as the core's matrix, shape (n, 13).
 
-    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''. About 800 rows: the present speed and offset and the whole horizon are among the end states.
+    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''.
+    About 800 rows: the present speed and offset and the whole horizon are among the end states.
     """
     durations = np.arange(settings.shortest_s, settings.horizon_s + 1e-9, settings.duration_step_s)
     durations = np.unique(np.round(np.append(durations, settings.horizon_s), 6))

@@ -88,6 +88,16 @@ class Goal:
 
         return any(area is None or shapely.intersects_xy(area, point[0], point[1]) for area in self._areas)
 
+    @property
+    def center(self) -> Points | None:
+        """A point in the middle of the first goal state's area, shape (2,); None where the position is free."""
+        if not self._areas or self._areas[0] is None:
+            return None
+        inner = self._areas[0].representative_point()
+        middle = self._areas[0].centroid
+        chosen = middle if self._areas[0].intersects(middle) else inner
+        return np.array([chosen.x, chosen.y])
+
     def stations_on(self, path: Points) -> tuple[float, float] | None:
         """Where a path is inside the goal's area: first and last arc length in m; None where it never is."""
         import shapely

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import wrap_angle
+from plannerforge.engine.geometry.polyline import Points, wrap_angle
 from plannerforge.engine.planners.interface import EgoState, PredictedObstacle
 from plannerforge.engine.planners.traffic import RecordedTraffic
 from plannerforge.engine.scenarios.tracks import Track
@@ -40,16 +40,18 @@ def observe(
 ) -> tuple[PredictedObstacle, ...]:
     """All obstacles within 80 m of the ego with their predicted motion over ``steps`` steps from now on.
 
-    As the reference does, whoever follows straight behind (a cone of 20°, farther than 6 m) is left out: the ego need
-    not flee from its followers.
+    As the reference does, whoever follows straight behind (a cone of 20°, farther than 6 m) is left out of a guessed
+    future: the ego need not flee from followers that would react. Where the future is known to be the recording, they
+    are seen, because recorded followers do not react.
     """
     seen = []
+    blind = predict is not ground_truth
     for track in traffic.moving:
         index = track.index_at(ego.step)
-        if index is not None and _visible(track.positions[index], ego):
+        if index is not None and _visible(track.positions[index], ego, blind_behind=blind):
             seen.append(predict(track, index, steps, step_s))
-    seen += [_standing(track, steps) for track in traffic.standing if _visible(track.positions[0], ego)]
-    return tuple(seen)
+    standing = [track for track in traffic.standing if _visible(track.positions[0], ego, blind_behind=blind)]
+    return tuple(seen + [_standing(track, steps) for track in standing])
 
 
 def constant_velocity(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
@@ -93,9 +95,9 @@ def _standing(track: Track, steps: int) -> PredictedObstacle:
     )
 
 
-def _visible(position: np.ndarray, ego: EgoState) -> bool:
+def _visible(position: Points, ego: EgoState, *, blind_behind: bool) -> bool:
     offset = position - ego.position
     distance = float(np.hypot(*offset))
     bearing = wrap_angle(math.atan2(offset[1], offset[0]) - ego.heading_rad)
-    follows = distance > REAR_CONE_FROM_M and math.pi - abs(bearing) < REAR_CONE_RAD / 2
+    follows = blind_behind and distance > REAR_CONE_FROM_M and math.pi - abs(bearing) < REAR_CONE_RAD / 2
     return distance <= SENSOR_RADIUS_M and not follows

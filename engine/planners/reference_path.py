@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 SPACING_M = 1.0
 SMOOTHING_M = 2.0
 BEFORE_M = 30.0
+LARGEST_BEND_M = 4.0
+BEND_LENGTH = 6.0
+"""A path is bent sideways by at most one metre on so many metres: tighter bends cannot be driven."""
 BEYOND_GOAL_M = 120.0
 """Candidates of the planner's horizon must not leave the path: horizon × speed beyond the goal, at least this."""
 
@@ -44,11 +47,18 @@ class ReferencePath:
 
 
 def build_reference_path(
-    network: "LaneletNetwork", route: Route, position: Points, speed_mps: float, *, beyond_m: float = BEYOND_GOAL_M
+    network: "LaneletNetwork",
+    route: Route,
+    position: Points,
+    speed_mps: float,
+    *,
+    beyond_m: float = BEYOND_GOAL_M,
+    through: Points | None = None,
 ) -> ReferencePath:
     """The path of a route for an ego that starts at ``position`` with ``speed_mps``.
 
     A lane change is a cubic from one centre line to the next, about 2.5 s long and not begun before the ego.
+    ``through``: a point beside the centre line that the path is bent to (a goal area at the edge of its lane).
     """
     change_m = float(np.clip(2.5 * speed_mps, 20.0, 50.0))
     segments = _segments(network, route, position, change_m)
@@ -56,6 +66,8 @@ def build_reference_path(
     for following in segments[1:]:
         line = _joined(line, following, change_m)
     line = _smooth(line)
+    if through is not None:
+        line = _bent(line, position, through, change_m)
     extended = np.concatenate(
         [_straight(line[1], line[0], BEFORE_M)[::-1], line, _straight(line[-2], line[-1], beyond_m)]
     )
@@ -123,6 +135,23 @@ def _joined(line: Points, following: Points, change_m: float) -> Points:
         + (share**3 - share**2) * tangent_out
     )
     return np.concatenate([head, curve, tail])
+
+
+def _bent(line: Points, position: Points, through: Points, change_m: float) -> Points:
+    """The line shifted sideways to pass through a point; it leaves at the ego and comes back behind the point."""
+    stations = arc_length(line)
+    target, offset = project(line, through)
+    begin = max(project(line, position)[0], target - change_m)
+    if target - begin < 1.0 or abs(offset) > LARGEST_BEND_M:
+        return line
+    offset = float(np.clip(offset, -(target - begin) / BEND_LENGTH, (target - begin) / BEND_LENGTH))
+    share = np.clip((stations - begin) / (0.8 * (target - begin)), 0.0, 1.0)
+    back = np.clip((target + change_m + 10.0 - stations) / change_m, 0.0, 1.0)
+    weight = (share**2 * (3 - 2 * share)) * (back**2 * (3 - 2 * back))
+    along = np.gradient(line, axis=0)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
+    bent: Points = line + offset * weight[:, None] * normal
+    return bent
 
 
 def _smooth(line: Points) -> Points:

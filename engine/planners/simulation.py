@@ -104,6 +104,10 @@ def _task(
         ahead_m += (ego.speed_mps + 5.0) * max(goal.last_step - ego.step, 0) * step_s
     route = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=ahead_m)
     reference = build_reference_path(network, route, ego.position, ego.speed_mps, beyond_m=beyond_m)
+    if goal.has_position and goal.stations_on(reference.points) is None:
+        reference = build_reference_path(
+            network, route, ego.position, ego.speed_mps, beyond_m=beyond_m, through=goal.center
+        )
     road = build_road(network, reference)
     return PlanningTask(scenario, problem, configuration, reference, road, BMW_320I, step_s)
 

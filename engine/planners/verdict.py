@@ -105,7 +105,8 @@ class Judge:
         if self._goal_end_m is None or not self._was_in_goal:
             return None
         station = project(self._reference.points, ego.position)[0]
-        if station <= self._goal_end_m + PASSED_M:
+        too_late = ego.step > self._goal.last_step and station > self._goal_end_m
+        if station <= self._goal_end_m + PASSED_M and not too_late:
             return None
         window = f"{self._goal.first_step} to {self._goal.last_step}"
         reason = (

@@ -1,0 +1,110 @@
+"""The tools around planners: what there is to set, new configurations, runs."""
+
+from plannerforge.engine.planners.registry import PLANNERS, known_planner
+from plannerforge.engine.tuning.configurations import changed_configuration, differences, to_yaml
+from plannerforge.engine.tuning.presets import presets
+from plannerforge.engine.tuning.weights import cost_weights, external_weights
+from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.planning import (
+    LISTED_CONFIGURATIONS,
+    ConfigurationInfo,
+    ConfigurePlannerArguments,
+    ConfigurePlannerResult,
+    ListPlannersArguments,
+    ListPlannersResult,
+    PlannerConfiguration,
+    PresetInfo,
+    RunPlannerArguments,
+    RunPlannerResult,
+    WeightInfo,
+)
+from plannerforge.tools.call import ToolCall
+from plannerforge.tools.configurations import made_configurations, resolve_configuration, store_configuration
+from plannerforge.tools.planner_batches import run_many
+from plannerforge.tools.run_answer import answer
+from plannerforge.tools.run_grid import Cell, run_cell
+from plannerforge.tools.scenario_choice import choose_scenarios
+
+
+async def list_planners(arguments: ListPlannersArguments, call: ToolCall) -> ListPlannersResult:
+    """What there is to set, with the values in force."""
+    chosen = [known_planner(arguments.planner)] if arguments.planner else list(PLANNERS)
+    configuration = resolve_configuration(arguments.config_id or "current", call)
+    made = made_configurations(call, LISTED_CONFIGURATIONS)
+    return ListPlannersResult(
+        planners=tuple(chosen),
+        predictions=("constant_velocity", "ground_truth"),
+        config_id=configuration.config_id,
+        config_name=configuration.name,
+        weights=_weights(configuration),
+        presets=tuple(
+            PresetInfo(
+                name=preset.name,
+                short_name=preset.short_name,
+                intent=preset.intent,
+                weights={name: value for name, value in preset.weights.items() if value},
+            )
+            for preset in presets().values()
+        ),
+        configurations=tuple(ConfigurationInfo(config_id=c.config_id, name=c.name, base=c.base) for c in made),
+    )
+
+
+async def configure_planner(arguments: ConfigurePlannerArguments, call: ToolCall) -> ConfigurePlannerResult:
+    """A new configuration from a preset and changes of weights."""
+    base = resolve_configuration(arguments.base, call)
+    if arguments.planner is not None and known_planner(arguments.planner) != base.planner:
+        base = resolve_configuration(arguments.planner, call)
+    made, notes = changed_configuration(base, arguments.preset, arguments.weights)
+    known = call.workspace.find("config", made.config_id) is not None
+    store_configuration(call, base)
+    recipe = Recipe(
+        tool="configure_planner",
+        arguments={"base": base.config_id, "preset": arguments.preset, "weights": list(arguments.weights)},
+        parents=(base.config_id,),
+    )
+    stored = store_configuration(call, made, recipe).read(PlannerConfiguration)
+    current = resolve_configuration("current", call)
+    if current.config_id != stored.config_id:
+        notes = (*notes, f"'current' still means {current.config_id}; name this one by its id")
+    return ConfigurePlannerResult(
+        config_id=stored.config_id,
+        name=stored.name,
+        planner=stored.planner,
+        base=base.config_id,
+        changes=differences(base, stored),
+        notes=notes,
+        yaml=to_yaml(stored),
+        reused=known,
+    )
+
+
+async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlannerResult:
+    """One run at once; several as a job that this call waits for."""
+    choice = choose_scenarios(arguments.scenarios, call)
+    configurations = {c.config_id: c for c in (resolve_configuration(text, call) for text in arguments.configs)}
+    for configuration in configurations.values():
+        store_configuration(call, configuration)
+    cells = [
+        Cell(chosen.scenario_id, chosen.problem_id, configuration, arguments.prediction, seed=arguments.seed)
+        for configuration in configurations.values()
+        for chosen in choice.scenarios
+    ]
+    if len(cells) == 1:
+        return answer(cells, [await run_cell(call, cells[0], tell_client=True)], notes=choice.notes)
+    return await run_many(call, cells, arguments.wait_s, choice.notes)
+
+
+def _weights(configuration: PlannerConfiguration) -> tuple[WeightInfo, ...]:
+    values = configuration.weights | configuration.external_weights
+    return tuple(
+        WeightInfo(
+            name=weight.name,
+            value=values.get(weight.name, 0.0),
+            meaning=weight.meaning,
+            raising=weight.raising,
+            acts=weight.acts,
+            computed_by=weight.computed_by,
+        )
+        for weight in (*cost_weights().values(), *external_weights().values())
+    )

@@ -1,0 +1,83 @@
+"""Which scenarios the words of a call mean: ids, ``ID#problem``, a search, or ``preset:N``."""
+
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from plannerforge.engine.catalog.starter import open_catalogue
+from plannerforge.schemas.catalog import SearchRecord
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
+from plannerforge.schemas.scenarios import ScenarioRecord
+from plannerforge.tools.call import ToolCall
+
+LARGEST_PRESET = 500
+PRESET_SIZES = (10, 50, 100, 200, 300, 400, 500)
+
+
+@dataclass(frozen=True)
+class ChosenScenario:
+    """A scenario and one of its planning problems (None: the first)."""
+
+    scenario_id: str
+    problem_id: int | None = None
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The scenarios in order, each once, and remarks."""
+
+    scenarios: tuple[ChosenScenario, ...]
+    notes: tuple[str, ...]
+
+
+def choose_scenarios(words: Sequence[str], call: ToolCall) -> Choice:
+    """Resolve the words of a call; ``latest`` and ``search:latest`` become concrete ids.
+
+    Raises:
+        UnknownName: a scenario, planning problem or search that does not exist.
+        InvalidRequest: ``preset:`` without a number from 1 to 500.
+        NotPossible: a search without hits, or no scenario that could be run.
+    """
+    open_catalogue(call.workspace, with_starter=call.services.with_starter)
+    chosen: dict[ChosenScenario, None] = {}
+    notes: list[str] = []
+    for word in words:
+        found, remarks = _meant(word.strip(), call)
+        chosen.update(dict.fromkeys(found))
+        notes += remarks
+    if not chosen:
+        raise NotPossible("no scenario is left to run", next_step="name scenario ids, a search id or preset:10")
+    return Choice(tuple(chosen), tuple(notes))
+
+
+def _meant(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
+    if word.startswith("preset:"):
+        return _preset(word, call)
+    if word.startswith(("search:", "search_")):
+        search = call.workspace.get(word.removeprefix("search:"), "search")
+        ids = search.read(SearchRecord).scenario_ids
+        if not ids:
+            raise NotPossible(f"{search.artifact_id} has no hits", next_step="relax the search with find_scenarios")
+        return [ChosenScenario(key) for key in ids], []
+    scenario, mark, problem = word.partition("#")
+    artifact = call.workspace.get(scenario, "scenario")
+    if not mark:
+        return [ChosenScenario(artifact.artifact_id)], []
+    known = [ego.problem_id for ego in artifact.read(ScenarioRecord).facts.egos]
+    if not re.fullmatch(r"\d+", problem) or int(problem) not in known:
+        raise UnknownName(f"{artifact.artifact_id} has no planning problem '{problem}'", valid=known)
+    return [ChosenScenario(artifact.artifact_id, int(problem))], []
+
+
+def _preset(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
+    """The first N scenarios with a planning problem, in an order that looks random but is always the same."""
+    number = word.removeprefix("preset:")
+    if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= LARGEST_PRESET:
+        raise InvalidRequest(f"'{word}' names no size", valid=[f"preset:{size}" for size in PRESET_SIZES])
+    stored = call.workspace.newest(kind="scenario", limit=100_000)
+    runnable = [artifact.artifact_id for artifact in stored if artifact.read(ScenarioRecord).facts.egos]
+    ordered = sorted(runnable, key=lambda key: hashlib.sha256(key.encode()).hexdigest())
+    found = [ChosenScenario(key) for key in ordered[: int(number)]]
+    few = [f"{word}: only {len(found)} scenarios with a planning problem are here"] if len(found) < int(number) else []
+    return found, few
