@@ -35,6 +35,12 @@ class MapFacts(Model):
     attribution: str
 
 
+class MapList(Model):
+    """Maps with what they show."""
+
+    maps: tuple[MapFacts, ...]
+
+
 class ReadMapRequest(Model):
     """A map file to be read; place and country as the caller knows them (None: what the file says)."""
 

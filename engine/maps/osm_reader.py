@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -61,18 +62,22 @@ class OsmRelation:
 
 @dataclass(frozen=True)
 class OsmMap:
-    """An extract: all nodes by id, ways in the file's order, relations, and the bounds that its header declares."""
+    """An extract: all nodes by id, ways in the file's order, relations, and the bounds that its header declares.
+
+    ``attribution`` is empty for OpenStreetMap's own data.
+    """
 
     nodes: dict[int, OsmNode]
     ways: tuple[OsmWay, ...]
     relations: tuple[OsmRelation, ...]
     declared_bounds: tuple[float, float, float, float] | None
+    attribution: str = ""
 
     def roads(self, classes: frozenset[str] = THROUGH_ROADS) -> list[OsmWay]:
         """Ways of the given ``highway`` values."""
         return [way for way in self.ways if way.road_class in classes]
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """(south, west, north, east) in degrees: as declared, otherwise around the nodes of all roads."""
         if self.declared_bounds is not None:
@@ -97,7 +102,13 @@ def read_osm(path: Path) -> OsmMap:
         nodes = {node.node_id: node for node in (_node(element) for element in root.iterfind("node"))}
         ways = tuple(_way(element, nodes) for element in root.iterfind("way"))
         relations = tuple(_relation(element) for element in root.iterfind("relation"))
-        found = OsmMap(nodes, tuple(way for way in ways if len(way.node_ids) > 1), relations, _bounds(root))
+        found = OsmMap(
+            nodes,
+            tuple(way for way in ways if len(way.node_ids) > 1),
+            relations,
+            _bounds(root),
+            _own_attribution(root),
+        )
     except (etree.LxmlError, ValueError, KeyError) as error:
         raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
     if not found.roads(frozenset((*ROADS, *LINKS))):
@@ -145,3 +156,8 @@ def _bounds(root: Any) -> tuple[float, float, float, float] | None:
         return None
     south, west, north, east = (float(element.attrib[key]) for key in ("minlat", "minlon", "maxlat", "maxlon"))
     return south, west, north, east
+
+
+def _own_attribution(root: Any) -> str:
+    """The attribution of a map that PlannerForge drew; other files are OpenStreetMap's, whatever they say."""
+    return str(root.get("attribution", ""))[:200] if root.get("generator") == "PlannerForge" else ""

@@ -5,13 +5,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
-from plannerforge.engine.maps.osm_reader import OsmMap, OsmNode, OsmWay, distance_m
+from plannerforge.engine.maps.osm_reader import OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m
 from plannerforge.schemas.generation import SiteType
+
+if TYPE_CHECKING:
+    from shapely import STRtree
 
 SIGNAL_REACH_M = 45.0
 MERGE_M = 60.0
-RURAL_CLEAR_M = 80.0
+RURAL_CLEAR_M = 120.0
+SPACING_M = 400.0
 RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
 BUILT_UP_ROADS = frozenset({"residential", "living_street"})
 BUILT_UP_LANDUSE = frozenset({"residential", "commercial", "retail", "industrial"})
@@ -135,19 +140,20 @@ class SiteFinder:
             ways = [way for way in self.roads if way.road_class == family and self._length_m(way) > 40]
             ways = [way for way in ways if family == "motorway" or _is_expressway(way)]
             if ways:
-                return [self._site("highway", self._halfway(way), [way], way.way_id) for way in ways]
+                return [self._site("highway", point, [way], way.way_id) for way in ways for point in self._along(way)]
         return []
 
     def _rural(self) -> list[Site]:
-        """Stretches of main roads away from houses and residential streets, or signed with 70 km/h and more."""
+        """Stretches of main roads away from houses, or signed with 70 km/h and more; below 60 km/h is a town."""
         found = []
         for way in self.roads:
             if way.road_class not in RURAL_CLASSES or way.tags.get("junction"):
                 continue
             fast = (way.maxspeed_kmh or 0) >= 70 and way.road_class != "trunk"
-            middle = self._halfway(way)
-            if self._length_m(way) > 60 and (fast or self._far_from_houses(middle)):
-                found.append(self._site("rural", middle, [way], way.way_id))
+            slow = 0 < (way.maxspeed_kmh or 0) < 60
+            if self._length_m(way) > 60 and not slow:
+                points = [point for point in self._along(way) if fast or self._far_from_houses(point)]
+                found += [self._site("rural", point, [way], way.way_id) for point in points]
         return found
 
     def _urban(self) -> list[Site]:
@@ -159,38 +165,51 @@ class SiteFinder:
         ]
 
     def _far_from_houses(self, node: OsmNode) -> bool:
-        reach = RURAL_CLEAR_M / 111_000
-        for point in self._built_up:
-            near = abs(point.latitude - node.latitude) < reach
-            if near and distance_m(point, node) < RURAL_CLEAR_M:
-                return False
-        return True
+        from shapely import Point
+
+        return len(self._built_up.query(Point(*self._metres(node)), "dwithin", RURAL_CLEAR_M)) == 0
 
     @cached_property
-    def _built_up(self) -> list[OsmNode]:
-        found = [node for node in self.osm.nodes.values() if "addr:housenumber" in node.tags or "shop" in node.tags]
+    def _built_up(self) -> "STRtree":
+        """Houses, residential streets and areas in metres around the middle of the map."""
+        from shapely import LineString, Point, Polygon, STRtree
+
+        houses = [node for node in self.osm.nodes.values() if "addr:housenumber" in node.tags or "shop" in node.tags]
+        found: list[Point | LineString | Polygon] = [Point(*self._metres(node)) for node in houses]
         for way in self.osm.ways:
-            house = way.road_class in BUILT_UP_ROADS or "building" in way.tags
-            if house or way.tags.get("landuse") in BUILT_UP_LANDUSE:
-                found.extend(self.osm.nodes[key] for key in way.node_ids)
-        return found
+            line = [self._metres(self.osm.nodes[key]) for key in way.node_ids]
+            if way.tags.get("landuse") in BUILT_UP_LANDUSE and len(line) > 3:
+                found.append(Polygon(line).buffer(0))
+            elif way.road_class in BUILT_UP_ROADS or "building" in way.tags:
+                found.append(LineString(line))
+        return STRtree(found)
+
+    def _metres(self, node: OsmNode) -> tuple[float, float]:
+        south, west, _, _ = self.osm.bounds
+        north = ground_distance_m((south, west), (node.latitude, west))
+        east = ground_distance_m((node.latitude, west), (node.latitude, node.longitude))
+        return math.copysign(east, node.longitude - west), math.copysign(north, node.latitude - south)
 
     def _length_m(self, way: OsmWay) -> float:
         nodes = [self.osm.nodes[key] for key in way.node_ids]
         return sum(distance_m(one, other) for one, other in pairwise(nodes))
 
-    def _halfway(self, way: OsmWay) -> OsmNode:
-        """The point in the middle of a way, between its nodes where need be."""
+    def _along(self, way: OsmWay) -> list[OsmNode]:
+        """Points evenly spaced along a way, one for every ``SPACING_M``, the ends left out."""
         nodes = [self.osm.nodes[key] for key in way.node_ids]
-        left = self._length_m(way) / 2
+        total = self._length_m(way)
+        count = max(1, round(total / SPACING_M))
+        found: list[OsmNode] = []
+        gone = 0.0
         for one, other in pairwise(nodes):
             step = distance_m(one, other)
-            if step >= left:
-                share = left / max(step, 1e-9)
+            while len(found) < count and gone + step >= (wanted := total * (len(found) + 0.5) / count) - 1e-6:
+                share = (wanted - gone) / max(step, 1e-9)
                 latitude = one.latitude + share * (other.latitude - one.latitude)
-                return OsmNode(0, latitude, one.longitude + share * (other.longitude - one.longitude), {})
-            left -= step
-        return nodes[-1]
+                longitude = one.longitude + share * (other.longitude - one.longitude)
+                found.append(OsmNode(0, latitude, longitude, {}))
+            gone += step
+        return found
 
 
 def _is_expressway(way: OsmWay) -> bool:

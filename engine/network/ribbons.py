@@ -18,11 +18,12 @@ def stations_along(points: Points, maximum_step_m: float = 4.0) -> Values:
     total = float(vertices[-1])
     found = [0.0]
     for station in vertices[1:]:
-        gap = float(station) - found[-1]
+        start = found[-1]
+        gap = float(station) - start
         if gap < 0.05 and station != total:
             continue
         pieces = max(int(np.ceil(gap / maximum_step_m)), 1)
-        found.extend(found[-1] + gap * (piece + 1) / pieces for piece in range(pieces))
+        found.extend(start + gap * (piece + 1) / pieces for piece in range(pieces))
     if len(found) > 2 and found[-1] - found[-2] < 0.05:
         found.pop(-2)
     return np.array(found) if len(found) >= 3 else np.linspace(0.0, total, 3)

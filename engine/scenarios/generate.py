@@ -30,6 +30,9 @@ from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest, VehicleDemand
 
 STEP_S = 0.1
+LASTING_S = 30.0
+"""Trips prefer ways that last so long; preferring longer ones would keep traffic off the main roads of a small site."""
+
 ATTEMPTS = 4
 """Traffic is drawn anew so many times until every class asked for is there."""
 
@@ -92,7 +95,7 @@ def generate(request: GenerationRequest, report: ProgressReporter) -> GeneratedS
         report(0.02, "reading the map")
         place = _build_place(request, folder / "scenario.net.xml", Path(scratch), report)
         everyone, dropped = _traffic(request, demand, place, folder / "scenario.net.xml", Path(scratch), report)
-    everyone = along_the_site(everyone, place.site, place.net)
+    everyone = along_the_site(everyone, place.site, place.net, place.network)
     report(0.8, "choosing ego and goal")
     task = choose_task(ego, goal, everyone, place.network, STEP_S)
     others = tuple(vehicle for vehicle in everyone if vehicle is not task.ego)
@@ -152,7 +155,7 @@ def _traffic(
     best: tuple[int, tuple[Participant, ...], int] | None = None
     for attempt in range(ATTEMPTS):
         seed = hash_seed(request.seed, request.index, attempt)
-        trips = TripMaker(place.net, WARM_UP_S + request.duration_s, random.Random(seed))  # noqa: S311 - reproducible
+        trips = TripMaker(place.net, min(WARM_UP_S + request.duration_s, LASTING_S), random.Random(seed))  # noqa: S311 - reproducible
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
         traffic = simulate_traffic(

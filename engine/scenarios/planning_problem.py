@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import Points, arc_length, project, wrap_angle
+from plannerforge.engine.geometry.polyline import Points, arc_length, project
+from plannerforge.engine.network.lanelet_lookup import LaneletLookup
 from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
 from plannerforge.engine.traffic.motions import Participant, first_collision
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
@@ -14,8 +15,6 @@ from plannerforge.schemas.errors import InvalidRequest, NotPossible
 SHORTEST_WAY_M = 10.0
 TIME_MARGIN_S = 1.5
 HEADING_MARGIN_RAD = 0.25
-EGO_SIZE_M = (4.508, 1.61)
-"""CommonRoad's vehicle 2 (BMW 320i), with which planners drive."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +100,9 @@ def choose_task(
         )
     choice = [cars[ego.index]] if ego.index is not None else cars
     reserve: PlanningTask | None = None
+    lookup = LaneletLookup(network)
     for car in choice:
-        task = _task(car, goal, tuple(everyone), network, step_s)
+        task = _task(car, goal, tuple(everyone), network, lookup, step_s)
         if task is None:
             continue
         if task.collision is None and car.feasible:
@@ -119,14 +119,19 @@ def choose_task(
 
 
 def _task(
-    car: Participant, goal: GoalWish, everyone: tuple[Participant, ...], network: RoadNetwork, step_s: float
+    car: Participant,
+    goal: GoalWish,
+    everyone: tuple[Participant, ...],
+    network: RoadNetwork,
+    lookup: LaneletLookup,
+    step_s: float,
 ) -> PlanningTask | None:
     gone = arc_length(car.motion.positions)
     step = _goal_step(goal, gone)
     if step is None or gone[step] < (SHORTEST_WAY_M if goal.steps is not None else 4.0):
         return None
     center = car.motion.positions[step]
-    start, end = lanelet_under(network, car, 0), lanelet_under(network, car, step)
+    start, end = _under(lookup, car, 0), _under(lookup, car, step)
     if start is None or end is None or not is_reachable(network, start.lanelet_id, end.lanelet_id):
         return None
     margin = round(TIME_MARGIN_S / step_s)
@@ -154,27 +159,8 @@ def _goal_step(goal: GoalWish, gone: Points) -> int | None:
     return int(reached[0]) if len(reached) else None
 
 
-def lanelet_under(network: RoadNetwork, vehicle: Participant, step: int) -> RoadLanelet | None:
-    """The lanelet that holds the vehicle's centre at a step and runs its way best; None off the road."""
-    from shapely import Point, Polygon
-
-    position, heading = vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step])
-    best: tuple[float, RoadLanelet] | None = None
-    for lanelet in network.lanelets.values():
-        low, high = lanelet.polygon.min(axis=0), lanelet.polygon.max(axis=0)
-        if (position < low).any() or (position > high).any() or not Polygon(lanelet.polygon).covers(Point(position)):
-            continue
-        turn = abs(wrap_angle(_heading_at(lanelet.center, position) - heading))
-        if turn < np.pi / 3 and (best is None or turn < best[0]):
-            best = (turn, lanelet)
-    return None if best is None else best[1]
-
-
-def _heading_at(line: Points, position: Points) -> float:
-    middle = (line[:-1] + line[1:]) / 2
-    index = int(np.argmin(np.linalg.norm(middle - position, axis=1)))
-    step = line[index + 1] - line[index]
-    return float(np.arctan2(step[1], step[0]))
+def _under(lookup: LaneletLookup, vehicle: Participant, step: int) -> RoadLanelet | None:
+    return lookup.under(vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step]))
 
 
 def is_reachable(network: RoadNetwork, start: int, goal: int) -> bool:

@@ -97,10 +97,10 @@ class TripMaker:
             )
 
     def trip(self, vehicle_class: VehicleClass) -> Trip:
-        """A random trip of a class that is open here; its beginning is drawn by the lane metres open to the class."""
+        """A random trip of a class that is open here; fast roads and long ways on begin more of them."""
         graph = self._graph(vehicle_class)
         starts = sorted(graph.length_m)
-        weights = [graph.length_m[edge] * graph.lanes[edge] * self._lasting(graph, edge) for edge in starts]
+        weights = [self._pull(graph, edge) for edge in starts]
         start = self._choice.choices(starts, weights)[0]
         speed = min(graph.speed_mps[start], vehicle_class.maximum_speed_mps)
         return Trip(vehicle_class, graph.walk(start, speed * self._lasting_s, self._choice))
@@ -110,10 +110,10 @@ class TripMaker:
             self._graphs[vehicle_class.sumo_class] = EdgeGraph.of(self._net, vehicle_class.sumo_class)
         return self._graphs[vehicle_class.sumo_class]
 
-    def _lasting(self, graph: EdgeGraph, edge: str) -> float:
-        """How much of the wanted time a vehicle that begins here can stay, squared: short ways are rare."""
-        wanted = graph.speed_mps[edge] * self._lasting_s
-        return float(max(min(graph.reach_m[edge] / wanted, 1.0), 0.02)) ** 2
+    def _pull(self, graph: EdgeGraph, edge: str) -> float:
+        """How many trips begin on an edge: by its lane metres and speed, fewer where the way soon ends."""
+        lasting = min(graph.reach_m[edge] / (graph.speed_mps[edge] * self._lasting_s), 1.0)
+        return graph.length_m[edge] * graph.lanes[edge] * graph.speed_mps[edge] * max(lasting, 0.02)
 
 
 def write_vehicle_types(path: Path, classes: Iterable[VehicleClass]) -> None:

@@ -43,16 +43,20 @@ class EdgeGraph:
         return cls(lengths, speeds, counts, after, _reach(lengths, after))
 
     def walk(self, start: str, wanted_m: float, choice: random.Random) -> tuple[str, ...]:
-        """A way from an edge on, at least as long as wanted where the net allows it; wide roads are preferred."""
+        """A way from an edge on; wide and fast roads, and those that go on as far as wanted, are preferred."""
         way = [start]
         gone = self.length_m[start]
         while self.following[way[-1]] and len(way) < LONGEST_WALK and gone < wanted_m + 500.0:
             onward = self.following[way[-1]]
-            far = [edge for edge in onward if self.reach_m[edge] >= wanted_m - gone]
-            best = max(self.reach_m[edge] for edge in onward)
-            open_edges = far or [edge for edge in onward if self.reach_m[edge] >= best - 1.0]
-            weights = [self.lanes[edge] * self.speed_mps[edge] / (4.0 if edge in way else 1.0) for edge in open_edges]
-            way.append(choice.choices(open_edges, weights)[0])
+            rest = max(wanted_m - gone, 1.0)
+            weights = [
+                self.lanes[edge]
+                * self.speed_mps[edge]
+                * max(min(self.reach_m[edge] / rest, 1.0), 0.05) ** 2
+                / (4.0 if edge in way else 1.0)
+                for edge in onward
+            ]
+            way.append(choice.choices(onward, weights)[0])
             gone += self.length_m[way[-1]]
         return tuple(way)
 

@@ -15,7 +15,7 @@ from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_cl
 from plannerforge.schemas.errors import NotPossible
 
 WARM_UP_S = 20.0
-LAST_INSERTION_S = 14.0
+LAST_INSERTION_S = 18.5
 LEAD_IN_S = 3.0
 """Recorded before step 0, so that smoothing has a history."""
 

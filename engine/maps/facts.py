@@ -1,0 +1,99 @@
+"""What a map shows, read from the file itself."""
+
+import re
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+from plannerforge.engine.catalog.places import country_code, fold
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.maps.osm_reader import LINKS, ROADS, OsmMap, distance_m, read_osm
+from plannerforge.engine.maps.sites import SiteFinder
+from plannerforge.schemas.generation import MapFacts, ReadMapRequest
+
+OSM_ATTRIBUTION = "© OpenStreetMap contributors, ODbL"
+PLACE_KINDS = ("city", "town", "village", "suburb", "borough", "quarter", "neighbourhood", "hamlet")
+MOST_PLACES = 40
+
+
+def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
+    """Read an OpenStreetMap extract and say what is in it; place and country are never guessed.
+
+    A place is known from place nodes and addresses in the file, or from the caller; a country from addresses
+    (``addr:country``) or from the caller.
+
+    Raises:
+        UnsafeInput: the file is broken, hostile or no map.
+    """
+    path = Path(request.path)
+    report(0.0, "reading the map")
+    osm = read_osm(path)
+    report(0.6, "looking for sites")
+    found = _places(osm)
+    names = list(dict.fromkeys(([request.place] if request.place else []) + found))
+    roads = osm.roads(frozenset((*ROADS, *LINKS)))
+    south, west, north, east = osm.bounds
+    return MapFacts(
+        map_id=request.map_id or map_id_of(path),
+        file_name=path.name,
+        place=names[0] if names else path.name.split(".")[0],
+        places=tuple(names[:MOST_PLACES]),
+        country=request.country or _country(osm),
+        south=south,
+        west=west,
+        north=north,
+        east=east,
+        streets=_by_length(osm, "name"),
+        refs=_by_length(osm, "ref"),
+        sites=SiteFinder(osm).kinds(),
+        road_km=round(sum(_length_m(osm, way.node_ids) for way in roads) / 1000, 2),
+        attribution=request.attribution or osm.attribution or OSM_ATTRIBUTION,
+    )
+
+
+def map_id_of(path: Path) -> str:
+    """``map_`` and the file's name in small letters and digits."""
+    return "map_" + (re.sub(r"[^a-z0-9]+", "_", path.name.split(".osm")[0].lower()).strip("_") or "unnamed")
+
+
+def _places(osm: OsmMap) -> list[str]:
+    """Names of the places in the file: settlements by their rank, then the towns of addresses by their number."""
+    ranked: list[tuple[int, str]] = []
+    tagged = [node.tags for node in osm.nodes.values() if node.tags] + [way.tags for way in osm.ways]
+    tagged += [relation.tags for relation in osm.relations]
+    towns = Counter(tags["addr:city"] for tags in tagged if tags.get("addr:city"))
+    for tags in tagged:
+        if tags.get("place") in PLACE_KINDS:
+            names = [tags.get("name"), tags.get("name:en"), tags.get("int_name")]
+            ranked += [(PLACE_KINDS.index(tags["place"]), name) for name in names if name]
+    nodes = [name for _, name in sorted(ranked, key=lambda entry: entry[0])]
+    addresses = [town for town, _ in sorted(towns.items(), key=lambda entry: (-entry[1], entry[0]))]
+    first_is_town = bool(ranked) and min(ranked)[0] <= PLACE_KINDS.index("village")
+    merged = nodes + addresses if first_is_town or not addresses else addresses + nodes
+    return list({fold(name): name for name in reversed(merged)}.values())[::-1]
+
+
+def _country(osm: OsmMap) -> str | None:
+    """The country that most addresses name, as ISO 3166-1 alpha-3."""
+    codes = Counter(
+        code
+        for tags in [*(node.tags for node in osm.nodes.values()), *(way.tags for way in osm.ways)]
+        if tags.get("addr:country") and (code := country_code(tags["addr:country"]))
+    )
+    return min(codes, key=lambda code: (-codes[code], code)) if codes else None
+
+
+def _by_length(osm: OsmMap, key: str) -> tuple[str, ...]:
+    """Values of a road tag, those with most road first; road numbers of a list one by one."""
+    lengths: dict[str, float] = {}
+    for way in osm.roads(frozenset((*ROADS, *LINKS))):
+        values = way.tags.get(key, "").split(";") if key == "ref" else [way.tags.get(key, "")]
+        for value in values:
+            if value.strip():
+                lengths[value.strip()] = lengths.get(value.strip(), 0.0) + _length_m(osm, way.node_ids)
+    return tuple(sorted(lengths, key=lambda name: (-round(lengths[name], 3), name)))
+
+
+def _length_m(osm: OsmMap, node_ids: tuple[int, ...]) -> float:
+    nodes = [osm.nodes[key] for key in node_ids]
+    return sum(distance_m(one, other) for one, other in pairwise(nodes))
