@@ -133,7 +133,7 @@ def _write_state(axes: "Axes", view: SceneView) -> None:
                 path.record.outcome.replace("_", " ") if alone else path.label,
                 (1, 1), xycoords="axes fraction", xytext=(-10, -12 - 26 * number), textcoords="offset points",
                 ha="right", va="top", fontsize=TEXT_PT, fontweight="bold", color=INK, zorder=8,
-                bbox={"facecolor": "white", "edgecolor": series_style(number)[0], "linewidth": 1.5, "pad": 4},
+                bbox={"facecolor": "white", "edgecolor": series_style(path.series)[0], "linewidth": 1.5, "pad": 4},
             )  # fmt: skip
 
 

@@ -12,13 +12,17 @@ from plannerforge.schemas.runs import RunRecord
 
 @dataclass(frozen=True)
 class DrivenPath:
-    """Centre of the ego (n, 2), headings, speeds (n,), from ``first_step`` on."""
+    """Centre of the ego (n, 2), headings, speeds (n,), from ``first_step`` on.
+
+    ``series``: number of its colour and dash pattern, the same for one configuration in all pictures of a request.
+    """
 
     record: RunRecord
     first_step: int
     positions: Points
     headings_rad: Values
     speeds_mps: Values
+    series: int = 0
 
     @property
     def last_step(self) -> int:
@@ -35,7 +39,7 @@ class DrivenPath:
         return f"{self.record.config_name}: {self.record.outcome.replace('_', ' ')}"
 
 
-def driven_path(source: RunSource) -> DrivenPath | None:
+def driven_path(source: RunSource, series: int = 0) -> DrivenPath | None:
     """The path of a run; None where it has no steps."""
     steps = read_steps(source)
     if steps is None or not steps.x_m:
@@ -46,4 +50,5 @@ def driven_path(source: RunSource) -> DrivenPath | None:
         positions=np.column_stack([steps.x_m, steps.y_m]),
         headings_rad=np.asarray(steps.heading_rad, dtype=float),
         speeds_mps=np.asarray(steps.speed_mps, dtype=float),
+        series=series,
     )

@@ -43,7 +43,7 @@ def draw_ego(axes: "Axes", corners: Points, *, colour: str = EGO_COLOUR, faded: 
 def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
     """Draw the driven paths, each in a colour and a dash pattern of its own; later ones thinner, so none is hidden."""
     for number, path in enumerate(paths):
-        colour, dashes = series_style(number)
+        colour, dashes = series_style(path.series)
         width = max(4.2 - 1.1 * number, 1.6)
         axes.plot(
             path.positions[:, 0],

@@ -66,8 +66,8 @@ def draw_legend(figure: "Figure", shown: Inventory) -> None:
         )
 
     handles: list[Line2D | Patch] = []
-    for number, label in enumerate(shown.runs):
-        colour, dashes = series_style(number)
+    for label, series in shown.runs:
+        colour, dashes = series_style(series)
         handles.append(Line2D([], [], color=colour, linestyle=dashes, linewidth=3, label=label))
     if shown.has_collision:
         handles.append(mark("X", "white", 10, "collision"))

@@ -126,7 +126,9 @@ def _subtitle(view: SceneView, traffic: TrafficDrawn) -> str:
     if len(view.paths) == 1:
         path = view.paths[0]
         speed = f"ego {path.speeds_mps[path.index_at(view.step)]:.1f} m/s · "
-    elif view.content.ego_position is not None and not view.paths:
+    elif view.paths:
+        speed = "".join(f"{path.label} · " for path in view.paths) if len(view.paths) == 2 else ""
+    elif view.content.ego_position is not None:
         speed = f"ego starts at {view.content.ego_speed_mps:.1f} m/s · "
     return f"t = {view.time_s:.1f} s · {speed}{traffic.counts()}"
 

@@ -26,16 +26,16 @@ class SceneView:
 
     def ego_colour(self, number: int) -> str:
         """Colour of the ego of the n-th run: its path's where several are to be told apart."""
-        return EGO_COLOUR if len(self.paths) == 1 else series_style(number)[0]
+        return EGO_COLOUR if len(self.paths) == 1 else series_style(self.paths[number].series)[0]
 
 
 @dataclass(frozen=True)
 class Inventory:
-    """What a scene shows; everything named here gets an entry in the legend."""
+    """What a scene shows; everything named here gets an entry in the legend; ``runs``: label and series."""
 
     kinds: tuple[str, ...]
     signals: tuple[str, ...]
-    runs: tuple[str, ...]
+    runs: tuple[tuple[str, int], ...]
     has_ego: bool
     has_goal: bool
     has_stop_lines: bool
@@ -58,7 +58,8 @@ def inventory(
 ) -> Inventory:
     """What these views show at their own step, or at any of ``steps``."""
     moments = None if steps is None else list(steps)
-    kinds, signals, runs = set(), set(), []
+    kinds, signals = set(), set()
+    runs: dict[int, str] = {}
     stop_lines = collision = False
     for view, viewport in zip(views, viewports, strict=True):
         shown = [view.step] if moments is None else moments
@@ -67,14 +68,15 @@ def inventory(
             signals |= {
                 signal.state_at(step) for signal in view.content.signals if viewport.contains(signal.position[None, :])
             }
-        runs += [path.label for path in view.paths if path.label not in runs]
+        for path in view.paths:
+            runs.setdefault(path.series, path.label if len(views) == 1 else path.record.config_name)
         stop_lines |= any(viewport.contains(line) for line in view.content.stop_lines)
         collided = [path.record.collision for path in view.paths if path.record.collision is not None]
         collision |= any(found.step <= max(shown) for found in collided)
     return Inventory(
         kinds=tuple(sorted(kinds)),
         signals=tuple(sorted(signals)),
-        runs=tuple(runs),
+        runs=tuple((label, series) for series, label in sorted(runs.items())),
         has_ego=any(view.content.ego_position is not None and len(view.paths) < 2 for view in views),
         has_goal=any(len(view.content.goal_points()) for view in views),
         has_stop_lines=stop_lines,

@@ -31,8 +31,8 @@ def held_back(evidence: Evidence) -> list[Finding]:
             why = f"it is {weight:g} now"
             suggestion = Suggestion(config_id=config_id, weight=largest, direction=direction, why=why)
         statement = (
-            f"{len(records)} run{'s'[: len(records) > 1]} of {records[0].config_name} ran out of time; {largest} was {100 * share:.0f} % of "
-            f"their cost."
+            f"{len(records)} of the runs of {records[0].config_name} ran out of time; {largest} was "
+            f"{100 * share:.0f} % of their cost."
         )
         runs = tuple(record.run_id for record in records)
         found.append(Finding(name="held_back", statement=statement, run_ids=runs, suggestion=suggestion))
