@@ -1,0 +1,79 @@
+"""The tool that edits a scenario."""
+
+from pathlib import Path
+
+from plannerforge.engine.catalog.starter import open_catalogue
+from plannerforge.engine.edits.derived_id import derived_benchmark_id, numbered_after
+from plannerforge.engine.workspace.artifacts import Artifact
+from plannerforge.engine.workspace.recipe import Recipe, versions_of
+from plannerforge.schemas.modification import (
+    Edit,
+    ModificationOutcome,
+    ModificationRequest,
+    ModifyScenarioArguments,
+    ModifyScenarioResult,
+)
+from plannerforge.tools.call import ToolCall
+from plannerforge.tools.storing import store_scenario
+
+TOOL = "modify_scenario"
+TIMEOUT_S = 120.0
+
+
+async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
+    """Edit a scenario; one that was edited before is made anew from its base with all edits, old and new."""
+    open_catalogue(call.workspace, with_starter=call.services.with_starter)
+    given = call.workspace.get(arguments.scenario_id, "scenario")
+    base_id, earlier = _base_and_edits(given)
+    edits = (*earlier, *numbered_after(arguments.edits, len(earlier)))
+    seed = arguments.seed if "seed" in arguments.model_fields_set or not earlier else given.recipe.seed
+    recipe = Recipe(
+        tool=TOOL,
+        arguments={"base": base_id, "edits": [edit.model_dump(mode="json", exclude_defaults=True) for edit in edits]},
+        parents=(base_id,),
+        seed=seed,
+        versions=versions_of("libsumo"),
+    )
+    new_id = derived_benchmark_id(base_id, recipe.digest)
+    reused = call.workspace.find("scenario", new_id) is not None
+    with call.workspace.scratch() as folder:
+        request = ModificationRequest(
+            xml=call.workspace.file("scenario", base_id, "scenario.xml"),
+            edits=edits,
+            benchmark_id=new_id,
+            output=folder,
+            earlier=len(earlier),
+            on_conflict=arguments.on_conflict,
+            dry_run=arguments.dry_run,
+            seed=seed,
+        )
+        outcome = await call.run(
+            "plannerforge.engine.edits.apply:apply_edits",
+            request,
+            ModificationOutcome,
+            timeout_s=TIMEOUT_S,
+            share=(0.0, 0.8),
+        )
+        if outcome.xml is not None:
+            await store_scenario(call, xml=Path(outcome.xml), net=outcome.net, recipe=recipe, origin="modified")
+    return ModifyScenarioResult(
+        scenario_id=None if arguments.dry_run else new_id,
+        base_id=base_id,
+        reused=reused and not arguments.dry_run,
+        edits=outcome.edits,
+        touched=outcome.touched,
+        removed=outcome.removed,
+        handed_over=outcome.handed_over,
+        collisions=outcome.collisions,
+        checked_by=outcome.checked_by,
+        untouched=outcome.untouched,
+        warnings=outcome.warnings,
+    )
+
+
+def _base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:
+    """The scenario that all edits start from, and the edits so far."""
+    if artifact.recipe.tool != TOOL:
+        return artifact.artifact_id, ()
+    edits = artifact.recipe.arguments["edits"]
+    return str(artifact.recipe.arguments["base"]), tuple(Edit.model_validate(edit) for edit in edits)
