@@ -1,4 +1,4 @@
-"""What the catalogue's tools take and answer: facets, searches and imports."""
+"""What the catalogue's tools take and answer: facets and searches."""
 
 from pathlib import Path
 from typing import Literal
@@ -14,7 +14,8 @@ STAGES: tuple[Stage, ...] = ("location", "tags", "road_net", "obstacles", "veloc
 
 
 class DescribeCatalogArguments(Arguments):
-    """What there is, with counts: places, tags, features, road_net keys, obstacles, maps, planners, presets. Read before filtering."""
+    """What there is, with counts: places, tags, features, road_net keys, obstacles, maps, planners, presets. Read
+    before filtering."""
 
     facet: Facet = "all"
     within: str | None = Field(None, description="search id")
@@ -45,19 +46,24 @@ class DescribeCatalogResult(Result):
 
 
 class FindScenariosArguments(Arguments):
-    """Filter the catalogue by facts, rank by text. Pass what the user said: an unknown word is refused with the nearest valid ones; an empty result names the condition that emptied it and what would match."""
+    """Filter the catalogue by facts, rank by text. Pass what the user said: an unknown word is refused with the nearest
+    valid ones; an empty result names the condition that emptied it and what would match."""
 
     country: str | None = Field(None, description="ISO alpha-3")
     city: str | None = None
     tags: list[str] = Field([], description="tags in the file, all of them; 'a|b' for either, '!a' without")
-    features: list[str] = Field([], description="computed from the geometry: roundabout, ego_turns_left, oncoming_traffic …")
+    features: list[str] = Field(
+        [], description="computed from the geometry: roundabout, ego_turns_left, oncoming_traffic …"
+    )
     road_net: list[str] = Field(
         [],
-        description="'stop', '!yield', 'traffic_light@map', 'lanes>=2', 'speed_limit=50km/h'; on the ego's lane, or '@map' anywhere; lanes: side by side in the ego's direction",
+        description="'stop', '!yield', 'traffic_light@map', 'lanes>=2', 'speed_limit=50km/h'; on the ego's lane, "
+        "or '@map' anywhere; lanes: side by side in the ego's direction",
     )
     obstacles: list[str] = Field(
         [],
-        description="'truck' (a, with: at least one), 'bus=2', 'car=2..5' (a few), 'car>=20' (many), 'bicycle=0'; the ego is not counted",
+        description="'truck' (a, with: at least one), 'bus=2', 'car=2..5' (a few), 'car>=20' (many), 'bicycle=0'; "
+        "the ego is not counted",
     )
     ego_speed: str | None = Field(None, description="at the start: '50km/h' (about: ±2 m/s), '10..15m/s', '>=20mph'")
     text: str | None = Field(None, description="anything else, for ranking only")
@@ -172,48 +178,3 @@ class RankResponse(Model):
     scenario_ids: tuple[str, ...]
     scores: tuple[float, ...]
     built_index: bool
-
-
-class ImportFilesArguments(Arguments):
-    """Take in CommonRoad files or folders, maps (.osm) or cost YAML from inside an allowed root. Result: ids, what was refused and why."""
-
-    path: str
-    kind: Literal["auto", "scenario", "map", "config"] = "auto"
-    name: str | None = None
-
-
-class ImportedItem(Model):
-    """A file that went in; ``reused`` where the same content was there already."""
-
-    file: str
-    kind: Literal["scenario", "map", "config"]
-    artifact_id: str
-    summary: str
-    reused: bool = False
-
-
-class RefusedItem(Model):
-    """A file that stayed out, and why."""
-
-    file: str
-    reason: str
-
-
-class ImportFilesResult(Result):
-    """What was added and what was refused."""
-
-    added: int
-    reused: int
-    refused: int
-    items: tuple[ImportedItem, ...] = Field(description="at most 20")
-    refusals: tuple[RefusedItem, ...] = Field(description="at most 20")
-
-    def to_text(self) -> str:
-        """Counts first, then a line a file."""
-        lines = [f"{self.added} added, {self.reused} known already, {self.refused} refused."]
-        lines += [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
-        lines += [f"- refused {item.file}: {item.reason}" for item in self.refusals]
-        hidden = self.added + self.reused + self.refused - len(self.items) - len(self.refusals)
-        if hidden:
-            lines.append(f"… {hidden} more files; describe_catalog counts what is there.")
-        return "\n".join(lines)

@@ -1,10 +1,12 @@
 """What is known about a scenario: its metadata layers, and what ``describe_scenario`` takes and answers."""
 
 from pathlib import Path
+from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, JsonValue
 
-from plannerforge.schemas.base import Model
+from plannerforge.schemas.base import Arguments, Model, Result
+from plannerforge.schemas.scenario_text import scenario_text
 from plannerforge.schemas.vocabulary import GoalForm
 
 
@@ -35,8 +37,8 @@ class RoadFacts(Model):
 class ParticipantFacts(Model):
     """Counts by CommonRoad obstacle type; environment and phantom obstacles are not counted."""
 
-    dynamic: dict[str, int] = {}
-    static: dict[str, int] = {}
+    dynamic: dict[str, int] = Field(default_factory=dict)
+    static: dict[str, int] = Field(default_factory=dict)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -93,7 +95,121 @@ class ScenarioFacts(Model):
         return self.egos[0] if self.egos else None
 
 
+Origin = Literal["generated", "modified", "imported", "starter"]
+
+
+class ScenarioRecord(Model):
+    """What the workspace keeps about a scenario beside its files.
+
+    ``content``: SHA-256 of the XML file, by which the same file is known again.
+    """
+
+    facts: ScenarioFacts
+    origin: Origin
+    content: str
+
+
 class ReadFactsRequest(Model):
     """Which file to read the facts from."""
 
     path: Path
+
+
+Detail = Literal["brief", "vehicles", "lanelets", "checks", "recipe"]
+
+
+class DescribeScenarioArguments(Arguments):
+    """Ego, goal, vehicles (id, class, where relative to the ego, speed, gap), lanelets and what follows them, validity,
+    recipe: what an edit is written from."""
+
+    scenario_id: str = "latest"
+    detail: Detail = "brief"
+    focus: str | None = Field(None, description="ego, a vehicle selector or a lanelet id: the centre of what is listed")
+    radius_m: float = Field(80, gt=0, le=2000)
+
+
+class DescribeRequest(Model):
+    """What the describing operation needs."""
+
+    path: Path
+    detail: Detail
+    focus: str | None
+    radius_m: float
+
+
+class DescribedEgo(Model):
+    """The first planning problem: start, goal in words, and the lanelets of the way to the goal."""
+
+    problem_id: int
+    speed_mps: float
+    lanelets: tuple[int, ...]
+    lanes: int
+    goal: str
+    goal_lanelets: tuple[int, ...]
+    route: tuple[int, ...]
+    way: str
+
+
+class DescribedVehicle(Model):
+    """A vehicle when it is first there: where in words, and along the ego's lane in metres (ahead positive).
+
+    ``gap_m``: bumper to bumper, for vehicles in the ego's lane; ``from_s``: when it appears.
+    """
+
+    vehicle_id: int
+    kind: str
+    where: str
+    lanelet: int | None
+    speed_mps: float
+    distance_m: float
+    ahead_m: float | None
+    gap_m: float | None
+    from_s: float
+    until_s: float
+    moves: bool
+
+
+class DescribedLanelet(Model):
+    """A lanelet: what follows it by direction, its neighbours of the same direction, and who stands on it at first."""
+
+    lanelet_id: int
+    length_m: float
+    role: str
+    successors: tuple[str, ...] = Field(description="direction and id: 'left 12'")
+    left: int | None
+    right: int | None
+    opposite: int | None
+    limit_kmh: float | None
+    vehicles: tuple[int, ...]
+
+
+class Description(Model):
+    """What the scenario's file shows, centred on the focus."""
+
+    ego: DescribedEgo | None
+    focus: str
+    vehicles: tuple[DescribedVehicle, ...]
+    vehicles_total: int
+    lanelets: tuple[DescribedLanelet, ...]
+    lanelets_total: int
+    checks: tuple[str, ...] = ()
+
+
+class DescribeScenarioResult(Result):
+    """A scenario in words and ids: all that an edit needs."""
+
+    scenario_id: str
+    origin: Origin
+    place: str
+    tags: tuple[str, ...]
+    features: tuple[str, ...]
+    step_s: float
+    duration_s: float
+    counts: dict[str, int]
+    signs: tuple[str, ...]
+    description: Description
+    recipe: dict[str, JsonValue] | None = None
+
+    def to_text(self) -> str:
+        """Head, ego, vehicles, lanelets: a line each."""
+        return scenario_text(self)

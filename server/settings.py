@@ -1,15 +1,24 @@
 """Settings: by flag, by environment (``PLANNERFORGE_…``), by ``plannerforge.toml``, in this order."""
 
+import os
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 from platformdirs import user_config_path, user_data_path
-from pydantic import Field
-from pydantic_settings import BaseSettings, PydanticBaseSettingsSource, SettingsConfigDict, TomlConfigSettingsSource
+from pydantic import Field, field_validator
+from pydantic_settings import (
+    BaseSettings,
+    NoDecode,
+    PydanticBaseSettingsSource,
+    SettingsConfigDict,
+    TomlConfigSettingsSource,
+)
 
 from plannerforge.engine.execution.limits import Limits
 
 APPLICATION = "plannerforge"
+Folders = Annotated[tuple[Path, ...], NoDecode]
+"""In a variable, folders are separated as in PATH."""
 
 
 class Settings(BaseSettings):
@@ -20,10 +29,10 @@ class Settings(BaseSettings):
     workspace: Path = Field(
         default_factory=lambda: user_data_path(APPLICATION), description="folder for everything that is made"
     )
-    roots: tuple[Path, ...] = Field(
+    roots: Folders = Field(
         (), description="folders that files may be read from and written to; default: workspace and start folder"
     )
-    map_folders: tuple[Path, ...] = Field((), description="folders with .osm maps, beside the built-in ones")
+    map_folders: Folders = Field((), description="folders with .osm maps, beside the built-in ones")
     starter: bool = Field(True, description="put the starter scenarios into a new workspace")
     workers: int = Field(2, ge=1, le=64, description="worker processes for simulation and planning")
     worker_memory_mb: int = Field(4096, ge=512, description="data memory of one worker process")
@@ -36,6 +45,11 @@ class Settings(BaseSettings):
     journal: bool = Field(True, description="write one line per call into the workspace's journal")
     journal_mb: int = Field(20, ge=1, description="size at which the journal is rotated; five are kept")
     log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "WARNING"
+
+    @field_validator("roots", "map_folders", mode="before")
+    @classmethod
+    def _separated(cls, value: Any) -> Any:
+        return [part for part in value.split(os.pathsep) if part] if isinstance(value, str) else value
 
     @classmethod
     def settings_customise_sources(

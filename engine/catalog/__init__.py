@@ -1,0 +1,1 @@
+"""The catalogue: slots filter in SQLite, text ranks what is left."""

@@ -34,6 +34,11 @@ class Constraint:
     negated: bool = False
     words: tuple[tuple[str, str], ...] = ()
 
+    @property
+    def subject(self) -> str:
+        """The name that the condition is about, without operator, scope and negation."""
+        return parse_name(self.label)
+
     def holds_for(self, connection: sqlite3.Connection, everything: frozenset[int]) -> frozenset[int]:
         """Numbers of the scenarios that satisfy the condition."""
         found = frozenset(row[0] for row in connection.execute(self.query, self.values))
@@ -167,9 +172,7 @@ def _label(condition: Comparison, name: str, scope: str) -> str:
 
 def _scaled(interval: Interval, factor: float) -> Interval:
     low, high = interval.low, interval.high
-    return Interval(
-        None if low is None else low * factor, None if high is None else high * factor, interval.exact
-    )
+    return Interval(None if low is None else low * factor, None if high is None else high * factor, interval.exact)
 
 
 def _bounds(interval: Interval, tolerance: float) -> tuple[float, float]:

@@ -88,9 +88,7 @@ def facts_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dic
     """The facts of these scenarios; ids that are not in the catalogue are left out."""
     found = {}
     for scenario_id in scenario_ids:
-        row = connection.execute(
-            "SELECT facts FROM catalog_scenarios WHERE scenario_id = ?", (scenario_id,)
-        ).fetchone()
+        row = connection.execute("SELECT facts FROM catalog_scenarios WHERE scenario_id = ?", (scenario_id,)).fetchone()
         if row is not None:
             found[scenario_id] = ScenarioFacts.model_validate_json(row[0])
     return found

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +42,9 @@ def lanelets_at(network: "LaneletNetwork", point: Points) -> tuple[int, ...]:
     return tuple(sorted(network.find_lanelet_by_position([np.asarray(point, dtype=float)])[0]))
 
 
-def along(network: "LaneletNetwork", lanelet_ids: tuple[int, ...], point: Points, heading_rad: float) -> tuple[int, ...]:
+def along(
+    network: "LaneletNetwork", lanelet_ids: tuple[int, ...], point: Points, heading_rad: float
+) -> tuple[int, ...]:
     """Those of the lanelets that lead in the direction of the heading (within 90°), best aligned first."""
     turned = [(abs(wrap_angle(lanelet_heading(network, key, point) - heading_rad)), key) for key in lanelet_ids]
     return tuple(key for angle, key in sorted(turned) if angle < math.pi / 2)
@@ -85,11 +88,13 @@ def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "Planning
     lanelets = graph.shortest_route(starts, goals) if starts and goals else None
     if lanelets is None:
         return None
-    hops = list(zip(lanelets[:-1], lanelets[1:], strict=True))
+    hops = list(pairwise(lanelets))
     changes = any(following not in graph.successors[current] for current, following in hops)
     centers = goal_centers(problem)
     named = bool(problem.goal.lanelets_of_goal_position)
-    return EgoRoute(lanelets, _turn(network, graph, lanelets, point, None if named or not centers else centers[0]), changes)
+    return EgoRoute(
+        lanelets, _turn(network, graph, lanelets, point, None if named or not centers else centers[0]), changes
+    )
 
 
 def path_ahead(

@@ -68,7 +68,9 @@ def has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points, 
         if one < two and not _share_an_end(graph, keys[one], keys[two]):
             place = np.asarray(shapes[one].intersection(shapes[two]).centroid.coords[0])
             on_route = keys[one] in route or keys[two] in route
-            if (on_route or np.linalg.norm(place - point) <= NEAR_M) and _angle(lines[keys[one]], lines[keys[two]], place):
+            if (on_route or np.linalg.norm(place - point) <= NEAR_M) and _angle(
+                lines[keys[one]], lines[keys[two]], place
+            ):
                 return True
     return False
 

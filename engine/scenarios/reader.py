@@ -152,6 +152,6 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             scenario, problems = CommonRoadFileReader(path).open()
-    except Exception as error:  # noqa: BLE001 - commonroad-io raises whatever a broken file makes it meet
+    except Exception as error:
         raise UnsafeInput(f"{path.name} is not readable as CommonRoad: {type(error).__name__}: {error}") from error
     return LoadedScenario(scenario, problems, path, root.attributes.get("benchmarkID", ""))

@@ -12,7 +12,9 @@ def arguments_of(truth: dict[str, Any]) -> FindScenariosArguments:
         city=location.get("city"),
         tags=truth.get("tags", []),
         road_net=[road_net(key, value) for key, value in truth.get("road_net", {}).items()],
-        obstacles=[f"{kind}{compared(value['op'], value['count'])}" for kind, value in truth.get("obstacles", {}).items()],
+        obstacles=[
+            f"{kind}{compared(value['op'], value['count'])}" for kind, value in truth.get("obstacles", {}).items()
+        ],
         ego_speed=speed(truth["velocity"]) if "velocity" in truth else None,
         limit=50,
     )

@@ -1,0 +1,101 @@
+"""What the catalogue holds, counted: small enough for a model to read before it filters."""
+
+import sqlite3
+from collections.abc import Callable
+
+from plannerforge.schemas.catalog import FacetCounts
+from plannerforge.schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAGS
+
+PLACES_SHOWN = 24
+
+
+def scenario_facets(
+    connection: sqlite3.Connection, wanted: str, within: frozenset[str] | None
+) -> tuple[int, list[FacetCounts]]:
+    """Number of scenarios, and the facets ``places``, ``tags``, ``features``, ``road_net``, ``obstacles``.
+
+    Args:
+        wanted: one facet, which is then listed whole, or ``all``.
+        within: ids to count in; None for all.
+    """
+    rows = connection.execute("SELECT number, scenario_id, country, place, lanes, speed_mps FROM catalog_scenarios")
+    chosen = [row for row in rows.fetchall() if within is None or row[1] in within]
+    numbers = frozenset(row[0] for row in chosen)
+    whole = wanted != "all"
+    makers: dict[str, Callable[[], list[FacetCounts]]] = {
+        "places": lambda: _places([(row[2], row[3]) for row in chosen], whole),
+        "tags": lambda: _words(connection, "tag", list(TAGS), numbers, "tags", whole),
+        "features": lambda: _words(connection, "feature", list(FEATURES), numbers, "features", whole),
+        "road_net": lambda: _road_net(connection, numbers, [row[4] for row in chosen], whole),
+        "obstacles": lambda: _obstacles(connection, numbers, whole),
+    }
+    facets = [facet for name, make in makers.items() if wanted in ("all", name) for facet in make()]
+    if wanted == "all":
+        facets += _speeds([row[5] for row in chosen if row[5] is not None])
+    return len(chosen), facets
+
+
+def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
+    countries = _counted([country for country, _ in pairs])
+    places = _counted([f"{country} {place}" if whole else place for country, place in pairs])
+    shown = places if whole else dict(list(places.items())[:PLACES_SHOWN])
+    hidden = len(places) - len(shown)
+    note = f"{hidden} more with facet places" if hidden else ""
+    return [FacetCounts(facet="countries", counts=countries), FacetCounts(facet="places", counts=shown, note=note)]
+
+
+def _words(
+    connection: sqlite3.Connection, kind: str, known: list[str], numbers: frozenset[int], facet: str, whole: bool
+) -> list[FacetCounts]:
+    rows = connection.execute("SELECT word, number FROM catalog_words WHERE kind = ?", (kind,))
+    counts = _counted([row[0] for row in rows if row[1] in numbers])
+    none = [word for word in known if word not in counts]
+    note = f"in none: {', '.join(none)}" if none else ""
+    if whole:
+        return [FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="0: valid, but in none")]
+    return [FacetCounts(facet=facet, counts=counts, note=note)]
+
+
+def _road_net(
+    connection: sqlite3.Connection, numbers: frozenset[int], lanes: list[int | None], whole: bool
+) -> list[FacetCounts]:
+    known = [*SIGNS, "traffic_light"]
+    rows = connection.execute("SELECT kind, word, number FROM catalog_words WHERE kind IN ('sign@ego', 'sign@map')")
+    held = [(row[0], row[1]) for row in rows if row[2] in numbers]
+    on_ego = _counted([word for kind, word in held if kind == "sign@ego"])
+    on_map = _counted([f"{word}@map" for kind, word in held if kind == "sign@map"])
+    none = [word for word in known if f"{word}@map" not in on_map]
+    extra = dict.fromkeys(none, 0) if whole else {}
+    count = _counted([f"lanes={value}" for value in lanes if value is not None])
+    limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'")
+    posted = _counted([f"{row[0]:g}km/h" for row in limits if row[1] in numbers])
+    note = "on the ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys in none")
+    facets = [FacetCounts(facet="road_net", counts={**on_ego, **on_map, **extra}, note=note)]
+    facets.append(FacetCounts(facet="lanes", counts=dict(sorted(count.items()))))
+    return [*facets, FacetCounts(facet="limits on the ego's lane", counts=posted)]
+
+
+def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: bool) -> list[FacetCounts]:
+    rows = connection.execute("SELECT obstacle, number FROM catalog_counts WHERE count > 0")
+    counts = _counted([row[0] for row in rows if row[1] in numbers])
+    none = [kind for kind in OBSTACLE_TYPES if kind not in counts]
+    if whole:
+        counts |= dict.fromkeys(none, 0)
+    note = "scenarios with at least one" + (f"; none with {', '.join(none)}" if none and not whole else "")
+    return [FacetCounts(facet="obstacles", counts=counts, note=note)]
+
+
+def _speeds(speeds: list[float]) -> list[FacetCounts]:
+    if not speeds:
+        return []
+    note = f"ego's initial speed {min(speeds):.1f} to {max(speeds):.1f} m/s"
+    bands = [("<5m/s", 0, 5), ("5..10m/s", 5, 10), ("10..20m/s", 10, 20), (">=20m/s", 20, float("inf"))]
+    counts = {name: sum(1 for speed in speeds if low <= speed < high) for name, low, high in bands}
+    return [FacetCounts(facet="ego_speed", counts=counts, note=note)]
+
+
+def _counted(words: list[str]) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    for word in words:
+        counts[word] = counts.get(word, 0) + 1
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))

@@ -1,0 +1,90 @@
+"""The starter catalogue: scenarios that come with the package, made by our own generator from our own maps.
+
+The archive holds ``manifest.json``, ``facts.json`` (facts by scenario id, so that nothing has to be parsed when a
+workspace is new) and, for every scenario, ``scenarios/<id>.xml`` with ``scenarios/<id>.net.xml``.
+"""
+
+import hashlib
+import json
+import zipfile
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from plannerforge.engine.catalog.refresh import refresh
+from plannerforge.engine.workspace.artifacts import Workspace
+from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.errors import ResourceFailure
+from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
+
+ARCHIVE = "starter.zip"
+_MARK = "CREATE TABLE IF NOT EXISTS catalog_starter (content TEXT PRIMARY KEY)"
+
+
+def open_catalogue(workspace: Workspace, *, with_starter: bool = True) -> None:
+    """Make the catalogue ready: the starter scenarios once per workspace, then whatever is stored but not entered.
+
+    Raises:
+        ResourceFailure: the workspace cannot be written, or the packaged archive is broken.
+    """
+    if with_starter:
+        _load_starter(workspace)
+    refresh(workspace.database)
+
+
+def _load_starter(workspace: Workspace) -> None:
+    archive = files("plannerforge.engine.catalog") / ARCHIVE
+    if not archive.is_file() or _loaded(workspace):
+        return
+    with as_file(archive) as path:
+        content = hashlib.sha256(path.read_bytes()).hexdigest()
+        try:
+            with zipfile.ZipFile(path) as opened:
+                put_starter(workspace, opened)
+        except (zipfile.BadZipFile, KeyError, ValueError) as error:
+            raise ResourceFailure(
+                f"the starter catalogue {ARCHIVE} is broken: {error}", next_step="reinstall the package"
+            ) from error
+    with workspace.database.writing() as connection:
+        connection.execute("INSERT OR IGNORE INTO catalog_starter VALUES (?)", (content,))
+
+
+def put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
+    """Store every scenario of an archive; those that are there already stay."""
+    facts_by_id = json.loads(opened.read("facts.json"))
+    names = set(opened.namelist())
+    with workspace.scratch() as folder:
+        for scenario_id in sorted(facts_by_id):
+            facts = ScenarioFacts.model_validate(facts_by_id[scenario_id])
+            xml = opened.read(f"scenarios/{scenario_id}.xml")
+            members = {
+                "scenario.xml": f"scenarios/{scenario_id}.xml",
+                "scenario.net.xml": f"scenarios/{scenario_id}.net.xml",
+            }
+            taken = {
+                name: _unpack(opened, member, folder / f"{scenario_id}-{name}")
+                for name, member in members.items()
+                if member in names
+            }
+            content = hashlib.sha256(xml).hexdigest()
+            workspace.put(
+                "scenario",
+                scenario_id,
+                recipe=Recipe(tool="starter", arguments={"scenario_id": scenario_id, "content": content}),
+                record=ScenarioRecord(facts=facts, origin="starter", content=content),
+                files=taken,
+            )
+
+
+def _unpack(opened: zipfile.ZipFile, member: str, target: Path) -> Path:
+    target.write_bytes(opened.read(member))
+    return target
+
+
+def _loaded(workspace: Workspace) -> bool:
+    connection = workspace.database.connection()
+    row = connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'catalog_starter'").fetchone()
+    if row is None:
+        with workspace.database.writing() as writing:
+            writing.execute(_MARK)
+        return False
+    return connection.execute("SELECT 1 FROM catalog_starter LIMIT 1").fetchone() is not None

@@ -1,0 +1,53 @@
+"""What ``import_files`` takes and answers."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from plannerforge.schemas.base import Arguments, Model, Result
+
+
+class ImportFilesArguments(Arguments):
+    """Take in CommonRoad files or folders, maps (.osm) or cost YAML from inside an allowed root. Result: ids, what was
+    refused and why."""
+
+    path: str
+    kind: Literal["auto", "scenario", "map", "config"] = "auto"
+    name: str | None = None
+
+
+class ImportedItem(Model):
+    """A file that went in; ``reused`` where the same content was there already."""
+
+    file: str
+    kind: Literal["scenario", "map", "config"]
+    artifact_id: str
+    summary: str
+    reused: bool = False
+
+
+class RefusedItem(Model):
+    """A file that stayed out, and why."""
+
+    file: str
+    reason: str
+
+
+class ImportFilesResult(Result):
+    """What was added and what was refused."""
+
+    added: int
+    reused: int
+    refused: int
+    items: tuple[ImportedItem, ...] = Field(description="at most 20")
+    refusals: tuple[RefusedItem, ...] = Field(description="at most 20")
+
+    def to_text(self) -> str:
+        """Counts first, then a line a file."""
+        lines = [f"{self.added} added, {self.reused} known already, {self.refused} refused."]
+        lines += [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
+        lines += [f"- refused {item.file}: {item.reason}" for item in self.refusals]
+        hidden = self.added + self.reused + self.refused - len(self.items) - len(self.refusals)
+        if hidden:
+            lines.append(f"… {hidden} more files; describe_catalog counts what is there.")
+        return "\n".join(lines)

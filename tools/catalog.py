@@ -1,0 +1,90 @@
+"""The tools that look into the catalogue."""
+
+import hashlib
+
+from plannerforge.engine.catalog.facets import scenario_facets
+from plannerforge.engine.catalog.search import Ranking, Search
+from plannerforge.engine.catalog.starter import open_catalogue
+from plannerforge.engine.catalog.tables import descriptions
+from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.catalog import (
+    DescribeCatalogArguments,
+    DescribeCatalogResult,
+    FindScenariosArguments,
+    FindScenariosResult,
+    RankRequest,
+    RankResponse,
+    SearchRecord,
+)
+from plannerforge.tools.call import ToolCall
+from plannerforge.tools.catalog_facets import other_facets
+
+FIRST_TEXT_SEARCH_TIMEOUT_S = 120.0
+
+
+async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) -> DescribeCatalogResult:
+    """Facets with counts."""
+    open_catalogue(call.workspace, with_starter=call.services.with_starter)
+    within = _within(arguments.within, call)
+    connection = call.workspace.database.connection()
+    count, facets = scenario_facets(connection, arguments.facet, frozenset(within) if within is not None else None)
+    return DescribeCatalogResult(scenarios=count, facets=(*facets, *other_facets(arguments.facet, call)))
+
+
+async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosResult:
+    """Filter by slots, rank by text, store the search, answer with one page of it."""
+    open_catalogue(call.workspace, with_starter=call.services.with_starter)
+    arguments = _resolved(arguments, call)
+    search = Search(call.workspace.database.connection(), arguments, _within(arguments.within, call))
+    ranking = await _ranking(search, call) if search.needs_ranking else None
+    ordered = search.ordered(ranking)
+    matching = search.matching(ordered)
+    recipe = Recipe(
+        tool="find_scenarios",
+        arguments=arguments.model_dump(mode="json", exclude={"limit", "offset"})
+        | {"found": hashlib.sha256("\n".join(matching).encode()).hexdigest()},
+        parents=tuple(key for key in (arguments.within, arguments.like) if key),
+    )
+    search_id = f"search_{recipe.digest}"
+    record = SearchRecord(arguments=arguments, scenario_ids=matching, stages=search.stage_counts())
+    call.workspace.put("search", search_id, recipe=recipe, record=record)
+    return search.answer(search_id, ordered, ranking)
+
+
+def _resolved(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosArguments:
+    """The arguments with ids in the place of ``latest``."""
+    changes = {}
+    if arguments.like is not None:
+        changes["like"] = call.workspace.get(arguments.like, "scenario").artifact_id
+    if arguments.within is not None:
+        changes["within"] = call.workspace.get(arguments.within, "search").artifact_id
+    return arguments.model_copy(update=changes)
+
+
+def _within(search_id: str | None, call: ToolCall) -> tuple[str, ...] | None:
+    if search_id is None:
+        return None
+    return call.workspace.get(search_id, "search").read(SearchRecord).scenario_ids
+
+
+async def _ranking(search: Search, call: ToolCall) -> Ranking:
+    arguments, candidates = search.arguments, search.candidates()
+    text = arguments.text or ""
+    if arguments.like is not None:
+        text = f"{text} {descriptions(call.workspace.database.connection())[arguments.like]}".strip()
+    request = RankRequest(
+        database=call.workspace.database.path,
+        index=call.workspace.root / "index",
+        text=text,
+        candidates=candidates,
+        method="bm25" if arguments.method == "bm25" else "semantic",
+        limit=max(len(candidates), 1),
+    )
+    response = await call.run(
+        "plannerforge.engine.catalog.rank:rank",
+        request,
+        RankResponse,
+        timeout_s=FIRST_TEXT_SEARCH_TIMEOUT_S,
+        lane="retrieval",
+    )
+    return Ranking.of(response)

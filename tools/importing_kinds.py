@@ -1,0 +1,88 @@
+"""How each kind of file goes in: CommonRoad scenarios, OpenStreetMap maps, cost-weight files."""
+
+from pathlib import Path
+
+from plannerforge.engine.tuning.configurations import changed_configuration, preset_configuration
+from plannerforge.engine.tuning.presets import presets
+from plannerforge.engine.tuning.weight_file import read_weight_file
+from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.generation import MapFacts, ReadMapRequest
+from plannerforge.schemas.importing import ImportedItem
+from plannerforge.schemas.scenarios import ScenarioRecord
+from plannerforge.tools.call import ToolCall
+from plannerforge.tools.storing import content_digest, store_scenario
+
+READ_MAP_TIMEOUT_S = 120.0
+
+
+async def import_scenario(call: ToolCall, path: Path) -> ImportedItem:
+    """Store a CommonRoad file under its benchmark id; the same content again is the stored one."""
+    from plannerforge.engine.catalog.describe_text import summary
+
+    before = call.workspace.find_by_recipe("scenario", _recipe(path))
+    artifact = before or await store_scenario(
+        call, xml=path, net=_net_beside(path), recipe=_recipe(path), origin="imported"
+    )
+    facts = artifact.read(ScenarioRecord).facts
+    known = before is not None or artifact.recipe.digest != _recipe(path).digest
+    return ImportedItem(
+        file=path.name, kind="scenario", artifact_id=artifact.artifact_id, summary=summary(facts), reused=known
+    )
+
+
+async def import_map(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
+    """Store an OpenStreetMap file with what it shows."""
+    recipe = _recipe(path, name)
+    before = call.workspace.find_by_recipe("map", recipe)
+    if before is None:
+        facts = await call.run(
+            "plannerforge.engine.maps.facts:read_map",
+            ReadMapRequest(path=str(path), map_id=f"map_{recipe.digest}", place=name),
+            MapFacts,
+            timeout_s=READ_MAP_TIMEOUT_S,
+        )
+        artifact = call.workspace.put(
+            "map", facts.map_id, recipe=recipe, record=facts, files={"map.osm": path}, name=facts.place
+        )
+    else:
+        artifact, facts = before, before.read(MapFacts)
+    sites = ", ".join(f"{count} {kind}" for kind, count in sorted(facts.sites.items()) if count) or "no sites"
+    return ImportedItem(
+        file=path.name,
+        kind="map",
+        artifact_id=artifact.artifact_id,
+        summary=f"{facts.place}: {facts.road_km:.1f} km of roads, {sites}",
+        reused=before is not None,
+    )
+
+
+async def import_configuration(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
+    """Store a cost-weight file of the Frenetix reference's form as a configuration."""
+    base = preset_configuration("frenetix", presets()["Default"])
+    configuration, _ = changed_configuration(base, None, read_weight_file(path))
+    before = call.workspace.find("config", configuration.config_id)
+    call.workspace.put(
+        "config",
+        configuration.config_id,
+        recipe=_recipe(path, name),
+        record=configuration,
+        name=name or configuration.name,
+    )
+    return ImportedItem(
+        file=path.name,
+        kind="config",
+        artifact_id=configuration.config_id,
+        summary=configuration.name,
+        reused=before is not None,
+    )
+
+
+def _recipe(path: Path, name: str | None = None) -> Recipe:
+    arguments = {"content": content_digest(path)} | ({"name": name} if name else {})
+    return Recipe(tool="import_files", arguments=arguments)
+
+
+def _net_beside(path: Path) -> Path | None:
+    """SUMO's network that was exported with the scenario, where it lies beside it."""
+    net = path.with_suffix(".net.xml")
+    return net if net.is_file() and not net.is_symlink() else None

@@ -1,0 +1,44 @@
+"""The tool that describes one scenario."""
+
+from plannerforge.engine.catalog.starter import open_catalogue
+from plannerforge.schemas.scenarios import (
+    DescribeRequest,
+    DescribeScenarioArguments,
+    DescribeScenarioResult,
+    Description,
+    ScenarioRecord,
+)
+from plannerforge.tools.call import ToolCall
+
+
+async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall) -> DescribeScenarioResult:
+    """A scenario in words and ids."""
+    open_catalogue(call.workspace, with_starter=call.services.with_starter)
+    artifact = call.workspace.get(arguments.scenario_id, "scenario")
+    record = artifact.read(ScenarioRecord)
+    description = await call.run(
+        "plannerforge.engine.scenarios.describe:describe",
+        DescribeRequest(
+            path=call.workspace.file("scenario", artifact.artifact_id, "scenario.xml"),
+            detail=arguments.detail,
+            focus=arguments.focus,
+            radius_m=arguments.radius_m,
+        ),
+        Description,
+    )
+    facts = record.facts
+    limits = [f"limit {limit:g} km/h" for limit in facts.roads.limits_ego_kmh]
+    light = ["traffic_light"] if facts.roads.traffic_light_ego else []
+    return DescribeScenarioResult(
+        scenario_id=artifact.artifact_id,
+        origin=record.origin,
+        place=f"{facts.location.place}, {facts.location.country}",
+        tags=facts.tags,
+        features=facts.features,
+        step_s=facts.step_s,
+        duration_s=round(facts.horizon_steps * facts.step_s, 3),
+        counts=facts.participants.counts,
+        signs=(*(sign for sign in facts.roads.signs_ego if sign != "speed_limit"), *limits, *light),
+        description=description,
+        recipe=artifact.recipe.model_dump(mode="json") if arguments.detail == "recipe" else None,
+    )

@@ -1,0 +1,60 @@
+"""Storing a scenario: its facts are read, then files, recipe and facts go into the workspace and the catalogue."""
+
+import hashlib
+from pathlib import Path
+
+from plannerforge.engine.catalog.refresh import refresh
+from plannerforge.engine.workspace.artifacts import Artifact
+from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.scenarios import Origin, ReadFactsRequest, ScenarioFacts, ScenarioRecord
+from plannerforge.tools.call import ToolCall
+
+READ_TIMEOUT_S = 60.0
+
+
+async def store_scenario(call: ToolCall, *, xml: Path, net: Path | None, recipe: Recipe, origin: Origin) -> Artifact:
+    """Store a CommonRoad file, with the SUMO network that it came from where there is one.
+
+    Raises:
+        UnsafeInput: the file is broken or hostile.
+        NotPossible: another scenario has this id already.
+    """
+    facts = await call.run(
+        "plannerforge.engine.scenarios.facts:read_facts",
+        ReadFactsRequest(path=xml),
+        ScenarioFacts,
+        timeout_s=READ_TIMEOUT_S,
+    )
+    return put_scenario(call, facts, xml=xml, net=net, recipe=recipe, origin=origin)
+
+
+def put_scenario(
+    call: ToolCall, facts: ScenarioFacts, *, xml: Path, net: Path | None, recipe: Recipe, origin: Origin
+) -> Artifact:
+    """Store a scenario whose facts are known.
+
+    Raises:
+        NotPossible: another scenario has this id already.
+    """
+    content = content_digest(xml)
+    found = call.workspace.find("scenario", facts.scenario_id)
+    if found is not None and found.read(ScenarioRecord).content != content:
+        raise NotPossible(
+            f"another scenario with other content has the id {facts.scenario_id} already",
+            next_step="give the file another benchmarkID",
+        )
+    files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {})
+    record = ScenarioRecord(facts=facts, origin=origin, content=content)
+    artifact = call.workspace.put("scenario", facts.scenario_id, recipe=recipe, record=record, files=files)
+    refresh(call.workspace.database)
+    return artifact
+
+
+def content_digest(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
