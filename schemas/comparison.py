@@ -108,6 +108,7 @@ class Comparison(Model):
     to_failure: tuple[Flip, ...]
     to_failure_count: int
     weights: tuple[WeightChange, ...]
+    conditions: tuple[str, ...] = Field(description="what else differs between the sides as a whole")
     unpaired: int
     invalid_pairs: int
     verdict: str = Field(description="what the figures allow to say, in one or two sentences")

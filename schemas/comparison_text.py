@@ -27,6 +27,8 @@ def _comparison(found: Comparison) -> list[str]:
     if found.weights:
         changes = ", ".join(f"{c.weight} {figure(c.before)} → {figure(c.after)}" for c in found.weights)
         lines.append(f"- weights changed: {changes}")
+    if found.conditions:
+        lines.append(f"- the sides also differ in {'; '.join(found.conditions)}")
     if found.unpaired or found.invalid_pairs:
         lines.append(
             f"- left out: {found.unpaired} runs without a partner, {found.invalid_pairs} pairs with an invalid run"

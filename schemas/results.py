@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from plannerforge.schemas.base import Arguments, Model, Result
-from plannerforge.schemas.runs import Outcome, RunRecord
+from plannerforge.schemas.runs import LostCell, Outcome, RunRecord
 
 Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
@@ -25,10 +25,11 @@ MetricName = Literal[
 
 
 class ScenarioSource(Model):
-    """A scenario and the CommonRoad file that holds it."""
+    """A scenario, the CommonRoad file that holds it, and its obstacles by type where they are known."""
 
     scenario_id: str
     path: str
+    obstacles: dict[str, int] | None = None
 
 
 class RunSource(Model):
@@ -182,6 +183,7 @@ class AnalyseRequest(Model):
     runs: tuple[RunSource, ...]
     configs: tuple[ConfigWeights, ...] = ()
     scenarios: tuple[ScenarioSource, ...] = ()
+    lost: tuple[LostCell, ...] = ()
     breakdown: Breakdown = "none"
     where: tuple[str, ...] = ()
     detail: AnalysisDetail = "summary"

@@ -52,9 +52,9 @@ def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: 
     pairing = pair(before, after, records)
     if not pairing.pairs and not pairing.invalid:
         raise NotPossible(
-            f"{before.label} and {after.label} share no scenario under the same prediction, traffic and seed",
+            f"{before.label} and {after.label} have no scenario and planning problem in common",
             valid=[_conditions(side, records) for side in (before, after)],
-            next_step="run both configurations on the same scenarios in one run_planner call",
+            next_step="run both configurations on the same scenarios in one run_planner call, or analyze_results them",
         )
     weights = weight_changes(before.config_id, after.config_id, request.configs)
     specs = [spec for spec in METRICS if _wanted(spec, request, weights_differ=before.config_id != after.config_id)]
@@ -71,6 +71,7 @@ def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: 
         to_failure=tuple(_flip(pair) for pair in to_failure[: request.limit]),
         to_failure_count=len(to_failure),
         weights=weights,
+        conditions=pairing.differing,
         unpaired=pairing.unpaired,
         invalid_pairs=pairing.invalid,
         verdict=verdict(success, metrics),

@@ -3,9 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
-from plannerforge.engine.analysis.obstacle_counts import count_obstacles
 from plannerforge.engine.analysis.run_steps import read_steps
 from plannerforge.schemas.results import ConfigWeights, RunSource, ScenarioSource
 from plannerforge.schemas.runs import RunRecord, RunSteps
@@ -47,8 +45,9 @@ class Evidence:
 
     @cached_property
     def obstacles(self) -> dict[str, dict[str, int]]:
-        """Obstacles by type, by scenario id; only scenarios whose file was given."""
-        return {source.scenario_id: count_obstacles(Path(source.path)) for source in self.scenarios}
+        """Obstacles by type, by scenario id; only where they are known."""
+        known = ((source.scenario_id, source.obstacles) for source in self.scenarios)
+        return {scenario_id: obstacles for scenario_id, obstacles in known if obstacles is not None}
 
     def weight(self, config_id: str, name: str) -> float | None:
         """A weight of a configuration; None where either is unknown."""

@@ -130,6 +130,12 @@ def _notes(
     evidence: Evidence, request: AnalyseRequest, correlation: str, groups_found: int, found: int
 ) -> tuple[str, ...]:
     notes = []
+    if request.lost:
+        first = request.lost[0]
+        notes.append(
+            f"{len(request.lost)} cells gave no run and are in no figure; the first: {first.scenario_id} with "
+            f"{first.config_id}: {first.error}"
+        )
     if request.where:
         notes.append(f"{len(evidence.sources)} of {len(request.runs)} runs meet {' and '.join(request.where)}")
     if len(evidence.sources) == 1 and request.detail != "timeline":

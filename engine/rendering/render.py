@@ -62,12 +62,16 @@ def _views(request: RenderRequest, *, most: int) -> tuple[list[SceneView], list[
         raise NotPossible("there is no scenario to draw", next_step="name a scenario, or a run on one")
     if len(request.scenarios) > most:
         notes.append(f"{len(request.scenarios) - most} more scenarios are not drawn")
-    configs = list(dict.fromkeys(run.record.config_id for run in request.runs))
+    configs = list(dict.fromkeys((run.record.config_id, run.record.prediction) for run in request.runs))
     views = []
     for source in request.scenarios[:most]:
         content = read_content(read_scenario(Path(source.path)))
         mine = [run for run in request.runs if run.record.scenario_id == source.scenario_id]
-        paths = [path for run in mine if (path := driven_path(run, configs.index(run.record.config_id)))]
+        paths = [
+            path
+            for run in mine
+            if (path := driven_path(run, configs.index((run.record.config_id, run.record.prediction))))
+        ]
         if len(paths) > MOST_PATHS:
             notes.append(f"{len(paths) - MOST_PATHS} more runs on {source.scenario_id} are not drawn")
         views.append(SceneView(content, tuple(paths[:MOST_PATHS]), _step(content, paths[:MOST_PATHS], request.time_s)))
