@@ -13,6 +13,9 @@ ScenarioType = Literal[
 Density = Literal["low", "medium", "high"]
 
 
+SHOWN_IN_FULL = 5
+
+
 class MapFacts(Model):
     """What a map shows: read from the file, nothing guessed.
 
@@ -62,7 +65,10 @@ class VehicleDemand(Model):
 class GenerationRequest(Model):
     """Everything that makes one scenario; the same request gives the same bytes.
 
-    ``streets``: names or road numbers one of which the site must carry, all of ``crossing`` that must meet there.
+    ``index`` counts the scenarios of one call, ``site_index`` those on this map: the sites are taken in turn.
+
+    ``streets``: for every road that the site must carry its names or numbers, as the map has them. ``road_classes``:
+    OSM's ``highway`` values; empty: all roads, with links where the site is a ramp or a motorway.
     """
 
     map_path: str
@@ -71,9 +77,9 @@ class GenerationRequest(Model):
     country: str | None
     attribution: str
     scenario_type: ScenarioType = "any"
-    streets: tuple[str, ...] = ()
+    streets: tuple[tuple[str, ...], ...] = ()
     bbox: tuple[float, float, float, float] | None = None
-    road_classes: tuple[str, ...]
+    road_classes: tuple[str, ...] = ()
     density: Density = "low"
     vehicles: tuple[VehicleDemand, ...] = ()
     duration_s: float = 20.0
@@ -81,6 +87,7 @@ class GenerationRequest(Model):
     goal: str = "steps:50"
     seed: int = 0
     index: int = 0
+    site_index: int = 0
     benchmark_number: int = 1
     folder: str
 
@@ -127,8 +134,6 @@ class GeneratedScenario(Model):
     """One scenario: files, and what was asked beside what came out."""
 
     benchmark_id: str
-    scenario_path: str
-    net_path: str
     site: SiteFacts
     vehicles_asked: int
     vehicles_realised: int
@@ -183,6 +188,8 @@ class ScenarioSummary(Model):
 
     scenario_id: str
     reused: bool
+    map_id: str
+    place: str
     site: str
     latitude: float
     longitude: float
@@ -205,7 +212,8 @@ class ScenarioSummary(Model):
         wished = f"; asked: {asked}" if asked else ""
         reused = " (reused)" if self.reused else ""
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
-        first = f"{self.scenario_id}{reused}: {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
+        where = f"{self.place} ({self.map_id}), {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
+        first = f"{self.scenario_id}{reused}: {where}"
         traffic = f"  vehicles {self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished})"
         ego = f"  {self.recorded_s:g} s recorded; {self.ego}; goal {self.goal}"
         checks = f"  checks passed: {', '.join(self.checks_passed) or 'none'}{failed}"
@@ -216,13 +224,16 @@ class ScenarioSummary(Model):
 class GenerateScenariosResult(Result):
     """The scenarios that were made."""
 
-    map_id: str
-    place: str
     scenarios: list[ScenarioSummary]
-    attribution: str
+    notes: list[str]
+    attribution: list[str]
 
     def to_text(self) -> str:
-        """A few lines a scenario, asked beside realised."""
-        head = f"{len(self.scenarios)} scenario(s) from {self.map_id} ({self.place}):"
-        body = [line for made in self.scenarios for line in made.lines()]
-        return "\n".join([head, *body, f"Map data: {self.attribution}"])
+        """A few lines a scenario, asked beside realised; of many the first ones, and the ids of all."""
+        shown = self.scenarios[:SHOWN_IN_FULL]
+        rest = ", ".join(made.scenario_id for made in self.scenarios[SHOWN_IN_FULL:])
+        body = [line for made in shown for line in made.lines()]
+        notes = [f"Note: {note}" for note in self.notes]
+        more = [f"Also made, alike: {rest}"] if rest else []
+        head = f"{len(self.scenarios)} scenario(s) made:"
+        return "\n".join([head, *body, *more, *notes, f"Map data: {'; '.join(self.attribution)}"])

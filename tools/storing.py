@@ -1,6 +1,7 @@
 """Storing a scenario: its facts are read, then files, recipe and facts go into the workspace and the catalogue."""
 
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 from plannerforge.engine.catalog.refresh import refresh
@@ -13,8 +14,19 @@ from plannerforge.tools.call import ToolCall
 READ_TIMEOUT_S = 60.0
 
 
-async def store_scenario(call: ToolCall, *, xml: Path, net: Path | None, recipe: Recipe, origin: Origin) -> Artifact:
+async def store_scenario(
+    call: ToolCall,
+    *,
+    xml: Path,
+    net: Path | None,
+    recipe: Recipe,
+    origin: Origin,
+    beside: Mapping[str, Path] | None = None,
+) -> Artifact:
     """Store a CommonRoad file, with the SUMO network that it came from where there is one.
+
+    Args:
+        beside: further files of the artifact by name, such as the report of how it was made.
 
     Raises:
         UnsafeInput: the file is broken or hostile.
@@ -26,11 +38,18 @@ async def store_scenario(call: ToolCall, *, xml: Path, net: Path | None, recipe:
         ScenarioFacts,
         timeout_s=READ_TIMEOUT_S,
     )
-    return put_scenario(call, facts, xml=xml, net=net, recipe=recipe, origin=origin)
+    return put_scenario(call, facts, xml=xml, net=net, recipe=recipe, origin=origin, beside=beside)
 
 
 def put_scenario(
-    call: ToolCall, facts: ScenarioFacts, *, xml: Path, net: Path | None, recipe: Recipe, origin: Origin
+    call: ToolCall,
+    facts: ScenarioFacts,
+    *,
+    xml: Path,
+    net: Path | None,
+    recipe: Recipe,
+    origin: Origin,
+    beside: Mapping[str, Path] | None = None,
 ) -> Artifact:
     """Store a scenario whose facts are known.
 
@@ -44,7 +63,7 @@ def put_scenario(
             f"another scenario with other content has the id {facts.scenario_id} already",
             next_step="give the file another benchmarkID",
         )
-    files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {})
+    files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {}) | dict(beside or {})
     record = ScenarioRecord(facts=facts, origin=origin, content=content)
     artifact = call.workspace.put("scenario", facts.scenario_id, recipe=recipe, record=record, files=files)
     refresh(call.workspace.database)

@@ -129,7 +129,7 @@ def _write_restrictions(root: etree._Element, osm: OsmMap, nodes: dict[int, OsmN
             element = etree.SubElement(
                 root, "relation", {"id": str(relation.relation_id), "visible": "true", "version": "1"}
             )
-            for kind, key, role in relation.members:
-                etree.SubElement(element, "member", {"type": kind, "ref": str(key), "role": role})
+            for kind, member, role in relation.members:
+                etree.SubElement(element, "member", {"type": kind, "ref": str(member), "role": role})
             for key, value in sorted(relation.tags.items()):
                 etree.SubElement(element, "tag", {"k": key, "v": value})

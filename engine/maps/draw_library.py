@@ -90,9 +90,9 @@ def motorway() -> Sketch:
     ]
     over = curve(*crossing)
     low, high = over.index(crossing[2]), over.index(crossing[4])
-    tags = {"lanes": 2, "maxspeed": 70}
+    tags = {"lanes": "2", "maxspeed": "70"}
     town.road(over[: low + 1], "secondary", "Neulander Straße", **tags)
-    town.road(over[low : high + 1], "secondary", "Neulander Straße", bridge="yes", layer=1, **tags)
+    town.road(over[low : high + 1], "secondary", "Neulander Straße", bridge="yes", layer="1", **tags)
     town.road(over[high:], "secondary", "Neulander Straße", **tags)
     south, north = crossing[2], crossing[4]
     for carriageway, meeting, side in ((east, south, -1), (west, north, 1)):
@@ -100,7 +100,7 @@ def motorway() -> Sketch:
         off, on = (_nearest(carriageway, x) for x in (leave, join))
         down = (meeting[0] + 0.4 * (off[0] - meeting[0]), meeting[1] - side * 22.0)
         up = (meeting[0] + 0.4 * (on[0] - meeting[0]), meeting[1] - side * 22.0)
-        ramp = {"oneway": "yes", "lanes": 1, "maxspeed": 60}
+        ramp = {"oneway": "yes", "lanes": "1", "maxspeed": "60"}
         town.road(curve(off, (off[0] + side * -90, off[1] + side * 13), down, meeting), "motorway_link", "", **ramp)
         town.road(curve(meeting, up, (on[0] + side * 90, on[1] + side * 13), on), "motorway_link", "", **ramp)
     return town

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from plannerforge.engine.catalog.places import country_code, fold
 from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.maps.osm_reader import LINKS, ROADS, OsmMap, distance_m, read_osm
+from plannerforge.engine.maps.osm_reader import OsmMap, distance_m, read_osm
+from plannerforge.engine.maps.road_classes import LINKS, ROADS
 from plannerforge.engine.maps.sites import SiteFinder
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest
 
@@ -43,7 +44,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
         west=west,
         north=north,
         east=east,
-        streets=_by_length(osm, "name"),
+        streets=(*_by_length(osm, "name"), *_junction_names(osm)),
         refs=_by_length(osm, "ref"),
         sites=SiteFinder(osm).kinds(),
         road_km=round(sum(_length_m(osm, way.node_ids) for way in roads) / 1000, 2),
@@ -92,6 +93,12 @@ def _by_length(osm: OsmMap, key: str) -> tuple[str, ...]:
             if value.strip():
                 lengths[value.strip()] = lengths.get(value.strip(), 0.0) + _length_m(osm, way.node_ids)
     return tuple(sorted(lengths, key=lambda name: (-round(lengths[name], 3), name)))
+
+
+def _junction_names(osm: OsmMap) -> tuple[str, ...]:
+    """Names of motorway junctions."""
+    nodes = (node for node in osm.nodes.values() if node.tags.get("highway") == "motorway_junction")
+    return tuple(sorted({node.tags["name"] for node in nodes if node.tags.get("name")}))
 
 
 def _length_m(osm: OsmMap, node_ids: tuple[int, ...]) -> float:

@@ -8,15 +8,12 @@ from typing import Any
 
 from lxml import etree
 
+from plannerforge.engine.maps.road_classes import LINKS, ROADS, THROUGH_ROADS
 from plannerforge.engine.scenarios.reader import XmlLimits, scan_xml
 from plannerforge.schemas.errors import UnsafeInput
 
 LIMITS = XmlLimits(size_bytes=60_000_000, depth=8, elements=4_000_000)
 EARTH_RADIUS_M = 6_371_008.8
-STREETS = ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "living_street")
-ROADS = (*STREETS, "service", "track")
-LINKS = ("motorway_link", "trunk_link", "primary_link", "secondary_link", "tertiary_link")
-THROUGH_ROADS = frozenset((*STREETS, *LINKS))
 
 
 @dataclass(frozen=True)

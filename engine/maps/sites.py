@@ -82,6 +82,7 @@ class SiteFinder:
 
     def _site(self, kind: SiteType, node: OsmNode, ways: list[OsmWay], mark: int) -> Site:
         streets = {name for way in ways for name in (way.tags.get("name"), way.tags.get("ref")) if name}
+        streets |= {node.tags["name"]} if "name" in node.tags else set()
         return Site(kind, node.latitude, node.longitude, tuple(sorted(streets)), mark)
 
     def _roundabouts(self) -> list[Site]:

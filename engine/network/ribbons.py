@@ -134,7 +134,7 @@ def _narrowings(left: Points, right: Points) -> Iterator[tuple[Points, Points]]:
 
 def _self_crossings(line: Points) -> list[tuple[int, int]]:
     """Pairs of segment indices that cross."""
-    found = []
+    found: list[tuple[int, int]] = []
     for first in range(len(line) - 3):
         step = line[first + 1] - line[first]
         starts, steps = line[first + 2 : -1], line[first + 3 :] - line[first + 2 : -1]

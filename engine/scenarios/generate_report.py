@@ -33,8 +33,6 @@ def describe(
     recorded_s = (max(vehicle.steps for vehicle in everyone) - 1) * step_s
     return GeneratedScenario(
         benchmark_id=benchmark_id,
-        scenario_path=f"{request.folder}/scenario.xml",
-        net_path=f"{request.folder}/scenario.net.xml",
         site=SiteFacts(
             scenario_type=site.kind,
             latitude=round(site.latitude, 6),

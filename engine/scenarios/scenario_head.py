@@ -19,6 +19,9 @@ TAGS: dict[SiteType, tuple[str, ...]] = {
     "signalised_intersection": ("urban", "intersection"),
     "roundabout": ("urban", "roundabout"),
 }
+UMLAUTS: dict[int, str] = {
+    ord(a): b for a, b in zip("äöüÄÖÜß", ("ae", "oe", "ue", "Ae", "Oe", "Ue", "ss"), strict=True)
+}
 SPEED_SIGNS = {"USA": "R2-1", "ESP": "r301"}
 """The sign for a speed limit where it is not the German and Zamundan 274."""
 
@@ -31,9 +34,7 @@ def benchmark_id(request: GenerationRequest) -> str:
 
 def plain_name(place: str) -> str:
     """A place's name in ASCII letters and digits, every word with a capital; ``Site`` where nothing is left."""
-    spelled = place.translate(
-        str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
-    )
+    spelled = place.translate(UMLAUTS)
     letters = unicodedata.normalize("NFKD", spelled).encode("ascii", "ignore").decode()
     words = "".join(letter if letter.isalnum() else " " for letter in letters).split()
     return "".join(word[0].upper() + word[1:] for word in words)[:40] or "Site"

@@ -43,7 +43,7 @@ def choose_site(osm: OsmMap, request: GenerationRequest) -> Site:
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder.find(kind), request))]
     if not kinds:
         held = [kind for kind in ANY_ORDER if _fitting(finder.find(kind), request)]
-        where = f" on {' / '.join(request.streets)}" if request.streets else ""
+        where = " on " + " / ".join(names[0] for names in request.streets) if request.streets else ""
         where += " in the box" if request.bbox is not None else ""
         raise NotPossible(
             f"{request.place} ({request.map_id}) holds no {request.scenario_type} site{where}",
@@ -53,7 +53,7 @@ def choose_site(osm: OsmMap, request: GenerationRequest) -> Site:
     for sites in kinds:
         choice.shuffle(sites)
     choice.shuffle(kinds)
-    turn, kind = divmod(request.index, len(kinds))
+    turn, kind = divmod(request.site_index, len(kinds))
     return kinds[kind][turn % len(kinds[kind])]
 
 
@@ -64,12 +64,16 @@ def radius_for(site: Site, request: GenerationRequest) -> float:
 
 
 def _fitting(sites: list[Site], request: GenerationRequest) -> list[Site]:
-    streets = {fold(street) for street in request.streets}
-    found = [site for site in sites if streets <= {fold(name) for name in _single_names(site.streets)}]
+    found = [site for site in sites if all(_carries(site, names) for names in request.streets)]
     if request.bbox is None:
         return found
     south, west, north, east = request.bbox
     return [site for site in found if south <= site.latitude <= north and west <= site.longitude <= east]
+
+
+def _carries(site: Site, names: tuple[str, ...]) -> bool:
+    """Whether one of the names is among the site's streets."""
+    return bool({fold(name) for name in names} & {fold(name) for name in _single_names(site.streets)})
 
 
 def _single_names(streets: tuple[str, ...]) -> list[str]:

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,8 @@ def schema_errors(path: Path) -> list[str]:
     schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
     tree = etree.parse(path)
     schema.validate(tree)
-    found = [str(error.message) for error in schema.error_log]
+    log: Any = schema.error_log
+    found = [str(error.message) for error in log]
     benchmark_id = tree.getroot().get("benchmarkID", "")
     if BENCHMARK_ID.fullmatch(benchmark_id) is None:
         found.append(f"{benchmark_id!r} is no benchmark id of 2020a")

@@ -4,7 +4,8 @@ from lxml import etree
 
 from plannerforge.engine.scenarios.planning_problem import PlanningTask
 from plannerforge.engine.scenarios.writer_network import write_point
-from plannerforge.engine.traffic.motions import DECIMALS, Motion, Participant
+from plannerforge.engine.traffic.motions import DECIMALS, Participant
+from plannerforge.engine.traffic.smoothing import Motion
 
 
 def write_obstacle(root: etree._Element, obstacle_id: int, vehicle: Participant) -> None:

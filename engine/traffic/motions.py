@@ -13,7 +13,7 @@ from plannerforge.engine.traffic.vehicle_classes import VehicleClass
 SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
 """(steps, metres) tried in this order until a motion is drivable; stronger smoothing moves the vehicle more."""
 
-DECIMALS = 6
+DECIMALS = 4
 
 
 @dataclass(frozen=True)

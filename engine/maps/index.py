@@ -1,0 +1,195 @@
+"""The maps at hand and finding one by what the user calls it: place, street, crossing, road number, id, box."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from plannerforge.engine.catalog.places import country_code, fold, place_keys
+from plannerforge.schemas.errors import UnknownName, closest
+from plannerforge.schemas.generation import MapFacts, MapList, ScenarioType
+
+LIBRARY = Path(__file__).parent / "library"
+ABBREVIATIONS = {
+    "str": "strasse",
+    "blvd": "boulevard",
+    "ave": "avenue",
+    "av": "avenue",
+    "rd": "road",
+    "st": "street",
+    "dr": "drive",
+    "ne": "northeast",
+    "nw": "northwest",
+    "se": "southeast",
+    "sw": "southwest",
+    "n": "north",
+    "s": "south",
+    "e": "east",
+    "w": "west",
+    "und": "and",
+    "&": "and",
+}
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class MapEntry:
+    """A map at hand: what it shows, and the file."""
+
+    facts: MapFacts
+    path: Path
+
+
+@dataclass(frozen=True)
+class MapMatch:
+    """A map that shows the wished place.
+
+    ``streets``: by their names in the map, that the site must carry; ``unnamed``: words of the wish that the map does
+    not name, though it names the street beside them.
+    """
+
+    entry: MapEntry
+    streets: tuple[tuple[str, ...], ...] = ()
+    unnamed: tuple[str, ...] = ()
+
+
+def built_in_maps() -> list[MapEntry]:
+    """The maps that come with the package, by id."""
+    listed = MapList.model_validate_json((LIBRARY / "catalogue.json").read_bytes())
+    return [MapEntry(facts, LIBRARY / facts.file_name) for facts in listed.maps]
+
+
+def find_maps(
+    maps: Sequence[MapEntry],
+    *,
+    place: str | None = None,
+    country: str | None = None,
+    bbox: Box | None = None,
+    scenario_type: ScenarioType = "any",
+) -> list[MapMatch]:
+    """All maps that fit; those that hold the wished type of site first, otherwise in the order given.
+
+    Raises:
+        UnknownName: no map shows the place, country or box; names what can be had, the closest first.
+    """
+    if not maps:
+        raise UnknownName("there is no map", next_step="import an .osm file with import_files")
+    found = [MapMatch(entry, ()) for entry in maps]
+    if country is not None:
+        found = _in_country(found, country)
+    if bbox is not None:
+        found = _in_box(found, bbox)
+    if place is not None:
+        found = _showing(found, place)
+    return sorted(
+        found,
+        key=lambda match: (
+            len(match.unnamed) * 2 + (scenario_type != "any" and scenario_type not in match.entry.facts.sites)
+        ),
+    )
+
+
+def same_street(one: str, other: str) -> bool:
+    """Whether two spellings name one street: case, accents, spaces and common abbreviations are ignored."""
+    return bool(_street_keys(one) & _street_keys(other))
+
+
+def _in_country(found: list[MapMatch], country: str) -> list[MapMatch]:
+    code = country_code(country) or country.upper()
+    fitting = [match for match in found if match.entry.facts.country in (code, None)]
+    if not any(match.entry.facts.country == code for match in fitting):
+        known = sorted({match.entry.facts.country for match in found if match.entry.facts.country})
+        unnamed = [match for match in fitting if match.entry.facts.country is None]
+        if not unnamed:
+            raise UnknownName(
+                f"no map lies in {country!r}", valid=known, next_step="leave country out, or import a map"
+            )
+    return fitting
+
+
+def _in_box(found: list[MapMatch], bbox: Box) -> list[MapMatch]:
+    south, west, north, east = bbox
+    fitting = [
+        match
+        for match in found
+        if south <= match.entry.facts.north
+        and north >= match.entry.facts.south
+        and west <= match.entry.facts.east
+        and east >= match.entry.facts.west
+    ]
+    if not fitting:
+        boxes = [
+            f"{f.place} [{f.south:.4f}, {f.west:.4f}, {f.north:.4f}, {f.east:.4f}]"
+            for f in (match.entry.facts for match in found)
+        ]
+        raise UnknownName(
+            f"no map shows the box {list(bbox)}", valid=boxes, next_step="choose a box inside one of these"
+        )
+    return fitting
+
+
+def _showing(found: list[MapMatch], place: str) -> list[MapMatch]:
+    """Maps in which every part of the text (``street, city`` or ``street A / street B``) is a place or a road."""
+    parts = [part.strip() for part in re.split(r"[,;/]|\s+(?:&|at|near|corner of)\s+", place) if part.strip()]
+    fitting = [match for entry in found if (match := _match(entry.entry, [place]) or _match(entry.entry, parts))]
+    if fitting:
+        return fitting
+    names = {name for match in found for name in _names(match.entry.facts)}
+    shown = sorted({match.entry.facts.place for match in found})
+    near = closest(place, sorted(names), 4)
+    raise UnknownName(
+        f"no map shows {place!r}",
+        valid=[*near, *(name for name in shown if name not in near)],
+        next_step="choose one of these places, or import an .osm extract of the place with import_files",
+    )
+
+
+def _match(entry: MapEntry, parts: list[str]) -> MapMatch | None:
+    streets: list[tuple[str, ...]] = []
+    unnamed: list[str] = []
+    for part in parts:
+        if _names_map(part, entry.facts):
+            continue
+        roads = _roads_called(part, entry.facts)
+        if roads:
+            streets.append(roads)
+        else:
+            unnamed.append(part)
+    if unnamed and (not streets or (entry.facts.places and len(unnamed) + len(streets) == len(parts))):
+        return None
+    return MapMatch(entry, tuple(streets), tuple(unnamed)) if parts else None
+
+
+def _names_map(part: str, facts: MapFacts) -> bool:
+    """Whether a word means the map itself: its id, its file, a place in it, or its country."""
+    if fold(part) in {fold(facts.map_id), fold(facts.map_id.removeprefix("map_")), fold(facts.file_name)}:
+        return True
+    if any(place_keys(part) & place_keys(name) for name in (facts.place, *facts.places)):
+        return True
+    code = country_code(part)
+    if code is not None and code == facts.country:
+        return True
+    words = {word for word in re.split(r"[^a-z0-9]+", facts.file_name.casefold()) if len(word) > 3}
+    return fold(part) in words
+
+
+def _roads_called(part: str, facts: MapFacts) -> tuple[str, ...]:
+    """Roads of that name; otherwise those whose names hold all its words (``Loop 101`` in ``AZ 101 Loop``)."""
+    known = (*facts.streets, *facts.refs)
+    same = tuple(name for name in known if same_street(part, name))
+    words = _words(part)
+    return same or tuple(name for name in known if len(words) > 1 and words <= _words(name))
+
+
+def _words(name: str) -> frozenset[str]:
+    return frozenset(fold(word) for word in name.replace("-", " ").split()) - {""}
+
+
+def _names(facts: MapFacts) -> list[str]:
+    return [facts.place, *facts.places, *facts.streets, *facts.refs]
+
+
+def _street_keys(name: str) -> frozenset[str]:
+    words = re.sub(r"str\.(?=\s|$)", "strasse", name.casefold()).replace(".", " ").replace("-", " ").split()
+    spelled = "".join(ABBREVIATIONS.get(word, word) for word in words)
+    return place_keys(spelled) | place_keys(name)

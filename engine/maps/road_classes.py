@@ -1,0 +1,27 @@
+"""OSM's road classes (``highway`` values) and their groups, after the paper's generation intent."""
+
+from collections.abc import Iterable
+
+from plannerforge.schemas.errors import UnknownName, closest
+
+STREETS = ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "living_street")
+ROADS = (*STREETS, "service", "track")
+LINKS = ("motorway_link", "trunk_link", "primary_link", "secondary_link", "tertiary_link")
+THROUGH_ROADS = frozenset((*STREETS, *LINKS))
+GROUPS = {"roads": ROADS, "link": LINKS, "all": (*ROADS, *LINKS)}
+
+
+def resolve_road_classes(words: Iterable[str]) -> tuple[str, ...]:
+    """The ``highway`` values that groups (roads, link, all) and values name together, each once.
+
+    Raises:
+        UnknownName: a word that is neither.
+    """
+    found: dict[str, None] = {}
+    for word in words:
+        known = GROUPS.get(word) or ((word,) if word in GROUPS["all"] else None)
+        if known is None:
+            near = closest(word, GROUPS["all"], 5)
+            raise UnknownName(f"there is no road class {word!r}", valid=[*GROUPS, *near])
+        found.update(dict.fromkeys(known))
+    return tuple(found)

@@ -1,0 +1,86 @@
+"""From a map to a place where traffic can drive: site, SUMO net and lanelets."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.maps.cut import cut_map
+from plannerforge.engine.maps.osm_reader import read_osm
+from plannerforge.engine.maps.road_classes import LINKS, ROADS
+from plannerforge.engine.maps.sites import Site
+from plannerforge.engine.network.hairpins import remove_hairpins
+from plannerforge.engine.network.lanelet_builder import build_road_network
+from plannerforge.engine.network.net_parser import SumoNet, read_net
+from plannerforge.engine.network.netconvert import convert_osm
+from plannerforge.engine.network.road_network import RoadNetwork
+from plannerforge.engine.network.speed_cap import cap_speeds
+from plannerforge.engine.scenarios.site_choice import choose_site, radius_for
+from plannerforge.engine.traffic.simulation import WARM_UP_S
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.generation import GenerationRequest
+
+_LEFT = """
+ATG AUS BGD BHS BMU BRB BRN BTN BWA CYM CYP DMA FJI FLK GBR GGY GRD GUY HKG IDN IMN IND IRL JAM JEY JPN KEN KNA LCA LKA
+LSO MAC MDV MLT MOZ MSR MUS MWI MYS NAM NPL NZL PAK PNG SGP SLB SUR SWZ SYC TCA THA TLS TON TTO TZA UGA VCT VGB VIR ZAF
+ZMB ZWE
+"""
+LEFT_HAND_COUNTRIES = frozenset(_LEFT.split())
+"""Countries (ISO 3166-1 alpha-3) where traffic keeps to the left."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A site as a SUMO net and as lanelets; ``notes`` are for the answer, ``warnings`` are netconvert's."""
+
+    site: Site
+    radius_m: float
+    net: SumoNet
+    network: RoadNetwork
+    warnings: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def build_place(
+    request: GenerationRequest, net_path: Path, scratch: Path, step_s: float, report: ProgressReporter
+) -> Place:
+    """Cut the wished site out of the map and build its net (written to ``net_path``) and its lanelets.
+
+    Raises:
+        NotPossible: the map holds no such site, or no road there is open to cars.
+        InvalidRequest: a ramp without link roads.
+    """
+    osm = read_osm(Path(request.map_path))
+    site = choose_site(osm, request)
+    radius = radius_for(site, request)
+    cut = scratch / "site.osm"
+    cut_map(osm, (site.latitude, site.longitude), radius, _road_classes(request, site), cut)
+    report(0.1, "building the road network")
+    lefthand = request.country in LEFT_HAND_COUNTRIES
+    notes: list[str] = []
+    conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=False)
+    if not read_net(net_path).drivable_edges("passenger"):
+        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
+        notes.append("only service roads lie here; they were opened to all vehicles")
+        if not read_net(net_path).drivable_edges("passenger"):
+            raise NotPossible(
+                "no road at this site is open to cars", next_step="choose other road_classes or another place"
+            )
+    removed = remove_hairpins(net_path, scratch)
+    if removed:
+        notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
+    cap_speeds(net_path)
+    net = read_net(net_path)
+    network = build_road_network(net, step_s=step_s, elapsed_s=WARM_UP_S)
+    return Place(site, radius, net, network, conversion.warnings, tuple(notes))
+
+
+def _road_classes(request: GenerationRequest, site: Site) -> tuple[str, ...]:
+    """OSM classes to keep: as asked, otherwise all roads, with links where the site is about them."""
+    chosen = request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") else ROADS)
+    if site.kind == "ramp" and not set(chosen) & set(LINKS):
+        raise InvalidRequest(
+            f"a ramp is made of link roads; road_classes {list(request.road_classes)} leaves them out",
+            valid=["roads, link", "all"],
+            next_step="add link to road_classes, or leave road_classes out",
+        )
+    return chosen

@@ -1,0 +1,49 @@
+"""A generated scenario in the words of the answer."""
+
+from plannerforge.schemas.generation import Checks, GeneratedScenario, GenerationRequest, ScenarioSummary
+
+SHOWN_STREETS = 4
+
+
+def summarise(
+    scenario: GeneratedScenario, request: GenerationRequest, scenario_id: str, *, reused: bool
+) -> ScenarioSummary:
+    """What was asked beside what came out, for one scenario."""
+    site, ego = scenario.site, scenario.ego
+    streets = " / ".join(site.streets[:SHOWN_STREETS]) or "unnamed roads"
+    passed, failed = _verdicts(scenario.checks)
+    warned = len(scenario.netconvert_warnings)
+    warnings = [f"netconvert warned {warned} time(s): {scenario.netconvert_warnings[0]}"] if warned else []
+    return ScenarioSummary(
+        scenario_id=scenario_id,
+        reused=reused,
+        map_id=request.map_id,
+        place=request.place,
+        site=f"{site.scenario_type} ({streets}; asked: {request.scenario_type})",
+        latitude=site.latitude,
+        longitude=site.longitude,
+        vehicles_asked=scenario.vehicles_asked,
+        vehicles_realised=scenario.vehicles_realised,
+        classes_asked=scenario.classes_asked,
+        classes_realised=scenario.classes_realised,
+        recorded_s=scenario.recorded_s,
+        ego=f"ego: a car of {ego.cars_to_choose_from} at {ego.speed_mps:.1f} m/s (asked: {request.ego})",
+        goal=(
+            f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet} within "
+            f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s (asked: {request.goal})"
+        ),
+        feasible_share=scenario.checks.feasible_share,
+        checks_passed=passed,
+        checks_failed=failed,
+        notes=[*scenario.notes, *warnings],
+    )
+
+
+def _verdicts(checks: Checks) -> tuple[list[str], list[str]]:
+    verdicts = {
+        "schema-valid": checks.schema_valid,
+        "goal reachable": checks.goal_reachable,
+        "no collision at the start": checks.collisions_at_start == 0,
+        "recorded ego free of collisions": checks.recorded_ego_collision_free,
+    }
+    return [name for name, good in verdicts.items() if good], [name for name, good in verdicts.items() if not good]
