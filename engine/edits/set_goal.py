@@ -49,7 +49,9 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         speed_mps=_speeds(edit.goal_speed),
     )
     what = f"goal on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {distance:.1f} m ahead of the ego"
-    return EditStep(replace(changes, goal=goal), (), what)
+    needed = _needed_speed(scene, ego, goal, distance)
+    hurry = "" if needed is None else f", which takes {needed:.1f} m/s on average to reach in time"
+    return EditStep(replace(changes, goal=goal), (), what + hurry)
 
 
 def _starts(scene: Scene, ego: Ego) -> tuple[int, ...]:
@@ -102,6 +104,18 @@ def _steps(edit: Edit, scene: Scene, ego: Ego, distance_m: float) -> tuple[int, 
             valid=[f"goal_time of at least {_shortest_time(ego.speed_mps, distance_m):.1f} s"],
         )
     return first, last
+
+
+def _needed_speed(scene: Scene, ego: Ego, goal: GoalChange, distance_m: float) -> float | None:
+    """Mean speed in m/s with which the ego gets there by the end of the goal's time; None for goals without a time."""
+    last = goal.steps[1] if goal.steps else _kept_last_step(scene, ego)
+    return None if last is None or last <= ego.step else distance_m / ((last - ego.step) * scene.step_s)
+
+
+def _kept_last_step(scene: Scene, ego: Ego) -> int | None:
+    state = scene.loaded.problem(ego.problem_id).goal.state_list[0]
+    time = getattr(state, "time_step", None)
+    return None if time is None else int(getattr(time, "end", time))
 
 
 def _shortest_time(speed_mps: float, distance_m: float) -> float:
