@@ -6,7 +6,7 @@ from pydantic import Field
 
 from plannerforge.schemas.base import Arguments, Model, Result
 
-ExportFormat = Literal["xml", "net", "yaml", "json", "recipe"]
+ExportFormat = Literal["xml", "net", "yaml", "json", "recipe", "png", "gif", "html"]
 
 
 class ListArtifactsArguments(Arguments):
@@ -53,11 +53,14 @@ class ListArtifactsResult(Result):
 
 
 class ExportArtifactsArguments(Arguments):
-    """Write files of artifacts into a folder inside an allowed root. Existing files are refused unless overwrite."""
+    """Write files of artifacts into a folder inside an allowed root; html: one report on scenarios and batches.
+
+    Existing files are refused unless overwrite.
+    """
 
     ids: list[str] = Field(min_length=1, max_length=200)
     folder: str
-    formats: list[ExportFormat] = Field([], description="none: every format that the artifact has")
+    formats: list[ExportFormat] = Field([], description="none: all stored files")
     overwrite: bool = False
 
 

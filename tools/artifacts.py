@@ -1,12 +1,8 @@
-"""The tools that list and export what was made."""
+"""The tool that lists what was made."""
 
 from plannerforge.engine.workspace.artifacts import Artifact
-from plannerforge.engine.workspace.export import export
 from plannerforge.resources.templates import SCHEME
 from plannerforge.schemas.artifacts import (
-    ExportArtifactsArguments,
-    ExportArtifactsResult,
-    ExportedFile,
     ListArtifactsArguments,
     ListArtifactsResult,
     ListedArtifact,
@@ -27,20 +23,6 @@ async def list_artifacts(arguments: ListArtifactsArguments, call: ToolCall) -> L
     )
     listed = tuple(_listed(artifact) for artifact in found[: arguments.limit])
     return ListArtifactsResult(artifacts=listed, more=len(found) > arguments.limit)
-
-
-async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) -> ExportArtifactsResult:
-    """Write files of artifacts into a folder of the user's."""
-    folder = call.allowed_path(arguments.folder)
-    artifacts = [call.workspace.get(key, call.workspace.kind_of(key)) for key in dict.fromkeys(arguments.ids)]
-    written = export(call.workspace, artifacts, arguments.formats, folder, overwrite=arguments.overwrite)
-    files = tuple(
-        ExportedFile(
-            artifact_id=file.artifact_id, format=file.format, path=str(file.path), size_bytes=file.path.stat().st_size
-        )
-        for file in written
-    )
-    return ExportArtifactsResult(folder=str(folder), files=files)
 
 
 def _listed(artifact: Artifact) -> ListedArtifact:

@@ -160,7 +160,7 @@ TOOLS: tuple[ToolSpec, ...] = (
     ToolSpec(
         "export_artifacts",
         "Export artifacts",
-        "artifacts:export_artifacts",
+        "exporting:export_artifacts",
         "artifacts:ExportArtifactsArguments",
         "artifacts:ExportArtifactsResult",
         essential=False,

@@ -1,4 +1,4 @@
-"""Copies of an artifact's files for the user's own folder."""
+"""Copies of an artifact's files, and of what was drawn of it, for the user's own folder."""
 
 import shutil
 from collections.abc import Sequence
@@ -8,75 +8,83 @@ from pathlib import Path
 from plannerforge.engine.workspace.artifacts import Artifact, Workspace
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure
 
-_FILES = {"xml": "scenario.xml", "net": "scenario.net.xml", "yaml": "config.yaml"}
+_STORED = {"xml": "scenario.xml", "net": "scenario.net.xml", "yaml": "config.yaml"}
 _WRITTEN = ("json", "recipe")
+_DRAWN = {"scenario": ("png",), "run": ("png", "gif"), "batch": ("png",)}
+_ENDINGS = {"net": ".net.xml", "recipe": ".recipe.json"}
+REPORT_NAME = "report.html"
 
 
 @dataclass(frozen=True)
-class Exported:
-    """A file that was written."""
+class Export:
+    """One file to write: of which artifact, in which format, where."""
 
-    artifact_id: str
+    artifact: Artifact
     format: str
     path: Path
 
+    @property
+    def is_drawn(self) -> bool:
+        """Whether it has to be drawn before it can be copied."""
+        return self.format in ("png", "gif")
 
-def export(
-    workspace: Workspace, artifacts: Sequence[Artifact], formats: Sequence[str], folder: Path, *, overwrite: bool
-) -> list[Exported]:
-    """Write the files of artifacts into a folder; all names are checked before the first is written.
+
+def plan_exports(
+    workspace: Workspace, artifacts: Sequence[Artifact], formats: Sequence[str], folder: Path
+) -> tuple[Export, ...]:
+    """What has to be written; without formats, every stored one. ``html`` is one page for all and not among them.
 
     Raises:
-        InvalidRequest: an artifact does not have a format that was asked for by name.
-        NotPossible: a file is there already and ``overwrite`` is not set.
-        ResourceFailure: the folder cannot be written.
+        InvalidRequest: an artifact does not have a format that was asked for.
     """
-    wanted = [
-        Exported(artifact.artifact_id, form, folder / _file_name(artifact, form))
+    return tuple(
+        Export(artifact, form, folder / (artifact.artifact_id + _ENDINGS.get(form, f".{form}")))
         for artifact in artifacts
-        for form in _formats(workspace, artifact, formats)
-    ]
-    taken = [str(file.path) for file in wanted if file.path.exists()]
-    if taken and not overwrite:
+        for form in _formats(workspace, artifact, [form for form in formats if form != "html"], bool(formats))
+    )
+
+
+def refuse_taken(paths: Sequence[Path]) -> None:
+    """Raise before anything is written where a file is there already.
+
+    Raises:
+        NotPossible: naming the first of them.
+    """
+    taken = [str(path) for path in paths if path.exists()]
+    if taken:
         raise NotPossible(
             f"{len(taken)} files are there already: {', '.join(taken[:3])}",
             next_step="set overwrite, or name another folder",
         )
-    by_id = {artifact.artifact_id: artifact for artifact in artifacts}
+
+
+def write_export(workspace: Workspace, export: Export, drawn: Path | None = None) -> None:
+    """Write one file whole: a stored file, the record or recipe as JSON, or what was drawn.
+
+    Raises:
+        ResourceFailure: the folder cannot be written.
+    """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for file in wanted:
-            _write(workspace, by_id[file.artifact_id], file)
+        export.path.parent.mkdir(parents=True, exist_ok=True)
+        partial = export.path.with_name(export.path.name + ".partial")
+        if drawn is not None:
+            shutil.copyfile(drawn, partial)
+        elif export.format in _STORED:
+            source = workspace.file(export.artifact.kind, export.artifact.artifact_id, _STORED[export.format])
+            shutil.copyfile(source, partial)
+        else:
+            content = export.artifact.recipe if export.format == "recipe" else export.artifact
+            partial.write_text(content.model_dump_json(indent=1), encoding="utf-8")
+        partial.replace(export.path)
     except OSError as error:
-        raise ResourceFailure(
-            f"{folder} cannot be written: {error.strerror or error}", next_step="free disk space or name another folder"
-        ) from error
-    return wanted
+        raise ResourceFailure(f"{export.path} cannot be written: {error.strerror or error}") from error
 
 
-def _formats(workspace: Workspace, artifact: Artifact, asked: Sequence[str]) -> list[str]:
+def _formats(workspace: Workspace, artifact: Artifact, asked: Sequence[str], any_asked: bool) -> list[str]:
     folder = workspace.folder(artifact.kind, artifact.artifact_id)
-    there = [form for form, name in _FILES.items() if (folder / name).is_file()]
-    available = [*there, *_WRITTEN]
+    stored = [form for form, name in _STORED.items() if (folder / name).is_file()]
+    available = [*stored, *_WRITTEN, *_DRAWN.get(artifact.kind, ())]
     missing = [form for form in asked if form not in available]
     if missing:
         raise InvalidRequest(f"{artifact.artifact_id} has no {', '.join(missing)}", valid=available)
-    return list(dict.fromkeys(asked)) or available
-
-
-def _file_name(artifact: Artifact, form: str) -> str:
-    endings = {"xml": ".xml", "net": ".net.xml", "yaml": ".yaml", "json": ".json", "recipe": ".recipe.json"}
-    return artifact.artifact_id + endings[form]
-
-
-def _write(workspace: Workspace, artifact: Artifact, file: Exported) -> None:
-    partial = file.path.with_name(file.path.name + ".partial")
-    try:
-        if file.format in _FILES:
-            shutil.copyfile(workspace.file(artifact.kind, artifact.artifact_id, _FILES[file.format]), partial)
-        else:
-            content = artifact.recipe if file.format == "recipe" else artifact
-            partial.write_text(content.model_dump_json(indent=1), encoding="utf-8")
-        partial.replace(file.path)
-    finally:
-        partial.unlink(missing_ok=True)
+    return list(dict.fromkeys(asked)) if any_asked else [*stored, *_WRITTEN]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.workspace.artifacts import Artifact, Workspace
-from plannerforge.engine.workspace.export import export
+from plannerforge.engine.workspace.export import Export, plan_exports, refuse_taken, write_export
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure
@@ -43,6 +43,17 @@ def scenario(workspace: Workspace) -> Artifact:
 @pytest.fixture
 def search(workspace: Workspace) -> Artifact:
     return workspace.put("search", "search_1", recipe=Recipe(tool="find_scenarios"), record=Note(text="n"))
+
+
+def export(
+    workspace: Workspace, artifacts: list[Artifact], formats: list[str], folder: Path, *, overwrite: bool
+) -> tuple[Export, ...]:
+    planned = plan_exports(workspace, artifacts, formats, folder)
+    if not overwrite:
+        refuse_taken([file.path for file in planned])
+    for file in planned:
+        write_export(workspace, file)
+    return planned
 
 
 def names(folder: Path) -> list[str]:
