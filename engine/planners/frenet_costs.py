@@ -9,6 +9,7 @@ import frenetix.trajectory_functions.feasability_functions as feasibility
 import numpy as np
 
 from plannerforge.engine.planners.frenet_frame import FrenetFrame
+from plannerforge.engine.planners.frenet_memory import SECOND_DERIVATIVE_FACTOR
 from plannerforge.engine.planners.interface import EgoState, PredictedObstacle
 from plannerforge.engine.planners.vehicle import VehicleParameters
 
@@ -36,11 +37,16 @@ class StepInputs:
 
 
 def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParameters) -> None:
-    """The four constraints that the core really checks; they stay the same during a run."""
+    """The four constraints that the core really checks; they stay the same during a run.
+
+    The core's accelerations are half of the true ones (see ``frenet_memory``), so it gets half of the limit.
+    """
     steering, wheelbase = vehicle.maximum_steering_rad, vehicle.wheelbase_m
     handler.add_feasability_function(feasibility.CheckYawRateConstraint(steering, wheelbase, False))
     handler.add_feasability_function(
-        feasibility.CheckAccelerationConstraint(vehicle.switching_speed_mps, vehicle.maximum_acceleration_mps2, False)
+        feasibility.CheckAccelerationConstraint(
+            vehicle.switching_speed_mps, vehicle.maximum_acceleration_mps2 / SECOND_DERIVATIVE_FACTOR, False
+        )
     )
     handler.add_feasability_function(feasibility.CheckCurvatureConstraint(steering, wheelbase, False))
     handler.add_feasability_function(

@@ -2,20 +2,27 @@
 
 Array properties of the core's samples are views into its memory: they dangle once candidates are generated anew.
 Everything here is copied.
+
+The core (0.4.0) evaluates its polynomials by Horner's scheme and leaves out the factor 2 of the second derivative:
+the accelerations of its samples, along and across the path, are half of the true ones. A plan that went on from them
+would begin with a jump in acceleration, so they are doubled here, and the acceleration of a trajectory is taken from
+its speeds.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import frenetix
 import numpy as np
 
 from plannerforge.engine.geometry.polyline import Points, Values, wrap_angle
 from plannerforge.engine.planners.frenet_frame import FrenetFrame
-from plannerforge.engine.planners.frenet_sampling import CurvilinearState
+from plannerforge.engine.planners.frenet_sampling import CurvilinearState, EndState
 from plannerforge.engine.planners.interface import EgoState, PlannedTrajectory
 from plannerforge.engine.planners.vehicle import VehicleParameters, centers, rear_axle
 
 SAME_PLACE_M = 1e-6
+SECOND_DERIVATIVE_FACTOR = 2.0
+"""True over reported second derivatives of the core's samples; a test holds it against differences."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +33,7 @@ class DrivenPlan:
     trajectory: PlannedTrajectory
     curvilinear: Points
     low_speed: bool
+    end: EndState
 
     def state_for(self, ego: EgoState, low_speed: bool) -> CurvilinearState | None:
         """The curvilinear state where the ego is, if it followed this plan."""
@@ -37,28 +45,41 @@ class DrivenPlan:
         column = self.curvilinear[:, index]
         return CurvilinearState(column[:3].copy(), column[3:].copy(), self.low_speed).as_mode(low_speed)
 
+    def rest_for(self, ego: EgoState, step_s: float) -> EndState:
+        """What is left of this plan at a later step."""
+        return replace(self.end, duration_s=round(self.end.duration_s - (ego.step - self.first_step) * step_s, 6))
+
 
 def copied_trajectory(
     sample: "frenetix.TrajectorySample", frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters
 ) -> PlannedTrajectory:
     """A sample as states of the centre in the world; headings continue the ego's."""
     inner = sample.cartesian
+    speed = np.array(inner.v, dtype=float)
     heading = np.array(inner.theta, dtype=float) + frame.angle_rad
     heading += wrap_angle(float(heading[0]) - ego.heading_rad) - (float(heading[0]) - ego.heading_rad)
     rear = frame.outwards(np.stack([np.array(inner.x, dtype=float), np.array(inner.y, dtype=float)], axis=1))
     return PlannedTrajectory(
         positions=centers(rear, heading, vehicle),
         headings_rad=heading,
-        speeds_mps=np.array(inner.v, dtype=float),
-        accelerations_mps2=np.array(inner.a, dtype=float),
+        speeds_mps=speed,
+        accelerations_mps2=np.gradient(speed, sample.dt),
     )
 
 
 def copied_curvilinear(sample: "frenetix.TrajectorySample") -> Points:
-    """The curvilinear states of a sample, shape (6, n)."""
+    """The curvilinear states of a sample, shape (6, n), with true second derivatives."""
     inner = sample.curvilinear
     rows = (inner.s, inner.s_dot, inner.s_ddot, inner.d, inner.d_dot, inner.d_ddot)
-    return np.array([np.array(row, dtype=float) for row in rows])
+    states = np.array([np.array(row, dtype=float) for row in rows])
+    states[[2, 5]] *= SECOND_DERIVATIVE_FACTOR
+    return states
+
+
+def end_state(sample: "frenetix.TrajectorySample") -> EndState:
+    """The end that a sample was made for."""
+    row = sample.sampling_parameters
+    return EndState(duration_s=float(row[1]), speed_mps=float(row[5]), offset_m=float(row[10]))
 
 
 def core_state(frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters) -> "frenetix.CartesianPlannerState":

@@ -8,6 +8,7 @@ from plannerforge.engine.geometry.polyline import Points, Values
 from plannerforge.engine.planners.vehicle import VehicleParameters
 
 SPEED_LIMIT_MPS = 36.0
+SHORTEST_REST_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -48,13 +49,28 @@ class CurvilinearState:
         return CurvilinearState(self.longitudinal, np.array(lateral), low_speed)
 
 
+@dataclass(frozen=True)
+class EndState:
+    """Where a candidate ends: after ``duration_s``, at ``speed_mps`` along the path and ``offset_m`` beside it."""
+
+    duration_s: float
+    speed_mps: float
+    offset_m: float
+
+
 def sampling_matrix(
-    state: CurvilinearState, speed_mps: float, settings: SamplingSettings, vehicle: VehicleParameters
+    state: CurvilinearState,
+    speed_mps: float,
+    settings: SamplingSettings,
+    vehicle: VehicleParameters,
+    going_on: EndState | None = None,
 ) -> Points:
     """All combinations as the core's matrix, shape (n, 13).
 
     Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''.
-    About 800 rows: the present speed and offset and the whole horizon are among the end states.
+    About 800 rows: the present speed and offset and the whole horizon are among the end states, and ``going_on``, the
+    rest of the plan that is being driven. Without it a plan that stops just in time is lost by replanning, because
+    every new candidate takes at least ``shortest_s``.
     """
     durations = np.arange(settings.shortest_s, settings.horizon_s + 1e-9, settings.duration_step_s)
     durations = np.unique(np.round(np.append(durations, settings.horizon_s), 6))
@@ -65,6 +81,12 @@ def sampling_matrix(
     offsets = np.linspace(-settings.lateral_m, settings.lateral_m, settings.values)
     offsets = np.unique(np.append(offsets, state.lateral[0]))
     t1, v1, d1 = (axis.ravel() for axis in np.meshgrid(durations, speeds, offsets, indexing="ij"))
+    if going_on is not None and going_on.duration_s >= SHORTEST_REST_S:
+        t1, v1, d1 = (
+            np.append(t1, going_on.duration_s),
+            np.append(v1, going_on.speed_mps),
+            np.append(d1, going_on.offset_m),
+        )
     matrix = np.zeros((len(t1), 13))
     matrix[:, 1], matrix[:, 5], matrix[:, 10] = t1, v1, d1
     matrix[:, 2:5], matrix[:, 7:10] = state.longitudinal, state.lateral

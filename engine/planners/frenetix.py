@@ -21,6 +21,7 @@ from plannerforge.engine.planners.frenet_memory import (
     DrivenPlan,
     copied_curvilinear,
     copied_trajectory,
+    end_state,
     initial_state,
     standstill,
 )
@@ -75,11 +76,12 @@ class Frenetix:
         frame = self._frames.frame_for(station_m, self._reach_m(ego))
         step = _Step(observation, frame, ego.speed_mps < LOW_SPEED_MPS, Counter())
         state = self._driven.state_for(ego, step.low_speed) if self._driven else None
+        going_on = self._driven.rest_for(ego, task.step_s) if self._driven and state else None
         state = state or initial_state(frame, ego, task.vehicle, step.low_speed)
         if state is None:
             step.rejected["initial_state"] = 1
             return Plan(None, rejected=dict(step.rejected))
-        matrix = sampling_matrix(state, ego.speed_mps, self._settings, task.vehicle)
+        matrix = sampling_matrix(state, ego.speed_mps, self._settings, task.vehicle, going_on)
         feasible = self._scored(matrix, step)
         safety = SafetyCheck(task, observation)
         for sample in feasible:
@@ -157,14 +159,16 @@ class Frenetix:
             return Plan(None, {}, dict(step.rejected), step.candidates, core_s=step.core_s)
 
         def how_soon(sample: "frenetix.TrajectorySample") -> tuple[float, float, float, float]:
-            end = sample.sampling_parameters
-            return float(end[5]), float(end[1]), abs(float(end[10]) - offset_m), float(end[10])
+            end = end_state(sample)
+            return end.speed_mps, end.duration_s, abs(end.offset_m - offset_m), end.offset_m
 
         return self._drive(min(feasible, key=how_soon), "stopping", step)
 
     def _drive(self, sample: "frenetix.TrajectorySample", kind: PlanKind, step: _Step) -> Plan:
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
-        self._driven = DrivenPlan(step.ego.step, trajectory, copied_curvilinear(sample), step.low_speed)
+        self._driven = DrivenPlan(
+            step.ego.step, trajectory, copied_curvilinear(sample), step.low_speed, end_state(sample)
+        )
         weighted = {name: float(pair[1]) for name, pair in sorted(sample.costMap.items())}
         return Plan(trajectory, weighted, dict(step.rejected), step.candidates, kind, step.core_s)
 

@@ -1,0 +1,211 @@
+"""Every known trap of the C++ core, each with a test that fails without its cure."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import frenetix
+import numpy as np
+import pytest
+from builders_planning import (
+    configuration,
+    drive,
+    goal_state,
+    lanelet_along,
+    moving_car,
+    network_of,
+    parked_car,
+    problem_for,
+    rectangle_at,
+    scenario_on,
+    straight_road,
+)
+from commonroad.common.util import Interval
+from commonroad.geometry.shape import Rectangle
+from commonroad.prediction.prediction import Occupancy, SetBasedPrediction
+from commonroad.scenario.obstacle import DynamicObstacle, ObstacleType
+
+from plannerforge.engine.geometry.polyline import headings
+from plannerforge.engine.planners.frenet_frame import SAFE_RANGE_RAD, FrameKeeper, FrenetFrame
+from plannerforge.engine.planners.frenet_memory import copied_curvilinear, copied_trajectory
+from plannerforge.engine.planners.frenet_sampling import CurvilinearState, EndState, SamplingSettings, sampling_matrix
+from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.vehicle import BMW_320I
+
+
+def arc_road(radius_m: float, first_rad: float, turn_rad: float, count: int = 120) -> Any:
+    """A road whose heading runs from ``first_rad`` over ``turn_rad``, starting at the origin."""
+    heading = first_rad + np.linspace(0.0, turn_rad, count)
+    steps = np.stack([np.cos(heading), np.sin(heading)], axis=1) * (abs(radius_m * turn_rad) / (count - 1))
+    return np.concatenate([[[0.0, 0.0]], np.cumsum(steps, axis=0)])
+
+
+def road_across_pi() -> tuple[Any, Any]:
+    """A bend whose heading crosses ±π, and a problem on it."""
+    center = arc_road(120.0, math.pi - 0.4, 0.8)
+    goal = goal_state((60, 75), Rectangle(14.0, 4.0, center=center[90], orientation=-math.pi + 0.2))
+    problem = problem_for(goal, speed_mps=10.0)
+    problem.initial_state.position = center[8]
+    problem.initial_state.orientation = math.pi - 0.36
+    return scenario_on(network_of(lanelet_along(center, 1))), problem
+
+
+def test_a_route_across_pi_is_driven() -> None:
+    scenario, problem = road_across_pi()
+    run = drive(scenario, problem)
+    assert run.final.outcome == "goal_reached"
+
+
+def test_without_the_turned_frame_the_core_rejects_all_candidates_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    def untouched(self: FrameKeeper, station_m: float, ahead_m: float) -> FrenetFrame:
+        del station_m, ahead_m
+        return FrenetFrame.of(self._path, 0.0)
+
+    cured = drive(*road_across_pi())
+    monkeypatch.setattr(FrameKeeper, "frame_for", untouched)
+    uncured = drive(*road_across_pi())
+    worst = [max(plan.rejected["yaw_rate"] / plan.candidates for plan in run.plans) for run in (cured, uncured)]
+    assert worst[0] < 0.15
+    assert worst[1] > 0.95
+
+
+def test_a_turned_world_gives_the_same_run() -> None:
+    angle = 2.9
+    runs = []
+    for turned in (0.0, angle):
+        goal = goal_state((35, 45), rectangle_at(40.0, 0.0, turned))
+        runs.append(drive(scenario_on(straight_road(angle_rad=turned)), problem_for(goal, angle_rad=turned)))
+    along = [np.array([np.linalg.norm(state.position) for state in run.states]) for run in runs]
+    assert runs[0].final.outcome == runs[1].final.outcome == "goal_reached"
+    assert np.allclose(along[0], along[1], atol=1e-6)
+
+
+def test_a_route_of_more_than_a_full_circle_gets_new_frames_on_the_way() -> None:
+    path = arc_road(30.0, 0.0, 2.6 * math.pi, 250)
+    keeper = FrameKeeper(path)
+    ahead = headings(path)
+    for station in np.arange(0.0, 200.0, 5.0):
+        frame = keeper.frame_for(float(station), 30.0)
+        near = ahead[int(max(station - 10, 0)) : int(station + 30)]
+        turned = np.abs(np.remainder(near - frame.angle_rad + math.pi, math.tau) - math.pi)
+        assert turned.max() <= SAFE_RANGE_RAD + 0.05
+
+
+def test_copies_of_a_sample_outlive_the_cores_memory() -> None:
+    frame = FrenetFrame.of(np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1), 0.0)
+    ego = EgoState(0, np.array([51.4227, 0.0]), 0.0, 10.0)
+    state = CurvilinearState(np.array([50.0, 10.0, 0.0]), np.zeros(3), low_speed=False)
+    handler = frenetix.TrajectoryHandler(0.1)
+    handler.add_function(frenetix.trajectory_functions.FillCoordinates(False, 0.0, frame.system, 3.0))
+    handler.generate_trajectories(sampling_matrix(state, 10.0, SamplingSettings(), BMW_320I), False)
+    handler.evaluate_all_current_functions(False)
+    sample = next(iter(handler.get_sorted_trajectories()))
+    kept, curvilinear = copied_trajectory(sample, frame, ego, BMW_320I), copied_curvilinear(sample)
+    before, before_curvilinear = kept.positions.copy(), curvilinear.copy()
+    for _ in range(20):
+        handler.reset_Trajectories()
+        handler.generate_trajectories(sampling_matrix(state, 30.0, SamplingSettings(), BMW_320I), False)
+        handler.evaluate_all_current_functions(False)
+    assert np.array_equal(kept.positions, before)
+    assert np.array_equal(curvilinear, before_curvilinear)
+
+
+def test_distance_to_obstacles_on_an_empty_road_costs_nothing_and_raises_nothing() -> None:
+    goal = goal_state((35, 45), rectangle_at(40.0, 0.0))
+    run = drive(scenario_on(straight_road()), problem_for(goal), configuration("frenetix:Safety-Conservative"))
+    assert run.final.outcome == "goal_reached"
+    assert "distance_to_obstacles" not in run.plans[0].costs
+
+
+def test_a_term_of_the_step_before_is_forgotten() -> None:
+    """An obstacle that is gone must not go on costing: the handler keeps functions until they are removed."""
+    visitor = moving_car(5, (30.0, 30.0), (0.0, 10.0), steps=10)
+    goal = goal_state((35, 45), rectangle_at(40.0, 0.0))
+    run = drive(scenario_on(straight_road(), visitor), problem_for(goal), configuration("frenetix:Safety"))
+    assert "distance_to_obstacles" in run.plans[0].costs
+    assert "distance_to_obstacles" not in run.plans[-1].costs
+
+
+def test_a_plan_that_stops_in_time_is_not_lost_by_replanning() -> None:
+    """Every new candidate takes at least 1.1 s; without the rest of the old plan the ego slides into the obstacle."""
+    scenario = scenario_on(straight_road(), parked_car(7, (60.0, 0.0)))
+    run = drive(scenario, problem_for(goal_state((60, 70), rectangle_at(100.0, 0.0))))
+    assert run.final.outcome == "timeout"
+
+
+def test_going_on_is_the_old_plan() -> None:
+    """A quartic and a quintic with the same end conditions from a later point are the same polynomials."""
+    start = CurvilinearState(np.array([50.0, 10.0, 0.5]), np.array([0.3, 0.2, 0.0]), low_speed=False)
+    whole = only_candidate(start, EndState(2.0, 5.0, 1.0))
+    later = CurvilinearState(whole[:3, 3], whole[3:, 3], low_speed=False)
+    rest = only_candidate(later, EndState(1.7, 5.0, 1.0))
+    assert np.allclose(rest[:, :17], whole[:, 3:20], atol=1e-9)
+
+
+def only_candidate(state: CurvilinearState, end: EndState) -> Any:
+    """Curvilinear states (6, n) of the candidate that goes on to an end."""
+    frame = FrenetFrame.of(np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1), 0.0)
+    handler = frenetix.TrajectoryHandler(0.1)
+    handler.add_function(frenetix.trajectory_functions.FillCoordinates(False, 0.0, frame.system, 3.0))
+    handler.generate_trajectories(sampling_matrix(state, 10.0, SamplingSettings(), BMW_320I, end)[-1:], False)
+    handler.evaluate_all_current_functions(False)
+    return copied_curvilinear(next(iter(handler.get_sorted_trajectories())))
+
+
+def test_candidates_of_a_fast_ego_at_the_end_of_the_map_stay_on_the_reference_path() -> None:
+    goal = goal_state((10, 30), rectangle_at(100.0, 0.0, size=(60.0, 3.5)))
+    run = drive(scenario_on(straight_road(150.0)), problem_for(goal, speed_mps=33.0))
+    assert run.final.outcome == "goal_reached"
+    assert run.rejected["off_reference_path"] == 0
+
+
+def test_headings_written_beyond_pi_mean_the_same() -> None:
+    goal = goal_state((35, 45), rectangle_at(40.0, 0.0), heading=(-0.2, 0.2))
+    plain, turned = problem_for(goal), problem_for(goal)
+    turned.initial_state.orientation = 2 * math.pi
+    car = moving_car(5, (30.0, 0.0), (10.0, 0.0))
+    car.initial_state.orientation = 4 * math.pi
+    runs = [drive(scenario_on(straight_road(), car), problem) for problem in (plain, turned)]
+    assert [run.final.outcome for run in runs] == ["goal_reached", "goal_reached"]
+    assert np.allclose(runs[0].states[-1].position, runs[1].states[-1].position, atol=1e-6)
+
+
+@pytest.mark.parametrize("prediction", ["constant_velocity", "ground_truth"])
+def test_set_based_predictions_and_obstacles_without_one_run(prediction: Any) -> None:
+    initial = moving_car(4, (60.0, 0.0), (0.1, 0.0)).initial_state
+    regions = [Occupancy(step, Rectangle(6.0, 2.5, center=np.array([60.0, 0.0]))) for step in range(1, 60)]
+    region = DynamicObstacle(3, ObstacleType.UNKNOWN, Rectangle(4.5, 1.8), initial, SetBasedPrediction(1, regions))
+    lone = DynamicObstacle(
+        4, ObstacleType.CAR, Rectangle(4.5, 1.8), moving_car(4, (0.0, 40.0), (1.0, 0.0)).initial_state
+    )
+    goal = goal_state((30, 40), rectangle_at(80.0, 0.0))
+    run = drive(scenario_on(straight_road(), region, lone), problem_for(goal), prediction=prediction)
+    assert run.final.outcome in ("timeout", "goal_reached", "collision")
+    assert run.states[min(30, len(run.states) - 1)].position[0] < 57.0
+
+
+def test_uncertain_initial_values_count_by_their_middle() -> None:
+    problem = problem_for(goal_state((35, 45), rectangle_at(40.0, 0.0)))
+    problem.initial_state.velocity = Interval(9.0, 11.0)
+    problem.initial_state.position = Rectangle(1.0, 1.0, center=np.array([0.0, 0.0]))
+    assert drive(scenario_on(straight_road()), problem).final.outcome == "goal_reached"
+
+
+@pytest.mark.shared_data
+def test_real_files_with_traps_run(shared_data: Path) -> None:
+    """No obstacle's trajectory (set-based), headings beyond ±π, several goal states, a position-free goal."""
+    from plannerforge.engine.scenarios.reader import read_scenario
+
+    for name in ("ZAM_test_0-1", "C-DEU_B471-1_3_T-1", "USA_US101-1_2_T-1"):
+        loaded = read_scenario(shared_data / "data" / "commonroad" / f"{name}.xml")
+        assert drive(loaded.scenario, loaded.problem()).final.reason
+
+
+def test_second_derivatives_are_the_true_ones() -> None:
+    """The core reports half of them; a plan that goes on must not begin with a jump in acceleration."""
+    start = CurvilinearState(np.array([50.0, 10.0, 0.5]), np.array([0.3, 0.2, 0.1]), low_speed=False)
+    states = only_candidate(start, EndState(2.0, 5.0, 1.0))
+    assert states[2, 0] == pytest.approx(0.5)
+    assert states[5, 0] == pytest.approx(0.1)
+    differences = np.gradient(states[[1, 4]], 0.1, axis=1)
+    assert np.allclose(differences[:, 2:17], states[[2, 5], 2:17], atol=0.03)

@@ -1,0 +1,90 @@
+"""The goal region in all of CommonRoad's forms."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from builders_planning import goal_state, problem_for, rectangle_at
+from commonroad.geometry.shape import Circle, Polygon, ShapeGroup
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plannerforge.engine.planners.goal import Goal
+from plannerforge.engine.planners.interface import EgoState
+
+
+def ego(step: int = 10, x: float = 0.0, y: float = 0.0, heading: float = 0.0, speed: float = 5.0) -> EgoState:
+    return EgoState(step, np.array([x, y]), heading, speed)
+
+
+def goal(*states: Any) -> Goal:
+    return Goal(problem_for(*states).goal)
+
+
+def reached(what: Goal, state: EgoState) -> bool:
+    return any(status.reached for status in what.status(state))
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        rectangle_at(0.0, 0.0),
+        Circle(3.0, np.array([0.0, 0.0])),
+        Polygon(np.array([[-3.0, -3.0], [3.0, -3.0], [0.0, 4.0]])),
+        ShapeGroup([rectangle_at(50.0, 0.0), Circle(3.0, np.array([0.0, 0.0]))]),
+    ],
+)
+def test_a_position_of_every_shape(shape: Any) -> None:
+    region = goal(goal_state((5, 20), shape))
+    assert reached(region, ego())
+    assert not reached(region, ego(x=20.0))
+
+
+def test_a_goal_without_a_position_asks_for_the_time_only() -> None:
+    region = goal(goal_state((33, 33)))
+    assert not region.has_position
+    assert [reached(region, ego(step, x=1000.0)) for step in (32, 33, 34)] == [False, True, False]
+
+
+def test_the_ends_of_the_time_window_count() -> None:
+    region = goal(goal_state((5, 8), rectangle_at(0.0, 0.0)))
+    assert [reached(region, ego(step)) for step in (4, 5, 8, 9)] == [False, True, True, False]
+    assert [region.status(ego(step))[0].timing for step in (4, 9)] == ["early", "late"]
+
+
+def test_speed_and_heading_are_conditions() -> None:
+    region = goal(goal_state((5, 20), rectangle_at(0.0, 0.0), speed=(4.0, 6.0), heading=(-0.1, 0.1)))
+    assert reached(region, ego())
+    assert not reached(region, ego(speed=6.1))
+    assert not reached(region, ego(heading=0.2))
+    assert region.speed_mps == 5.0
+
+
+def test_one_of_several_goal_states_is_enough_but_all_of_its_conditions() -> None:
+    region = goal(
+        goal_state((5, 20), rectangle_at(0.0, 0.0), speed=(0.0, 1.0)), goal_state((5, 20), rectangle_at(40.0, 0.0))
+    )
+    assert not reached(region, ego())
+    assert reached(region, ego(speed=0.5))
+    assert reached(region, ego(x=40.0))
+    assert (region.first_step, region.last_step) == (5, 20)
+
+
+@given(st.floats(-3.1, 3.1), st.floats(0.0, 1.5), st.floats(-1.0, 1.0), st.integers(-3, 3))
+def test_headings_count_on_the_circle(middle: float, half: float, share: float, turns: int) -> None:
+    low, high = middle - half, middle + half
+    if low < -2 * math.pi or high > 2 * math.pi:
+        return
+    region = goal(goal_state((5, 20), heading=(low, high)))
+    inside = middle + 0.99 * half * share + turns * math.tau
+    assert reached(region, ego(heading=inside))
+    if half < 1.5:
+        assert not reached(region, ego(heading=middle + half + 0.05 + turns * math.tau)) or half > math.pi - 0.05
+
+
+def test_where_a_path_is_inside() -> None:
+    path = np.stack([np.arange(0.0, 100.0), np.zeros(100)], axis=1)
+    region = goal(goal_state((5, 20), rectangle_at(50.0, 0.0)))
+    assert region.stations_on(path) == (44.0, 56.0)
+    assert goal(goal_state((5, 20), rectangle_at(50.0, 30.0))).stations_on(path) is None

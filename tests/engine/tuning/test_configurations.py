@@ -1,0 +1,188 @@
+"""Weights, presets, changes and the configurations they make."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plannerforge.engine.planners.cost_terms import own_terms
+from plannerforge.engine.tuning.changes import apply_changes
+from plannerforge.engine.tuning.configurations import changed_configuration, differences, named_configuration, to_yaml
+from plannerforge.engine.tuning.presets import find_preset, presets
+from plannerforge.engine.tuning.weights import cost_weights, external_weights
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.schemas.planning import PlannerConfiguration
+
+TABLE = """
+                            Default Comfort Balanced Sporty Safety
+acceleration                0       0.2     0.3      0.2    0
+jerk                        0       0.2     0.3      0.15   0
+lateral_jerk                0.2     0.8     0.5      0.25   0.2
+longitudinal_jerk           0.2     0.8     0.5      0.25   0.2
+orientation_offset          0       0       0.1      0.2    0
+path_length                 0       0       0.2      0.6    0
+lane_center_offset          0       0.5     0.7      0.6    0
+velocity_offset             1       0.3     0.6      1      1
+velocity                    0       0       0.2      0.4    0
+distance_to_reference_path  5       1       2        2      5
+distance_to_obstacles       0       0.3     0.8      0.6    1
+prediction                  0.2     0.2     0.3      0.2    0.5
+responsibility              0       0.1     0.2      0.1    0.3
+"""
+NAMES = st.sampled_from(sorted(cost_weights()))
+VALUES = st.floats(0.0, 1e6, allow_nan=False)
+
+
+def base(name: str = "frenetix:Default") -> PlannerConfiguration:
+    found = named_configuration(name)
+    assert found is not None
+    return found
+
+
+def test_the_five_presets_have_exactly_these_values() -> None:
+    head, *rows = [line.split() for line in TABLE.strip().splitlines()]
+    for index, short_name in enumerate(head):
+        wanted = {row[0]: float(row[index + 1]) for row in rows}
+        assert find_preset(short_name).weights == wanted
+    assert [preset.short_name for preset in presets().values()] == head
+
+
+@pytest.mark.shared_data
+def test_the_presets_agree_with_the_published_facts(shared_data: Path) -> None:
+    facts = json.loads((shared_data / "facts" / "presets.json").read_text(encoding="utf-8"))["frenetix"]
+    assert {entry["name"]: entry["values"] for entry in facts["presets"]} == {
+        name: preset.weights for name, preset in presets().items()
+    }
+    assert [entry["name"] for entry in facts["weights"]] == list(cost_weights())
+    assert [entry["name"] for entry in facts["external_weights"]] == list(external_weights())
+
+
+def test_every_weight_says_who_computes_it_and_ours_are_ours() -> None:
+    ours = {name for name, weight in cost_weights().items() if weight.computed_by == "ours"}
+    assert ours == set(own_terms())
+    assert all(weight.acts for weight in cost_weights().values())
+    assert not any(weight.acts for weight in external_weights().values())
+
+
+@pytest.mark.parametrize("word", ["safety-conservative", "SAFETY", " Safety ", "Efficiency-Sporty", "sporty"])
+def test_presets_are_found_by_both_names_whatever_the_case(word: str) -> None:
+    assert find_preset(word).short_name in ("Safety", "Sporty")
+
+
+def test_an_unknown_preset_is_refused_with_all_of_them() -> None:
+    with pytest.raises(UnknownName) as caught:
+        find_preset("agressive")
+    assert set(caught.value.valid) == set(presets())
+
+
+def test_the_four_kinds_of_changes() -> None:
+    changed = apply_changes(base().weights, ["jerk=0.5", "prediction*2", "lateral_jerk+0.1", "velocity=lateral_jerk"])
+    assert changed.weights["jerk"] == 0.5
+    assert changed.weights["prediction"] == pytest.approx(0.4)
+    assert changed.weights["lateral_jerk"] == pytest.approx(0.3)
+    assert changed.weights["velocity"] == pytest.approx(0.3)
+    assert changed.notes == ()
+
+
+def test_zero_times_two_stays_zero_and_is_said() -> None:
+    changed = apply_changes(base().weights, ["jerk*2"])
+    assert changed.weights["jerk"] == 0.0
+    assert "stays 0" in changed.notes[0]
+
+
+@pytest.mark.parametrize("text", ["jerk=-1", "lateral_jerk-0.3", "prediction*-1", "jerk=1e9"])
+def test_weights_outside_their_range_are_refused(text: str) -> None:
+    with pytest.raises(InvalidRequest):
+        apply_changes(base().weights, [text])
+
+
+@pytest.mark.parametrize("text", ["jerk=nan", "jerk=inf", "jerk", "jerk==1", "jerk=1;prediction=2", "jerk=1e999"])
+def test_what_is_no_change_is_refused(text: str) -> None:
+    with pytest.raises(InvalidRequest):
+        apply_changes(base().weights, [text])
+
+
+def test_an_unknown_weight_is_refused_with_the_nearest_first_and_nothing_is_changed() -> None:
+    with pytest.raises(UnknownName) as caught:
+        changed_configuration(base(), None, ["jerk=0.5", "colision=1"])
+    assert caught.value.valid
+    with pytest.raises(UnknownName) as caught:
+        apply_changes(base().weights, ["lateral_jrk=1"])
+    assert caught.value.valid[0] == "lateral_jerk"
+
+
+@given(NAMES, VALUES)
+def test_setting_changes_that_weight_only(name: str, value: float) -> None:
+    changed = apply_changes(base().weights, [f"{name}={value!r}"]).weights
+    assert changed[name] == value
+    assert {key: v for key, v in changed.items() if key != name} == {
+        key: v for key, v in base().weights.items() if key != name
+    }
+
+
+@given(NAMES, st.floats(0.0, 100.0), st.sampled_from("*+-="), st.floats(-100.0, 100.0))
+def test_a_change_gives_a_valid_weight_or_is_refused(name: str, start: float, operator: str, operand: float) -> None:
+    weights = dict(base().weights) | {name: start}
+    try:
+        value = apply_changes(weights, [f"{name}{operator}{operand!r}"]).weights[name]
+    except InvalidRequest:
+        return
+    assert value >= 0
+    assert math.isfinite(value)
+
+
+@given(st.dictionaries(NAMES, VALUES, max_size=5))
+def test_the_id_is_made_from_the_content(values: dict[str, float]) -> None:
+    changes = [f"{name}={value!r}" for name, value in values.items()]
+    first, _ = changed_configuration(base(), None, changes)
+    second, _ = changed_configuration(base("frenetix:Comfort"), "Default", list(reversed(changes)))
+    assert first.config_id == second.config_id
+    assert (first.config_id == base().config_id) == (first.weights == base().weights)
+
+
+def test_a_preset_replaces_all_weights_before_the_changes() -> None:
+    made, _ = changed_configuration(base("frenetix:Comfort"), "Safety", ["jerk=0.1"])
+    assert made.weights == presets()["Safety-Conservative"].weights | {"jerk": 0.1}
+    assert made.base == base("frenetix:Comfort").config_id
+    assert made.preset == "Safety-Conservative"
+
+
+def test_differences_name_before_and_after() -> None:
+    changes = differences(base(), base("frenetix:Safety-Conservative"))
+    assert {(c.name, c.before, c.after) for c in changes} == {
+        ("distance_to_obstacles", 0.0, 1.0),
+        ("prediction", 0.2, 0.5),
+        ("responsibility", 0.0, 0.3),
+    }
+
+
+def test_the_yaml_holds_every_weight() -> None:
+    made, _ = changed_configuration(base(), None, ["jerk=0.123456789", "occ_pm=0"])
+    content = yaml.safe_load(to_yaml(made))
+    assert content["cost_weights"] == made.weights
+    assert content["external_cost_weights"] == made.external_weights
+
+
+def test_a_weight_of_an_absent_module_is_kept_and_said_to_do_nothing() -> None:
+    made, notes = changed_configuration(base(), None, ["occ_pm=1"])
+    assert made.external_weights["occ_pm"] == 1.0
+    assert "acts on nothing" in notes[0]
+
+
+@pytest.mark.parametrize("text", ["frenetix", "Frenetix:default", "frenetix:Default"])
+def test_names_of_planners_and_presets_are_configurations(text: str) -> None:
+    assert base(text).config_id == base().config_id
+
+
+@pytest.mark.parametrize("text", ["frenetic", "frenetix:Safe", "frenetix:"])
+def test_unknown_names_are_refused(text: str) -> None:
+    with pytest.raises(UnknownName):
+        named_configuration(text)
+
+
+def test_an_id_is_no_name() -> None:
+    assert named_configuration("cfg_0123456789ab") is None
