@@ -22,6 +22,8 @@ def _about_success(test: SuccessTest) -> str:
         plural = "pair" if test.pairs == 1 else "pairs"
         needed = f"at least {FEWEST_PAIRS} differing pairs are needed"
         return f"{test.pairs} {plural}, {same}: no test can be significant ({needed})."
+    if flips == 0:
+        return f"No difference in success: none of {test.pairs} pairs flipped."
     if flips < FEWEST_PAIRS:
         return (
             f"No difference in success can be shown: only {flips} of {test.pairs} pairs flipped, "

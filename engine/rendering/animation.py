@@ -139,7 +139,7 @@ def _write_state(axes: "Axes", view: SceneView) -> None:
 
 def _speed(path: DrivenPath, step: int, *, alone: bool) -> str:
     speed = f"{path.speeds_mps[path.index_at(step)]:4.1f} m/s"
-    return f"ego {speed}" if alone else f"{path.record.config_name} {speed}"
+    return f"ego {speed}" if alone else f"{path.name} {speed}"
 
 
 def _write_gif(frames: Sequence["Image"], path: Path, milliseconds: int) -> None:

@@ -1,5 +1,6 @@
 """A run's driven path, ready to be drawn over its scenario."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,8 @@ from plannerforge.schemas.runs import RunRecord
 class DrivenPath:
     """Centre of the ego (n, 2), headings, speeds (n,), from ``first_step`` on.
 
-    ``series``: number of its colour and dash pattern, the same for one configuration in all pictures of a request.
+    ``name``: what the picture calls the run; ``series``: number of its colour and dash pattern, the same for one
+    configuration in all pictures of a request.
     """
 
     record: RunRecord
@@ -22,6 +24,7 @@ class DrivenPath:
     positions: Points
     headings_rad: Values
     speeds_mps: Values
+    name: str
     series: int = 0
 
     @property
@@ -36,11 +39,11 @@ class DrivenPath:
     @property
     def label(self) -> str:
         """Configuration and outcome, as in a legend."""
-        return f"{self.record.config_name}: {self.record.outcome.replace('_', ' ')}"
+        return f"{self.name}: {self.record.outcome.replace('_', ' ')}"
 
 
-def driven_path(source: RunSource, series: int = 0) -> DrivenPath | None:
-    """The path of a run; None where it has no steps."""
+def driven_path(source: RunSource, name: str = "", series: int = 0) -> DrivenPath | None:
+    """The path of a run, by default with its configuration's name; None where it has no steps."""
     steps = read_steps(source)
     if steps is None or not steps.x_m:
         return None
@@ -50,5 +53,15 @@ def driven_path(source: RunSource, series: int = 0) -> DrivenPath | None:
         positions=np.column_stack([steps.x_m, steps.y_m]),
         headings_rad=np.asarray(steps.heading_rad, dtype=float),
         speeds_mps=np.asarray(steps.speed_mps, dtype=float),
+        name=name or source.record.config_name,
         series=series,
     )
+
+
+def short_names(runs: Sequence[RunSource]) -> dict[str, str]:
+    """Names of configurations by id, without the planner where all runs are of one."""
+    one_planner = len({run.record.planner for run in runs}) == 1
+    return {
+        run.record.config_id: run.record.config_name.removeprefix(f"{run.record.planner}:" if one_planner else "")
+        for run in runs
+    }

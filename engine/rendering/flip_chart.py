@@ -44,7 +44,7 @@ def draw_flips(comparison: Comparison, path: Path) -> tuple[tuple[int, int], str
     image = pixels(figure)
     save_png(image, path)
     told = [f"{flip.scenario_id} from {flip.before} to {flip.after}" for flip in flips]
-    return image.size, f"Flipped scenarios: {subtitle}. {'; '.join(told)}."
+    return image.size, f"Flipped scenarios: {subtitle}. {'; '.join(told)}".rstrip()
 
 
 def _draw_row(axes: "Axes", row: int, flip: Flip) -> None:

@@ -52,7 +52,11 @@ def draw_profile(runs: Sequence[tuple[RunRecord, RunSteps]], path: Path) -> tupl
     figure.align_ylabels([speed, acceleration])
     figure.legend(loc="lower left", ncols=2, frameon=False, bbox_to_anchor=(0.06, 0), fontsize=SMALL_PT + 0.5)
     subtitle = "the ego; a disc ends a run that reached its goal, a cross one that did not"
-    write_title(figure, f"Speed and acceleration on {shortened(', '.join(scenarios), 70)}", subtitle)
+    write_title(
+        figure,
+        f"Speed and acceleration on {scenarios[0] if len(scenarios) == 1 else f'{len(scenarios)} scenarios'}",
+        subtitle,
+    )
     image = pixels(figure)
     save_png(image, path)
     return image.size, f"Speed and acceleration of the ego. {'; '.join(told)}."

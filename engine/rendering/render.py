@@ -9,7 +9,7 @@ from plannerforge.engine.analysis.evidence import Evidence
 from plannerforge.engine.execution.progress import ProgressReporter, silent
 from plannerforge.engine.rendering.animation import animate
 from plannerforge.engine.rendering.cost_chart import draw_costs
-from plannerforge.engine.rendering.driven_path import DrivenPath, driven_path
+from plannerforge.engine.rendering.driven_path import DrivenPath, driven_path, short_names
 from plannerforge.engine.rendering.flip_chart import draw_flips
 from plannerforge.engine.rendering.outcome_chart import draw_outcomes
 from plannerforge.engine.rendering.profile_chart import MOST_RUNS, draw_profile
@@ -63,15 +63,13 @@ def _views(request: RenderRequest, *, most: int) -> tuple[list[SceneView], list[
     if len(request.scenarios) > most:
         notes.append(f"{len(request.scenarios) - most} more scenarios are not drawn")
     configs = list(dict.fromkeys((run.record.config_id, run.record.prediction) for run in request.runs))
+    names = short_names(request.runs)
     views = []
     for source in request.scenarios[:most]:
         content = read_content(read_scenario(Path(source.path)))
         mine = [run for run in request.runs if run.record.scenario_id == source.scenario_id]
-        paths = [
-            path
-            for run in mine
-            if (path := driven_path(run, configs.index((run.record.config_id, run.record.prediction))))
-        ]
+        numbered = [(run, configs.index((run.record.config_id, run.record.prediction))) for run in mine]
+        paths = [path for run, at in numbered if (path := driven_path(run, names[run.record.config_id], at))]
         if len(paths) > MOST_PATHS:
             notes.append(f"{len(paths) - MOST_PATHS} more runs on {source.scenario_id} are not drawn")
         views.append(SceneView(content, tuple(paths[:MOST_PATHS]), _step(content, paths[:MOST_PATHS], request.time_s)))
@@ -108,7 +106,8 @@ def _outcomes(request: RenderRequest, report: ProgressReporter) -> tuple[Drawn, 
     del report
     evidence = _evidence(request, "outcomes")
     path = Path(request.folder) / "outcomes.png"
-    groups = [(records[0].config_name, records) for records in evidence.by_config(evidence.runs).values()]
+    names = short_names(request.runs)
+    groups = [(names[config_id], records) for config_id, records in evidence.by_config(evidence.runs).items()]
     return (path, *draw_outcomes(groups, path)), []
 
 
@@ -126,7 +125,7 @@ def _flips(request: RenderRequest, report: ProgressReporter) -> tuple[Drawn, lis
     evidence = _evidence(request, "flips")
     sides = tuple(
         Side(
-            label=records[0].config_name,
+            label=short_names(request.runs)[config_id],
             config_id=config_id,
             config_name=records[0].config_name,
             run_ids=tuple(record.run_id for record in records),

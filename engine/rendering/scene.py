@@ -29,7 +29,8 @@ from plannerforge.engine.rendering.viewport import Viewport, union, viewport_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-HEADER_PX, LEGEND_ROW_PX, SIDE_PX, GAP_PX, PAIR_WIDTH_PX = 62, 24, 10, 24, 1500
+HEADER_PX, SECOND_LINE_PX, LEGEND_ROW_PX = 62, 18, 24
+SIDE_PX, GAP_PX, PAIR_WIDTH_PX = 10, 24, 1500
 
 
 def draw_background(axes: "Axes", view: SceneView, viewport: Viewport) -> None:
@@ -73,14 +74,17 @@ def draw_picture(views: Sequence[SceneView], path: Path) -> tuple[tuple[int, int
     plot_height = max(plot_width * viewport.height_m / viewport.width_m for viewport in viewports)
     viewports = [fitted(viewport, plot_width / plot_height) for viewport in viewports]
     shown = inventory(views, viewports)
-    height = figure_height(plot_height, shown)
+    header = HEADER_PX + (SECOND_LINE_PX if len(views) > 1 and shown.runs else 0)
+    height = figure_height(plot_height, shown, header)
     figure = new_figure(width, height)
     told = []
     for number, (view, viewport) in enumerate(zip(views, viewports, strict=True)):
-        left, bottom = SIDE_PX + number * (plot_width + GAP_PX), height - HEADER_PX - plot_height
+        left, bottom = SIDE_PX + number * (plot_width + GAP_PX), height - header - plot_height
         axes = figure.add_axes((left / width, bottom / height, plot_width / width, plot_height / height))
         traffic = draw_scene(axes, view, viewport)
-        write_title(figure, view.content.scenario_id, _subtitle(view, traffic), x=left / width + 0.002)
+        write_title(
+            figure, view.content.scenario_id, _subtitle(view, traffic, alone=len(views) == 1), x=left / width + 0.002
+        )
         told.append(alt_text(view, traffic))
     draw_legend(figure, shown)
     image = pixels(figure)
@@ -88,9 +92,9 @@ def draw_picture(views: Sequence[SceneView], path: Path) -> tuple[tuple[int, int
     return image.size, " Beside it: ".join(told)
 
 
-def figure_height(plot_height_px: float, shown: Inventory) -> int:
+def figure_height(plot_height_px: float, shown: Inventory, header_px: int = HEADER_PX) -> int:
     """Height of the whole figure in pixels: title, plot and as many legend rows as are needed."""
-    return round(HEADER_PX + plot_height_px + shown.rows * LEGEND_ROW_PX + 10)
+    return round(header_px + plot_height_px + shown.rows * LEGEND_ROW_PX + 10)
 
 
 def alt_text(view: SceneView, traffic: TrafficDrawn) -> str:
@@ -116,21 +120,22 @@ def draw_egos(axes: "Axes", view: SceneView, *, start: bool = True) -> list[Name
     egos = [path_corners(path, view.step) for path in view.paths]
     for number in reversed(range(len(egos))):
         draw_ego(axes, egos[number], colour=view.ego_colour(number))
-    names = [path.record.config_name for path in view.paths] if len(view.paths) > 1 else ["ego"]
+    names = [path.name for path in view.paths] if len(view.paths) > 1 else ["ego"]
     drawn = egos or ([begin] if begin is not None else [])
     return [NamedOutline(name, corners) for name, corners in zip(names, drawn, strict=False)]
 
 
-def _subtitle(view: SceneView, traffic: TrafficDrawn) -> str:
+def _subtitle(view: SceneView, traffic: TrafficDrawn, *, alone: bool) -> str:
+    """Time, speed and counts; beside another scene the outcomes too, which one legend cannot tell for both."""
     speed = ""
     if len(view.paths) == 1:
         path = view.paths[0]
         speed = f"ego {path.speeds_mps[path.index_at(view.step)]:.1f} m/s · "
-    elif view.paths:
-        speed = "".join(f"{path.label} · " for path in view.paths) if len(view.paths) == 2 else ""
-    elif view.content.ego_position is not None:
+    elif view.content.ego_position is not None and not view.paths:
         speed = f"ego starts at {view.content.ego_speed_mps:.1f} m/s · "
-    return f"t = {view.time_s:.1f} s · {speed}{traffic.counts()}"
+    outcomes = " · ".join(path.label for path in view.paths)
+    second = f"\n{outcomes}" if outcomes and not alone else ""
+    return f"t = {view.time_s:.1f} s · {speed}{traffic.counts()}{second}"
 
 
 def _prepare(axes: "Axes", viewport: Viewport) -> None:

@@ -69,7 +69,7 @@ def inventory(
                 signal.state_at(step) for signal in view.content.signals if viewport.contains(signal.position[None, :])
             }
         for path in view.paths:
-            runs.setdefault(path.series, path.label if len(views) == 1 else path.record.config_name)
+            runs.setdefault(path.series, path.label if len(views) == 1 else path.name)
         stop_lines |= any(viewport.contains(line) for line in view.content.stop_lines)
         collided = [path.record.collision for path in view.paths if path.record.collision is not None]
         collision |= any(found.step <= max(shown) for found in collided)

@@ -1,0 +1,89 @@
+"""Runs made by hand: records and step files, for tests of analysis and pictures."""
+
+from pathlib import Path
+
+from plannerforge.schemas.results import ConfigWeights, RunSource
+from plannerforge.schemas.runs import CollisionRecord, Outcome, RunMetrics, RunRecord, RunSteps
+
+DEFAULT = ConfigWeights(
+    config_id="cfg_a",
+    name="frenetix:Default",
+    planner="frenetix",
+    weights={"prediction": 0.2, "velocity_offset": 1.0, "distance_to_obstacles": 0.0, "lateral_jerk": 0.2},
+)
+SAFE = ConfigWeights(
+    config_id="cfg_b",
+    name="frenetix:Safe",
+    planner="frenetix",
+    weights={"prediction": 0.5, "velocity_offset": 1.0, "distance_to_obstacles": 1.0, "lateral_jerk": 0.2},
+)
+
+
+def metrics(**changes: float | None) -> RunMetrics:
+    """Unremarkable metrics with some values changed."""
+    values: dict[str, float | None] = {
+        "duration_s": 5.0,
+        "distance_m": 50.0,
+        "mean_speed_mps": 10.0,
+        "minimum_distance_m": 2.0,
+        "minimum_time_to_collision_s": 4.0,
+        "maximum_jerk_mps3": 2.0,
+        "mean_squared_jerk": 1.0,
+        "maximum_lateral_acceleration_mps2": 1.0,
+        "mean_total_cost": 3.0,
+    }
+    return RunMetrics.model_validate(values | changes)
+
+
+def record(
+    scenario_id: str = "ZAM_Town-1_1_T-1",
+    outcome: Outcome = "goal_reached",
+    config: ConfigWeights = DEFAULT,
+    *,
+    obstacle_id: int | None = None,
+    rejected: dict[str, int] | None = None,
+    figures: RunMetrics | None = None,
+    prediction: str = "constant_velocity",
+    seed: int = 0,
+) -> RunRecord:
+    """A run with these facts; a collision is at step 40."""
+    collision = None
+    if outcome == "collision":
+        collision = CollisionRecord(obstacle_id=obstacle_id or 1, kind="car", step=40, time_s=4.0)
+    return RunRecord(
+        run_id=f"run_{config.config_id}_{scenario_id}_{prediction}_{seed}",
+        scenario_id=scenario_id,
+        problem_id=100,
+        config_id=config.config_id,
+        config_name=config.name,
+        planner=config.planner,
+        prediction=prediction,  # type: ignore[arg-type]
+        traffic="recorded",
+        seed=seed,
+        step_s=0.1,
+        outcome=outcome,
+        reason=f"ended as {outcome}",
+        collision=collision,
+        rejected_candidates=rejected or {},
+        metrics=None if outcome == "invalid" else figures or metrics(),
+    )
+
+
+def source(run: RunRecord, folder: Path | None = None, **costs: float) -> RunSource:
+    """The run with a file of 41 steps straight ahead at 10 m/s, planned every third step at these constant costs."""
+    if folder is None:
+        return RunSource(record=run)
+    planned = tuple(range(0, 41, 3))
+    steps = RunSteps(
+        first_step=0,
+        x_m=tuple(40.0 + step for step in range(41)),
+        y_m=(0.0,) * 41,
+        heading_rad=(0.0,) * 41,
+        speed_mps=(10.0,) * 41,
+        acceleration_mps2=(0.0,) * 41,
+        plan_steps=planned,
+        costs={term: (value,) * len(planned) for term, value in costs.items()},
+    )
+    path = folder / f"{run.run_id}.json"
+    path.write_text(steps.model_dump_json(), encoding="utf-8")
+    return RunSource(record=run, steps_path=str(path))
