@@ -40,7 +40,8 @@ class DescribeCatalogResult(Result):
         lines = [f"{self.scenarios} scenarios."]
         for facet in self.facets:
             note = f" ({facet.note})" if facet.note else ""
-            names = ", ".join(f"{name} {count}" if count else name for name, count in facet.counts.items())
+            between = ": " if facet.facet in ("lanes", "speed_limit") else " "
+            names = ", ".join(f"{name}{between}{count}" if count else name for name, count in facet.counts.items())
             lines.append(f"{facet.facet}{note}: {names or 'none'}")
         return "\n".join(lines)
 

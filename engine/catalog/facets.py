@@ -6,7 +6,8 @@ from collections.abc import Callable
 from plannerforge.schemas.catalog import FacetCounts
 from plannerforge.schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAGS
 
-PLACES_SHOWN = 24
+PLACES_SHOWN = 6
+KEYS_SHOWN = 3
 
 
 def scenario_facets(
@@ -41,7 +42,10 @@ def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     shown = places if whole else dict(list(places.items())[:PLACES_SHOWN])
     hidden = len(places) - len(shown)
     note = f"{hidden} more with facet places" if hidden else ""
-    return [FacetCounts(facet="countries", counts=countries), FacetCounts(facet="places", counts=shown, note=note)]
+    return [
+        FacetCounts(facet="countries", counts=countries if whole else dict(list(countries.items())[:12])),
+        FacetCounts(facet="places", counts=shown, note=note),
+    ]
 
 
 def _words(
@@ -66,13 +70,25 @@ def _road_net(
     on_map = _counted([f"{word}@map" for kind, word in held if kind == "sign@map"])
     none = [word for word in known if f"{word}@map" not in on_map]
     extra = dict.fromkeys(none, 0) if whole else {}
-    count = _counted([f"lanes={value}" for value in lanes if value is not None])
+    count = _counted([str(value) for value in lanes if value is not None])
     limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'")
-    posted = _counted([f"{row[0]:g}km/h" for row in limits if row[1] in numbers])
-    note = "on the ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys in none")
-    facets = [FacetCounts(facet="road_net", counts={**on_ego, **on_map, **extra}, note=note)]
-    facets.append(FacetCounts(facet="lanes", counts=dict(sorted(count.items()))))
-    return [*facets, FacetCounts(facet="limits on the ego's lane", counts=posted)]
+    posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
+    note = "ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys in none")
+    shown = {**on_ego, **on_map, **extra} if whole else dict(_most(on_ego) + _most(on_map))
+    facets = [FacetCounts(facet="road_net", counts=shown, note=note)]
+    facets.append(FacetCounts(facet="lanes", counts=dict(sorted(count.items(), key=lambda item: int(item[0])))))
+    return [
+        *facets,
+        FacetCounts(
+            facet="speed_limit",
+            counts=posted if whole else dict(list(posted.items())[:3]),
+            note="km/h, on the ego's lane",
+        ),
+    ]
+
+
+def _most(counts: dict[str, int]) -> list[tuple[str, int]]:
+    return list(counts.items())[:KEYS_SHOWN]
 
 
 def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: bool) -> list[FacetCounts]:
@@ -81,14 +97,14 @@ def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: b
     none = [kind for kind in OBSTACLE_TYPES if kind not in counts]
     if whole:
         counts |= dict.fromkeys(none, 0)
-    note = "scenarios with at least one" + (f"; none with {', '.join(none)}" if none and not whole else "")
+    note = "scenarios with any" + (f"; {len(none)} types in none" if none and not whole else "")
     return [FacetCounts(facet="obstacles", counts=counts, note=note)]
 
 
 def _speeds(speeds: list[float]) -> list[FacetCounts]:
     if not speeds:
         return []
-    note = f"ego's initial speed {min(speeds):.1f} to {max(speeds):.1f} m/s"
+    note = f"at the start, up to {max(speeds):.0f} m/s"
     bands = [("<5m/s", 0, 5), ("5..10m/s", 5, 10), ("10..20m/s", 10, 20), (">=20m/s", 20, float("inf"))]
     counts = {name: sum(1 for speed in speeds if low <= speed < high) for name, low, high in bands}
     return [FacetCounts(facet="ego_speed", counts=counts, note=note)]

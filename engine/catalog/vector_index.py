@@ -132,7 +132,7 @@ def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed) -> 
         connection.execute("CREATE TABLE IF NOT EXISTS vectors (digest TEXT PRIMARY KEY, vector BLOB NOT NULL)")
         known = {row[0]: row[1] for row in connection.execute("SELECT digest, vector FROM vectors")}
         missing = {digests[key]: texts[key] for key in sorted(texts) if digests[key] not in known}
-        made = embed(list(missing.values()))
+        made = embed(list(missing.values())) if missing else ()
         fresh = {digest: vector.tobytes() for digest, vector in zip(missing, made, strict=True)}
         connection.executemany("INSERT OR IGNORE INTO vectors VALUES (?, ?)", sorted(fresh.items()))
         connection.commit()

@@ -1,0 +1,55 @@
+"""Spellings of places and countries."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plannerforge.engine.catalog.places import country_code, place_keys, same_place
+
+STORED = ["Munich", "Nuremberg", "Moelln", "Carcarana", "SantBoideLlobregat", "Bilderstoeckchen", "Beijing", "US101"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "stored"),
+    [
+        ("München", "Munich"),
+        ("muc", "Munich"),
+        ("Nürnberg", "Nuremberg"),
+        ("Mölln", "Moelln"),
+        ("molln", "Moelln"),
+        ("Carcarañá", "Carcarana"),
+        ("Sant Boi de Llobregat", "SantBoideLlobregat"),
+        ("Bilderstöckchen", "Bilderstoeckchen"),
+        ("Peking", "Beijing"),
+        ("北京", "Beijing"),
+        ("US 101", "US101"),
+    ],
+)
+def test_other_spellings_mean_the_stored_place(typed: str, stored: str) -> None:
+    assert same_place(typed, STORED) == [stored]
+
+
+def test_a_decomposed_umlaut_is_the_same_letter() -> None:
+    assert same_place("Mo\u0308lln", STORED) == ["Moelln"]
+
+
+def test_another_place_is_not_mistaken() -> None:
+    assert same_place("Bremen", STORED) == []
+
+
+@given(st.text(max_size=40))
+def test_any_text_has_keys_without_failing(text: str) -> None:
+    assert all(key for key in place_keys(text))
+
+
+@pytest.mark.parametrize(
+    ("typed", "code"),
+    [("DEU", "DEU"), ("deu", "DEU"), ("Germany", "DEU"), ("Österreich", "AUT"), ("uk", "GBR"), ("JPN", "JPN")],
+)
+def test_countries_by_code_or_name(typed: str, code: str) -> None:
+    assert country_code(typed) == code
+
+
+@pytest.mark.parametrize("typed", ["", "Atlantis", "12", "D3U"])
+def test_no_country(typed: str) -> None:
+    assert country_code(typed) is None
