@@ -1,0 +1,154 @@
+"""The analysis of a set of runs."""
+
+from pathlib import Path
+
+import pytest
+from builders import town_road
+from run_samples import DEFAULT, SAFE, metrics, record, source
+
+from plannerforge.engine.analysis.summarise import analyse
+from plannerforge.engine.execution.progress import silent
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnknownName
+from plannerforge.schemas.results import AnalyseRequest, AnalyzeResultsResult, RunSource, ScenarioSource
+from plannerforge.schemas.runs import LostCell
+
+
+def analysed(*runs: RunSource, **changes: object) -> AnalyzeResultsResult:
+    values = {"results": ("batch_x",), "runs": runs, "configs": (DEFAULT, SAFE)} | changes
+    return analyse(AnalyseRequest.model_validate(values), silent)
+
+
+def five_runs() -> list[RunSource]:
+    outcomes = ["goal_reached", "collision", "goal_reached", "invalid", "timeout"]
+    return [source(record(f"DEU_Town-{n}_1_T-1", outcome)) for n, outcome in enumerate(outcomes)]  # type: ignore[arg-type]
+
+
+def test_invalid_items_are_in_no_denominator() -> None:
+    found = analysed(*five_runs())
+    assert (found.runs, found.success.count, found.success.of, found.invalid_count) == (5, 2, 4, 1)
+    assert found.invalid[0].scenario_id == "DEU_Town-3_1_T-1"
+    assert {item.outcome: (item.rate.count, item.rate.of) for item in found.outcomes} == {
+        "goal_reached": (2, 4),
+        "collision": (1, 4),
+        "timeout": (1, 4),
+    }
+    assert "5 runs (4 valid, 1 invalid): goal 2/4 = 50 %" in found.to_text()
+
+
+def test_lost_cells_are_named_and_counted_nowhere() -> None:
+    lost = LostCell(scenario_id="X", config_id="cfg_a", error="[worker_timeout] late")
+    found = analysed(*five_runs(), lost=(lost,))
+    assert found.runs == 5
+    assert "1 cells gave no run" in found.to_text()
+    assert "worker_timeout" in found.to_text()
+
+
+def test_only_invalid_runs_give_no_rate() -> None:
+    found = analysed(source(record(outcome="invalid")), source(record("ZAM_B-1_1_T-1", "invalid")))
+    assert found.success.share is None
+    assert "goal 0/0" in found.to_text()
+
+
+def test_groups_by_what_is_asked() -> None:
+    runs = [source(record("DEU_A-1_1_T-1")), source(record("C-USA_B-1_1_T-1", "collision"))]
+    by_country = analysed(*runs, breakdown="country").groups
+    assert [(group.name, group.success.count) for group in by_country] == [("DEU", 1), ("USA", 0)]
+    scenarios = (ScenarioSource(scenario_id="DEU_A-1_1_T-1", path="-", obstacles={"car": 3, "truck": 9}),)
+    by_count = analysed(*runs, breakdown="obstacle_count", scenarios=scenarios).groups
+    assert [group.name for group in by_count] == ["10–19 obstacles", "unknown"]
+    by_class = analysed(*runs, breakdown="obstacle_class", scenarios=scenarios).groups
+    assert [group.name for group in by_class] == ["unknown", "with car", "with truck"]
+
+
+def test_cost_of_several_configurations_is_not_averaged() -> None:
+    one = analysed(source(record()), source(record("ZAM_B-1_1_T-1")))
+    two = analysed(source(record()), source(record(config=SAFE)))
+    assert "mean_total_cost" in {item.name for item in one.metrics}
+    assert "mean_total_cost" not in {item.name for item in two.metrics}
+
+
+def test_metrics_count_only_where_they_are_defined() -> None:
+    runs = [source(record()), source(record("ZAM_B-1_1_T-1", figures=metrics(minimum_distance_m=None)))]
+    found = {item.name: item for item in analysed(*runs).metrics}
+    assert (found["minimum_distance_m"].n, found["duration_s"].n) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("condition", "kept"),
+    [
+        ("outcome=collision", 1),
+        ("!outcome=collision", 4),
+        ("country=DEU", 5),
+        ("city=town", 5),
+        ("config=frenetix:Default", 5),
+        ("duration_s>=5", 4),
+        ("minimum_distance_m<0.5", 0),
+    ],
+)
+def test_conditions_choose_runs(condition: str, kept: int) -> None:
+    if kept:
+        assert analysed(*five_runs(), where=(condition,)).runs == kept
+    else:
+        with pytest.raises(NotPossible, match="no run meets"):
+            analysed(*five_runs(), where=(condition,))
+
+
+@pytest.mark.parametrize(
+    ("condition", "error", "named"),
+    [
+        ("outcom=collision", UnknownName, "outcome"),
+        ("outcome=colision", UnknownName, "collision"),
+        ("outcome>=3", InvalidRequest, "outcome="),
+        ("duration_s=long", InvalidRequest, "duration_s>=1"),
+    ],
+)
+def test_conditions_that_cannot_be_meant_name_what_can(condition: str, error: type[Exception], named: str) -> None:
+    with pytest.raises(error) as raised:
+        analysed(*five_runs(), where=(condition,))
+    assert named in str(raised.value)
+
+
+def test_timeline_shows_the_gap_to_the_one_that_was_hit(tmp_path: Path) -> None:
+    scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().write(tmp_path / "town.xml")))
+    run = source(record(outcome="collision", obstacle_id=35), tmp_path, velocity_offset=3.0, prediction=1.0)
+    found = analysed(run, detail="timeline", scenarios=(scenario,)).timeline
+    assert len(found) == 10
+    assert (found[-1].time_s, found[-1].obstacle_id, found[-1].largest_cost) == (4.0, 35, "velocity_offset")
+    assert found[-1].largest_cost_share == pytest.approx(0.75)
+    # The ego's centre is at 80 m, the other's at 165 + 8 · 4 = 197 m; half of both lengths are 2.254 and 2.25 m.
+    assert found[-1].gap_m == pytest.approx(117 - 4.504, abs=1e-3)
+
+
+def test_timeline_of_several_runs_is_refused() -> None:
+    with pytest.raises(NotPossible, match="a timeline shows one run, these are 5"):
+        analysed(*five_runs(), detail="timeline")
+
+
+def test_missing_steps_are_a_failure_of_ours(tmp_path: Path) -> None:
+    run = RunSource(record=record(), steps_path=str(tmp_path / "gone.json"))
+    with pytest.raises(ResourceFailure, match="cannot be read"):
+        analysed(run, detail="costs")
+
+
+def test_correlations_need_enough_runs(tmp_path: Path) -> None:
+    runs = [source(record(f"ZAM_T-{n}_1_T-1", "collision" if n < 6 else "goal_reached")) for n in range(14)]
+    scenarios = tuple(
+        ScenarioSource(scenario_id=run.record.scenario_id, path="-", obstacles={"car": 20 - n})
+        for n, run in enumerate(runs)
+    )
+    assert "at least 12 are needed" in analysed(*runs[:8], scenarios=scenarios, detail="findings").notes[-1]
+    found = analysed(*runs, scenarios=scenarios).correlations
+    assert [item.feature for item in found] == ["obstacles"]
+    assert found[0].rho < -0.8
+    assert found[0].p <= found[0].p_holm < 0.01
+
+
+def test_default_answer_of_a_large_batch_stays_small() -> None:
+    runs = [
+        source(record(f"DEU_LongNamedTown-{n}_{n}_T-1", "collision" if n % 3 else "goal_reached", config))
+        for n in range(150)
+        for config in (DEFAULT, SAFE)
+    ]
+    found = analysed(*runs)
+    assert len(found.to_text()) < 4500
+    assert len(found.model_dump_json()) < 9000

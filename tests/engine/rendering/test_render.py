@@ -1,0 +1,124 @@
+"""Pictures, animations and charts: sizes, the same bytes every time, everything named."""
+
+from pathlib import Path
+
+import pytest
+from builders import town_road
+from PIL import Image
+from run_samples import DEFAULT, SAFE, record, source
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.rendering.render import choose_kind, render
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.rendering import RenderedImage, RenderRequest
+from plannerforge.schemas.results import RunSource, ScenarioSource
+
+TOWN = "ZAM_Builder-1_1_T-1"
+
+
+@pytest.fixture
+def town(tmp_path: Path) -> ScenarioSource:
+    return ScenarioSource(scenario_id=TOWN, path=str(town_road().write(tmp_path / "town.xml")))
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> tuple[RunSource, RunSource]:
+    hit = source(record(TOWN, "collision", DEFAULT, obstacle_id=31), tmp_path, velocity_offset=3.0, prediction=0.3)
+    return hit, source(record(TOWN, "goal_reached", SAFE), tmp_path, velocity_offset=2.0, distance_to_obstacles=1.0)
+
+
+def drawn(folder: Path, **changes: object) -> RenderedImage:
+    folder.mkdir(exist_ok=True)
+    request = RenderRequest.model_validate({"kind": "auto", "folder": str(folder)} | changes)
+    return render(request, silent).images[0]
+
+
+def test_picture_names_every_vehicle_and_is_small(tmp_path: Path, town: ScenarioSource) -> None:
+    image = drawn(tmp_path / "out", scenarios=(town,))
+    assert image.mime_type == "image/png"
+    assert image.width_px >= 1000
+    assert image.size_bytes < 300_000
+    assert "4 vehicles in view, 1 outside, labelled 31, 32, 33, 35" in image.alt_text
+
+
+def test_colours_that_mean_something_are_exact(tmp_path: Path, town: ScenarioSource) -> None:
+    path = Path(drawn(tmp_path / "out", scenarios=(town,)).path)
+    with Image.open(path) as opened:
+        colours = {colour for _, colour in opened.convert("RGB").getcolors(1 << 20) or []}
+    # white, road, ego, car, truck
+    assert {(255, 255, 255), (228, 228, 228), (213, 94, 0), (86, 180, 233), (0, 158, 115)} <= colours
+
+
+@pytest.mark.parametrize("kind", ["picture", "outcomes", "costs", "flips", "profile"])
+def test_pictures_and_charts_are_the_same_bytes_again(
+    tmp_path: Path, town: ScenarioSource, pair: tuple[RunSource, RunSource], kind: str
+) -> None:
+    given = {"kind": kind, "scenarios": (town,), "runs": pair, "configs": (DEFAULT, SAFE)}
+    first, second = drawn(tmp_path / "a", **given), drawn(tmp_path / "b", **given)
+    assert Path(first.path).read_bytes() == Path(second.path).read_bytes()
+    assert first.width_px >= 1000
+    assert first.size_bytes < 300_000
+    assert len(first.alt_text) > 40
+
+
+def test_runs_are_named_with_their_outcome(
+    tmp_path: Path, town: ScenarioSource, pair: tuple[RunSource, RunSource]
+) -> None:
+    image = drawn(tmp_path / "out", scenarios=(town,), runs=pair)
+    assert "at 4.0 s" in image.alt_text
+    assert "driven paths of Default: collision; Safe: goal reached" in image.alt_text
+
+
+def test_animation_moves_and_ends_with_the_run(
+    tmp_path: Path, town: ScenarioSource, pair: tuple[RunSource, RunSource]
+) -> None:
+    given = {"kind": "animation", "scenarios": (town,), "runs": pair[:1]}
+    image = drawn(tmp_path / "a", **given)
+    again = drawn(tmp_path / "b", **given)
+    assert image.size_bytes < 2_000_000
+    assert Path(image.path).read_bytes() == Path(again.path).read_bytes()
+    with Image.open(image.path) as opened:
+        assert opened.n_frames == 41  # type: ignore[attr-defined]
+        assert opened.info["duration"] == 100
+        first = opened.convert("RGB").tobytes()
+        opened.seek(40)
+        assert opened.convert("RGB").tobytes() != first
+
+
+def test_long_recordings_are_thinned_to_few_frames(tmp_path: Path, town: ScenarioSource) -> None:
+    image = drawn(tmp_path / "out", kind="animation", scenarios=(town,))
+    with Image.open(image.path) as opened:
+        assert opened.n_frames <= 60  # type: ignore[attr-defined]
+
+
+def test_two_scenarios_stand_side_by_side(tmp_path: Path, town: ScenarioSource) -> None:
+    other = town.model_copy(update={"scenario_id": "ZAM_Other-1_1_T-1"})
+    image = drawn(tmp_path / "out", scenarios=(town, other))
+    assert image.width_px == 1500
+    assert "Beside it:" in image.alt_text
+
+
+def test_auto_chooses_outcomes_for_several_scenarios(town: ScenarioSource) -> None:
+    runs = (source(record("ZAM_A-1_1_T-1")), source(record("ZAM_B-1_1_T-1")))
+    assert choose_kind(RenderRequest(kind="auto", folder=".", runs=runs)) == "outcomes"
+    assert choose_kind(RenderRequest(kind="auto", folder=".", runs=runs[:1])) == "picture"
+
+
+@pytest.mark.parametrize("kind", ["outcomes", "costs", "flips", "profile"])
+def test_charts_without_runs_are_refused(tmp_path: Path, town: ScenarioSource, kind: str) -> None:
+    with pytest.raises(NotPossible, match="no run was named"):
+        drawn(tmp_path, kind=kind, scenarios=(town,))
+
+
+def test_a_moment_after_the_end_is_refused(tmp_path: Path, town: ScenarioSource) -> None:
+    with pytest.raises(InvalidRequest, match=r"ends at 15\.0 s; time_s is 99"):
+        drawn(tmp_path, scenarios=(town,), time_s=99.0)
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize("name", ["DEU_A99-1_2_T-1", "BEL_Antwerp-1_9_T-1", "ZAM_Zip-1_6_T-1"])
+def test_real_scenarios_are_drawn(tmp_path: Path, shared_data: Path, name: str) -> None:
+    path = shared_data / "data" / "commonroad" / f"{name}.xml"
+    image = drawn(tmp_path, scenarios=(ScenarioSource(scenario_id=name, path=str(path)),))
+    assert image.size_bytes < 300_000
+    assert "in view" in image.alt_text
