@@ -2,6 +2,7 @@
 
 import os
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,10 @@ class Applied:
         """Ids of the first-level elements whose serialisation differs between the files, or that only one has."""
         old, new = elements(self.base), elements(self.xml)
         return {key for key in {*old, *new} if old.get(key) != new.get(key)}
+
+
+Apply = Callable[..., Applied]
+"""The fixture ``apply``: edits as dictionaries, ``builder`` for another scenario, anything else for the request."""
 
 
 def apply_to(base: Path, output: Path, *edits: dict[str, Any], **request: Any) -> Applied:

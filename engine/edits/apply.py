@@ -57,9 +57,9 @@ def _check(request: ModificationRequest, scene: Scene, changes: Changes, result:
     lost = [key for key in result.missing if key in changes.driven]
     if lost:
         raise NotPossible(
-            f"vehicle {', '.join(map(str, lost))} leaves the road network within two steps of its start",
+            f"vehicle {', '.join(map(str, lost))} cannot be driven: SUMO did not take, or the scenario ends",
             valid=[key for key in scene.tracks if key not in lost],
-            next_step="choose a vehicle or a place with road ahead",
+            next_step="choose another vehicle or place",
         )
     hits = reported_collisions(scene, result)
     if hits and request.on_conflict == "refuse":

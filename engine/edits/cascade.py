@@ -7,10 +7,12 @@ from plannerforge.engine.edits.changes import Changes, DrivePlan, not_drivable, 
 from plannerforge.engine.edits.collisions import Overlap, body_of_touched, body_of_track, new_overlaps
 from plannerforge.engine.edits.handover import TouchedTrack, touched_track
 from plannerforge.engine.edits.participants import participants
-from plannerforge.engine.edits.resimulation import SimulationSetup, resimulate
+from plannerforge.engine.edits.resimulation import DrivenTrack, SimulationSetup, front_of, resimulate
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.geometry.polyline import project
 
 ROUNDS = 3
+END_M = 0.5
 REACTION_S = 4.0
 """A handed-over vehicle is driven from so long before the collision on."""
 
@@ -40,15 +42,28 @@ def resimulate_until_clear(scene: Scene, changes: Changes, setup: SimulationSetu
 
 def _round(scene: Scene, changes: Changes, setup: SimulationSetup, plans: Mapping[int, DrivePlan]) -> Resimulated:
     driven = resimulate(setup, participants(scene, changes, plans))
-    tracks = {
-        key: made
-        for key, plan in plans.items()
-        if key in driven and (made := touched_track(plan.start, driven[key], scene.step_s)) is not None
-    }
+    tracks: dict[int, TouchedTrack] = {}
+    for key, plan in plans.items():
+        seen = driven.get(key) or _gone_at_once(scene, plan)
+        made = None if seen is None else touched_track(plan.start, seen, scene.step_s, scene.last_step)
+        if made is not None:
+            tracks[key] = made
     recorded = {key: body_of_track(track) for key, track in (scene.tracks | scene.standing).items()}
     others = [body for key, body in recorded.items() if key not in tracks and key not in changes.removed]
     overlaps = new_overlaps([body_of_touched(track) for track in tracks.values()], others, recorded)
     return Resimulated(plans, tracks, overlaps, tuple(key for key in plans if key not in tracks))
+
+
+def _gone_at_once(scene: Scene, plan: DrivePlan) -> DrivenTrack | None:
+    """The track of a vehicle that SUMO never showed because its bumper is beyond the end of the network."""
+    index = plan.from_step - plan.start.first_step
+    match = scene.matches.get(plan.start.obstacle_id)
+    lanelet = plan.lanelets[0] if match is None else match.at(index)
+    lane, front = scene.layout.table.lanes[lanelet], front_of(plan.start, index)
+    station, _ = project(lane.center, front)
+    if scene.layout.table.successors[lanelet] or station < lane.length_m - END_M:
+        return None
+    return DrivenTrack(plan.from_step, front[None], (), leaves=True)
 
 
 def _handed_over(scene: Scene, plans: Mapping[int, DrivePlan], overlaps: tuple[Overlap, ...]) -> dict[int, DrivePlan]:

@@ -11,6 +11,7 @@ from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.smoothing import REAR_AXLE_BEHIND_CENTER_M, Motion, drivable_motion
 
 HISTORY_STEPS = 15
+FEWEST_STATES = 5
 POSE_DECAY_S, SPEED_DECAY_S = 1.5, 0.6
 STANDING_MPS = 0.02
 
@@ -33,19 +34,34 @@ class TouchedTrack:
         return self.first_step + len(self.motion.speeds_mps) - 1
 
 
-def touched_track(start: Track, driven: DrivenTrack, step_s: float) -> TouchedTrack | None:
-    """Smooth a driven track and join it to its recorded start without a jump; None if it leaves within two steps."""
-    if len(driven.front) < 3:
-        return None
+def touched_track(start: Track, driven: DrivenTrack, step_s: float, last_step: int) -> TouchedTrack | None:
+    """Smooth a driven track and join it to its recorded start without a jump.
+
+    A vehicle that leaves the network at once rolls straight on for a few steps, because the road does not end where
+    the map does. None if the scenario ends within two steps of the hand-over.
+    """
     index = driven.first_step - start.first_step
+    wanted = min(FEWEST_STATES, last_step - driven.first_step + 1)
+    onward = _rolled_on(start, index, driven.front[1:], wanted - 1, step_s)
+    if len(onward) < 2:
+        return None
     history = _history(start, index, step_s)
-    front = np.concatenate([history, front_of(start, index)[None], driven.front[1:]])
+    front = np.concatenate([history, front_of(start, index)[None], onward])
     first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
     smooth = drivable_motion(front, first_heading, start.length_m, step_s)
     motion = _joined(smooth, len(history), start, index, step_s)
     return TouchedTrack(
         start.obstacle_id, driven.first_step, motion, start.length_m, start.width_m, driven.leaves, driven.lanes
     )
+
+
+def _rolled_on(start: Track, index: int, onward: Points, count: int, step_s: float) -> Points:
+    """The front track after the hand-over with at least ``count`` points, led straight on at the recorded speed."""
+    angle, speed = float(start.headings_rad[index]), max(float(start.speeds_mps[index]), 0.0)
+    forward = np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
+    last = onward[-1] if len(onward) else front_of(start, index)
+    more = [last + forward * step for step in range(1, count - len(onward) + 1)]
+    return np.array([*onward, *more]).reshape(-1, 2)
 
 
 def _history(start: Track, index: int, step_s: float) -> Points:

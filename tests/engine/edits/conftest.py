@@ -1,14 +1,11 @@
 """Applying edits to scenarios made by hand."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from builders import ScenarioBuilder, town_road
-from edit_support import Applied, apply_to
-
-Apply = Callable[..., Applied]
+from edit_support import Applied, Apply, apply_to
 
 
 @pytest.fixture

@@ -1,0 +1,41 @@
+"""A replayed vehicle that would run into an edited one is handed over too; what is left is reported."""
+
+import pytest
+from builders import driving, town_road
+from edit_support import Apply
+
+from plannerforge.schemas.errors import NotPossible
+
+BRAKES = {"op": "set_behaviour", "vehicles": ["31"], "params": ["speedFactor=0.2"]}
+PAIR = town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), driving(32, (35, 0), 10.0, 101))
+
+
+def test_a_follower_that_would_hit_is_handed_over_and_said_so(apply: Apply) -> None:
+    applied = apply(BRAKES, builder=PAIR)
+    assert applied.outcome.handed_over == (32,)
+    assert applied.outcome.collisions == ()
+    assert applied.changed_elements() == {"31", "32"}
+
+
+def test_a_follower_far_behind_stays_as_recorded(apply: Apply) -> None:
+    far = town_road().with_vehicles(driving(31, (150, 0), 10.0, 101), driving(32, (5, 0), 1.0, 101))
+    applied = apply(BRAKES, builder=far)
+    assert applied.outcome.handed_over == ()
+    assert applied.changed_elements() == {"31"}
+
+
+def test_a_collision_that_nothing_cures_is_reported_or_refused(apply: Apply) -> None:
+    walker = driving(36, (75, 0), 0.1, 101, kind="pedestrian", size_m=(0.6, 0.6))
+    rushing = town_road().with_vehicles(driving(31, (62, 3.5), 14.0, 101), walker)
+    into = {"op": "add_vehicle", "vehicle_class": "car", "at": "1", "position": "66m", "speed": "14m/s"}
+    applied = apply(into, builder=rushing)
+    assert [hit.vehicles for hit in applied.outcome.collisions] == [(101, 36)]
+    with pytest.raises(NotPossible, match="101 with 36") as caught:
+        apply(into, builder=rushing, on_conflict="refuse")
+    assert "on_conflict=report" in caught.value.next_step
+
+
+def test_overlaps_of_the_recording_are_nobody_s_fault(apply: Apply) -> None:
+    overlapping = town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), driving(32, (58, 0), 10.0, 101))
+    applied = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "balanced"}, builder=overlapping)
+    assert applied.outcome.collisions == ()

@@ -1,0 +1,41 @@
+"""Arguments that do not belong to an operation are refused, and all edits or none are carried out."""
+
+from typing import get_args
+
+import pytest
+from edit_support import Apply
+
+from plannerforge.engine.edits.operations import OPERATIONS
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.modification import ARGUMENTS_OF, LETTERS, Edit, Operation
+
+
+def test_every_operation_of_the_schema_is_carried_out_by_a_function() -> None:
+    assert set(OPERATIONS) == set(get_args(Operation)) == set(ARGUMENTS_OF) == set(LETTERS)
+
+
+def test_every_argument_belongs_to_some_operation() -> None:
+    belonging = {name for names in ARGUMENTS_OF.values() for name in names}
+    assert belonging == set(Edit.model_fields) - {"op"}
+
+
+@pytest.mark.parametrize(
+    ("edit", "foreign"),
+    [
+        ({"op": "reroute", "vehicles": ["31"], "to": ["2"], "preset": "eco"}, "preset"),
+        ({"op": "set_goal", "to": ["11"], "vehicles": ["31"]}, "vehicles"),
+        ({"op": "remove_vehicle", "vehicles": ["31"], "speed": "5m/s"}, "speed"),
+        ({"op": "add_vehicle", "vehicle_class": "car", "at": "3", "turn": "left"}, "turn"),
+    ],
+)
+def test_an_argument_of_another_operation_is_refused_with_those_that_belong(
+    apply: Apply, edit: dict[str, object], foreign: str
+) -> None:
+    with pytest.raises(InvalidRequest, match=f"{foreign} does not belong to op {edit['op']}") as caught:
+        apply(edit)
+    assert set(caught.value.valid) == set(ARGUMENTS_OF[edit["op"]])  # type: ignore[index]
+
+
+def test_one_refused_edit_refuses_all(apply: Apply) -> None:
+    with pytest.raises(NotPossible):
+        apply({"op": "remove_vehicle", "vehicles": ["31"]}, {"op": "set_goal", "to": ["3"]})

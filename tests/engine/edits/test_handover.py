@@ -1,0 +1,52 @@
+"""A vehicle is taken over at its recorded state, without a jump in place or speed."""
+
+import numpy as np
+import pytest
+from edit_support import Apply
+
+EDITS = (
+    {"op": "reroute", "vehicles": ["35"], "turn": "right"},
+    {"op": "reroute", "vehicles": ["31"], "to": ["21"]},
+    {"op": "set_behaviour", "vehicles": ["32"], "preset": "aggressive"},
+    {"op": "set_behaviour", "vehicles": ["34"], "preset": "cautious"},
+)
+
+
+@pytest.mark.parametrize("edit", EDITS, ids=lambda edit: f"{edit['op']}-{edit['vehicles'][0]}")
+def test_the_motion_begins_at_the_recorded_state(apply: Apply, edit: dict[str, object]) -> None:
+    applied = apply(edit)
+    for vehicle in applied.outcome.touched:
+        old, new = applied.base_tracks()[vehicle.vehicle_id], applied.tracks()[vehicle.vehicle_id]
+        assert new.positions[0] == pytest.approx(old.positions[0])
+        assert new.headings_rad[0] == pytest.approx(old.headings_rad[0])
+        assert new.speeds_mps[0] == pytest.approx(old.speeds_mps[0])
+        assert vehicle.handover_jump_m is not None
+        assert vehicle.handover_jump_m <= 0.05
+        assert vehicle.handover_speed_step_mps is not None
+        assert vehicle.handover_speed_step_mps <= 1.0
+
+
+@pytest.mark.parametrize("edit", EDITS, ids=lambda edit: f"{edit['op']}-{edit['vehicles'][0]}")
+def test_positions_and_speeds_agree_all_along(apply: Apply, edit: dict[str, object]) -> None:
+    applied = apply(edit)
+    for vehicle in applied.outcome.touched:
+        track = applied.tracks()[vehicle.vehicle_id]
+        moved = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
+        fastest = np.maximum(track.speeds_mps[1:], track.speeds_mps[:-1])
+        assert (moved - fastest * 0.1).max() <= 0.05
+        assert vehicle.feasible
+
+
+def test_nobody_is_driven_beyond_the_scenario(apply: Apply) -> None:
+    applied = apply({"op": "set_behaviour", "vehicles": ["all"], "preset": "balanced"})
+    assert max(track.last_step for track in applied.tracks().values()) <= 150
+
+
+def test_a_vehicle_recorded_for_a_while_only_is_driven_to_the_end(apply: Apply) -> None:
+    from builders import driving, town_road
+
+    short = driving(36, (20, 3.5), 8.0, 30)
+    builder = town_road().with_vehicles(*town_road().vehicles, short)
+    applied = apply({"op": "set_behaviour", "vehicles": ["36"], "preset": "balanced"}, builder=builder)
+    assert applied.base_tracks()[36].last_step == 29
+    assert applied.tracks()[36].last_step == 150

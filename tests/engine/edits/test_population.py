@@ -1,0 +1,152 @@
+"""Edit P: adding and removing."""
+
+import pytest
+from builders import Problem, driving, town_road
+from edit_support import Apply
+
+from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
+
+CAR = {"op": "add_vehicle", "vehicle_class": "car"}
+
+
+@pytest.mark.parametrize(
+    ("place", "expected"),
+    [
+        ({"at": "3", "position": "middle"}, (150.0, 7.0)),
+        ({"at": "3", "position": "beginning"}, (297.75, 7.0)),
+        ({"at": "3", "position": "final"}, (2.25, 7.0)),
+        ({"at": "3", "position": "0.1"}, (270.0, 7.0)),
+        ({"at": "3", "position": "35m"}, (265.0, 7.0)),
+        ({"at": "e13", "position": "quarter"}, (220.0, -40.0)),
+        ({"at": "ego", "offset_m": 12}, (52.0, 0.0)),
+        ({"at": "ego", "offset_m": -12}, (28.0, 0.0)),
+        ({"at": "ego", "lane": "left"}, (40.0, 3.5)),
+        ({"at": "35", "offset_m": 15}, (180.0, 0.0)),
+        ({"at": "lead", "offset_m": 20}, (90.0, 0.0)),
+        ({"at": "35", "offset_m": 60}, (225.0, 0.0)),
+    ],
+)
+def test_a_vehicle_is_put_where_it_was_asked(
+    apply: Apply, place: dict[str, object], expected: tuple[float, float]
+) -> None:
+    applied = apply(CAR | place)
+    track = applied.tracks()[101]
+    assert track.positions[0] == pytest.approx(expected, abs=0.01)
+    assert track.first_step == 0
+
+
+@pytest.mark.parametrize("name", sorted(vehicle_classes()))
+def test_every_class_gets_its_own_size_and_type(apply: Apply, name: str) -> None:
+    applied = apply({"op": "add_vehicle", "vehicle_class": name, "at": "3", "position": "middle", "speed": "5m/s"})
+    track, expected = applied.tracks()[101], vehicle_classes()[name]
+    assert (track.kind, track.length_m, track.width_m) == (
+        expected.commonroad_type,
+        expected.length_m,
+        expected.width_m,
+    )
+    assert track.speeds_mps[0] == pytest.approx(5.0)
+    assert track.positions[-1][0] < 150.0
+
+
+def test_several_stand_downstream_of_the_first(apply: Apply) -> None:
+    applied = apply(CAR | {"at": "13", "position": "beginning", "count": 3, "spacing_m": 12})
+    tracks = applied.tracks()
+    assert applied.outcome.edits[0].vehicles == (101, 102, 103)
+    assert [tracks[key].positions[0][1] for key in (101, 102, 103)] == pytest.approx([-22.25, -34.25, -46.25])
+
+
+def test_a_destination_is_driven_to(apply: Apply) -> None:
+    applied = apply(CAR | {"at": "1", "position": "185m", "to": ["13"], "speed": "20km/h"})
+    (route,) = applied.outcome.edits[0].routes
+    assert route.arrives
+    assert route.lanelets == (1, 12, 13)
+
+
+def test_a_later_departure_enters_when_there_is_room(apply: Apply) -> None:
+    applied = apply(CAR | {"at": "1", "position": "80m", "time_s": 1.0})
+    track = applied.tracks()[101]
+    assert track.first_step >= 10
+    assert not applied.outcome.collisions
+
+
+def test_a_taken_place_is_refused_with_the_nearest_free_one(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="taken by vehicle 31") as caught:
+        apply(CAR | {"at": "1", "position": "71m"})
+    free = caught.value.valid[0]
+    position = free.partition("position='")[2].rstrip("'")
+    assert apply(CAR | {"at": "1", "position": position}).outcome.edits[0].done
+
+
+def test_the_ego_s_own_place_is_taken(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="taken by the ego"):
+        apply(CAR | {"at": "ego"})
+
+
+def test_a_lane_that_is_not_there_is_refused(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="no lane of its direction to its right") as caught:
+        apply(CAR | {"at": "ego", "lane": "right"})
+    assert set(caught.value.valid) == {"same", "left"}
+
+
+def test_an_unknown_class_is_refused_with_those_there_are(apply: Apply) -> None:
+    with pytest.raises(UnknownName, match="tank") as caught:
+        apply({"op": "add_vehicle", "vehicle_class": "tank", "at": "3"})
+    assert set(caught.value.valid) <= set(vehicle_classes())
+
+
+def test_a_place_is_needed(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest, match="needs a place"):
+        apply(CAR)
+
+
+@pytest.mark.parametrize("speed", ["90m/s", "-3m/s"])
+def test_an_impossible_speed_is_refused(apply: Apply, speed: str) -> None:
+    with pytest.raises(InvalidRequest, match="does not drive"):
+        apply(CAR | {"at": "3", "speed": speed})
+
+
+def test_removed_vehicles_are_gone_and_the_others_stay(apply: Apply) -> None:
+    applied = apply({"op": "remove_vehicle", "vehicles": ["all", "!33", "!class:motorcycle"]})
+    assert set(applied.tracks()) == {33, 34}
+    assert applied.outcome.removed == (31, 32, 35)
+    assert applied.outcome.untouched == 2
+
+
+def test_driven_vehicles_do_not_see_removed_ones(apply: Apply) -> None:
+    builder = town_road().with_vehicles(driving(32, (60, 0), 1.0, 151), driving(33, (30, 0), 5.0, 151))
+    behind = {
+        "op": "set_behaviour",
+        "vehicles": ["33"],
+        "params": ["lcSpeedGain=0", "lcStrategic=0", "lcCooperative=0"],
+    }
+    blocked = apply(behind, builder=builder).tracks()[33].positions[-1][0]
+    free = apply({"op": "remove_vehicle", "vehicles": ["32"]}, behind, builder=builder).tracks()[33].positions[-1][0]
+    assert free > blocked + 20
+
+
+def test_a_removed_vehicle_cannot_be_edited_afterwards(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="removed by an earlier edit"):
+        apply(
+            {"op": "remove_vehicle", "vehicles": ["31"]}, {"op": "set_behaviour", "vehicles": ["31"], "preset": "eco"}
+        )
+
+
+def test_an_added_vehicle_can_be_edited_and_removed(apply: Apply) -> None:
+    add, remove = CAR | {"at": "3"}, {"op": "remove_vehicle", "vehicles": ["new:0"]}
+    assert 101 in apply(add, {"op": "set_behaviour", "vehicles": ["new:0"], "preset": "eco"}).tracks()
+    assert 101 not in apply(add, remove).tracks()
+
+
+def test_a_scenario_without_vehicles_takes_one(apply: Apply) -> None:
+    applied = apply(
+        CAR | {"at": "13", "position": "beginning"}, builder=town_road().with_vehicles(driving(31, (10, 7), 9, 51))
+    )
+    assert len(applied.tracks()) == 2
+
+
+def test_the_ego_of_a_later_start_is_no_obstacle_before(apply: Apply) -> None:
+    from dataclasses import replace
+
+    late = replace(town_road(), problems=(Problem(start_step=50),))
+    assert apply(CAR | {"at": "ego"}, builder=late).outcome.edits[0].done

@@ -1,0 +1,77 @@
+"""Edit T."""
+
+import math
+
+import pytest
+from builders import driving, town_road
+from edit_support import Apply
+
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
+
+
+def test_a_turn_at_the_next_fork_is_driven(apply: Apply) -> None:
+    applied = apply({"op": "reroute", "vehicles": ["35"], "turn": "right"})
+    (route,) = applied.outcome.edits[0].routes
+    assert applied.outcome.edits[0].letter == "T"
+    assert route.arrives
+    assert route.lanelets == (1, 12, 13)
+    track = applied.tracks()[35]
+    assert track.headings_rad[-1] == pytest.approx(-math.pi / 2, abs=0.05)
+    assert track.positions[-1][0] == pytest.approx(220, abs=0.3)
+
+
+def test_a_neighbouring_lane_as_target_is_a_lane_change(apply: Apply) -> None:
+    applied = apply({"op": "reroute", "vehicles": ["31"], "to": ["2"]})
+    (route,) = applied.outcome.edits[0].routes
+    assert route.arrives
+    assert 2 in route.lanelets
+    assert applied.tracks()[31].positions[120][1] == pytest.approx(3.5, abs=0.3)
+
+
+def test_an_edge_stands_for_any_of_its_lanelets(apply: Apply) -> None:
+    applied = apply({"op": "reroute", "vehicles": ["35"], "to": ["e13"]})
+    assert applied.outcome.edits[0].routes[0].arrives
+
+
+def test_a_target_that_is_reachable_but_too_far_says_why_it_does_not_arrive(apply: Apply) -> None:
+    slow = driving(36, (5, 0), 2.0, 41)
+    builder = town_road().with_vehicles(slow)
+    applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=builder)
+    (route,) = applied.outcome.edits[0].routes
+    assert route.arrives is False
+    assert "scenario ends at 4.0 s" in route.reason
+
+
+def test_a_target_that_cannot_be_reached_is_refused_with_those_that_can(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="lanelet 3 cannot be reached by vehicle 31") as caught:
+        apply({"op": "reroute", "vehicles": ["31"], "to": ["3"]})
+    assert {"2", "11", "12"} <= set(caught.value.valid)
+
+
+def test_an_unknown_lanelet_is_refused_with_the_nearest_ids(apply: Apply) -> None:
+    with pytest.raises(UnknownName, match="14 is no lanelet") as caught:
+        apply({"op": "reroute", "vehicles": ["31"], "to": ["14"]})
+    assert caught.value.valid[0] == "13"
+
+
+def test_a_turn_that_the_fork_does_not_have_is_refused_with_its_branches(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="cannot go left") as caught:
+        apply({"op": "reroute", "vehicles": ["35"], "turn": "left"})
+    assert any("right" in branch for branch in caught.value.valid)
+    assert any("straight" in branch for branch in caught.value.valid)
+
+
+def test_a_lane_without_a_fork_has_no_turn(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="no fork ahead"):
+        apply({"op": "reroute", "vehicles": ["34"], "turn": "right"})
+
+
+@pytest.mark.parametrize("edit", [{}, {"to": ["13"], "turn": "right"}])
+def test_either_a_target_or_a_turn_is_needed(apply: Apply, edit: dict[str, object]) -> None:
+    with pytest.raises(InvalidRequest, match="either 'to' or 'turn'"):
+        apply({"op": "reroute", "vehicles": ["35"], **edit})
+
+
+def test_all_vehicles_or_none(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="vehicle 34"):
+        apply({"op": "reroute", "vehicles": ["35", "34"], "to": ["13"]})

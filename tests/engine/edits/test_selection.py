@@ -1,0 +1,96 @@
+"""Who is meant by a selector."""
+
+import pytest
+from builders import driving, town_road
+from edit_support import Apply
+
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
+
+
+def meant(apply: Apply, *selectors: str, builder: object = None) -> tuple[int, ...]:
+    edit = {"op": "remove_vehicle", "vehicles": list(selectors)}
+    return apply(edit, builder=builder, dry_run=True).outcome.edits[0].vehicles
+
+
+@pytest.mark.parametrize(
+    ("selectors", "expected"),
+    [
+        (["31"], (31,)),
+        (["35", "31"], (31, 35)),
+        (["all"], (31, 32, 33, 34, 35)),
+        (["all", "!31", "!one:truck"], (32, 34, 35)),
+        (["class:car"], (31, 32, 35)),
+        (["one:motorcycle"], (34,)),
+        (["only:truck"], (33,)),
+        (["nearest:1"], (33,)),
+        (["nearest:3"], (31, 32, 33)),
+        (["farthest"], (34,)),
+        (["lead"], (31,)),
+        (["follow"], (32,)),
+        (["fastest"], (33,)),
+        (["slowest"], (35,)),
+        (["leftmost"], (33,)),
+    ],
+)
+def test_selectors(apply: Apply, selectors: list[str], expected: tuple[int, ...]) -> None:
+    assert meant(apply, *selectors) == expected
+
+
+def test_standing_vehicles(apply: Apply) -> None:
+    builder = town_road().with_vehicles(driving(31, (90, 0), 0.0, 101), driving(32, (60, 3.5), 5.0, 101))
+    assert meant(apply, "standing", builder=builder) == (31,)
+    with pytest.raises(NotPossible, match="no vehicle stands"):
+        meant(apply, "standing")
+
+
+def test_pedestrians_are_no_vehicles_but_can_be_named(apply: Apply) -> None:
+    walker = driving(36, (100, 1), 1.0, 151, kind="pedestrian", size_m=(0.5, 0.5))
+    builder = town_road().with_vehicles(*town_road().vehicles, walker)
+    assert 36 not in meant(apply, "all", builder=builder)
+    assert meant(apply, "36", builder=builder) == (36,)
+    assert meant(apply, "class:pedestrian", builder=builder) == (36,)
+    with pytest.raises(NotPossible, match="pedestrian 36 cannot be driven"):
+        apply({"op": "set_behaviour", "vehicles": ["36"], "preset": "eco"}, builder=builder)
+
+
+def test_an_ambiguous_one_is_refused_with_the_candidates(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="there are 3 cars") as caught:
+        meant(apply, "one:car")
+    assert caught.value.valid == ("31 (car)", "32 (car)", "35 (car)")
+
+
+def test_a_class_that_is_not_there_is_refused_with_those_that_are(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="has no bus") as caught:
+        meant(apply, "class:bus")
+    assert "33 (truck)" in caught.value.valid
+
+
+def test_an_unknown_id_is_refused_with_the_nearest(apply: Apply) -> None:
+    with pytest.raises(UnknownName, match="no vehicle 37") as caught:
+        meant(apply, "37")
+    assert caught.value.valid[0] == "35"
+
+
+@pytest.mark.parametrize("word", ["ego", "the ego", "100", "!ego"])
+def test_the_ego_is_refused_with_the_way_to_go(apply: Apply, word: str) -> None:
+    with pytest.raises(NotPossible, match="ego") as caught:
+        meant(apply, word)
+    assert "set_goal" in caught.value.next_step
+    assert "configure_planner" in caught.value.next_step
+
+
+def test_an_unknown_word_is_refused(apply: Apply) -> None:
+    with pytest.raises(UnknownName, match="selects no vehicles"):
+        meant(apply, "leader")
+
+
+def test_nobody_named_and_only_exclusions_are_refused(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest, match="no vehicle is named"):
+        meant(apply)
+    with pytest.raises(InvalidRequest, match="only exclusions"):
+        meant(apply, "!31")
+
+
+def test_new_refers_to_an_earlier_edit_that_adds(apply: Apply) -> None:
+    with pytest.raises(UnknownName, match="edit 0 adds no vehicle"):
+        meant(apply, "new:0")

@@ -1,0 +1,92 @@
+"""Edit B."""
+
+import math
+
+import numpy as np
+import pytest
+from builders import driving, town_road
+from edit_support import Apply
+
+from plannerforge.engine.edits.behaviours import PARAMETERS, behaviour_from, presets, usual_behaviour
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
+
+ALONE = town_road().with_vehicles(driving(31, (10, 0), 5.0, 151))
+
+
+def driven(apply: Apply, vehicle: int, builder: object, **behaviour: object) -> Track:
+    return apply({"op": "set_behaviour", "vehicles": [str(vehicle)], **behaviour}, builder=builder).tracks()[vehicle]
+
+
+def test_presets_act_in_their_order(apply: Apply) -> None:
+    reached = {name: driven(apply, 31, ALONE, preset=name).positions[50][0] for name in presets()}
+    assert reached["emergency"] > reached["aggressive"] > reached["balanced"] > reached["cautious"] > reached["eco"]
+
+
+def test_a_longer_headway_keeps_farther_from_the_leader(apply: Apply) -> None:
+    west = math.pi
+    leader, follower = (driving(key, (x, 7), 8.0, 151, heading_rad=west) for key, x in ((32, 240), (33, 270)))
+    builder = town_road().with_vehicles(leader, follower)
+    places = {tau: driven(apply, 33, builder, params=[f"tau={tau}"]).positions[150][0] for tau in (0.8, 3.0)}
+    assert places[3.0] - places[0.8] > 8.0
+
+
+@pytest.mark.parametrize(
+    ("parameter", "low", "high"),
+    [("accel", 1.0, 3.0), ("speedFactor", 0.7, 1.2), ("sigma", 0.0, 1.0)],
+)
+def test_parameters_of_free_driving_act(apply: Apply, parameter: str, low: float, high: float) -> None:
+    first = driven(apply, 31, ALONE, params=[f"{parameter}={low}"])
+    second = driven(apply, 31, ALONE, params=[f"{parameter}={high}"])
+    assert np.abs(first.positions[:150] - second.positions[:150]).max() > 2.0
+
+
+def test_class_and_size_stay(apply: Apply) -> None:
+    applied = apply({"op": "set_behaviour", "vehicles": ["33"], "preset": "aggressive"})
+    old, new = applied.base_tracks()[33], applied.tracks()[33]
+    assert (new.kind, new.length_m, new.width_m) == (old.kind, old.length_m, old.width_m)
+
+
+def test_parameters_are_set_on_top_of_the_preset() -> None:
+    usual = usual_behaviour(vehicle_classes()["car"])
+    behaviour = behaviour_from(usual, "Cautious", ["tau=2.5", "minGap*2"])
+    assert behaviour.preset == "cautious"
+    assert dict(behaviour.values) == {**presets()["cautious"], "tau": 2.5, "minGap": 8.0}
+
+
+def test_every_preset_lies_in_the_valid_ranges() -> None:
+    for values in presets().values():
+        assert list(values) == list(PARAMETERS)
+        assert all(PARAMETERS[name].contains(value) for name, value in values.items())
+
+
+def test_an_unknown_preset_is_refused_with_the_six(apply: Apply) -> None:
+    with pytest.raises(UnknownName, match="no behaviour preset 'zen'") as caught:
+        apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "zen"})
+    assert set(caught.value.valid) == set(presets())
+
+
+@pytest.mark.parametrize(
+    "text", ["tau=-1", "tau=0", "sigma=1.5", "accel=0", "decel=99", "lcKeepRight=-0.1", "minGap-5"]
+)
+def test_a_value_out_of_range_is_refused_with_the_range(apply: Apply, text: str) -> None:
+    with pytest.raises(InvalidRequest, match="out of range") as caught:
+        apply({"op": "set_behaviour", "vehicles": ["31"], "params": [text]})
+    assert " in " in caught.value.valid[0]
+
+
+def test_an_unknown_parameter_is_refused_with_the_eleven(apply: Apply) -> None:
+    with pytest.raises(UnknownName, match="hornLevel") as caught:
+        apply({"op": "set_behaviour", "vehicles": ["31"], "params": ["hornLevel=0.7"]})
+    assert len(caught.value.valid) == 11
+
+
+def test_something_to_set_is_needed(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest, match="needs a preset or params"):
+        apply({"op": "set_behaviour", "vehicles": ["31"]})
+
+
+def test_a_parameter_set_twice_is_refused(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest, match="tau is set twice"):
+        apply({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=1", "tau=2"]})

@@ -1,0 +1,90 @@
+"""Edit G."""
+
+from dataclasses import replace
+
+import pytest
+from builders import Problem, town_road
+from edit_support import Applied, Apply
+
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+
+
+def goal(applied: Applied) -> object:
+    (state,) = read_scenario(applied.xml).problem().goal.state_list
+    return state
+
+
+@pytest.mark.parametrize(
+    ("position", "x"), [(None, 300.0), ("beginning", 200.0), ("quarter", 225.0), ("0.66", 266.0), ("12m", 212.0)]
+)
+def test_the_goal_lies_where_it_was_asked(apply: Apply, position: str | None, x: float) -> None:
+    applied = apply({"op": "set_goal", "to": ["11"], "position": position})
+    region = goal(applied).position
+    assert tuple(region.center) == pytest.approx((x, 0.0), abs=0.01)
+    assert (region.length, region.width) == (8.0, 3.0)
+
+
+def test_time_and_rectangle_stay_unless_they_are_named(apply: Apply) -> None:
+    kept = goal(apply({"op": "set_goal", "to": ["11"]}))
+    assert (kept.time_step.start, kept.time_step.end) == (60, 150)
+    named = {"goal_time": "8..12s", "goal_speed": "5..10m/s", "rectangle_m": [6.0, 2.0]}
+    new = goal(apply({"op": "set_goal", "to": ["11"], "position": "beginning", **named}))
+    assert (new.time_step.start, new.time_step.end) == (80, 120)
+    assert (new.velocity.start, new.velocity.end) == (5.0, 10.0)
+    assert (new.position.length, new.position.width) == (6.0, 2.0)
+
+
+def test_a_deadline_in_steps(apply: Apply) -> None:
+    new = goal(apply({"op": "set_goal", "to": ["1"], "position": "middle", "goal_time": "<=90steps"}))
+    assert (new.time_step.start, new.time_step.end) == (0, 90)
+
+
+def test_a_goal_without_a_region_gets_one(apply: Apply) -> None:
+    bare = replace(town_road(), problems=(Problem(goal=None),))
+    region = goal(apply({"op": "set_goal", "to": ["1"]}, builder=bare)).position
+    assert (region.length, region.width) == (6.0, 2.0)
+
+
+def test_the_goal_is_turned_along_its_lanelet(apply: Apply) -> None:
+    region = goal(apply({"op": "set_goal", "to": ["13"], "position": "middle"})).position
+    assert region.orientation == pytest.approx(-1.5708, abs=1e-3)
+
+
+def test_the_lanelet_of_a_vehicle_is_a_target(apply: Apply) -> None:
+    region = goal(apply({"op": "set_goal", "to": ["lanelet_of:one:truck"], "position": "final"})).position
+    assert tuple(region.center) == pytest.approx((200.0, 3.5), abs=0.01)
+
+
+def test_an_oncoming_lane_is_refused(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="lanelet 3 cannot be reached by the ego"):
+        apply({"op": "set_goal", "to": ["3"]})
+
+
+def test_a_place_behind_the_ego_is_refused(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="behind the ego"):
+        apply({"op": "set_goal", "to": ["1"], "position": "beginning"})
+
+
+def test_a_time_that_no_car_makes_is_refused_with_one_that_works(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="out of reach of any car") as caught:
+        apply({"op": "set_goal", "to": ["11"], "goal_time": "<=2s"})
+    assert "goal_time of at least" in caught.value.valid[0]
+
+
+@pytest.mark.parametrize("rectangle", [[6.0, 0.0], [6.0], [-1.0, 2.0], [6.0, 2.0, 1.0]])
+def test_a_bad_rectangle_is_refused(apply: Apply, rectangle: list[float]) -> None:
+    with pytest.raises(InvalidRequest, match="no goal region"):
+        apply({"op": "set_goal", "to": ["11"], "rectangle_m": rectangle})
+
+
+@pytest.mark.parametrize("position", ["somewhere", "1.5", "120m", "-0.1"])
+def test_a_bad_position_is_refused(apply: Apply, position: str) -> None:
+    with pytest.raises(InvalidRequest):
+        apply({"op": "set_goal", "to": ["11"], "position": position})
+
+
+def test_without_a_lanelet_those_the_ego_reaches_are_named(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest, match="needs a lanelet") as caught:
+        apply({"op": "set_goal"})
+    assert {"11", "13"} <= set(caught.value.valid)
