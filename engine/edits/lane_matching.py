@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import Points, point_at, project, wrap_angle
+from plannerforge.engine.geometry.polyline import Points, Values, wrap_angles
 from plannerforge.engine.network.sumo_net_layout import NetLayout
 from plannerforge.engine.scenarios.tracks import Track
 
@@ -66,30 +66,32 @@ class LaneMatcher:
     def match(self, track: Track) -> LaneMatch | None:
         """The most likely lanelets of a track; None where it is never near a lanelet of its direction."""
         indices = _samples(len(track.positions))
-        candidates = [
-            (index, found)
-            for index in indices
-            if (found := self.near(track.positions[index], track.headings_rad[index], track.speeds_mps[index]))
-        ]
+        near = self._near(track.positions[indices], track.headings_rad[indices], track.speeds_mps[indices])
+        candidates = [(index, found) for index, found in zip(indices, near, strict=True) if found]
         if not candidates:
             return None
         return LaneMatch(tuple(index for index, _ in candidates), self._best([found for _, found in candidates]))
 
     def near(self, position: Points, heading_rad: float, speed_mps: float) -> list[tuple[int, float]]:
         """Lanelets within reach of a pose and their cost, by ascending id; the heading counts while moving."""
-        from shapely import Point
+        return self._near(position[None], np.array([heading_rad]), np.array([speed_mps]))[0]
 
-        point = Point(position[0], position[1])
-        found = []
-        for place in sorted(self.tree.query(point, predicate="dwithin", distance=REACH_M).tolist()):
-            center = self.layout.table.lanes[self.keys[place]].center
-            station, beside = project(center, position)
-            turn = abs(wrap_angle(point_at(center, station)[1] - heading_rad))
-            if turn > LARGEST_TURN_RAD and speed_mps > STANDING_MPS:
-                continue
-            outside = float(self.polygons[place].distance(point))
-            cost = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * abs(beside) + COST_PER_RAD * turn
-            found.append((self.keys[place], cost))
+    def _near(self, positions: Points, headings_rad: Values, speeds_mps: Values) -> list[list[tuple[int, float]]]:
+        """The same for n poses at once."""
+        import shapely
+
+        points = shapely.points(positions)
+        found: list[list[tuple[int, float]]] = [[] for _ in positions]
+        pairs = self.tree.query(points, predicate="dwithin", distance=REACH_M)
+        for place in sorted(set(pairs[1].tolist())):
+            samples = np.sort(pairs[0][pairs[1] == place])
+            beside, direction = _offsets(self.layout.table.lanes[self.keys[place]].center, positions[samples])
+            turn = np.abs(wrap_angles(direction - headings_rad[samples]))
+            outside = shapely.distance(self.polygons[place], points[samples])
+            costs = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * beside + COST_PER_RAD * turn
+            fits = (turn <= LARGEST_TURN_RAD) | (speeds_mps[samples] <= STANDING_MPS)
+            for sample, cost in zip(samples[fits].tolist(), costs[fits].tolist(), strict=True):
+                found[sample].append((self.keys[place], cost))
         return found
 
     def _best(self, candidates: list[list[tuple[int, float]]]) -> tuple[int, ...]:
@@ -126,9 +128,15 @@ def _related(layout: NetLayout, key: int) -> frozenset[int]:
     return frozenset(direct | {after for other in direct for after in following[other]})
 
 
-def heading_on(layout: NetLayout, lanelet_id: int, station_m: float) -> tuple[Points, float]:
-    """Point (2,) and heading in rad at an arc length of a lanelet's centre line."""
-    return point_at(layout.table.lanes[lanelet_id].center, station_m)
+def _offsets(center: Points, points: Points) -> tuple[Values, Values]:
+    """Distance to a polyline in m, and its heading in rad there, both (n,), for n points."""
+    start, step = center[:-1], np.diff(center, axis=0)
+    relative = points[:, None] - start[None]
+    along = np.clip((relative * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    distances = np.linalg.norm(relative - along[..., None] * step, axis=2)
+    nearest = distances.argmin(axis=1)
+    heading = np.arctan2(step[nearest, 1], step[nearest, 0])
+    return distances[np.arange(len(points)), nearest], heading
 
 
 def straightness(first: Points, second: Points) -> float:
