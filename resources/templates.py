@@ -69,7 +69,7 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
 def _made_file(uri: str, workspace: Workspace, kind: str, name: str) -> tuple[str | bytes, str]:
     path = workspace.root / f"{kind}s" / name
     mime_type = _MADE.get(path.suffix.removeprefix("."))
-    if mime_type is None or name.startswith(".") or not path.is_file():
+    if mime_type is None or name.startswith(".") or path.is_symlink() or not path.is_file():
         raise _unknown(uri)
     return (path.read_text(encoding="utf-8") if mime_type == "text/html" else path.read_bytes()), mime_type
 

@@ -21,7 +21,7 @@ from pydantic import AnyUrl
 from plannerforge import __version__
 from plannerforge.prompts.catalog import PROMPTS, prompt_text
 from plannerforge.resources.templates import TEMPLATES, read_resource
-from plannerforge.schemas.errors import PlannerForgeError, UnknownName
+from plannerforge.schemas.errors import PlannerForgeError, UnknownName, closest
 from plannerforge.server.journal import Journal
 from plannerforge.server.tool_calls import answer
 from plannerforge.server.tool_schema import tool_description
@@ -78,7 +78,7 @@ class PlannerForgeServer(MCPServer[Services]):
         """
         spec = self._specs.get(name)
         if spec is None:
-            error = UnknownName(f"there is no tool '{name}'", valid=self._specs)
+            error = UnknownName(f"there is no tool '{name}'", valid=closest(name, self._specs))
             raise MCPError(INVALID_PARAMS, error.text)
         if context is None:
             raise MCPError(INVALID_PARAMS, "a tool needs the context of a request")

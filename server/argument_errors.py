@@ -29,14 +29,14 @@ def read_arguments(model: type[BaseModel], given: Mapping[str, Any]) -> BaseMode
 
 def _unwrapped(model: type[BaseModel], name: str, value: Any) -> Any:
     field = model.model_fields.get(name)
-    if field is None or not isinstance(value, str) or not re.search(r"\b(list|tuple)\[", str(field.annotation)):
+    if field is None or value is None or not re.search(r"\b(list|tuple)\[", str(field.annotation)):
         return value
-    if value.lstrip().startswith("["):
+    if isinstance(value, str) and value.lstrip().startswith(("[", "{")):
         try:
-            return json.loads(value)
-        except json.JSONDecodeError:
+            value = json.loads(value)
+        except (ValueError, RecursionError):
             return value
-    return [value]
+    return value if isinstance(value, list) else [value]
 
 
 def _explained(model: type[BaseModel], error: ValidationError) -> InvalidRequest:
@@ -95,6 +95,8 @@ def _wanted(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
     schema = holder.model_json_schema().get("properties", {}).get(name, {})
     arms = [arm for arm in schema.get("anyOf", [schema]) if arm.get("type") != "null"]
     arm = arms[0] if arms else {}
+    if location and isinstance(location[-1], int):
+        arm = arm.get("items", {})
     kind = {"array": "a list", "string": "text", "integer": "a whole number", "number": "a number"}.get(
         arm.get("type", "")
     )

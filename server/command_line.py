@@ -3,12 +3,14 @@
 Commands import what they need when they run, so that ``serve`` answers fast.
 """
 
+import signal
+import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from plannerforge.server.settings import Settings
+from plannerforge.server.settings import Settings, settings_file
 
 application = typer.Typer(
     name="plannerforge",
@@ -53,6 +55,7 @@ def serve(
         journal=False if no_journal else None,
         log_level=log_level,
     )
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # the SDK reads standard input in a thread that nothing can interrupt
     create_server(settings).run("stdio")
 
 
@@ -106,4 +109,7 @@ def _settings(**flags: Any) -> Settings:
     except ValidationError as error:
         problems = "; ".join(f"{detail['loc'][0]}: {detail['msg']}" for detail in error.errors(include_url=False))
         typer.echo(f"plannerforge: {problems}", err=True)
+        raise typer.Exit(2) from None
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        typer.echo(f"plannerforge: {settings_file()} cannot be read: {error}", err=True)
         raise typer.Exit(2) from None

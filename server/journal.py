@@ -7,6 +7,7 @@ import queue
 import re
 import threading
 from dataclasses import asdict, dataclass
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,12 @@ from mcp.types import CallToolResult, TextContent
 
 from plannerforge.server.tokens import count_tokens
 
+logger = logging.getLogger(__name__)
+
 KEPT_FILES = 5
 MOST_IDS = 20
+CLOSE_TIMEOUT_S = 10.0
+"""Reading the tables of the token count takes about a second, which is longer than many a single call."""
 
 _ID = re.compile(
     r"\b(?:(?:cfg|run|batch|search|job)_[0-9a-f]{8,}(?:_\d+)?|map_\w+|(?:C-)?[A-Z]{3}_[A-Za-z]\w*-[\w\-]+)"
@@ -66,21 +71,37 @@ class Journal:
         )
 
     def close(self) -> None:
-        """Write what is waiting, at most for a second, and stop."""
+        """Write what is waiting, and stop."""
         if self._thread is not None:
             self._waiting.put(None)
-            self._thread.join(timeout=1.0)
+            self._thread.join(timeout=CLOSE_TIMEOUT_S)
             self._thread = None
 
     def _write(self) -> None:
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        handler = logging.handlers.RotatingFileHandler(
-            self._path, maxBytes=self._size_bytes, backupCount=KEPT_FILES, encoding="utf-8", delay=True
+        handler = _Appending(
+            self._path,
+            maxBytes=self._size_bytes,
+            backupCount=KEPT_FILES,
+            encoding="utf-8",
+            errors="backslashreplace",
+            delay=True,
         )
         while (call := self._waiting.get()) is not None:
             line = json.dumps(asdict(_entry(call)), ensure_ascii=False)
             handler.emit(logging.LogRecord("journal", logging.INFO, "", 0, line, None, None))
         handler.close()
+
+
+class _Appending(logging.handlers.RotatingFileHandler):
+    """Makes its folder when the first line is written; a line that cannot be written costs no call, but is told."""
+
+    def _open(self) -> TextIOWrapper:
+        Path(self.baseFilename).parent.mkdir(parents=True, exist_ok=True)
+        return super()._open()
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the name is the standard library's
+        del record
+        logger.error("a call could not be written down in %s", self.baseFilename, exc_info=True)
 
 
 def _entry(call: dict[str, Any]) -> JournalEntry:

@@ -38,13 +38,12 @@ class Settings(BaseSettings):
     worker_memory_mb: int = Field(4096, ge=512, description="data memory of one worker process")
     operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit of one operation in a worker")
     file_mb: int = Field(100, ge=1, description="largest file that is read")
-    starter: bool = Field(True, description="begin with the starter catalogue")
     warm_up: bool = Field(True, description="start a worker before it is asked for")
     tools: Literal["all", "essential"] = Field("all", description="essential: the small set for small models")
     read_only: bool = Field(False, description="offer only tools that make nothing")
     journal: bool = Field(True, description="write one line per call into the workspace's journal")
     journal_mb: int = Field(20, ge=1, description="size at which the journal is rotated; five are kept")
-    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "WARNING"
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field("WARNING", description="what goes to stderr")
 
     @field_validator("roots", "map_folders", mode="before")
     @classmethod

@@ -57,9 +57,10 @@ def _lean(schema: Any, definitions: dict[str, Any]) -> Any:
     }
     if "anyOf" in kept:
         arms = [arm for arm in kept["anyOf"] if arm.get("type") != "null"]
+        del kept["anyOf"]
         if len(arms) == 1:
-            del kept["anyOf"]
-            kept = {**arms[0], **kept}
+            return _lean({**arms[0], **kept}, definitions)
+        kept["anyOf"] = arms
     if kept.get("default", "") is None:
         del kept["default"]
     if "properties" in kept:

@@ -1,0 +1,137 @@
+"""A server with small probe tools beside the real ones that need no other part of the project."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+from pydantic import Field
+
+from plannerforge.schemas.base import Arguments, Model, Result
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.server import assembly
+from plannerforge.tools.call import Image, ImageAnswer, ToolCall
+from plannerforge.tools.registry import TOOLS, ToolSpec
+
+REAL = ("get_job", "cancel_job", "list_artifacts", "export_artifacts")
+PNG = bytes.fromhex("89504e470d0a1a0a")
+
+
+class Edit(Model):
+    op: Literal["remove", "reroute"]
+    vehicle_id: int | None = None
+
+
+class EchoArguments(Arguments):
+    """Say the arguments again."""
+
+    text: str
+    count: int = Field(1, ge=1, le=5, description="how often")
+    share: float | None = Field(None, gt=0, lt=1)
+    density: Literal["low", "medium", "high"] = "medium"
+    tags: list[str] = Field(default=[])
+    edits: list[Edit] = Field(default=[])
+
+
+class EchoResult(Result):
+    """The arguments."""
+
+    said: EchoArguments
+    note: str | None = None
+
+    def to_text(self) -> str:
+        return self.said.model_dump_json()
+
+
+class NoArguments(Arguments):
+    """Take nothing."""
+
+
+async def echo(arguments: EchoArguments, call: ToolCall) -> EchoResult:
+    return EchoResult(said=arguments)
+
+
+async def refuse(arguments: NoArguments, call: ToolCall) -> EchoResult:
+    raise NotPossible("the lane ends", valid=["lane 1", "lane 2"], next_step="call describe_scenario")
+
+
+async def break_down(arguments: NoArguments, call: ToolCall) -> EchoResult:
+    raise KeyError("secret")
+
+
+async def draw(arguments: NoArguments, call: ToolCall) -> ImageAnswer:
+    path: Path = call.workspace.root / "pictures" / "p.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(PNG)
+    return ImageAnswer("a pic\u200bture", (Image(path, "image/png"),), ("plannerforge://picture/p.png",))
+
+
+async def tell_progress(arguments: NoArguments, call: ToolCall) -> EchoResult:
+    for share in (0.2, 0.1, 0.2, 0.3, 1.0):
+        await call.progress(share, f"at {share}")
+    return EchoResult(said=EchoArguments(text="told"))
+
+
+async def start_job(arguments: EchoArguments, call: ToolCall) -> EchoResult:
+    import anyio
+
+    from plannerforge.engine.execution.job_runner import JobProgress
+    from plannerforge.engine.workspace.recipe import Recipe
+
+    async def work(progress: JobProgress) -> None:
+        progress.add_result("run_0123456789ab")
+        progress.report(0.5, "half")
+        if arguments.text == "endless":
+            await anyio.sleep_forever()
+
+    job = call.jobs.start("batch", Recipe(tool="start_job", arguments={"text": arguments.text}), work)
+    return EchoResult(said=EchoArguments(text=job.job_id))
+
+
+@dataclass(frozen=True)
+class ProbeSpec(ToolSpec):
+    """A tool of these tests, given as a function instead of by its entry point."""
+
+    call: Callable[..., Any] = echo
+    takes: type[Arguments] = NoArguments
+    gives: type[Result] | None = EchoResult
+
+    @property
+    def arguments_type(self) -> type[Arguments]:
+        return self.takes
+
+    @property
+    def result_type(self) -> type[Result] | None:
+        return self.gives
+
+    def load_function(self) -> Callable[..., Any]:
+        return self.call
+
+
+def probe(function: Callable[..., Any], takes: type[Arguments], gives: type[Result] | None = EchoResult) -> ProbeSpec:
+    return ProbeSpec(function.__name__, "Probe", "", "", None, read_only=True, call=function, takes=takes, gives=gives)
+
+
+PROBES: tuple[ToolSpec, ...] = (
+    probe(echo, EchoArguments),
+    probe(refuse, NoArguments),
+    probe(break_down, NoArguments),
+    probe(draw, NoArguments, None),
+    probe(tell_progress, NoArguments),
+    probe(start_job, EchoArguments),
+)
+
+
+@pytest.fixture
+def probe_tools(monkeypatch: pytest.MonkeyPatch) -> tuple[ToolSpec, ...]:
+    """The tools that servers offer in this test: four real ones, then the probes."""
+    tools = tuple(spec for spec in TOOLS if spec.name in REAL) + PROBES
+    monkeypatch.setattr(assembly, "TOOLS", tools)
+    return tools
+
+
+@pytest.fixture
+def echo_arguments() -> type[Arguments]:
+    """Arguments of every shape that tools have."""
+    return EchoArguments

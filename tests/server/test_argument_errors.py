@@ -1,0 +1,95 @@
+"""Validation errors in one line, for every shape of argument and whatever is sent."""
+
+from typing import Any, Literal
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import Field, field_validator
+
+from plannerforge.schemas.base import Arguments, Model
+from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.server.argument_errors import read_arguments
+
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+class Change(Model):
+    op: Literal["remove", "add"]
+    position_m: float = Field(0, ge=-10, description="along the lane")
+
+
+class Request(Arguments):
+    place: str
+    count: int = Field(1, ge=1, le=50)
+    kinds: list[Literal["car", "truck"]] | None = None
+    limits: tuple[float, ...] = ()
+    changes: list[Change] = Field(default=[])
+    mode: Literal["auto", "fast"] = "auto"
+
+    @field_validator("place")
+    @classmethod
+    def _known(cls, value: str) -> str:
+        if value == "Atlantis":
+            raise ValueError("no map holds 'Atlantis'")
+        return value
+
+
+def refusal(**given: Any) -> InvalidRequest:
+    with pytest.raises(InvalidRequest) as caught:
+        read_arguments(Request, given)
+    return caught.value
+
+
+def test_good_arguments_become_their_model() -> None:
+    assert read_arguments(Request, {"place": "Bonn", "kinds": ["car"]}) == Request(place="Bonn", kinds=["car"])
+
+
+@pytest.mark.parametrize(
+    ("given", "message", "valid"),
+    [
+        ({"place": "B", "Count": 1}, "there is no argument 'Count'", "count"),
+        ({"place": "B", "kinds": ["trcuk"]}, "kinds[0] cannot be 'trcuk'", "truck"),
+        ({"place": "B", "mode": None}, "mode cannot be null", "auto"),
+        ({"place": "B", "count": 2.5}, "count: input should be a valid integer", "count: a whole number from 1 to 50"),
+        ({"place": "B", "limits": [1, "x"]}, "limits[1]: input should be a valid number", "limits[1]: a number"),
+        (
+            {"place": "B", "changes": [{"op": "add", "position_m": -11}]},
+            "changes[0].position_m: input should be greater than or equal to -10 (given: -11)",
+            "changes[0].position_m: a number from -10 (along the lane)",
+        ),
+        ({"place": "B", "changes": [{"op": "add"}, 7]}, "changes[1]: input should be", None),
+        ({"place": "Atlantis"}, "place: no map holds 'Atlantis' (given: 'Atlantis')", "place: text"),
+    ],
+)
+def test_problem_is_named_with_the_nearest_valid_value(given: dict[str, Any], message: str, valid: str | None) -> None:
+    error = refusal(**given)
+    assert message in error.message
+    assert valid is None or error.valid[0] == valid
+
+
+def test_all_problems_are_named_at_once() -> None:
+    error = refusal(cout=3, mode="x")
+    assert error.message.count(";") == 2
+    for part in ("'place' is missing", "no argument 'cout'", "mode cannot be 'x'"):
+        assert part in error.message
+
+
+def test_long_values_are_cut() -> None:
+    assert len(refusal(place=["x" * 10_000]).text) < 300
+
+
+@given(st.dictionaries(st.sampled_from([*Request.model_fields, "other", ""]), ANYTHING, max_size=4))
+def test_whatever_is_sent_is_taken_or_refused_in_one_line(given: dict[str, Any]) -> None:
+    try:
+        read_arguments(Request, given)
+    except InvalidRequest as error:
+        text = error.text
+    else:
+        return
+    assert text.startswith("[invalid_request] ")
+    assert "https://" not in text

@@ -1,0 +1,108 @@
+"""The command line: one call, the list of tools, and one clear line for what is wrong."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from plannerforge.server.command_line import application
+from plannerforge.server.settings import settings_file
+
+pytestmark = pytest.mark.usefixtures("probe_tools")
+
+
+@pytest.fixture(autouse=True)
+def _workspace_of_the_test(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PLANNERFORGE_WORKSPACE", str(tmp_path / "workspace"))
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(application, arguments)
+
+
+def test_call_prints_the_text_of_the_answer(tmp_path: Path) -> None:
+    result = run("call", "echo", '{"text": "hello", "tags": "a"}')
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["text"] == "hello"
+    assert (tmp_path / "workspace" / "journal" / "calls.jsonl").is_file()
+
+
+def test_call_prints_the_structure_as_json() -> None:
+    result = run("call", "echo", '{"text": "hello"}', "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["said"]["text"] == "hello"
+
+
+def test_call_without_arguments_takes_none() -> None:
+    result = run("call", "list_artifacts")
+    assert result.exit_code == 0
+    assert "Nothing was made yet" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "expected"),
+    [
+        ("echo", '{"cuont": 1}', "there is no argument 'cuont'"),
+        ("refuse", "{}", "[not_possible] the lane ends"),
+        ("ech", "{}", "there is no tool 'ech'"),
+        ("get_job", "{}", "there is no job yet"),
+    ],
+)
+def test_refused_call_says_why_on_stderr_and_fails(tool: str, arguments: str, expected: str) -> None:
+    for flags in ((), ("--json",)):
+        result = run("call", tool, arguments, *flags)
+        assert result.exit_code == 1
+        assert result.stdout == ""
+        assert expected in result.stderr
+        assert "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"), [("{count: 2}", "no JSON"), ("[1]", "JSON object"), ('"x"', "JSON object")]
+)
+def test_arguments_that_are_no_json_object_are_refused(arguments: str, expected: str) -> None:
+    result = run("call", "echo", arguments)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert expected in result.stderr
+
+
+def test_tools_are_listed_with_their_cost() -> None:
+    result = run("tools")
+    assert result.exit_code == 0
+    for words in ("list_artifacts", "What was made in this workspace", "echo", "Say the arguments again", "all"):
+        assert words in result.stdout
+    assert "list_artifacts" not in run("tools", "--essential").stdout
+
+
+@pytest.mark.parametrize(
+    ("flags", "named"),
+    [
+        (("--workers", "0"), "workers: Input should be greater than or equal to 1"),
+        (("--workers", "0", "--tools", "few"), "; tools: Input should be 'all' or 'essential'"),
+        (("--log-level", "LOUD"), "log_level"),
+    ],
+)
+def test_wrong_flag_is_one_line(flags: tuple[str, ...], named: str) -> None:
+    result = run("serve", *flags)
+    assert result.exit_code == 2
+    assert result.stderr.startswith("plannerforge: ")
+    assert named in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("text", ["wrokers = 3", "workers ="])
+def test_wrong_settings_file_is_one_line(text: str) -> None:
+    settings_file().parent.mkdir(parents=True)
+    settings_file().write_text(text)
+    result = run("tools")
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert "wrokers" in result.stderr or str(settings_file()) in result.stderr
+
+
+def test_unknown_flag_and_no_command_name_what_there_is() -> None:
+    assert run("serve", "--wrokers", "3").exit_code == 2
+    assert "serve" in run().output

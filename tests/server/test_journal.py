@@ -1,0 +1,111 @@
+"""The journal: one line per call with all that is needed to count and to make it again."""
+
+import json
+import logging
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcp.types import CallToolResult, TextContent
+
+from plannerforge.server.journal import KEPT_FILES, Journal
+from plannerforge.server.settings import Settings
+from plannerforge.server.tokens import count_tokens
+
+FIELDS = {"time", "client", "tool", "arguments", "result_ids", "duration_s", "result_tokens", "error"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _tables_of_the_token_count_are_read() -> None:
+    count_tokens("")
+
+
+def entries(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def add(journal: Journal, text: str = "done", structured: dict[str, Any] | None = None, **changes: Any) -> None:
+    result = CallToolResult(
+        content=[TextContent(type="text", text=text)],
+        structured_content=structured,
+        is_error=changes.pop("is_error", False),
+    )
+    call = {"time": "t", "client": "c", "tool": "echo", "arguments": {}, "duration_s": 0.123456, **changes}
+    journal.add(result=result, **call)
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("probe_tools")
+async def test_call_of_a_client_is_one_line_with_all_fields(connect: Any, settings: Settings) -> None:
+    async with connect() as client:
+        await client.call_tool("echo", {"text": "run_0123456789ab and map_bonn and DEU_Bonn-1_1_T-1"})
+        await client.call_tool("echo", {"text": "x", "cuont": 1})
+    done, refused = entries(settings.workspace / "journal" / "calls.jsonl")
+    assert set(done) == set(refused) == FIELDS
+    assert (done["tool"], done["error"]) == ("echo", "")
+    assert done["arguments"] == {"text": "run_0123456789ab and map_bonn and DEU_Bonn-1_1_T-1"}
+    assert done["result_ids"] == ["run_0123456789ab", "map_bonn", "DEU_Bonn-1_1_T-1"]
+    assert done["result_tokens"] > 10
+    assert done["duration_s"] >= 0
+    assert datetime.fromisoformat(done["time"]).utcoffset() is not None
+    assert done["client"].startswith("mcp ")
+    assert refused["error"].startswith("[invalid_request] there is no argument 'cuont'")
+    assert refused["result_ids"] == []
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("probe_tools")
+async def test_nothing_is_written_where_the_journal_is_off(connect: Any, settings: Settings) -> None:
+    async with connect(settings.model_copy(update={"journal": False})) as client:
+        await client.call_tool("echo", {"text": "x"})
+    assert not (settings.workspace / "journal").exists()
+
+
+def test_ids_are_taken_from_the_structure_once_each(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "calls.jsonl", 10_000)
+    add(journal, "text", {"a": "run_0123456789ab", "b": ["cfg_aaaaaaaa", "run_0123456789ab"], "c": "runway_1"})
+    journal.close()
+    assert entries(tmp_path / "calls.jsonl")[0]["result_ids"] == ["run_0123456789ab", "cfg_aaaaaaaa"]
+
+
+def test_journal_is_rotated_by_size_and_old_parts_go(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "calls.jsonl", 1000)
+    for number in range(60):
+        add(journal, arguments={"number": number, "padding": "x" * 100})
+    journal.close()
+    files = sorted(tmp_path.iterdir())
+    assert len(files) == KEPT_FILES + 1
+    assert all(file.stat().st_size <= 1000 for file in files)
+    kept = [entry["arguments"]["number"] for file in files for entry in entries(file)]
+    assert sorted(kept) == list(range(60 - len(kept), 60)), "the newest are kept, none twice"
+
+
+def test_journal_goes_on_after_it_was_closed(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "calls.jsonl", 10_000)
+    journal.close()
+    for tool in ("first", "second"):
+        add(journal, tool=tool)
+        journal.close()
+    assert [entry["tool"] for entry in entries(tmp_path / "calls.jsonl")] == ["first", "second"]
+
+
+def test_text_that_no_file_can_hold_is_written_all_the_same(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "calls.jsonl", 10_000)
+    add(journal, arguments={"text": "half a pair \ud83d", "line": "a\nb\u2028c"})
+    journal.close()
+    assert len((tmp_path / "calls.jsonl").read_bytes().split(b"\n")) == 2
+    (line,) = (tmp_path / "calls.jsonl").read_text(encoding="utf-8").removesuffix("\n").split("\n")
+    assert json.loads(line)["arguments"]["text"] == "half a pair \ud83d"
+
+
+def test_journal_that_cannot_be_written_costs_no_call_but_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").write_text("")
+    journal = Journal(tmp_path / "file" / "calls.jsonl", 10_000)
+    with caplog.at_level(logging.ERROR):
+        add(journal)
+        add(journal)
+        journal.close()
+    assert caplog.text.count("could not be written down") == 2

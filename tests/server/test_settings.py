@@ -1,0 +1,76 @@
+"""Settings: flag over environment over file, and nothing misspelt goes unnoticed."""
+
+import os
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from plannerforge.server.settings import Settings, settings_file
+
+
+def write_file(text: str) -> None:
+    settings_file().parent.mkdir(parents=True, exist_ok=True)
+    settings_file().write_text(text)
+
+
+def test_flag_wins_over_environment_and_environment_over_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Settings().workers == 2
+    write_file("workers = 3\njournal_mb = 7\n")
+    assert Settings().workers == 3
+    monkeypatch.setenv("PLANNERFORGE_WORKERS", "4")
+    assert Settings().workers == 4
+    assert Settings(workers=5).workers == 5
+    assert Settings(workers=5).journal_mb == 7
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("wrokers = 3", "wrokers"),
+        ("workers = 0", "workers"),
+        ("tools = 'few'", "tools"),
+        ("log_level = 'LOUD'", "log_level"),
+    ],
+)
+def test_wrong_file_is_refused_by_name(text: str, named: str) -> None:
+    write_file(text)
+    with pytest.raises(ValidationError) as caught:
+        Settings()
+    assert [detail["loc"] for detail in caught.value.errors()] == [(named,)]
+
+
+def test_wrong_variable_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLANNERFORGE_WORKERS", "many")
+    with pytest.raises(ValidationError, match="workers"):
+        Settings()
+
+
+def test_folders_in_a_variable_are_separated_as_in_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    monkeypatch.setenv("PLANNERFORGE_ROOTS", f"{one}{os.pathsep}{two}")
+    monkeypatch.setenv("PLANNERFORGE_MAP_FOLDERS", str(one))
+    settings = Settings()
+    assert (settings.roots, settings.map_folders) == ((one, two), (one,))
+
+
+def test_folders_in_the_file_are_a_list(tmp_path: Path) -> None:
+    write_file(f'roots = ["{tmp_path}"]')
+    assert Settings().roots == (tmp_path,)
+
+
+def test_roots_default_to_workspace_and_start_folder(tmp_path: Path) -> None:
+    workspace, start = tmp_path / "workspace", tmp_path / "start"
+    assert set(Settings(workspace=workspace).limits(start).roots) == {workspace, start}
+    named = Settings(workspace=workspace, roots=(tmp_path / "data",)).limits(start)
+    assert set(named.roots) == {workspace, tmp_path / "data"}, "named roots replace the start folder"
+
+
+def test_limits_are_in_bytes_and_seconds(tmp_path: Path) -> None:
+    limits = Settings(worker_memory_mb=1024, file_mb=2, operation_timeout_s=9, workers=3).limits(tmp_path)
+    assert (limits.worker_memory_bytes, limits.file_bytes) == (1024**3, 2 * 1024**2)
+    assert (limits.operation_timeout_s, limits.worker_count) == (9, 3)
+
+
+def test_every_setting_says_what_it_is_for() -> None:
+    assert [name for name, field in Settings.model_fields.items() if not field.description] == []
