@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from plannerforge.engine.maps.osm_reader import OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m
+from plannerforge.engine.maps.road_classes import LINKS, ROADS
 from plannerforge.schemas.generation import SiteType
 
 if TYPE_CHECKING:
@@ -57,10 +58,17 @@ class SiteFinder:
         counts = {kind: len(self.find(kind)) for kind in self._kinds}
         return {kind: count for kind, count in counts.items() if count}
 
+    def longest_road(self) -> Site:
+        """The middle of the longest road of any class, for a map in which nothing else can be found."""
+        way = max(self.osm.roads(frozenset((*ROADS, *LINKS))), key=self._length_m)
+        nodes = [self.osm.nodes[key] for key in way.node_ids]
+        return self._site("urban", nodes[len(nodes) // 2], [way], way.way_id)
+
     @cached_property
     def roads(self) -> list[OsmWay]:
-        """Roads that lead somewhere (no service roads and tracks)."""
-        return [way for way in self.osm.roads() if way.tags.get("area") != "yes"]
+        """Roads that lead somewhere; service roads and tracks only where there is nothing else."""
+        through = [way for way in self.osm.roads() if way.tags.get("area") != "yes"]
+        return through or self.osm.roads(frozenset(ROADS))
 
     @cached_property
     def ways_at(self) -> dict[int, list[OsmWay]]:

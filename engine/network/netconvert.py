@@ -30,8 +30,6 @@ OSM_OPTIONS = (
     "true",
     "--ramps.guess",
     "true",
-    "--junctions.join",
-    "true",
     "--roundabouts.guess",
     "true",
     "--tls.guess-signals",
@@ -55,7 +53,9 @@ class Conversion:
     warnings: tuple[str, ...]
 
 
-def convert_osm(osm: Path, net: Path, *, lefthand: bool, drivable_service_roads: bool) -> Conversion:
+def convert_osm(
+    osm: Path, net: Path, *, lefthand: bool, drivable_service_roads: bool = False, join_junctions: bool = True
+) -> Conversion:
     """Turn an OSM extract into a SUMO net.
 
     Args:
@@ -63,6 +63,7 @@ def convert_osm(osm: Path, net: Path, *, lefthand: bool, drivable_service_roads:
         net: where to write.
         lefthand: whether traffic keeps to the left.
         drivable_service_roads: open service roads (delivery only by SUMO's default) to all vehicles.
+        join_junctions: make one junction of those that lie close together.
 
     Raises:
         NotPossible: netconvert refuses the extract, naming its error.
@@ -73,7 +74,8 @@ def convert_osm(osm: Path, net: Path, *, lefthand: bool, drivable_service_roads:
     if drivable_service_roads:
         types.append(Path(__file__).parent.parent / "maps" / "service_roads.typ.xml")
     options = ["--osm-files", str(osm), "--type-files", ",".join(str(path) for path in types), *OSM_OPTIONS]
-    return run_netconvert([*options, "--lefthand", "true" if lefthand else "false"], net)
+    options += ["--lefthand", str(lefthand).lower(), "--junctions.join", str(join_junctions).lower()]
+    return run_netconvert(options, net)
 
 
 def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int]], scratch: Path) -> Conversion:

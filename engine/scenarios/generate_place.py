@@ -11,7 +11,7 @@ from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.network.hairpins import remove_hairpins
 from plannerforge.engine.network.lanelet_builder import build_road_network
 from plannerforge.engine.network.net_parser import SumoNet, read_net
-from plannerforge.engine.network.netconvert import convert_osm
+from plannerforge.engine.network.netconvert import Conversion, convert_osm
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.network.speed_cap import cap_speeds
 from plannerforge.engine.scenarios.site_choice import choose_site, radius_for
@@ -26,6 +26,10 @@ ZMB ZWE
 """
 LEFT_HAND_COUNTRIES = frozenset(_LEFT.split())
 """Countries (ISO 3166-1 alpha-3) where traffic keeps to the left."""
+
+
+MANY_HAIRPINS = 20
+"""So many turns that cannot be drawn mean that netconvert made one huge junction of several."""
 
 
 @dataclass(frozen=True)
@@ -55,16 +59,7 @@ def build_place(
     cut = scratch / "site.osm"
     cut_map(osm, (site.latitude, site.longitude), radius, _road_classes(request, site), cut)
     report(0.1, "building the road network")
-    lefthand = request.country in LEFT_HAND_COUNTRIES
-    notes: list[str] = []
-    conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=False)
-    if not read_net(net_path).drivable_edges("passenger"):
-        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
-        notes.append("only service roads lie here; they were opened to all vehicles")
-        if not read_net(net_path).drivable_edges("passenger"):
-            raise NotPossible(
-                "no road at this site is open to cars", next_step="choose other road_classes or another place"
-            )
+    conversion, notes = _convert(cut, net_path, lefthand=request.country in LEFT_HAND_COUNTRIES)
     removed = remove_hairpins(net_path, scratch)
     if removed:
         notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
@@ -72,6 +67,23 @@ def build_place(
     net = read_net(net_path)
     network = build_road_network(net, step_s=step_s, elapsed_s=WARM_UP_S)
     return Place(site, radius, net, network, conversion.warnings, tuple(notes))
+
+
+def _convert(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversion, list[str]]:
+    """The net with the mildest settings that give one on which cars can drive, and notes on what had to be changed."""
+    notes: list[str] = []
+    service = False
+    conversion = convert_osm(cut, net_path, lefthand=lefthand)
+    if not read_net(net_path).drivable_edges("passenger"):
+        service = True
+        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
+        notes.append("only service roads lie here; they were opened to all vehicles")
+        if not read_net(net_path).drivable_edges("passenger"):
+            raise NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
+    if len(build_road_network(read_net(net_path), step_s=0.1, elapsed_s=0.0).dropped_lanes) > MANY_HAIRPINS:
+        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
+        notes.append("junctions close together were not joined, because one of them became too large to be drawn")
+    return conversion, notes
 
 
 def _road_classes(request: GenerationRequest, site: Site) -> tuple[str, ...]:

@@ -24,6 +24,8 @@ UMLAUTS: dict[int, str] = {
 }
 SPEED_SIGNS = {"USA": "R2-1", "ESP": "r301"}
 """The sign for a speed limit where it is not the German and Zamundan 274."""
+COUNTRIES_WITHOUT_SIGN = frozenset({"AUS"})
+"""CommonRoad knows signs of these countries, but none for a speed limit; its reader fails on one."""
 
 
 def benchmark_id(request: GenerationRequest) -> str:
@@ -52,5 +54,9 @@ def head_of(request: GenerationRequest, site: Site, net: SumoNet, step_s: float)
         offset_m=net.offset_m,
         tags=("simulated", *TAGS[site.kind]),
         step_s=step_s,
-        speed_sign=SPEED_SIGNS.get(request.country or NO_COUNTRY, "274"),
+        speed_sign=_speed_sign(request.country or NO_COUNTRY),
     )
+
+
+def _speed_sign(country: str) -> str | None:
+    return None if country in COUNTRIES_WITHOUT_SIGN else SPEED_SIGNS.get(country, "274")

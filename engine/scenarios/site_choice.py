@@ -41,12 +41,15 @@ def choose_site(osm: OsmMap, request: GenerationRequest) -> Site:
     wanted = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder.find(kind), request))]
+    if not kinds and request.scenario_type == "any" and (anywhere := _fitting([finder.longest_road()], request)):
+        return anywhere[0]
     if not kinds:
         held = [kind for kind in ANY_ORDER if _fitting(finder.find(kind), request)]
         where = " on " + " / ".join(names[0] for names in request.streets) if request.streets else ""
         where += " in the box" if request.bbox is not None else ""
+        wish = "site of any type" if request.scenario_type == "any" else f"{request.scenario_type} site"
         raise NotPossible(
-            f"{request.place} ({request.map_id}) holds no {request.scenario_type} site{where}",
+            f"{request.place} ({request.map_id}) holds no {wish}{where}",
             valid=held,
             next_step="choose one of these scenario types, or another place" if held else "choose another place",
         )

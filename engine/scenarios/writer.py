@@ -31,7 +31,7 @@ class ScenarioHead:
     offset_m: tuple[float, float]
     tags: tuple[str, ...]
     step_s: float
-    speed_sign: str
+    speed_sign: str | None
 
 
 def write_scenario(

@@ -14,10 +14,13 @@ from plannerforge.engine.network.road_network import (
 )
 
 
-def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str) -> None:
-    """Append all elements of the network in the order of CommonRoad's schema; ``speed_sign``: the country's sign id."""
+def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str | None) -> None:
+    """Append all elements of the network in the order of CommonRoad's schema.
+
+    ``speed_sign``: the country's sign for a speed limit; None leaves the signs out.
+    """
     signs: dict[int, list[int]] = {}
-    for sign in network.signs:
+    for sign in network.signs if speed_sign is not None else ():
         for key in sign.lanelet_ids:
             signs.setdefault(key, []).append(sign.sign_id)
     lights: dict[int, list[int]] = {}
@@ -25,8 +28,9 @@ def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str) -
         lights.setdefault(light.lanelet_id, []).append(light.light_id)
     for key, lanelet in network.lanelets.items():
         _write_lanelet(root, lanelet, signs.get(key, []), lights.get(key, []))
-    for sign in network.signs:
-        _write_sign(root, sign, speed_sign)
+    if speed_sign is not None:
+        for sign in network.signs:
+            _write_sign(root, sign, speed_sign)
     for light in network.lights:
         _write_light(root, light)
     for intersection in network.intersections:

@@ -1,0 +1,88 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.network.lanelet_builder import build_road_network
+from plannerforge.engine.network.net_parser import SumoNet, read_net
+from plannerforge.engine.network.netconvert import convert_osm
+from plannerforge.engine.network.ribbons import is_valid
+from plannerforge.engine.network.road_network import RoadNetwork
+from plannerforge.engine.network.speed_cap import cap_speeds
+from plannerforge.schemas.errors import NotPossible
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["right-hand", "left-hand"])
+def converted(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[SumoNet, RoadNetwork]:
+    path = tmp_path_factory.mktemp("net") / "a.net.xml"
+    convert_osm(LIBRARY / "musterstadt.osm", path, lefthand=request.param)
+    net = read_net(path)
+    assert net.lefthand is request.param
+    return net, build_road_network(net, step_s=0.1, elapsed_s=0.0)
+
+
+def test_every_lane_becomes_a_ribbon_that_does_not_cross_itself(converted: tuple[SumoNet, RoadNetwork]) -> None:
+    _, network = converted
+    assert len(network.lanelets) > 60
+    assert all(is_valid(lanelet.left, lanelet.right) for lanelet in network.lanelets.values())
+
+
+def test_references_are_symmetric(converted: tuple[SumoNet, RoadNetwork]) -> None:
+    lanelets = converted[1].lanelets
+    for key, lanelet in lanelets.items():
+        assert all(key in lanelets[other].predecessors for other in lanelet.successors)
+        assert all(key in lanelets[other].successors for other in lanelet.predecessors)
+        if lanelet.left_neighbour is not None and lanelet.left_same_direction:
+            other = lanelets[lanelet.left_neighbour]
+            assert other.right_neighbour == key
+            assert np.abs(other.right - lanelet.left).max() < 0.05
+
+
+def test_followers_begin_where_the_lanelet_ends(converted: tuple[SumoNet, RoadNetwork]) -> None:
+    lanelets = converted[1].lanelets
+    gaps = [
+        np.linalg.norm(lanelet.left[-1] - lanelets[other].left[0])
+        for lanelet in lanelets.values()
+        for other in lanelet.successors
+    ]
+    assert np.mean(np.array(gaps) < 0.05) > 0.97
+
+
+def test_the_crossing_has_lights_stop_positions_and_four_arms(converted: tuple[SumoNet, RoadNetwork]) -> None:
+    _, network = converted
+    assert {colour for light in network.lights for _, colour in light.cycle} == {"green", "yellow", "red"}
+    lit = {light.lanelet_id for light in network.lights}
+    crossing = next(i for i in network.intersections if any(set(a.lanelet_ids) & lit for a in i.incomings))
+    assert len(crossing.incomings) == 4
+    assert all(arm.straight and arm.left and arm.right for arm in crossing.incomings)
+
+
+def test_lanes_of_a_road_have_its_limit_and_type(converted: tuple[SumoNet, RoadNetwork]) -> None:
+    _, network = converted
+    main = [lanelet for lanelet in network.lanelets.values() if lanelet.street == "Hauptstraße"]
+    assert main
+    assert all(lanelet.types[0] == "urban" and abs(lanelet.speed_mps - 50 / 3.6) < 0.1 for lanelet in main)
+
+
+def test_bends_lower_the_speed_and_no_date_stays_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.net.xml"
+    convert_osm(LIBRARY / "kreiselheim.osm", path, lefthand=False)
+    assert cap_speeds(path) > 0
+    text = path.read_text(encoding="utf-8")
+    assert "<!--" not in text
+    ring = [lane for lane in read_net(path).lanes.values() if not lane.internal and lane.speed_mps < 8.5]
+    assert ring, "the ring of 20 m radius allows about 8.4 m/s"
+
+
+def test_a_map_without_roads_for_cars_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "foot.osm"
+    path.write_text(
+        "<osm version='0.6'><node id='1' lat='54.6' lon='5.2'/><node id='2' lat='54.61' lon='5.2'/>"
+        "<way id='1'><nd ref='1'/><nd ref='2'/><tag k='highway' v='footway'/></way></osm>"
+    )
+    old = tmp_path / "a.net.xml"
+    old.write_text("an old file is never taken for a result")
+    with pytest.raises(NotPossible, match="no road network"):
+        convert_osm(path, old, lefthand=False)
+    assert not old.exists()

@@ -1,0 +1,151 @@
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.maps.index import built_in_maps
+from plannerforge.engine.scenarios.generate import generate
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import recorded_tracks
+from plannerforge.engine.scenarios.validate import schema_errors
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest, VehicleDemand
+
+MAPS = {entry.facts.place: entry for entry in built_in_maps()}
+
+
+def request_for(place: str, folder: Path, **changes: object) -> GenerationRequest:
+    entry = MAPS[place]
+    wish: dict[str, object] = {
+        "map_path": str(entry.path),
+        "map_id": entry.facts.map_id,
+        "place": place,
+        "country": "ZAM",
+        "attribution": entry.facts.attribution,
+        "duration_s": 6.0,
+        "folder": str(folder),
+        "seed": 3,
+    }
+    return GenerationRequest.model_validate(wish | changes)
+
+
+def make(place: str, folder: Path, **changes: object) -> GeneratedScenario:
+    return generate(request_for(place, folder, **changes), silent)
+
+
+@pytest.mark.parametrize(
+    ("place", "kind", "classes"),
+    [
+        ("Musterstadt", "signalised_intersection", ("bus", "bicycle")),
+        ("Kreiselheim", "roundabout", ("truck", "moped")),
+        ("Neuland", "ramp", ("trailer", "coach")),
+        ("Landmoor", "rural", ("motorcycle",)),
+    ],
+)
+def test_a_scenario_is_what_was_asked(tmp_path: Path, place: str, kind: str, classes: tuple[str, ...]) -> None:
+    wish = [VehicleDemand(vehicle_class=name, least=2) for name in classes]
+    made = make(place, tmp_path, scenario_type=kind, vehicles=wish)
+    assert made.site.scenario_type == kind
+    assert all(made.classes_realised[name] >= 2 for name in classes)
+    assert made.vehicles_realised >= 0.8 * made.vehicles_asked
+    assert made.checks.schema_valid
+    assert made.checks.goal_reachable
+    assert made.checks.collisions_at_start == 0
+    assert made.checks.recorded_ego_collision_free
+    assert made.checks.feasible_share >= 0.9
+    assert made.checks.centers_on_lanelets > 0.97
+
+
+def test_the_file_is_read_back_with_ego_goal_and_traffic_from_step_0(tmp_path: Path) -> None:
+    made = make("Fahrhausen", tmp_path, scenario_type="intersection", goal="distance_m:30")
+    path = tmp_path / "scenario.xml"
+    assert schema_errors(path) == []
+    loaded = read_scenario(path)
+    assert loaded.benchmark_id == made.benchmark_id == "ZAM_Fahrhausen-1_1_T-1"
+    tracks = recorded_tracks(loaded.scenario)
+    assert len(tracks) == made.vehicles_realised - 1
+    assert {track.first_step for track in tracks.values()} == {0}
+    problem = loaded.problem()
+    assert problem.initial_state.velocity == pytest.approx(made.ego.speed_mps, abs=1e-3)
+    assert 29 <= made.ego.goal_distance_m <= 33
+    assert loaded.scenario.location.gps_latitude == pytest.approx(made.site.latitude, abs=1e-5)
+    assert (tmp_path / "scenario.net.xml").is_file()
+
+
+def test_lights_show_what_sumo_shows(tmp_path: Path) -> None:
+    make("Musterstadt", tmp_path, scenario_type="signalised_intersection")
+    network = read_scenario(tmp_path / "scenario.xml").scenario.lanelet_network
+    assert network.traffic_lights
+    states = {str(light.get_state_at_time_step(step).value) for light in network.traffic_lights for step in range(900)}
+    assert {"red", "green"} <= states
+
+
+def test_the_same_request_gives_the_same_bytes_under_another_hash_seed(tmp_path: Path) -> None:
+    digests = set()
+    for hash_seed in ("1", "77"):
+        folder = tmp_path / hash_seed
+        folder.mkdir()
+        wish = request_for("Kreiselheim", folder, scenario_type="any", density="medium", duration_s=5.0)
+        code = (
+            "import sys\n"
+            "from plannerforge.engine.execution.progress import silent\n"
+            "from plannerforge.engine.scenarios.generate import generate\n"
+            "from plannerforge.schemas.generation import GenerationRequest\n"
+            "generate(GenerationRequest.model_validate_json(sys.argv[1]), silent)\n"
+        )
+        environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
+        subprocess.run([sys.executable, "-c", code, wish.model_dump_json()], check=True, env=environment)
+        content = (folder / "scenario.xml").read_bytes() + (folder / "scenario.net.xml").read_bytes()
+        digests.add(hashlib.sha256(content).hexdigest())
+    assert len(digests) == 1
+
+
+def test_the_ego_stays_a_car_and_the_asked_class_joins_the_traffic(tmp_path: Path) -> None:
+    made = make("Fahrhausen", tmp_path, ego="type:truck")
+    assert made.classes_realised["truck"] >= 1
+    assert any("always a car" in note for note in made.notes)
+
+
+def test_what_the_map_does_not_hold_is_refused_with_what_it_does(tmp_path: Path) -> None:
+    with pytest.raises(NotPossible, match="no roundabout") as caught:
+        make("Landmoor", tmp_path, scenario_type="roundabout")
+    assert set(caught.value.valid) == {"intersection", "rural"}
+
+
+def test_a_class_that_no_road_is_open_to_is_refused(tmp_path: Path) -> None:
+    bicycle = [VehicleDemand(vehicle_class="bicycle")]
+    with pytest.raises(NotPossible, match="bicycle") as caught:
+        make("Neuland", tmp_path, scenario_type="highway", vehicles=bicycle, road_classes=["motorway"])
+    assert "truck" in caught.value.valid
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"ego": "second"}, {"ego": "index:-1"}, {"goal": "steps:3"}, {"goal": "lanelet:4"}, {"goal": "distance_m:9999"}],
+)
+def test_an_ego_or_goal_that_cannot_be_read_is_refused(tmp_path: Path, changes: dict[str, object]) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        make("Landmoor", tmp_path, **changes)
+    assert caught.value.valid
+
+
+def test_a_ramp_without_link_roads_is_a_contradiction(tmp_path: Path) -> None:
+    with pytest.raises(InvalidRequest, match="link"):
+        make("Neuland", tmp_path, scenario_type="ramp", road_classes=["motorway"])
+
+
+def test_an_index_beyond_the_cars_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NotPossible, match="index:99"):
+        make("Fahrhausen", tmp_path, ego="index:99")
+
+
+def test_a_real_extract_on_the_left_side(shared_data: Path, tmp_path: Path) -> None:
+    path = shared_data / "data" / "osm" / "o2s_bristol_sausage_links.osm"
+    wish = request_for("Fahrhausen", tmp_path, map_path=str(path), country="GBR", scenario_type="intersection")
+    made = generate(wish, silent)
+    assert made.checks.schema_valid
+    assert made.checks.centers_on_lanelets > 0.97
