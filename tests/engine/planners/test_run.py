@@ -1,0 +1,122 @@
+"""The operation of a worker: a file and a configuration in, a record, the driven steps and times out."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from builders import Problem, ScenarioBuilder
+from builders import town_road as whole_town_road
+from builders_planning import configuration
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.planners.run import run
+from plannerforge.schemas.errors import UnknownName
+from plannerforge.schemas.planning import RunRequest, RunResponse
+
+DIGEST = """
+import hashlib, sys
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.planners.run import run
+from plannerforge.schemas.planning import RunRequest
+response = run(RunRequest.model_validate_json(sys.stdin.read()), silent)
+content = response.record.model_dump_json() + response.steps.model_dump_json()
+print(hashlib.sha256(content.encode()).hexdigest())
+"""
+
+
+NEAR = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 45))
+
+
+def town_road() -> ScenarioBuilder:
+    """The road with a goal that is reached in about three seconds."""
+    return replace(whole_town_road(), problems=(NEAR,))
+
+
+def request(builder: ScenarioBuilder, folder: Path, problem_id: int | None = None, name: str = "") -> RunRequest:
+    path = builder.write(folder / "scenario.xml")
+    return RunRequest(
+        run_id="run_0",
+        scenario_path=str(path),
+        scenario_id=builder.benchmark_id,
+        problem_id=problem_id,
+        configuration=configuration(name or "frenetix:Default"),
+    )
+
+
+def carried_out(builder: ScenarioBuilder, folder: Path, problem_id: int | None = None) -> RunResponse:
+    return run(request(builder, folder, problem_id), silent)
+
+
+@pytest.mark.parametrize("version", ["2018b", "2020a"])
+def test_both_formats_run_to_the_goal(version: str, tmp_path: Path) -> None:
+    response = carried_out(replace(town_road(), version=version), tmp_path)
+    record, steps = response.record, response.steps
+    assert record.outcome == "goal_reached"
+    assert record.metrics is not None
+    assert record.metrics.minimum_distance_m is not None
+    assert record.metrics.minimum_distance_m > 0
+    assert len(steps.x_m) == len(steps.speed_mps) == round(record.metrics.duration_s / 0.1) + 1
+    assert steps.plan_steps == tuple(range(0, len(steps.x_m) - 1, 3))
+    assert all(len(values) == len(steps.plan_steps) for values in steps.costs.values())
+
+
+def test_a_file_without_obstacles_has_no_distance_to_any(tmp_path: Path) -> None:
+    record = carried_out(town_road().with_vehicles(), tmp_path).record
+    assert record.outcome == "goal_reached"
+    assert record.metrics is not None
+    assert record.metrics.minimum_distance_m is None
+    assert record.metrics.minimum_time_to_collision_s is None
+
+
+def test_one_of_several_problems_is_chosen(tmp_path: Path) -> None:
+    problems = (NEAR, Problem(200, start=(40.0, 3.5, 0.0, 8.0), goal=(70.0, 3.5, 8.0, 3.0), steps=(30, 45)))
+    builder = replace(town_road().with_vehicles(), problems=problems)
+    assert carried_out(builder, tmp_path).record.problem_id == 100
+    second = carried_out(builder, tmp_path, 200)
+    assert second.record.problem_id == 200
+    assert second.steps.y_m[0] == 3.5
+    with pytest.raises(UnknownName, match="no planning problem 300"):
+        carried_out(builder, tmp_path, 300)
+
+
+def test_a_problem_that_begins_later_keeps_its_clock(tmp_path: Path) -> None:
+    later = Problem(start_step=20, start=(40.0, 0.0, 0.0, 8.0), goal=(70.0, 0.0, 8.0, 3.0), steps=(50, 70))
+    builder = replace(town_road().with_vehicles(), problems=(later,))
+    response = carried_out(builder, tmp_path)
+    assert response.steps.first_step == 20
+    assert response.steps.plan_steps[0] == 20
+    assert response.record.outcome == "goal_reached"
+
+
+def test_an_invalid_problem_has_no_metrics(tmp_path: Path) -> None:
+    builder = replace(town_road(), problems=(Problem(start=(70.0, 0.0, 0.0, 8.0)),))
+    record = carried_out(builder, tmp_path).record
+    assert record.outcome == "invalid"
+    assert record.metrics is None
+    assert "obstacle 31" in record.reason
+
+
+def test_progress_never_falls_and_ends_at_one(tmp_path: Path) -> None:
+    shares: list[float] = []
+    run(request(town_road().with_vehicles(), tmp_path), lambda share, message="": shares.append(share))
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_other_processes_and_hash_seeds_give_the_same_bytes(tmp_path: Path) -> None:
+    asked = request(town_road(), tmp_path, name="frenetix:Balanced")
+    here = run(asked, silent)
+    content = here.record.model_dump_json() + here.steps.model_dump_json()
+    elsewhere = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", DIGEST],
+        input=asked.model_dump_json(),
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"PYTHONHASHSEED": "4242"},
+    )
+    assert elsewhere.stdout.strip() == hashlib.sha256(content.encode()).hexdigest()

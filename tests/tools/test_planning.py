@@ -1,0 +1,113 @@
+"""list_planners, configure_planner and run_planner through a real client session."""
+
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from builders import Problem, town_road
+from mcp import Client
+
+from plannerforge.server.assembly import create_server
+from plannerforge.server.settings import Settings
+
+pytestmark = pytest.mark.anyio
+Call = Callable[..., Awaitable[Any]]
+
+
+@pytest.fixture
+async def call(settings: Settings, tmp_path: Path) -> AsyncIterator[Call]:
+    """Calls a tool of a workspace with two scenarios; gives the structured answer, or the text of an error."""
+    folder = tmp_path / "files"
+    folder.mkdir()
+    near = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 45))
+    replace(town_road(), problems=(near,)).write(folder / "one.xml")
+    problems = (near, replace(near, problem_id=200, start=(40.0, 3.5, 0.0, 8.0), goal=(70.0, 3.5, 8.0, 3.0)))
+    replace(town_road().with_vehicles(), problems=problems, benchmark_id="ZAM_Builder-2_1_T-1").write(
+        folder / "two.xml"
+    )
+    own = settings.model_copy(update={"starter": False})
+    async with Client(create_server(own, start_folder=tmp_path)) as client:
+
+        async def ask(tool: str, **arguments: Any) -> Any:
+            result = await client.call_tool(tool, arguments)
+            return result.content[0].text if result.is_error else result.structured_content  # type: ignore[union-attr]
+
+        assert (await ask("import_files", path=str(folder)))["added"] == 2
+        yield ask
+
+
+async def test_what_there_is_to_set(call: Call) -> None:
+    found = await call("list_planners")
+    assert found["planners"] == ["frenetix"]
+    assert found["config_name"] == "frenetix:Default"
+    assert len(found["weights"]) == 16
+    assert [item["name"] for item in found["weights"] if not item["acts"]] == ["occ_pm", "occ_um", "occ_ve"]
+    made = await call("configure_planner", preset="Safety", weights=["jerk=0.3"])
+    found = await call("list_planners", planner="Frenetix")
+    assert found["config_id"] == made["config_id"]
+    assert {item["name"]: item["value"] for item in found["weights"]}["jerk"] == 0.3
+    assert [entry["config_id"] for entry in found["configurations"]] == [made["config_id"]]
+
+
+async def test_a_chain_of_configurations(call: Call) -> None:
+    first = await call("configure_planner", weights=["prediction*2"])
+    assert [(c["name"], c["before"], c["after"]) for c in first["changes"]] == [("prediction", 0.2, 0.4)]
+    second = await call("configure_planner", weights=["prediction*2"])
+    assert second["base"] == first["config_id"]
+    assert second["changes"][0]["after"] == 0.8
+    again = await call("configure_planner", base="frenetix:Default", weights=["prediction=0.4"])
+    assert again["config_id"] == first["config_id"]
+    assert again["reused"]
+    assert any(second["config_id"] in note for note in again["notes"])
+    exported = await call("export_artifacts", ids=[first["config_id"]], formats=["yaml"], folder="out")
+    assert "prediction: 0.4" in Path(exported["files"][0]["path"]).read_text(encoding="utf-8")
+
+
+REFUSED: tuple[tuple[str, dict[str, Any], str], ...] = (
+    ("configure_planner", {"weights": ["jerk=0.5", "lateral_jrk=1"]}, "lateral_jerk"),
+    ("configure_planner", {"weights": ["jerk=-1"]}, "from 0 to"),
+    ("configure_planner", {"preset": "fast"}, "Efficiency-Sporty"),
+    ("configure_planner", {"base": "cfg_000000000000"}, "frenetix:Default"),
+    ("list_planners", {"planner": "apollo"}, "frenetix"),
+    ("run_planner", {"scenarios": ["ZAM_Bilder-1_1_T-1"]}, "ZAM_Builder-1_1_T-1"),
+    ("run_planner", {"scenarios": ["ZAM_Builder-2_1_T-1#7"]}, "100, 200"),
+    ("run_planner", {"scenarios": ["preset:many"]}, "preset:10"),
+    ("run_planner", {"scenarios": ["preset:2"], "configs": ["frenetix:Fast"]}, "Efficiency-Sporty"),
+)
+
+
+async def test_what_is_refused_names_what_is_valid_and_leaves_nothing(call: Call) -> None:
+    for tool, arguments, says in REFUSED:
+        text = await call(tool, **arguments)
+        assert isinstance(text, str), arguments
+        assert says in text
+    assert (await call("list_artifacts", kind="config"))["artifacts"] == []
+
+
+async def test_runs_are_stored_once_and_grids_become_batches(call: Call) -> None:
+    one = await call("run_planner", scenarios=["ZAM_Builder-1_1_T-1"])
+    assert (one["finished"], one["reused"], one["batch_id"]) == (1, 0, None)
+    run_id = one["runs"][0]["run_id"]
+    assert one["runs"][0]["outcome"] == "goal_reached"
+    scenarios = ["ZAM_Builder-1_1_T-1", "ZAM_Builder-2_1_T-1#200"]
+    grid = await call("run_planner", scenarios=scenarios, configs=["frenetix", "frenetix:Safety"], wait_s=50)
+    assert (grid["state"], grid["finished"], grid["reused"]) == ("done", 4, 1)
+    assert run_id in [run["run_id"] for run in grid["runs"]]
+    assert {run["problem_id"] for run in grid["runs"]} == {100, 200}
+    assert [entry["config_name"] for entry in grid["summary"]] == ["frenetix:Default", "frenetix:Safety-Conservative"]
+    again = await call("run_planner", scenarios=scenarios, configs=["frenetix", "frenetix:Safety"])
+    assert again["batch_id"] == grid["batch_id"]
+    assert again["reused"] == 4
+    truth = await call("run_planner", scenarios=["ZAM_Builder-1_1_T-1"], prediction="ground_truth")
+    assert truth["runs"][0]["run_id"] != run_id
+
+
+async def test_a_job_goes_on_behind_the_call(call: Call) -> None:
+    started = await call("run_planner", scenarios=["preset:10"], wait_s=0)
+    assert started["state"] == "running"
+    assert "only 2 scenarios" in started["notes"][0]
+    job = await call("get_job", job_id=started["job_id"], wait_s=50)
+    assert job["state"] == "done"
+    assert job["results"][-1].startswith("batch_")
