@@ -61,7 +61,7 @@ def _lean(schema: Any, definitions: dict[str, Any]) -> Any:
         if len(arms) == 1:
             return _lean({**arms[0], **kept}, definitions)
         kept["anyOf"] = arms
-    if kept.get("default", "") is None:
+    if kept.get("default", "") in (None, []):  # what is left out anyway
         del kept["default"]
     if "properties" in kept:
         return {

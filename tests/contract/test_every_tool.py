@@ -1,0 +1,102 @@
+"""Every tool, through a real client session, in both protocol eras."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import jsonschema
+import pytest
+from contract_cases import CASES, Bad
+from contract_workspace import Prepared, filled
+from mcp import Client
+from mcp.types import ImageContent
+
+from plannerforge.server.assembly import create_server
+from plannerforge.server.tokens import count_tokens
+from plannerforge.tools.registry import TOOLS, ToolSpec
+
+pytestmark = pytest.mark.anyio
+
+MOST_TOKENS_OF_AN_ANSWER = 1500
+BAD_CALLS = [(tool, bad) for tool, case in CASES.items() for bad in case.bad]
+
+
+@asynccontextmanager
+async def session(prepared: Prepared, era: str) -> AsyncIterator[Client]:
+    async with Client(create_server(prepared.settings, prepared.folder), mode=era) as client:  # type: ignore[arg-type]
+        yield client
+
+
+def test_every_tool_has_its_cases() -> None:
+    assert set(CASES) == {spec.name for spec in TOOLS}
+    assert all(len(case.bad) >= 3 for case in CASES.values())
+
+
+@pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
+async def test_a_good_call_is_answered(spec: ToolSpec, prepared: Prepared, era: str) -> None:
+    async with session(prepared, era) as client:
+        offered = {tool.name: tool for tool in (await client.list_tools()).tools}[spec.name]
+        result = await client.call_tool(spec.name, filled(CASES[spec.name].good, prepared))
+    text = result.content[0].text  # type: ignore[union-attr]
+    assert not result.is_error, text
+    assert text.strip()
+    assert count_tokens(text) <= MOST_TOKENS_OF_AN_ANSWER
+    if offered.output_schema is None:
+        assert result.structured_content is None
+        assert any(isinstance(block, ImageContent) for block in result.content)
+    else:
+        jsonschema.validate(result.structured_content, offered.output_schema)
+
+
+@pytest.mark.parametrize(("tool", "bad"), BAD_CALLS, ids=[f"{tool}-{i}" for i, (tool, _) in enumerate(BAD_CALLS)])
+async def test_a_bad_call_is_refused_with_what_is_valid(tool: str, bad: Bad, prepared: Prepared, era: str) -> None:
+    async with session(prepared, era) as client:
+        before = await _artifacts(client)
+        result = await client.call_tool(tool, filled(bad.arguments, prepared))
+        after = await _artifacts(client)
+    text = result.content[0].text  # type: ignore[union-attr]
+    assert result.is_error, text
+    assert text.startswith("[")
+    for word in bad.names:
+        assert filled(word, prepared) in text
+    assert after == before
+
+
+async def test_the_list_of_tools_is_the_same_on_every_connection(prepared: Prepared, era: str) -> None:
+    lists = []
+    for _ in range(2):
+        async with session(prepared, era) as client:
+            lists.append([tool.model_dump() for tool in (await client.list_tools()).tools])
+    assert lists[0] == lists[1]
+
+
+async def test_long_work_reports_rising_progress(prepared: Prepared, era: str) -> None:
+    shares: list[float] = []
+
+    async def note(progress: float, total: float | None, message: str | None) -> None:
+        shares.append(progress)
+
+    async with session(prepared, era) as client:
+        arguments = {"density": "high", "duration_s": 30, "seed": 5}
+        await client.call_tool("generate_scenarios", arguments, progress_callback=note)
+    assert shares
+    assert shares == sorted(set(shares))
+
+
+async def test_every_link_of_an_answer_leads_somewhere(prepared: Prepared, era: str) -> None:
+    async with session(prepared, era) as client:
+        drawn = await client.call_tool("render", {"ids": [prepared.scenario_id]})
+        listed = await client.call_tool("list_artifacts", {"limit": 50})
+        links = [block.uri for block in drawn.content if block.type == "resource_link"]
+        records = [item["uri"] for item in (listed.structured_content or {})["artifacts"]]
+        assert links
+        assert records
+        for uri in [*links, *records, f"plannerforge://scenario/{prepared.scenario_id}/xml"]:
+            assert (await client.read_resource(uri)).contents
+
+
+async def _artifacts(client: Client) -> list[dict[str, Any]]:
+    listed = await client.call_tool("list_artifacts", {"limit": 50})
+    assert listed.structured_content is not None
+    found: list[dict[str, Any]] = listed.structured_content["artifacts"]
+    return found

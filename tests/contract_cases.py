@@ -1,0 +1,192 @@
+"""What every tool is asked in the contract tests: one good call, and bad ones with what the refusal must name.
+
+Words in angle brackets are ids of the prepared workspace.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A call that must be refused; ``names`` is what the refusal's text must hold."""
+
+    arguments: dict[str, Any]
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Case:
+    """The calls of one tool."""
+
+    good: dict[str, Any]
+    bad: tuple[Bad, ...]
+    files: dict[str, str] = field(default_factory=dict)
+
+
+CASES: dict[str, Case] = {
+    "describe_catalog": Case(
+        {},
+        (
+            Bad({"facet": "tag"}, ("facet", "'tag'", "tags")),
+            Bad({"within": "search_0000"}, ("search_0000", "<search>")),
+            Bad({"facets": "tags"}, ("facets", "facet")),
+        ),
+    ),
+    "generate_scenarios": Case(
+        {"scenario_type": "roundabout", "duration_s": 6, "vehicles": ["truck"], "seed": 1},
+        (
+            Bad({"place": "Atlantis"}, ("Atlantis", "Musterstadt")),
+            Bad({"scenario_type": "roundabaut"}, ("roundabaut", "roundabout")),
+            Bad({"vehicles": ["tank=2"]}, ("tank", "truck")),
+            Bad({"duration_s": 1e9}, ("duration_s", "120")),
+            Bad({"bbox": [1, 2, 3]}, ("bbox",)),
+            Bad({"ego": "third"}, ("third", "index:")),
+            Bad({"road_classes": ["motorways"]}, ("motorways",)),
+        ),
+    ),
+    "find_scenarios": Case(
+        {"obstacles": ["truck>=1"], "text": "busy crossing"},
+        (
+            Bad({"tags": ["roundabuot"]}, ("roundabuot", "roundabout")),
+            Bad({"obstacles": ["tank>=1"]}, ("tank", "truck")),
+            Bad({"road_net": ["stopp"]}, ("stopp", "stop")),
+            Bad({"ego_speed": "fast"}, ("fast", "km/h")),
+            Bad({"limit": 0}, ("limit", "from 1")),
+            Bad({"like": "<scenario>x"}, ("<scenario>",)),
+        ),
+    ),
+    "import_files": Case(
+        {"path": "<file>"},
+        (
+            Bad({}, ("path", "missing")),
+            Bad({"path": "/etc/passwd"}, ("/etc/passwd", "PLANNERFORGE_ROOTS")),
+            Bad({"path": "nothing.xml"}, ("nothing.xml", "does not exist")),
+            Bad({"path": "<hostile>"}, ("document type",)),
+        ),
+    ),
+    "describe_scenario": Case(
+        {"scenario_id": "<scenario>", "detail": "lanelets"},
+        (
+            Bad({"scenario_id": "<scenario>x"}, ("<scenario>",)),
+            Bad({"detail": "everything"}, ("everything", "vehicles")),
+            Bad({"scenario_id": "<scenario>", "focus": "nearest:many"}, ("nearest:many",)),
+            Bad({"radius_m": -1}, ("radius_m",)),
+        ),
+    ),
+    "modify_scenario": Case(
+        {
+            "scenario_id": "<scenario>",
+            "edits": [{"op": "set_behaviour", "vehicles": ["nearest:1"], "preset": "aggressive"}],
+        },
+        (
+            Bad({"scenario_id": "<scenario>", "edits": []}, ("edits",)),
+            Bad({"scenario_id": "<scenario>", "edits": [{"op": "teleport"}]}, ("teleport", "reroute")),
+            Bad(
+                {
+                    "scenario_id": "<scenario>",
+                    "edits": [{"op": "set_behaviour", "vehicles": ["all"], "preset": "wild"}],
+                },
+                ("wild", "aggressive"),
+            ),
+            Bad(
+                {"scenario_id": "<scenario>", "edits": [{"op": "remove_vehicle", "vehicles": ["999999"]}]},
+                ("999999",),
+            ),
+            Bad(
+                {"scenario_id": "<scenario>", "edits": [{"op": "remove_vehicle", "vehicles": ["all"], "turn": "left"}]},
+                ("turn", "vehicles"),
+            ),
+            Bad({"scenario_id": "<scenario>", "edits": [{"op": "set_goal", "to": ["999999"]}]}, ("999999",)),
+        ),
+    ),
+    "list_planners": Case(
+        {},
+        (
+            Bad({"planner": "frenetics"}, ("frenetics", "frenetix")),
+            Bad({"config_id": "cfg_000000000000"}, ("cfg_000000000000", "<config>")),
+            Bad({"presets": True}, ("presets",)),
+        ),
+    ),
+    "configure_planner": Case(
+        {"preset": "Comfort", "weights": ["jerk*2"]},
+        (
+            Bad({"preset": "Comfy"}, ("Comfy", "Comfort")),
+            Bad({"weights": ["jerks=1"]}, ("jerks", "jerk")),
+            Bad({"weights": ["jerk=-1"]}, ("jerk", "-1")),
+            Bad({"weights": ["jerk=nan"]}, ("nan",)),
+            Bad({"base": "cfg_000000000000"}, ("cfg_000000000000",)),
+        ),
+    ),
+    "run_planner": Case(
+        {"scenarios": ["<scenario>"], "configs": ["frenetix:Comfort"]},
+        (
+            Bad({"scenarios": ["<scenario>x"]}, ("<scenario>",)),
+            Bad({"scenarios": ["<scenario>"], "configs": ["frenetix:Sportive"]}, ("Sportive", "Sporty")),
+            Bad({"scenarios": ["<scenario>"], "prediction": "oracle"}, ("oracle", "ground_truth")),
+            Bad({"scenarios": ["<scenario>#77"]}, ("77",)),
+            Bad({"scenarios": ["<scenario>"], "wait_s": 600}, ("wait_s", "50")),
+        ),
+    ),
+    "get_job": Case(
+        {"wait_s": 0},
+        (
+            Bad({"job_id": "job_000000000000"}, ("job_000000000000", "job_")),
+            Bad({"wait_s": 51}, ("wait_s", "50")),
+            Bad({"job": "latest"}, ("'job'", "job_id")),
+        ),
+    ),
+    "cancel_job": Case(
+        {"job_id": "latest"},
+        (
+            Bad({}, ("job_id", "missing")),
+            Bad({"job_id": "job_000000000000"}, ("job_000000000000", "job_")),
+            Bad({"job_id": "latest", "force": True}, ("force",)),
+        ),
+    ),
+    "analyze_results": Case(
+        {"results": ["<batch>"], "detail": "findings"},
+        (
+            Bad({"results": ["batch_000000000000"]}, ("batch_000000000000",)),
+            Bad({"results": ["<scenario>"]}, ("<scenario>", "run")),
+            Bad({"results": ["<batch>"], "where": ["outcom=collision"]}, ("outcom", "outcome")),
+            Bad({"results": ["<batch>"], "detail": "all"}, ("'all'", "findings")),
+        ),
+    ),
+    "compare_results": Case(
+        {"results": ["<batch>"]},
+        (
+            Bad({"results": ["<run>"]}, ("side",)),
+            Bad({"results": ["<batch>"], "metrics": ["speed"]}, ("speed", "mean_speed_mps")),
+            Bad({"results": ["run_000000000000", "<run>"]}, ("run_000000000000",)),
+        ),
+    ),
+    "render": Case(
+        {"ids": ["<scenario>"]},
+        (
+            Bad({"ids": ["<scenario>x"]}, ("<scenario>",)),
+            Bad({"ids": ["<config>"]}, ("<config>", "scenario")),
+            Bad({"ids": ["<scenario>"], "kind": "photo"}, ("photo", "picture")),
+            Bad({"ids": ["<scenario>"], "time_s": 1e6}, ("time_s", "ends at")),
+            Bad({"ids": ["<scenario>"], "kind": "outcomes"}, ("run",)),
+        ),
+    ),
+    "list_artifacts": Case(
+        {"kind": "scenario"},
+        (
+            Bad({"kind": "scenarios"}, ("'scenarios'", "scenario")),
+            Bad({"limit": 1000}, ("limit", "50")),
+            Bad({"offset": -1}, ("offset",)),
+        ),
+    ),
+    "export_artifacts": Case(
+        {"ids": ["<scenario>", "<batch>"], "folder": "<folder>/exported", "formats": ["html"], "overwrite": True},
+        (
+            Bad({"ids": ["<scenario>"], "folder": "/etc"}, ("/etc", "PLANNERFORGE_ROOTS")),
+            Bad({"ids": ["<scenario>x"], "folder": "<folder>/no"}, ("<scenario>",)),
+            Bad({"ids": ["<scenario>"], "folder": "<folder>/no", "formats": ["yaml"]}, ("yaml", "xml")),
+            Bad({"ids": [], "folder": "<folder>/no"}, ("ids",)),
+            Bad({"ids": ["<scenario>"], "folder": "<folder>/../../../etc"}, ("PLANNERFORGE_ROOTS",)),
+        ),
+    ),
+}
