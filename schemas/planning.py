@@ -49,10 +49,10 @@ class RunResponse(Model):
 
 
 class ListPlannersArguments(Arguments):
-    """Planners, their weights (value in force, meaning, effect of raising, if it acts), presets, configurations."""
+    """Planners, their weights (value, meaning, effect of raising), presets, configurations made here."""
 
     planner: str | None = None
-    config_id: str | None = Field(None, description="whose values to show; default: the current configuration")
+    config_id: str | None = Field(None, description="default: the current one")
 
 
 class WeightInfo(Model):
@@ -120,13 +120,9 @@ class ConfigurePlannerArguments(Arguments):
     Unknown names are refused whole. Result: id, diff, YAML.
     """
 
-    planner: str | None = Field(None, description="frenetix; default: that of the base")
-    preset: str | None = Field(
-        None, description="Default, Comfort, Balanced, Efficiency-Sporty (Sporty), Safety-Conservative (Safety)"
-    )
-    weights: list[str] = Field(
-        [], max_length=40, description="'jerk=0.5', 'jerk*2', 'jerk+0.1', 'jerk=lateral_jerk'; 0*2 stays 0"
-    )
+    planner: str | None = Field(None, description="default: that of the base")
+    preset: str | None = Field(None, description="Default, Comfort, Balanced, Efficiency-Sporty, Safety-Conservative")
+    weights: list[str] = Field([], description="'jerk=0.5', 'jerk*2', 'jerk+0.1', 'jerk=lateral_jerk'; 0*2 stays 0")
     base: str = Field("current", description="config id")
 
 
@@ -160,18 +156,14 @@ class ConfigurePlannerResult(Result):
 
 
 class RunPlannerArguments(Arguments):
-    """Run scenarios x configurations, starting at once. Small grids answer directly, larger ones give a job id for get_job."""  # noqa: E501 - the text that the model reads
+    """Run scenarios x configurations, starting at once. Large grids give a job id for get_job."""
 
     scenarios: list[str] = Field(
         ["latest"],
         min_length=1,
-        max_length=500,
-        description="scenario ids (ID#problem for another problem), a search id (all its hits; search:latest), or "
-        "preset:N (10 50 100 200 300 400 500 or any N)",
+        description="scenario ids (ID#problem), a search id (all its hits; search:latest), or preset:N (N up to 500)",
     )
-    configs: list[str] = Field(
-        ["current"], min_length=1, max_length=20, description="config ids, PLANNER or PLANNER:PRESET"
-    )
+    configs: list[str] = Field(["current"], min_length=1, description="config ids, PLANNER or PLANNER:PRESET")
     prediction: Prediction = "constant_velocity"
     wait_s: float = Field(45, ge=0, le=50)
     seed: int = 0
