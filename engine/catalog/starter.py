@@ -51,6 +51,7 @@ def _load_starter(workspace: Workspace) -> None:
 def put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
     """Store every scenario of an archive; those that are there already stay."""
     facts_by_id = json.loads(opened.read("facts.json"))
+    made_by = {entry["id"]: entry for entry in json.loads(opened.read("manifest.json"))}
     names = set(opened.namelist())
     with workspace.scratch() as folder:
         for scenario_id in sorted(facts_by_id):
@@ -69,7 +70,7 @@ def put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
             workspace.put(
                 "scenario",
                 scenario_id,
-                recipe=Recipe(tool="starter", arguments={"scenario_id": scenario_id, "content": content}),
+                recipe=Recipe(tool="starter", arguments={"content": content, "made_by": made_by[scenario_id]}),
                 record=ScenarioRecord(facts=facts, origin="starter", content=content),
                 files=taken,
             )

@@ -1,0 +1,120 @@
+"""The facts of a scenario: metadata layers and computed features, on hand-made and on real files."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from builders import Problem, ScenarioBuilder, Vehicle, driving, town_road
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.scenarios.facts import parse_benchmark_id, read_facts
+from plannerforge.schemas.errors import UnsafeInput
+from plannerforge.schemas.scenarios import ReadFactsRequest, ScenarioFacts
+
+PARKED = Vehicle(50, ((100.0, -4.0, 0.0, 0.0),), kind="parkedVehicle")
+
+
+def facts_of(builder: ScenarioBuilder, folder: Path) -> ScenarioFacts:
+    return read_facts(ReadFactsRequest(path=builder.write(folder / "scenario.xml")), silent)
+
+
+def test_participants_are_counted_by_type_moving_and_standing(tmp_path: Path) -> None:
+    found = facts_of(replace(town_road(), parked=(PARKED,)), tmp_path)
+    assert found.participants.dynamic == {"car": 3, "motorcycle": 1, "truck": 1}
+    assert found.participants.static == {"parkedVehicle": 1}
+    assert found.participants.total == 6
+
+
+def test_the_ego_its_lanes_and_its_goal(tmp_path: Path) -> None:
+    ego = facts_of(town_road(), tmp_path).ego
+    assert ego is not None
+    assert (ego.problem_id, ego.speed_mps, ego.lanes, ego.lanelets) == (100, 10.0, 2, (1,))
+    assert ego.route == (1,)
+    assert "time" in ego.goal_forms
+    assert (ego.goal_first_step, ego.goal_last_step) == (60, 150)
+
+
+@pytest.mark.parametrize(
+    ("goal", "feature"),
+    [
+        ((150.0, 0.0, 8.0, 3.0), "ego_goes_straight"),
+        ((220.0, -60.0, 3.0, 8.0), "ego_turns_right"),
+        ((250.0, 3.5, 8.0, 3.0), "ego_changes_lane"),
+    ],
+)
+def test_the_way_to_the_goal_is_a_feature(
+    tmp_path: Path, goal: tuple[float, float, float, float], feature: str
+) -> None:
+    features = facts_of(replace(town_road(), problems=(Problem(goal=goal),)), tmp_path).features
+    ways = {"ego_goes_straight", "ego_turns_left", "ego_turns_right", "ego_changes_lane"}
+    assert ways & set(features) == {feature}
+
+
+def test_a_goal_without_a_place_has_no_way(tmp_path: Path) -> None:
+    found = facts_of(replace(town_road(), problems=(Problem(goal=None),)), tmp_path)
+    assert not [feature for feature in found.features if feature.startswith(("ego_goes", "ego_turns", "ego_changes"))]
+
+
+def test_traffic_around_the_ego_is_seen(tmp_path: Path) -> None:
+    assert {"lead_vehicle", "oncoming_traffic", "multi_lane"} <= set(facts_of(town_road(), tmp_path).features)
+    behind = town_road().with_vehicles(driving(32, (15, 0), 10.0, 50))
+    assert not {"lead_vehicle", "oncoming_traffic"} & set(facts_of(behind, tmp_path).features)
+
+
+def test_tags_of_the_file_stay_apart_from_features(tmp_path: Path) -> None:
+    found = facts_of(replace(town_road(), tags=("roundabout", "urban")), tmp_path)
+    assert found.tags == ("roundabout", "urban")
+    assert "roundabout" not in found.features
+
+
+def test_several_planning_problems_are_all_listed_the_lowest_id_first(tmp_path: Path) -> None:
+    problems = (Problem(102, start=(60.0, 3.5, 0.0, 20.0)), Problem(101))
+    found = facts_of(replace(town_road(), problems=problems), tmp_path)
+    assert [ego.problem_id for ego in found.egos] == [101, 102]
+    assert found.ego is not None
+    assert found.ego.speed_mps == 10.0
+
+
+def test_a_scenario_without_a_planning_problem_has_facts(tmp_path: Path) -> None:
+    found = facts_of(replace(town_road(), problems=()), tmp_path)
+    assert found.ego is None
+    assert found.features == ()
+
+
+def test_old_files_are_read(tmp_path: Path) -> None:
+    found = facts_of(replace(town_road(), version="2018b"), tmp_path)
+    assert found.tags == ("urban",)
+    assert found.participants.total == 5
+
+
+@pytest.mark.parametrize(
+    ("benchmark_id", "expected"),
+    [
+        ("DEU_A99-1_2_T-1", ("DEU", "A99")),
+        ("C-DEU_B471-1_3_T-1", ("DEU", "B471")),
+        ("ZAM_OpenDrive-1", ("ZAM", "OpenDrive")),
+        ("ZAM_test_0-1", ("ZAM", "test_0")),
+    ],
+)
+def test_country_and_place_come_from_the_benchmark_id(benchmark_id: str, expected: tuple[str, str]) -> None:
+    assert parse_benchmark_id(benchmark_id) == expected
+
+
+@pytest.mark.parametrize("benchmark_id", ["", "../../etc/passwd", "DEU_../x-1_1_T-1", "DEU_" + "a" * 500, "x y"])
+def test_ids_that_are_no_ordinary_file_name_are_refused(benchmark_id: str) -> None:
+    with pytest.raises(UnsafeInput, match="naming"):
+        parse_benchmark_id(benchmark_id)
+
+
+@pytest.mark.shared_data
+def test_real_signs_lights_and_limits(shared_data: Path) -> None:
+    def read(name: str) -> ScenarioFacts:
+        return read_facts(ReadFactsRequest(path=shared_data / "data/commonroad" / f"{name}.xml"), silent)
+
+    lanker = read("USA_Lanker-1_11_T-1").roads
+    assert 48.28 in lanker.limits_map_kmh
+    assert "no_u_turn" in lanker.signs_map
+    spain = read("ESP_Barcelona-38_52_T-1").roads
+    assert spain.limits_ego_kmh == (50.0,)
+    assert read("ZAM_Zip-2_1_T-1").egos[0].goal_forms == ()
+    assert read("ZAM_test_0-1").scenario_id == "ZAM_test_0-1"

@@ -1,0 +1,122 @@
+"""Import, search and describe through a real client session."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from builders import town_road
+from mcp import Client
+from support import Connect
+
+from plannerforge.server.settings import Settings
+
+pytestmark = pytest.mark.anyio
+
+
+async def call(client: Client, tool: str, **arguments: Any) -> tuple[bool, str, dict[str, Any]]:
+    result = await client.call_tool(tool, arguments)
+    return bool(result.is_error), str(result.content[0].text), result.structured_content or {}  # type: ignore[union-attr]
+
+
+@pytest.fixture
+def bare(settings: Settings) -> Settings:
+    """No starter catalogue."""
+    return settings.model_copy(update={"starter": False})
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A good file, a broken one, and a link that leads outside the roots."""
+    folder = tmp_path / "files"
+    folder.mkdir()
+    town_road().write(folder / "good.xml")
+    (folder / "broken.xml").write_text("<commonRoad>", encoding="utf-8")
+    (folder / "outside.xml").symlink_to("/etc/hostname")
+    return folder
+
+
+async def test_a_folder_goes_in_without_what_is_refused(connect: Connect, bare: Settings, folder: Path) -> None:
+    async with connect(bare) as client:
+        failed, text, first = await call(client, "import_files", path=str(folder))
+        assert not failed, text
+        assert (first["added"], first["refused"]) == (1, 2)
+        reasons = {item["file"]: item["reason"] for item in first["refusals"]}
+        assert "well-formed" in reasons["broken.xml"]
+        assert "outside" in reasons["outside.xml"]
+        _, _, second = await call(client, "import_files", path=str(folder))
+        assert (second["added"], second["reused"]) == (0, 1)
+        _, text, found = await call(client, "find_scenarios", city="builder", obstacles=["truck=1"])
+        assert [match["scenario_id"] for match in found["matches"]] == ["ZAM_Builder-1_1_T-1"]
+        assert "ZAM_Builder-1_1_T-1" in text
+        failed, text, _ = await call(client, "describe_scenario", scenario_id="ZAM_Builder-1_1_T-1")
+        assert not failed
+        assert "30 m ahead, same lane" in text
+
+
+async def test_other_content_under_a_known_id_is_refused(connect: Connect, bare: Settings, folder: Path) -> None:
+    async with connect(bare) as client:
+        await call(client, "import_files", path=str(folder / "good.xml"))
+        town_road().with_vehicles().write(folder / "good.xml")
+        failed, text, _ = await call(client, "import_files", path=str(folder / "good.xml"))
+        assert failed
+        assert "other content" in text
+
+
+async def test_a_weight_file_becomes_a_configuration(connect: Connect, bare: Settings, folder: Path) -> None:
+    (folder / "weights.yaml").write_text("cost_weights:\n  lateral_jerk: 0.7\n", encoding="utf-8")
+    (folder / "wrong.yaml").write_text("cost_weights:\n  lateral_jerk: .nan\n", encoding="utf-8")
+    async with connect(bare) as client:
+        _, _, made = await call(client, "import_files", path=str(folder), kind="config")
+        assert made["items"][0]["artifact_id"].startswith("cfg_")
+        assert "no finite number" in made["refusals"][0]["reason"]
+
+
+async def test_an_empty_result_says_why_and_keeps_its_fallback_apart(connect: Connect, settings: Settings) -> None:
+    async with connect(settings) as client:
+        _, text, found = await call(client, "find_scenarios", tags=["race_track"], country="ZAM")
+        assert found["matches"] == []
+        assert found["emptied_by"]["conditions"] == ["race_track"]
+        assert found["relaxations"][0]["drop"] == ["race_track"]
+        assert all(scenario["unmet"] for scenario in found["fallback"])
+        assert "FALLBACK" in text
+
+
+async def test_a_search_is_refined_and_paged(connect: Connect, settings: Settings) -> None:
+    async with connect(settings) as client:
+        _, _, first = await call(client, "find_scenarios", tags=["urban"], limit=1)
+        _, _, page = await call(client, "find_scenarios", tags=["urban"], limit=1, offset=1)
+        assert first["search_id"] == page["search_id"]
+        assert first["matches"] != page["matches"]
+        _, _, refined = await call(client, "find_scenarios", within=first["search_id"], features=["roundabout"])
+        assert refined["catalogue"] == first["total"]
+        assert 0 < refined["total"] < first["total"]
+
+
+async def test_the_facets_are_short(connect: Connect, settings: Settings) -> None:
+    from bpe_openai import get_encoding
+
+    async with connect(settings) as client:
+        _, text, found = await call(client, "describe_catalog")
+        assert len(get_encoding("o200k_base").encode(text)) <= 600
+        assert found["scenarios"] >= 12
+        _, text, _ = await call(client, "describe_catalog", facet="tags")
+        assert "race_track" in text
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "expected"),
+    [
+        ("find_scenarios", {"tags": ["tunnel"]}, "unknown_name"),
+        ("find_scenarios", {"method": "bm25"}, "no"),
+        ("find_scenarios", {"within": "search_nothing"}, "search_nothing"),
+        ("describe_scenario", {"scenario_id": "DEU_Nowhere-1_1_T-1"}, "unknown_name"),
+        ("import_files", {"path": "/etc/hostname"}, "outside_roots"),
+    ],
+)
+async def test_bad_calls_are_refused(
+    connect: Connect, settings: Settings, tool: str, arguments: dict[str, Any], expected: str
+) -> None:
+    async with connect(settings) as client:
+        failed, text, _ = await call(client, tool, **arguments)
+        assert failed
+        assert expected in text
