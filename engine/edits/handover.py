@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from plannerforge.engine.edits.resimulation import DrivenTrack, front_of
-from plannerforge.engine.geometry.polyline import Points, Values, wrap_angle
+from plannerforge.engine.geometry.polyline import Points, Values
 from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.engine.traffic.smoothing import REAR_AXLE_BEHIND_CENTER_M, Motion, drivable_motion
+from plannerforge.engine.traffic.smoothing import REAR_AXLE_BEHIND_CENTER_M, Motion, drivable_motion, tractrix
 
 HISTORY_STEPS = 15
 FEWEST_STATES = 5
@@ -75,24 +75,35 @@ def _history(start: Track, index: int, step_s: float) -> Points:
 
 
 def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float) -> Motion:
-    """The smoothed motion from the hand-over on; differences to the recorded state fade out instead of jumping."""
-    centers, headings = smooth.positions[skip:], smooth.headings_rad[skip:]
-    times = np.arange(len(centers)) * step_s
-    fading = np.exp(-times / POSE_DECAY_S)
-    centers = centers + (start.positions[index] - centers[0]) * fading[:, None]
-    headings = headings + wrap_angle(float(start.headings_rad[index]) - float(headings[0])) * fading
-    speed = max(float(start.speeds_mps[index]), 0.0)
-    first_steps = np.linalg.norm(np.diff(centers[:3], axis=0), axis=1) / step_s
-    missing = speed - (1.5 * first_steps[0] - 0.5 * first_steps[-1])
-    forward = np.stack([np.cos(headings), np.sin(headings)], axis=1)
-    centers = centers + forward * (missing * times * np.exp(-times / SPEED_DECAY_S))[:, None]
+    """The smoothed motion from the hand-over on; differences to the recorded state fade out instead of jumping.
+
+    Only the front's track is corrected; the heading follows it as a tractrix from the recorded heading on, so that
+    the rear axle never slips sideways.
+    """
+    headings = smooth.headings_rad[skip:]
+    forward = _directions(headings)
+    front = smooth.positions[skip:] + start.length_m / 2 * forward
+    times = np.arange(len(front)) * step_s
+    front = front + (front_of(start, index) - front[0]) * np.exp(-times / POSE_DECAY_S)[:, None]
+    speed, drag = max(float(start.speeds_mps[index]), 0.0), start.length_m / 2 + REAR_AXLE_BEHIND_CENTER_M
+    headings = tractrix(front, float(start.headings_rad[index]), drag)
+    rear = front[:3] - drag * _directions(headings[:3])
+    first_speeds = np.linalg.norm(np.diff(rear, axis=0), axis=1) / step_s
+    missing = speed - (1.5 * first_speeds[0] - 0.5 * first_speeds[-1])
+    front = front + forward * (missing * times * np.exp(-times / SPEED_DECAY_S))[:, None]
+    headings = tractrix(front, float(start.headings_rad[index]), drag)
+    centers = front - start.length_m / 2 * _directions(headings)
     speeds = _rear_axle_speeds(centers, headings, speed, step_s)
     return Motion(centers, headings, speeds, np.gradient(speeds, step_s))
 
 
+def _directions(headings_rad: Values) -> Points:
+    return np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
+
+
 def _rear_axle_speeds(centers: Points, headings: Values, first_mps: float, step_s: float) -> Values:
     """Speeds along the heading of the rear axle, which a kinematic single-track model steers, shape (n,)."""
-    forward = np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    forward = _directions(headings)
     moved = np.diff(centers - REAR_AXLE_BEHIND_CENTER_M * forward, axis=0)
     along = np.maximum((moved * forward[:-1]).sum(axis=1) / step_s, 0.0)
     speeds = np.concatenate([[first_mps], (along[:-1] + along[1:]) / 2, along[-1:]])

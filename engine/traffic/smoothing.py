@@ -46,7 +46,7 @@ def drivable_motion(
         still = np.repeat(front[:1], count, axis=0) - length_m / 2 * direction
         return Motion(still, heading, np.zeros(count), np.zeros(count))
     guide = _smooth_guide(front, stations, sigma_steps, sigma_m)
-    heading = _tractrix(guide, first_heading_rad, length_m / 2 + rear_axle_m)
+    heading = tractrix(guide, first_heading_rad, length_m / 2 + rear_axle_m)
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     rear = guide - (length_m / 2 + rear_axle_m) * direction
     speed = np.gradient(arc_length(rear), step_s)
@@ -65,7 +65,7 @@ def _smooth_guide(front: Points, stations: Values, sigma_steps: float, sigma_m: 
     return interpolate(path, along, np.interp(progress, even, along))
 
 
-def _tractrix(guide: Points, first_heading_rad: float, drag_m: float) -> Values:
+def tractrix(guide: Points, first_heading_rad: float, drag_m: float) -> Values:
     """Heading of a rod of length ``drag_m`` whose front end follows the guide, shape (n,), unwrapped."""
     heading = np.empty(len(guide))
     heading[0] = angle = first_heading_rad
