@@ -58,7 +58,7 @@ def _candidates(described: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
             )
         ],
         "new goal": [
-            {"op": "set_goal", "to": [str(lanelet)], "position": position}
+            {"op": "set_goal", "to": [str(lanelet)], "position": position, "goal_time": "4..14s"}
             for lanelet in dict.fromkeys(goals)
             for position in ("final", "middle")
         ],

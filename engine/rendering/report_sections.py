@@ -93,9 +93,13 @@ def report_image(image: RenderedImage, caption: str) -> ReportImage:
 
 
 def _asked(recipe: Recipe) -> str:
-    if not recipe.arguments:
-        return recipe.tool
-    return f"{recipe.tool} {json.dumps(recipe.arguments, ensure_ascii=False, sort_keys=True)}"
+    said = {
+        key: value
+        for key, value in recipe.arguments.items()
+        if value not in (None, [], {}, "") and key != "map_content"
+    }
+    shown = ", ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in sorted(said.items()))
+    return f"{recipe.tool}: {shown}" if shown else recipe.tool
 
 
 def _in_words(facts: ScenarioFacts) -> str:

@@ -77,7 +77,7 @@ async def test_long_work_reports_rising_progress(prepared: Prepared, era: str) -
         shares.append(progress)
 
     async with session(prepared, era) as client:
-        arguments = {"density": "high", "duration_s": 30, "seed": 5}
+        arguments = {"density": "medium", "seed": len(era)}  # what is stored already makes no progress
         await client.call_tool("generate_scenarios", arguments, progress_callback=note)
     assert shares
     assert shares == sorted(set(shares))
