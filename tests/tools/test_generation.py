@@ -1,0 +1,43 @@
+import pytest
+from support import Connect
+
+pytestmark = pytest.mark.anyio
+WISH = {"place": "Ostallee", "vehicles": ["truck", "bicycle=2"], "duration_s": 5, "count": 2, "seed": 4}
+
+
+async def test_scenarios_are_stored_and_the_same_request_gives_the_stored_ones(connect: Connect) -> None:
+    async with connect() as client:
+        first = (await client.call_tool("generate_scenarios", WISH)).structured_content
+        assert first is not None
+        assert len({made["scenario_id"] for made in first["scenarios"]}) == 2
+        for made in first["scenarios"]:
+            assert made["checks_failed"] == []
+            assert made["classes_realised"]["bicycle"] >= 2
+            assert "Ostallee" in made["site"]
+            described = await client.call_tool("describe_scenario", {"scenario_id": made["scenario_id"]})
+            assert not described.is_error
+        again = (await client.call_tool("generate_scenarios", WISH)).structured_content
+        assert again is not None
+        assert all(made["reused"] for made in again["scenarios"])
+        assert [made | {"reused": False} for made in again["scenarios"]] == first["scenarios"]
+
+
+@pytest.mark.parametrize(
+    ("wish", "valid"),
+    [
+        ({"place": "Atlantis"}, "Musterstadt"),
+        ({"place": "Landmoor", "scenario_type": "ramp"}, "rural"),
+        ({"vehicles": ["truk"]}, "truck"),
+        ({"vehicles": ["car>many"]}, "car"),
+        ({"bbox": [5, 4, 3, 2]}, "south"),
+        ({"road_classes": ["motorwy"]}, "motorway"),
+        ({"goal": "tomorrow"}, "steps:N"),
+    ],
+)
+async def test_what_cannot_be_made_is_refused_with_what_can(
+    connect: Connect, wish: dict[str, object], valid: str
+) -> None:
+    async with connect() as client:
+        answer = await client.call_tool("generate_scenarios", wish)
+        assert answer.is_error
+        assert valid in str(answer.content)
