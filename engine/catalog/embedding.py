@@ -35,6 +35,6 @@ def _model() -> Any:
     from sentence_transformers import SentenceTransformer
     from transformers.utils import logging as transformers_logging
 
-    transformers_logging.disable_progress_bar()
+    transformers_logging.disable_progress_bar()  # type: ignore[no-untyped-call]
     torch.set_num_threads(max(1, min(2, os.cpu_count() or 1)))
     return SentenceTransformer(str(get_model_path()), device="cpu")
