@@ -3,6 +3,9 @@
 import math
 from typing import TYPE_CHECKING, TypeVar
 
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.rendering.canvas import SMALL_PT, TEXT_PT, TITLE_PT
 from plannerforge.engine.rendering.palette import EGO_COLOUR, INK, MUTED, class_colour, series_style
 from plannerforge.engine.rendering.scene_view import Inventory
@@ -27,8 +30,7 @@ def write_title(figure: "Figure", title: str, subtitle: str, *, x: float = 0.012
 def draw_scale_bar(axes: "Axes", viewport: Viewport) -> None:
     """A bar of a round length at the lower left of the axes, on a white ground."""
     length = round_length(viewport.width_m / 5)
-    x = viewport.x_min + viewport.width_m * 0.02
-    y = viewport.y_min + viewport.height_m * 0.045
+    x, y = scale_bar_area(viewport)[0] + (0, viewport.height_m * 0.02)
     tick = viewport.height_m * 0.012
     axes.plot(
         [x, x, x, x + length, x + length, x + length],
@@ -47,6 +49,13 @@ def draw_scale_bar(axes: "Axes", viewport: Viewport) -> None:
         zorder=9,
         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
     )
+
+
+def scale_bar_area(viewport: Viewport) -> Points:
+    """Lower left and upper right corner of what the scale bar covers, in scenario coordinates, shape (2, 2)."""
+    low = np.array([viewport.x_min + viewport.width_m * 0.02, viewport.y_min + viewport.height_m * 0.025])
+    size = np.array([round_length(viewport.width_m / 5), viewport.height_m * 0.06])
+    return np.stack([low, low + size])
 
 
 def round_length(about_m: float) -> float:

@@ -1,10 +1,13 @@
 """The road: lanelets, their edges and directions, stop lines, traffic lights and the goal."""
 
+import itertools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plannerforge.engine.geometry.polyline import Points, length_m, point_at
+from plannerforge.engine.geometry.polyline import Points, length_m, point_at, resample
 from plannerforge.engine.rendering.palette import (
     DIRECTION,
     EGO_COLOUR,
@@ -21,6 +24,9 @@ from plannerforge.engine.rendering.viewport import Viewport
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+ON_SURFACE_M = 0.15
+PIECE_M = 2.0
+LARGEST_GAP_PIECES = 5
 LANE_LINE = "#FFFFFF"
 _LIGHT_COLOURS = {"red": LIGHT_RED, "redYellow": LIGHT_RED, "yellow": LIGHT_YELLOW, "green": LIGHT_GREEN}
 
@@ -37,11 +43,38 @@ def draw_road(axes: "Axes", content: SceneContent, viewport: Viewport) -> None:
     )
     plain = [lanelet for lanelet in shown if not lanelet.inside_intersection]
     lines = [side for lanelet in plain for side, edge in _sides(lanelet) if not edge]
-    edges = [side for lanelet in plain for side, edge in _sides(lanelet) if edge]
+    edges = outer_edges([side for lanelet in plain for side, edge in _sides(lanelet) if edge], shown)
     axes.add_collection(LineCollection(lines, colors=LANE_LINE, linewidths=1.4, linestyles=(0, (7, 5)), zorder=2))
     axes.add_collection(LineCollection(edges, colors=ROAD_EDGE, linewidths=1.0, zorder=2.1))
     marks = [mark for lanelet in shown for mark in _direction_marks(lanelet, viewport)]
     axes.add_collection(PolyCollection(marks, facecolors=DIRECTION, edgecolors="none", zorder=2.2))
+
+
+def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> list[Points]:
+    """Short pieces (2, 2) of the edges, without those that run over another lanelet.
+
+    Where lanelets cross or merge, the edge of one lies on the surface of another: no edge of the road.
+    """
+    import shapely
+
+    surfaces = shapely.STRtree([shapely.Polygon(lanelet.outline).buffer(-ON_SURFACE_M) for lanelet in lanelets])
+    kept = []
+    for edge in edges:
+        fine = resample(edge, max(round(length_m(edge) / PIECE_M), len(edge), 2))
+        covered = np.zeros(len(fine) - 1, dtype=bool)
+        covered[surfaces.query(shapely.points((fine[:-1] + fine[1:]) / 2), predicate="intersects")[0]] = True
+        kept += [fine[index : index + 2] for index in np.flatnonzero(~_without_gaps(covered))]
+    return kept
+
+
+def _without_gaps(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Short gaps between covered pieces count as covered: there, crossing lanelets only just fail to touch."""
+    closed = covered.copy()
+    places = np.flatnonzero(covered)
+    for first, second in itertools.pairwise(places):
+        if second - first <= LARGEST_GAP_PIECES:
+            closed[first:second] = True
+    return closed
 
 
 def draw_stop_lines(axes: "Axes", content: SceneContent) -> None:
@@ -79,7 +112,10 @@ def draw_goal(axes: "Axes", content: SceneContent) -> None:
     hatched = PolyCollection(
         polygons, facecolors="none", edgecolors=EGO_COLOUR, hatch="////", linewidths=1.2, alpha=0.55, zorder=2.5
     )
+    # A small goal may lie under a vehicle: its outline stays visible.
+    outline = PolyCollection(polygons, facecolors="none", edgecolors=EGO_COLOUR, linewidths=1.2, alpha=0.8, zorder=6)
     axes.add_collection(hatched)
+    axes.add_collection(outline)
 
 
 def _may_be_seen(lanelet: LaneletShape, viewport: Viewport) -> bool:

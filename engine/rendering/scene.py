@@ -14,7 +14,7 @@ from plannerforge.engine.rendering.ego_layer import (
     focus,
     path_corners,
 )
-from plannerforge.engine.rendering.furniture import draw_legend, draw_scale_bar, write_title
+from plannerforge.engine.rendering.furniture import draw_legend, draw_scale_bar, scale_bar_area, write_title
 from plannerforge.engine.rendering.road_layer import draw_goal, draw_road, draw_signals, draw_stop_lines
 from plannerforge.engine.rendering.scene_view import Inventory, SceneView, inventory
 from plannerforge.engine.rendering.traffic_layer import (
@@ -57,7 +57,8 @@ def draw_scene(axes: "Axes", view: SceneView, viewport: Viewport) -> TrafficDraw
     draw_vehicles(axes, vehicles)
     egos = draw_egos(axes, view)
     draw_endings(axes, view.paths, view.step)
-    return label_vehicles(axes, vehicles, egos, focus(view.content, view.paths, view.step), viewport)
+    near = focus(view.content, view.paths, view.step)
+    return label_vehicles(axes, vehicles, egos, near, viewport, keep_free=[scale_bar_area(viewport)])
 
 
 def draw_picture(views: Sequence[SceneView], path: Path) -> tuple[tuple[int, int], str]:

@@ -107,6 +107,7 @@ def label_vehicles(
     egos: Sequence[NamedOutline],
     near: Points,
     viewport: Viewport,
+    keep_free: Sequence[Points] = (),
 ) -> TrafficDrawn:
     """Write the ids beside the vehicles in view, those nearest to ``near`` first.
 
@@ -116,12 +117,14 @@ def label_vehicles(
         egos: the egos, which no label may cover and which are labelled first.
         near: the point of interest.
         viewport: what the axes show.
+        keep_free: further points (n, 2) whose boxes no label may cover.
     """
     to_pixels = axes.transData.transform
     seen = [vehicle for vehicle in vehicles if viewport.contains(vehicle.corners)]
     seen.sort(key=lambda vehicle: (float(np.linalg.norm(vehicle.center - near)), vehicle.vehicle_id))
     occupied = [bounding_box(to_pixels(vehicle.corners)) for vehicle in seen]
     occupied += [bounding_box(to_pixels(ego.corners)) for ego in egos]
+    occupied += [bounding_box(to_pixels(points)) for points in keep_free]
     wishes = [_wish(vehicle.vehicle_id, str(vehicle.vehicle_id), to_pixels(vehicle.corners)) for vehicle in seen]
     wishes = [_wish(EGO_KEY, ego.name, to_pixels(ego.corners)) for ego in egos] + wishes
     frame = axes.get_window_extent()
