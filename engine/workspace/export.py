@@ -1,5 +1,6 @@
 """Copies of an artifact's files, and of what was drawn of it, for the user's own folder."""
 
+import contextlib
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -64,20 +65,29 @@ def write_export(workspace: Workspace, export: Export, drawn: Path | None = None
     Raises:
         ResourceFailure: the folder cannot be written.
     """
+    partial = export.path.with_name(export.path.name + ".partial")
     try:
         export.path.parent.mkdir(parents=True, exist_ok=True)
-        partial = export.path.with_name(export.path.name + ".partial")
-        if drawn is not None:
-            shutil.copyfile(drawn, partial)
-        elif export.format in _STORED:
-            source = workspace.file(export.artifact.kind, export.artifact.artifact_id, _STORED[export.format])
-            shutil.copyfile(source, partial)
-        else:
-            content = export.artifact.recipe if export.format == "recipe" else export.artifact
-            partial.write_text(content.model_dump_json(indent=1), encoding="utf-8")
+        _fill(partial, workspace, export, drawn)
         partial.replace(export.path)
     except OSError as error:
-        raise ResourceFailure(f"{export.path} cannot be written: {error.strerror or error}") from error
+        with contextlib.suppress(OSError):  # nothing half-written stays; the error that counts is the first one
+            partial.unlink(missing_ok=True)
+        raise ResourceFailure(
+            f"{export.path} cannot be written: {error.strerror or error}",
+            next_step="free disk space, or name another folder",
+        ) from error
+
+
+def _fill(partial: Path, workspace: Workspace, export: Export, drawn: Path | None) -> None:
+    if drawn is not None:
+        shutil.copyfile(drawn, partial)
+    elif export.format in _STORED:
+        source = workspace.file(export.artifact.kind, export.artifact.artifact_id, _STORED[export.format])
+        shutil.copyfile(source, partial)
+    else:
+        content = export.artifact.recipe if export.format == "recipe" else export.artifact
+        partial.write_text(content.model_dump_json(indent=1), encoding="utf-8")
 
 
 def _formats(workspace: Workspace, artifact: Artifact, asked: Sequence[str], any_asked: bool) -> list[str]:
