@@ -44,7 +44,9 @@ def made_configurations(call: ToolCall, limit: int) -> list[PlannerConfiguration
     return [artifact.read(PlannerConfiguration) for artifact in made[:limit]]
 
 
-def store_configuration(call: ToolCall, configuration: PlannerConfiguration, recipe: Recipe | None = None) -> Artifact:
+def store_configuration(
+    call: ToolCall, configuration: PlannerConfiguration, recipe: Recipe | None = None, name: str | None = None
+) -> Artifact:
     """Store a configuration with its YAML file; the same weights again are the stored ones."""
     recipe = recipe or Recipe(tool=_BY_NAME, arguments={"name": configuration.name, "id": configuration.config_id})
     with call.workspace.scratch() as folder:
@@ -56,7 +58,7 @@ def store_configuration(call: ToolCall, configuration: PlannerConfiguration, rec
             recipe=recipe,
             record=configuration,
             files={"config.yaml": path},
-            name=configuration.name,
+            name=name or configuration.name,
         )
 
 

@@ -10,6 +10,7 @@ from plannerforge.schemas.generation import MapFacts, ReadMapRequest
 from plannerforge.schemas.importing import ImportedItem
 from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.tools.call import ToolCall
+from plannerforge.tools.configurations import store_configuration
 from plannerforge.tools.storing import content_digest, store_scenario
 
 READ_MAP_TIMEOUT_S = 120.0
@@ -61,13 +62,7 @@ async def import_configuration(call: ToolCall, path: Path, name: str | None) -> 
     base = preset_configuration("frenetix", presets()["Default"])
     configuration, _ = changed_configuration(base, None, read_weight_file(path))
     before = call.workspace.find("config", configuration.config_id)
-    call.workspace.put(
-        "config",
-        configuration.config_id,
-        recipe=_recipe(path, name),
-        record=configuration,
-        name=name or configuration.name,
-    )
+    store_configuration(call, configuration, _recipe(path, name), name)
     return ImportedItem(
         file=path.name,
         kind="config",

@@ -62,7 +62,15 @@ async def test_a_chain_of_configurations(call: Call) -> None:
     assert again["reused"]
     assert any(second["config_id"] in note for note in again["notes"])
     exported = await call("export_artifacts", ids=[first["config_id"]], formats=["yaml"], folder="out")
-    assert "prediction: 0.4" in Path(exported["files"][0]["path"]).read_text(encoding="utf-8")
+    written = Path(exported["files"][0]["path"])
+    assert "prediction: 0.4" in written.read_text(encoding="utf-8")
+    written.write_text(
+        written.read_text(encoding="utf-8").replace("prediction: 0.4", "prediction: 0.7"), encoding="utf-8"
+    )
+    imported = (await call("import_files", path=str(written)))["items"][0]["artifact_id"]
+    back = await call("export_artifacts", ids=[imported], formats=["yaml"], folder="back")
+    assert "prediction: 0.7" in Path(back["files"][0]["path"]).read_text(encoding="utf-8")
+    assert (await call("list_planners"))["config_id"] == imported
 
 
 REFUSED: tuple[tuple[str, dict[str, Any], str], ...] = (
