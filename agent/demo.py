@@ -66,7 +66,7 @@ async def _demo(source: DemoInput, console: DemoConsole) -> None:
                 [
                     f"{len(session.steps)} calls took {session.seconds:.1f} s in all.",
                     f"Report:    {source.folder / 'report.html'}",
-                    f"Pictures, animation, scenarios, configurations: {source.folder}",
+                    f"Pictures, animation and scenarios: {source.folder}",
                 ]
             )
 

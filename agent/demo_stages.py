@@ -102,7 +102,9 @@ async def draw_and_export(
     scenarios = [scenario_id, *([modified_id] if modified_id else [])]
     await session.ask("render", {"ids": scenarios})
     await session.ask("render", {"ids": [results.shown_run], "kind": "animation"})
-    await session.ask("export_artifacts", {"ids": scenarios, "formats": ["xml", "recipe"], "folder": str(folder)})
-    await session.ask(
+    files = {"ids": scenarios, "formats": ["xml", "recipe", "png"], "folder": str(folder)}
+    await session.ask("export_artifacts", files)
+    await session.ask("export_artifacts", {"ids": [results.shown_run], "formats": ["gif"], "folder": str(folder)})
+    await session.must(
         "export_artifacts", {"ids": [*scenarios, results.batch_id], "formats": ["html"], "folder": str(folder)}
     )

@@ -62,4 +62,5 @@ def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
 
 async def _warm_up(workers: WorkerPool) -> None:
     await anyio.sleep(WARM_UP_DELAY_S)
-    await workers.warm_up()
+    await workers.warm_up("compute")
+    await workers.warm_up("retrieval")

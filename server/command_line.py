@@ -1,4 +1,6 @@
-"""The command line: ``plannerforge serve | call | tools | demo``.
+"""The server's part of the command line: ``plannerforge serve | call | tools``.
+
+The demo, a client, joins it in ``agent/command_line.py``.
 
 Commands import what they need when they run, so that ``serve`` answers fast.
 """
@@ -24,11 +26,6 @@ Workspace = Annotated[Path | None, typer.Option(help="Folder for everything that
 Roots = Annotated[list[Path] | None, typer.Option("--roots", help="Folder that may be read and written; repeatable.")]
 MapFolders = Annotated[list[Path] | None, typer.Option("--map-folders", help="Folder with .osm maps; repeatable.")]
 Workers = Annotated[int | None, typer.Option(help="Worker processes for simulation and planning.")]
-
-
-def main() -> None:
-    """Entry point of the ``plannerforge`` command."""
-    application()
 
 
 @application.command()
@@ -84,20 +81,6 @@ def list_tools(
     from plannerforge.server.tool_costs import print_costs
 
     print_costs(_settings(tools="essential" if essential else None))
-
-
-@application.command()
-def demo(
-    scenario: Annotated[Path | None, typer.Option(help="A CommonRoad file to begin with.")] = None,
-    map_file: Annotated[
-        Path | None, typer.Option("--map", help="An OpenStreetMap extract (.osm) to begin with.")
-    ] = None,
-    folder: Annotated[Path, typer.Option(help="Where the report, pictures and scenarios go.")] = Path("demo-output"),
-) -> None:
-    """Take a scenario through every stage with a real MCP client, and write a report."""
-    from plannerforge.agent.demo import run_demo
-
-    raise typer.Exit(run_demo(scenario=scenario, map_file=map_file, folder=folder))
 
 
 def _settings(**flags: Any) -> Settings:

@@ -66,7 +66,7 @@ class Settings(BaseSettings):
 
     def limits(self, start_folder: Path) -> Limits:
         """The bounds of every call."""
-        roots = self.roots or (self.workspace, start_folder)
+        roots = self.roots or (start_folder,)
         return Limits(
             roots=tuple(dict.fromkeys(root.expanduser().resolve() for root in (*roots, self.workspace))),
             worker_count=self.workers,

@@ -7,7 +7,8 @@ from plannerforge.engine.workspace.export import REPORT_NAME, Export, plan_expor
 from plannerforge.schemas.artifacts import ExportArtifactsArguments, ExportArtifactsResult, ExportedFile
 from plannerforge.schemas.rendering import PictureKind
 from plannerforge.tools.call import ToolCall
-from plannerforge.tools.reporting import draw, write_report
+from plannerforge.tools.drawings import draw
+from plannerforge.tools.reporting import write_report
 
 
 async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) -> ExportArtifactsResult:
@@ -18,22 +19,20 @@ async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) 
     report = folder / REPORT_NAME if "html" in arguments.formats else None
     if not arguments.overwrite:
         refuse_taken([export.path for export in planned] + ([report] if report else []))
-    with call.workspace.scratch() as scratch:
-        for number, export in enumerate(planned):
-            drawn = await _drawn(call, export, scratch / f"drawing_{number}") if export.is_drawn else None
-            write_export(call.workspace, export, drawn)
-        if report is not None:
-            await write_report(call, artifacts, report, scratch)
+    for export in planned:
+        write_export(call.workspace, export, await _drawn(call, export) if export.is_drawn else None)
+    if report is not None:
+        await write_report(call, artifacts, report)
     files = [_written(export.artifact.artifact_id, export.format, export.path) for export in planned]
     if report is not None:
         files.append(_written(", ".join(artifact.artifact_id for artifact in artifacts), "html", report))
     return ExportArtifactsResult(folder=str(folder), files=tuple(files))
 
 
-async def _drawn(call: ToolCall, export: Export, folder: Path) -> Path:
+async def _drawn(call: ToolCall, export: Export) -> Path:
     kind: PictureKind = "animation" if export.format == "gif" else "auto"
     scenario_ids = [export.artifact.artifact_id] if export.artifact.kind == "scenario" else []
-    made = await draw(call, kind, folder, scenario_ids=scenario_ids, run_ids=_runs(export.artifact))
+    made = await draw(call, kind, scenario_ids=scenario_ids, run_ids=_runs(export.artifact))
     return Path(made.images[0].path)
 
 

@@ -1,6 +1,7 @@
 """The tools that look at long work and stop it."""
 
 from plannerforge.engine.execution.jobs import Job
+from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
 from plannerforge.tools.call import ToolCall
 
@@ -25,8 +26,13 @@ async def get_job(arguments: GetJobArguments, call: ToolCall) -> JobResult:
 
 async def cancel_job(arguments: CancelJobArguments, call: ToolCall) -> JobResult:
     """Stop a job."""
-    job = call.jobs.store.get(arguments.job_id)
-    return _result(await call.jobs.cancel(job.job_id))
+    job = await call.jobs.cancel(call.jobs.store.get(arguments.job_id).job_id)
+    if not job.ended:
+        raise NotPossible(
+            f"{job.job_id} runs in another server on this workspace",
+            next_step="cancel it from the client that started it",
+        )
+    return _result(job)
 
 
 def _result(job: Job) -> JobResult:

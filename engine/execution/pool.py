@@ -95,7 +95,8 @@ class WorkerPool:
 
     async def warm_up(self, lane: Lane = "compute") -> None:
         """Have one idle worker with its heavy imports done, before anybody waits for it."""
-        if not self._idle[lane] and not self._busy:
+        nobody_works = self._slots[lane].value == (1 if lane == "retrieval" else self._limits.worker_count)
+        if nobody_works and not self._idle[lane]:
             self._idle[lane].append(await self._start(lane))
 
     async def close(self) -> None:

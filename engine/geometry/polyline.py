@@ -115,7 +115,9 @@ def oriented_rectangle(center: Points, heading_rad: float, size_m: tuple[float, 
     length, width = size_m
     along = np.array([math.cos(heading_rad), math.sin(heading_rad)]) * length / 2
     across = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * width / 2
-    return np.stack([center + along + across, center - along + across, center - along - across, center + along - across])
+    return np.stack(
+        [center + along + across, center - along + across, center - along - across, center + along - across]
+    )
 
 
 def rectangles_overlap(first: Points, second: Points, shrink_m: float = 0.0) -> bool:

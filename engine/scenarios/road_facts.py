@@ -50,7 +50,7 @@ def sign_keys(signs: Iterable["TrafficSign"]) -> tuple[str, ...]:
 
 
 def limits_kmh(signs: Iterable["TrafficSign"]) -> tuple[float, ...]:
-    """Posted speed limits in km/h, ascending, rounded to 0.01; values that are no positive number are left out."""
+    """Posted speed limits in km/h, ascending, rounded to 0.1; values that are no positive number are left out."""
     speeds = set()
     for element in _elements(signs):
         if sign_key(element.traffic_sign_element_id.name) != "speed_limit":
@@ -58,7 +58,7 @@ def limits_kmh(signs: Iterable["TrafficSign"]) -> tuple[float, ...]:
         for text in element.additional_values:
             value = _number(text)
             if value is not None and value > 0:
-                speeds.add(round(value * 3.6, 2))
+                speeds.add(round(value * 3.6, 1))
     return tuple(sorted(speeds))
 
 

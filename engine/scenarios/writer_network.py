@@ -87,7 +87,7 @@ def _write_sign(root: etree._Element, sign: SpeedSign, speed_sign: str) -> None:
     element = etree.SubElement(root, "trafficSign", {"id": str(sign.sign_id)})
     inside = etree.SubElement(element, "trafficSignElement")
     etree.SubElement(inside, "trafficSignID").text = speed_sign
-    etree.SubElement(inside, "additionalValue").text = f"{sign.speed_mps:.2f}"
+    etree.SubElement(inside, "additionalValue").text = f"{sign.speed_mps:.4f}"
     write_point(etree.SubElement(element, "position"), sign.position)
     etree.SubElement(element, "virtual").text = "true"
 

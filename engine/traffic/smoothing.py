@@ -18,7 +18,7 @@ REAR_AXLE_BEHIND_CENTER_M = 1.4227
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion of a vehicle's centre: positions (n, 2) in m, headings (n,) in rad, speeds (n,) in m/s, accelerations (n,)."""
+    """Motion of a centre: positions (n, 2) in m; headings (n,) in rad, speeds in m/s, accelerations in m/s²."""
 
     positions: Points
     headings_rad: Values

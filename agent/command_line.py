@@ -1,0 +1,27 @@
+"""The whole command line: what the server offers (``serve``, ``call``, ``tools``), and the demo, its client."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from plannerforge.server.command_line import application
+
+
+def main() -> None:
+    """Entry point of the ``plannerforge`` command."""
+    application()
+
+
+@application.command()
+def demo(
+    scenario: Annotated[Path | None, typer.Option(help="A CommonRoad file to begin with.")] = None,
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="An OpenStreetMap extract (.osm) to begin with.")
+    ] = None,
+    folder: Annotated[Path, typer.Option(help="Where the report, pictures and scenarios go.")] = Path("demo-output"),
+) -> None:
+    """Take a scenario through every stage with a real MCP client, and write a report."""
+    from plannerforge.agent.demo import run_demo
+
+    raise typer.Exit(run_demo(scenario=scenario, map_file=map_file, folder=folder))
