@@ -32,7 +32,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
     scene = Scene.of(read_scenario(request.xml))
     document = ScenarioDocument.read(request.xml)
     report(0.3, "resolving the edits")
-    changes, steps = resolve_edits(request.edits, scene, document.highest_id + 1)
+    changes, steps = resolve_edits(request.edits, scene, document.highest_id + 1, request.earlier)
     with tempfile.TemporaryDirectory() as folder:
         net = Path(folder) / NET_FILE
         write_sumo_net(scene.layout, scene.lane_speeds_mps, net)

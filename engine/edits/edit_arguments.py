@@ -4,7 +4,7 @@ from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.modification import ARGUMENTS_OF, Edit
 
 
-def check_arguments(edit: Edit, index: int) -> None:
+def check_arguments(edit: Edit) -> None:
     """Refuse arguments that do not belong to the operation, so that nothing asked for is silently left out.
 
     Raises:
@@ -14,7 +14,7 @@ def check_arguments(edit: Edit, index: int) -> None:
     foreign = [name for name in edit.given if name not in allowed]
     if foreign:
         raise InvalidRequest(
-            f"edit {index}: {', '.join(foreign)} does not belong to op {edit.op}",
+            f"{', '.join(foreign)} does not belong to op {edit.op}",
             valid=allowed,
             next_step="leave it out, or make it an edit of its own",
         )

@@ -11,6 +11,7 @@ from plannerforge.engine.edits.reroute import reroute
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.set_behaviour import set_behaviour
 from plannerforge.engine.edits.set_goal import set_goal
+from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.modification import Edit, Operation
 
 EditFunction = Callable[[Edit, Scene, Changes], EditStep]
@@ -24,19 +25,27 @@ OPERATIONS: Mapping[Operation, EditFunction] = {
 }
 
 
-def resolve_edits(edits: tuple[Edit, ...], scene: Scene, next_id: int) -> tuple[Changes, tuple[EditStep, ...]]:
+def resolve_edits(
+    edits: tuple[Edit, ...], scene: Scene, next_id: int, earlier: int = 0
+) -> tuple[Changes, tuple[EditStep, ...]]:
     """Apply edits in order; nothing is simulated or written, and any refusal refuses them all.
 
-    ``next_id``: the id that the first added vehicle gets.
+    ``next_id``: the id that the first added vehicle gets. ``earlier``: how many edits come from earlier calls; the
+    others are counted from 0 in errors.
 
     Raises:
         InvalidRequest: an edit that cannot be meant, or that the scenario does not allow.
     """
-    for index, edit in enumerate(edits):
-        check_arguments(edit, index)
     changes, steps = Changes(next_id=next_id, driven={}), []
-    for edit in edits:
-        step = OPERATIONS[edit.op](edit, scene, changes)
+    for index, edit in enumerate(edits):
+        try:
+            check_arguments(edit)
+            step = OPERATIONS[edit.op](edit, scene, changes)
+        except InvalidRequest as error:
+            if len(edits) - earlier == 1:
+                raise
+            message = f"edit {index - earlier} ({edit.op}): {error.message}"
+            raise type(error)(message, valid=error.valid, next_step=error.next_step) from error
         added = step.vehicles if edit.op == "add_vehicle" else ()
         changes = _with_added(step.changes, added)
         steps.append(EditStep(changes, step.vehicles, step.what))

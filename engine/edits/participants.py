@@ -21,7 +21,8 @@ class Participant:
     """A road user of the re-simulation.
 
     ``drive_from``: the step whose pose is still the recorded one and after which SUMO drives; None: replayed to the
-    end. ``target``: the lane that a driven vehicle changes to when it is on its edge.
+    end. ``target``: the lane that a driven vehicle changes to when it is on its edge. ``keep_to_route``: its
+    poses are put onto its route's lanes, because SUMO took the recorded ones for another road.
     """
 
     track: Track
@@ -29,6 +30,7 @@ class Participant:
     hints: tuple[Hint, ...]
     drive_from: int | None
     target: Hint | None
+    keep_to_route: bool
     behaviour: Behaviour
     sumo_class: str
 
@@ -78,6 +80,7 @@ def _driven(scene: Scene, plan: DrivePlan) -> Participant:
         hints=_hints(scene, plan.start, match, plan.edges),
         drive_from=plan.from_step,
         target=target,
+        keep_to_route=False,
         behaviour=plan.behaviour,
         sumo_class=plan.vehicle_class.sumo_class,
     )
@@ -93,6 +96,7 @@ def _replayed(scene: Scene, track: Track, match: LaneMatch) -> Participant:
         hints=_hints(scene, track, match, edges),
         drive_from=None,
         target=None,
+        keep_to_route=False,
         behaviour=usual_behaviour(vehicle_class),
         sumo_class="passenger",
     )

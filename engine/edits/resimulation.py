@@ -8,7 +8,7 @@ One libsumo simulation may run in a process at a time.
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,8 @@ from plannerforge.schemas.errors import WorkerFailure
 
 REPLAYED_SPEED_MODE, DRIVEN_SPEED_MODE = 32, 31
 REPLAYED_LANE_CHANGES, DRIVEN_LANE_CHANGES = 0, 1621
-KEEP_ROUTE_FREELY = 2
-"""SUMO's keepRoute flag for poses that need not lie on the route; others snap the vehicle to its lane."""
+KEEP_ROUTE, KEEP_POSE = 1, 2
+"""SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
 
 MATCH_REACH_M = 20.0
 LANE_CHANGE_S = 2.5
@@ -63,9 +63,21 @@ def front_of(track: Track, index: int) -> Points:
 def resimulate(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> dict[int, DrivenTrack]:
     """Run all steps; the driven vehicles' tracks by id.
 
+    Where a recorded pose lies or points off its lane, SUMO may take it for the road beside, and the vehicle would
+    drive away there: such vehicles are kept to their route in a second run.
+
     Raises:
         WorkerFailure: SUMO refused the network or a vehicle.
     """
+    tracks, astray = _run(setup, everybody)
+    if astray:
+        kept = tuple(replace(one, keep_to_route=True) if one.key in astray else one for one in everybody)
+        tracks, _ = _run(setup, kept)
+    return tracks
+
+
+def _run(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> tuple[dict[int, DrivenTrack], frozenset[str]]:
+    """One simulation: the tracks, and the vehicles that were on another route when they were handed over."""
     with _simulation(setup, everybody) as sumo:
         run = _Run(sumo, everybody)
         try:
@@ -75,7 +87,7 @@ def resimulate(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> di
                 run.after(step)
         except (sumo.TraCIException, sumo.FatalTraCIError) as error:
             raise WorkerFailure(f"SUMO stopped: {error}") from error
-        return run.tracks(setup.last_step)
+        return run.tracks(setup.last_step), frozenset(run.astray)
 
 
 @contextmanager
@@ -112,6 +124,7 @@ class _Run:
     def __init__(self, sumo: Any, everybody: tuple[Participant, ...]) -> None:
         self.sumo, self.everybody = sumo, everybody
         self.present: set[str] = set()
+        self.astray: set[str] = set()
         self.seen: dict[int, list[tuple[int, float, float, str]]] = {}
 
     def before(self, step: int) -> None:
@@ -159,7 +172,8 @@ class _Run:
         edge, lane = one.hint_at(index)
         x, y = front_of(one.track, index)
         angle = (90.0 - math.degrees(float(one.track.headings_rad[index]))) % 360.0
-        self.sumo.vehicle.moveToXY(one.key, edge, lane, x, y, angle, KEEP_ROUTE_FREELY, MATCH_REACH_M)
+        keep = KEEP_ROUTE if one.keep_to_route else KEEP_POSE
+        self.sumo.vehicle.moveToXY(one.key, edge, lane, x, y, angle, keep, MATCH_REACH_M)
 
     def _remove(self, one: Participant) -> None:
         self.present.discard(one.key)
@@ -176,6 +190,8 @@ class _Run:
             vehicle.setSpeed(one.key, -1)
             vehicle.setSpeedMode(one.key, DRIVEN_SPEED_MODE)
             vehicle.setLaneChangeMode(one.key, DRIVEN_LANE_CHANGES)
+            if vehicle.getRoute(one.key)[-1] != one.edges[-1]:
+                self.astray.add(one.key)
         lane_id = vehicle.getLaneID(one.key)
         if one.target and lane_id.rpartition("_")[0] == one.target[0] and lane_id != "_".join(map(str, one.target)):
             vehicle.changeLane(one.key, one.target[1], LANE_CHANGE_S)

@@ -98,9 +98,12 @@ def _sets(scene: Scene) -> list[int]:
 
 
 def _new(edit: int, changes: Changes) -> tuple[int, ...]:
-    adding = [str(index) for index, added in enumerate(changes.added_by_edit) if added]
     if edit >= len(changes.added_by_edit) or not changes.added_by_edit[edit]:
-        raise UnknownName(f"edit {edit} adds no vehicle before this one", valid=[f"new:{index}" for index in adding])
+        raise UnknownName(
+            "new:K names what edit K of the same call adds, and that edit adds nothing before this one",
+            valid=[key for added in changes.added_by_edit for key in added],
+            next_step="name a vehicle by its id",
+        )
     return changes.added_by_edit[edit]
 
 

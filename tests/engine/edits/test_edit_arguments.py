@@ -37,5 +37,5 @@ def test_an_argument_of_another_operation_is_refused_with_those_that_belong(
 
 
 def test_one_refused_edit_refuses_all(apply: Apply) -> None:
-    with pytest.raises(NotPossible):
+    with pytest.raises(NotPossible, match=r"edit 1 \(set_goal\): lanelet 3"):
         apply({"op": "remove_vehicle", "vehicles": ["31"]}, {"op": "set_goal", "to": ["3"]})

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from builders import driving, town_road
 from edit_support import Apply
 
 EDITS = (
@@ -43,10 +44,20 @@ def test_nobody_is_driven_beyond_the_scenario(apply: Apply) -> None:
 
 
 def test_a_vehicle_recorded_for_a_while_only_is_driven_to_the_end(apply: Apply) -> None:
-    from builders import driving, town_road
-
     short = driving(36, (20, 3.5), 8.0, 30)
     builder = town_road().with_vehicles(*town_road().vehicles, short)
     applied = apply({"op": "set_behaviour", "vehicles": ["36"], "preset": "balanced"}, builder=builder)
     assert applied.base_tracks()[36].last_step == 29
     assert applied.tracks()[36].last_step == 150
+
+
+def test_a_vehicle_recorded_beside_its_lane_is_not_taken_for_one_of_the_road_there(apply: Apply) -> None:
+    overtaking = driving(36, (20, 6.8), 10.0, 151)
+    applied = apply(
+        {"op": "set_behaviour", "vehicles": ["36"], "preset": "balanced"},
+        builder=town_road().with_vehicles(overtaking),
+    )
+    track = applied.tracks()[36]
+    assert track.positions[0] == pytest.approx((20, 6.8))
+    assert track.positions[60][0] > 60
+    assert track.positions[60][1] < 5

@@ -92,5 +92,5 @@ def test_nobody_named_and_only_exclusions_are_refused(apply: Apply) -> None:
 
 
 def test_new_refers_to_an_earlier_edit_that_adds(apply: Apply) -> None:
-    with pytest.raises(UnknownName, match="edit 0 adds no vehicle"):
+    with pytest.raises(UnknownName, match="of the same call"):
         meant(apply, "new:0")
