@@ -68,6 +68,10 @@ class ScenarioBuilder:
         """The same scenario with other vehicles."""
         return replace(self, vehicles=vehicles)
 
+    def cut(self, steps: int) -> "ScenarioBuilder":
+        """The same scenario, recorded for fewer steps: reading is what takes time in tests."""
+        return self.with_vehicles(*(replace(vehicle, poses=vehicle.poses[:steps]) for vehicle in self.vehicles))
+
     def write(self, path: Path) -> Path:
         """Write the file and give its path back."""
         path.write_text(self.xml(), encoding="utf-8")
@@ -143,6 +147,20 @@ def town_road() -> ScenarioBuilder:
         driving(35, (165, 0), 8.0, 151),
     )
     return ScenarioBuilder(lanes, vehicles)
+
+
+def crossing() -> ScenarioBuilder:
+    """Two one-way roads that cross: 1 → 2 → 3 eastbound, 4 → 5 → 6 northbound."""
+    return ScenarioBuilder(
+        (
+            Lane(1, line((-60, 0), (-10, 0)), successors=(2,)),
+            Lane(2, line((-10, 0), (10, 0)), successors=(3,), predecessors=(1,)),
+            Lane(3, line((10, 0), (60, 0)), predecessors=(2,)),
+            Lane(4, line((0, -60), (0, -10)), successors=(5,)),
+            Lane(5, line((0, -10), (0, 10)), successors=(6,), predecessors=(4,)),
+            Lane(6, line((0, 10), (0, 60)), predecessors=(5,)),
+        )
+    )
 
 
 def _lanelet(lane: Lane, *, old: bool) -> str:

@@ -7,6 +7,7 @@ from edit_support import Apply
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 
+SHORT = town_road().cut(31)
 CAR = {"op": "add_vehicle", "vehicle_class": "car"}
 
 
@@ -30,7 +31,7 @@ CAR = {"op": "add_vehicle", "vehicle_class": "car"}
 def test_a_vehicle_is_put_where_it_was_asked(
     apply: Apply, place: dict[str, object], expected: tuple[float, float]
 ) -> None:
-    applied = apply(CAR | place)
+    applied = apply(CAR | place, builder=SHORT)
     track = applied.tracks()[101]
     assert track.positions[0] == pytest.approx(expected, abs=0.01)
     assert track.first_step == 0
@@ -38,7 +39,9 @@ def test_a_vehicle_is_put_where_it_was_asked(
 
 @pytest.mark.parametrize("name", sorted(vehicle_classes()))
 def test_every_class_gets_its_own_size_and_type(apply: Apply, name: str) -> None:
-    applied = apply({"op": "add_vehicle", "vehicle_class": name, "at": "3", "position": "middle", "speed": "5m/s"})
+    applied = apply(
+        {"op": "add_vehicle", "vehicle_class": name, "at": "3", "position": "middle", "speed": "5m/s"}, builder=SHORT
+    )
     track, expected = applied.tracks()[101], vehicle_classes()[name]
     assert (track.kind, track.length_m, track.width_m) == (
         expected.commonroad_type,

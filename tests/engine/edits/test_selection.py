@@ -9,7 +9,7 @@ from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 
 def meant(apply: Apply, *selectors: str, builder: object = None) -> tuple[int, ...]:
     edit = {"op": "remove_vehicle", "vehicles": list(selectors)}
-    return apply(edit, builder=builder, dry_run=True).outcome.edits[0].vehicles
+    return apply(edit, builder=builder or town_road().cut(11), dry_run=True).outcome.edits[0].vehicles
 
 
 @pytest.mark.parametrize(

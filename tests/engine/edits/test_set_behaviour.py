@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import driving, town_road
+from builders import ScenarioBuilder, crossing, driving, town_road
 from edit_support import Apply
 
 from plannerforge.engine.edits.behaviours import PARAMETERS, behaviour_from, presets, usual_behaviour
@@ -32,14 +32,46 @@ def test_a_longer_headway_keeps_farther_from_the_leader(apply: Apply) -> None:
     assert places[3.0] - places[0.8] > 8.0
 
 
-@pytest.mark.parametrize(
-    ("parameter", "low", "high"),
-    [("accel", 1.0, 3.0), ("speedFactor", 0.7, 1.2), ("sigma", 0.0, 1.0)],
+WEST, NORTH = math.pi, math.pi / 2
+STANDING_AHEAD = town_road().with_vehicles(
+    driving(32, (150, 7), 0.0, 151, heading_rad=WEST), driving(31, (250, 7), 12.0, 151, heading_rad=WEST)
 )
-def test_parameters_of_free_driving_act(apply: Apply, parameter: str, low: float, high: float) -> None:
-    first = driven(apply, 31, ALONE, params=[f"{parameter}={low}"])
-    second = driven(apply, 31, ALONE, params=[f"{parameter}={high}"])
-    assert np.abs(first.positions[:150] - second.positions[:150]).max() > 2.0
+SLOW_AHEAD = town_road().with_vehicles(driving(32, (80, 0), 4.0, 151), driving(31, (30, 0), 12.0, 151))
+IN_THE_LEFT_LANE = town_road().with_vehicles(driving(31, (10, 3.5), 10.0, 151))
+YIELDING = crossing().with_vehicles(
+    driving(31, (-50, 0), 8.0, 121),
+    driving(40, (0, -60), 8.0, 121, heading_rad=NORTH),
+    driving(41, (0, -85), 8.0, 121, heading_rad=NORTH),
+)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "low", "high", "builder"),
+    [
+        ("accel", 1.0, 3.0, ALONE),
+        ("speedFactor", 0.7, 1.2, ALONE),
+        ("sigma", 0.0, 1.0, ALONE),
+        ("decel", 2.0, 6.0, STANDING_AHEAD),
+        ("minGap", 1.0, 6.0, STANDING_AHEAD),
+        ("lcSpeedGain", 0.0, 10.0, SLOW_AHEAD),
+        ("lcKeepRight", 0.0, 10.0, IN_THE_LEFT_LANE),
+        ("impatience", 0.0, 1.0, YIELDING),
+    ],
+)
+def test_a_parameter_acts(apply: Apply, parameter: str, low: float, high: float, builder: ScenarioBuilder) -> None:
+    tracks = [driven(apply, 31, builder, params=[f"{parameter}={value}"]) for value in (low, high)]
+    steps = min(len(track.positions) for track in tracks)
+    assert np.abs(tracks[0].positions[:steps] - tracks[1].positions[:steps]).max() > 2.0
+
+
+def test_the_eagerness_to_change_lanes_for_the_route_acts(apply: Apply) -> None:
+    away = {"op": "reroute", "vehicles": ["31"], "to": ["13"]}
+    beside = []
+    for value in (0.1, 10):
+        manner = {"op": "set_behaviour", "vehicles": ["31"], "params": [f"lcStrategic={value}", "lcKeepRight=0"]}
+        beside.append(apply(away, manner, builder=IN_THE_LEFT_LANE).tracks()[31].positions[60][1])
+    assert beside[0] > 3.0
+    assert beside[1] < 0.5
 
 
 def test_class_and_size_stay(apply: Apply) -> None:

@@ -19,7 +19,7 @@ def goal(applied: Applied) -> object:
     ("position", "x"), [(None, 300.0), ("beginning", 200.0), ("quarter", 225.0), ("0.66", 266.0), ("12m", 212.0)]
 )
 def test_the_goal_lies_where_it_was_asked(apply: Apply, position: str | None, x: float) -> None:
-    applied = apply({"op": "set_goal", "to": ["11"], "position": position})
+    applied = apply({"op": "set_goal", "to": ["11"], "position": position}, builder=town_road().cut(11))
     region = goal(applied).position
     assert tuple(region.center) == pytest.approx((x, 0.0), abs=0.01)
     assert (region.length, region.width) == (8.0, 3.0)

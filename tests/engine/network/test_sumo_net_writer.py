@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from builders import Lane, ScenarioBuilder, line, town_road
+from builders import ScenarioBuilder, crossing, town_road
 from lxml import etree
 
 from plannerforge.engine.network.sumo_net_layout import NetLayout
@@ -18,20 +18,6 @@ def written(builder: ScenarioBuilder, folder: Path) -> tuple[NetLayout, Path]:
     net = folder / "road.net.xml"
     scenario = read_scenario(builder.write(folder / "road.xml")).scenario
     return write_network(scenario.lanelet_network, net), net
-
-
-def crossing() -> ScenarioBuilder:
-    """Two one-way roads that cross: 1 → 2 → 3 eastbound, 4 → 5 → 6 northbound."""
-    return ScenarioBuilder(
-        (
-            Lane(1, line((-60, 0), (-10, 0)), successors=(2,)),
-            Lane(2, line((-10, 0), (10, 0)), successors=(3,), predecessors=(1,)),
-            Lane(3, line((10, 0), (60, 0)), predecessors=(2,)),
-            Lane(4, line((0, -60), (0, -10)), successors=(5,)),
-            Lane(5, line((0, -10), (0, 10)), successors=(6,), predecessors=(4,)),
-            Lane(6, line((0, 10), (0, 60)), predecessors=(5,)),
-        )
-    )
 
 
 def test_neighbouring_lanelets_of_one_direction_are_lanes_of_one_edge_from_right_to_left(tmp_path: Path) -> None:
