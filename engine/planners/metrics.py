@@ -4,6 +4,7 @@ import numpy as np
 
 from plannerforge.engine.geometry.polyline import Values, oriented_rectangle, wrap_angles
 from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.time_to_collision import MovingRectangle, time_to_collision_s
 from plannerforge.engine.planners.traffic import RecordedTraffic
 from plannerforge.engine.planners.vehicle import VehicleParameters
 from plannerforge.engine.scenarios.tracks import Track
@@ -45,7 +46,7 @@ def run_metrics(
 def _nearness(
     states: list[EgoState], traffic: RecordedTraffic, vehicle: VehicleParameters
 ) -> tuple[list[float], list[float]]:
-    """For every step the smallest gap between rectangles, and all times to collision with obstacles ahead."""
+    """For every step the smallest gap between rectangles, and all times to collision."""
     import shapely
 
     gaps: list[float] = []
@@ -61,20 +62,16 @@ def _nearness(
             [oriented_rectangle(t.positions[i], float(t.headings_rad[i]), (t.length_m, t.width_m)) for t, i in close]
         )
         gaps.append(float(shapely.distance(own, others).min()))
-        times += [time for t, i in close if (time := _time_to_collision(ego, vehicle, t, i)) is not None]
+        ego_body = MovingRectangle(ego.position, ego.heading_rad, (vehicle.length_m, vehicle.width_m), ego.speed_mps)
+        found = (time_to_collision_s(ego_body, _body(track, index)) for track, index in close)
+        times += [time for time in found if time is not None]
     return gaps, times
 
 
-def _time_to_collision(ego: EgoState, vehicle: VehicleParameters, other: Track, index: int) -> float | None:
-    """Gap along the ego's heading over the closing speed (Hayward 1972), for obstacles in the ego's own path ahead."""
-    away = other.positions[index] - ego.position
-    cos, sin = np.cos(ego.heading_rad), np.sin(ego.heading_rad)
-    along, across = float(away @ (cos, sin)), float(away @ (-sin, cos))
-    relative = float(other.headings_rad[index]) - ego.heading_rad
-    reach = abs(np.cos(relative)) * other.length_m / 2 + abs(np.sin(relative)) * other.width_m / 2
-    side = abs(np.sin(relative)) * other.length_m / 2 + abs(np.cos(relative)) * other.width_m / 2
-    gap = along - float(reach) - vehicle.length_m / 2
-    closing = ego.speed_mps - float(other.speeds_mps[index] * np.cos(relative))
-    if along <= 0 or abs(across) > float(side) + vehicle.width_m / 2 or closing <= 0.01:
-        return None
-    return max(gap, 0.0) / closing
+def _body(track: Track, index: int) -> MovingRectangle:
+    return MovingRectangle(
+        center=track.positions[index],
+        heading_rad=float(track.headings_rad[index]),
+        size_m=(track.length_m, track.width_m),
+        speed_mps=float(track.speeds_mps[index]),
+    )
