@@ -44,7 +44,8 @@ async def measure_faults(server_arguments: list[str]) -> FaultTimes:
     """Provoke each fault several times on real servers over stdio."""
     times = FaultTimes([], [], [])
     for repetition in range(REPEATS):
-        server = StdioServerParameters(command=sys.executable, args=server_arguments)
+        quiet = {"PLANNERFORGE_WARM_UP": "false"}  # only the worker that the work itself needs
+        server = StdioServerParameters(command=sys.executable, args=server_arguments, env=quiet)
         async with Client(server) as client:
             times.kill_error_s.append(await _after_a_kill(client, repetition))
             times.cancel_gone_s.append(await _after_a_cancel(client, repetition))
