@@ -155,7 +155,7 @@ def parse_comparison(text: str, unit: BaseUnit = "", *, whole: bool = False) -> 
         return Comparison(name, Interval(1.0, None), negated=negated, scope=scope)
     if not re.match(r"[+-]?\.?\d", right):
         if operator not in ("=", "=="):
-            raise InvalidRequest(f"'{text}' compares with '{right}', which is no number", valid=[f"{name}={right}"])
+            raise InvalidRequest(f"'{text}' compares with '{right}', which is no number", valid=[f"{name}{operator}2"])
         return Comparison(name, Interval(None, None), right, negated, scope)
     interval = _compared(text, operator, right, unit, whole)
     return Comparison(name, interval, None, negated, scope)

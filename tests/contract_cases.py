@@ -40,6 +40,7 @@ CASES: dict[str, Case] = {
             Bad({"scenario_type": "roundabaut"}, ("roundabaut", "roundabout")),
             Bad({"vehicles": ["tank=2"]}, ("tank", "truck")),
             Bad({"duration_s": 1e9}, ("duration_s", "120")),
+            Bad({"vehicles": ["car=10000"]}, ("10,000", "300")),
             Bad({"bbox": [1, 2, 3]}, ("bbox",)),
             Bad({"ego": "third"}, ("third", "index:")),
             Bad({"road_classes": ["motorways"]}, ("motorways",)),

@@ -21,6 +21,8 @@ from plannerforge.tools.maps import maps_at_hand
 from plannerforge.tools.storing import content_digest, store_scenario
 
 GENERATE_TIMEOUT_S = 180.0
+MOST_VEHICLES = 300
+"""A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
 REPORT = "generation.json"
 """What came out of the generation, kept with the scenario for when it is asked for again."""
 
@@ -88,7 +90,7 @@ def _request(
         bbox=box,
         road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
         density=arguments.density,
-        vehicles=tuple(_vehicle_demand(text) for text in arguments.vehicles),
+        vehicles=_vehicle_demands(arguments.vehicles),
         duration_s=arguments.duration_s,
         ego=arguments.ego,
         goal=arguments.goal,
@@ -110,6 +112,17 @@ def _recipe(request: GenerationRequest) -> Recipe:
 
 def _is_built_in(request: GenerationRequest) -> bool:
     return Path(request.map_path).parent.name == "library"
+
+
+def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
+    demands = tuple(_vehicle_demand(text) for text in texts)
+    asked = sum(demand.least for demand in demands)
+    if asked > MOST_VEHICLES:
+        raise InvalidRequest(
+            f"vehicles ask for {asked:,} vehicles on one site",
+            valid=[f"at most {MOST_VEHICLES} in all classes together"],
+        )
+    return demands
 
 
 def _vehicle_demand(text: str) -> VehicleDemand:
