@@ -63,10 +63,9 @@ def build_place(
     removed = remove_hairpins(net_path, scratch)
     if removed:
         notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
+    network = build_road_network(read_net(net_path), step_s=step_s, elapsed_s=WARM_UP_S)  # with the limits as posted
     cap_speeds(net_path)
-    net = read_net(net_path)
-    network = build_road_network(net, step_s=step_s, elapsed_s=WARM_UP_S)
-    return Place(site, radius, net, network, conversion.warnings, tuple(notes))
+    return Place(site, radius, read_net(net_path), network, conversion.warnings, tuple(notes))
 
 
 def _convert(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversion, list[str]]:

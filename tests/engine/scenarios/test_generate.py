@@ -1,5 +1,6 @@
 import hashlib
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -149,3 +150,13 @@ def test_a_real_extract_on_the_left_side(shared_data: Path, tmp_path: Path) -> N
     made = generate(wish, silent)
     assert made.checks.schema_valid
     assert made.checks.centers_on_lanelets > 0.97
+
+
+def test_signs_show_the_posted_limits_although_traffic_slows_for_bends(tmp_path: Path) -> None:
+    make("Kreiselheim", tmp_path, scenario_type="roundabout")
+    network = read_scenario(tmp_path / "scenario.xml").scenario.lanelet_network
+    signs = [element for sign in network.traffic_signs for element in sign.traffic_sign_elements]
+    posted = {round(float(element.additional_values[0]) * 3.6) for element in signs if element.additional_values}
+    assert posted <= {30, 50, 70, 100}
+    driven = {float(speed) for speed in re.findall(r'speed="([\d.]+)"', (tmp_path / "scenario.net.xml").read_text())}
+    assert min(driven) < 30 / 3.6 - 1
