@@ -6,7 +6,7 @@ from pydantic import Field
 
 from plannerforge.schemas.base import Arguments, Model, Result
 
-ExportFormat = Literal["xml", "net", "yaml", "json", "recipe", "png", "gif", "html"]
+ExportFormat = Literal["xml", "net", "yaml", "json", "recipe", "png", "gif", "html", "solution", "csv", "parquet"]
 
 
 class ListArtifactsArguments(Arguments):
@@ -53,7 +53,9 @@ class ListArtifactsResult(Result):
 
 
 class ExportArtifactsArguments(Arguments):
-    """Write files of artifacts into a folder inside an allowed root; html: one report on scenarios and batches.
+    """Write files of artifacts into a folder inside an allowed root.
+
+    html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch.
 
     Existing files are refused unless overwrite.
     """

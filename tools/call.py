@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+from plannerforge.engine.execution.executor import Executor, Lane
 from plannerforge.engine.execution.job_runner import JobRunner
 from plannerforge.engine.execution.limits import Limits
-from plannerforge.engine.execution.pool import Lane, WorkerPool
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.base import Model
 
@@ -20,7 +20,7 @@ class Services:
     """What lives as long as the server: the workspace, the workers, the jobs and the bounds."""
 
     workspace: Workspace
-    workers: WorkerPool
+    workers: Executor
     jobs: JobRunner
     limits: Limits
     map_folders: tuple[Path, ...] = ()

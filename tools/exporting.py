@@ -8,6 +8,7 @@ from plannerforge.schemas.artifacts import ExportArtifactsArguments, ExportArtif
 from plannerforge.schemas.rendering import PictureKind
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.drawings import draw
+from plannerforge.tools.exporting_kinds import compute
 from plannerforge.tools.reporting import write_report
 
 
@@ -20,7 +21,11 @@ async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) 
     if not arguments.overwrite:
         refuse_taken([export.path for export in planned] + ([report] if report else []))
     for export in planned:
-        write_export(call.workspace, export, await _drawn(call, export) if export.is_drawn else None)
+        if export.is_computed:
+            with call.workspace.scratch() as scratch:
+                write_export(call.workspace, export, await compute(call, export, scratch / "made"))
+        else:
+            write_export(call.workspace, export, await _drawn(call, export) if export.is_drawn else None)
     if report is not None:
         await write_report(call, artifacts, report)
     files = [_written(export.artifact.artifact_id, export.format, export.path) for export in planned]

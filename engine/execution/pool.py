@@ -8,18 +8,15 @@ import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Literal, TypeVar
 
 import anyio
 
+from plannerforge.engine.execution.executor import Lane, OnProgress, Response, no_progress
 from plannerforge.engine.execution.limits import Limits
 from plannerforge.engine.execution.messages import Answer, Failure, Order
-from plannerforge.engine.execution.worker_process import OnProgress, WorkerProcess
+from plannerforge.engine.execution.worker_process import WorkerProcess
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import UnexpectedFailure, WorkerTimeout
-
-Response = TypeVar("Response", bound=Model)
-Lane = Literal["compute", "retrieval"]
 
 PRELOAD: dict[Lane, tuple[str, ...]] = {
     "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix"),
@@ -28,10 +25,6 @@ PRELOAD: dict[Lane, tuple[str, ...]] = {
 RETRIEVAL_MEMORY_BYTES = 8 * 1024**3
 
 logger = logging.getLogger(__name__)
-
-
-async def _no_progress(share: float, message: str) -> None:
-    del share, message
 
 
 class WorkerPool:
@@ -53,6 +46,11 @@ class WorkerPool:
         finally:
             await pool.close()
 
+    @property
+    def capacity(self) -> int:
+        """How many operations of the compute lane run at once."""
+        return self._limits.worker_count
+
     async def run(
         self,
         entry_point: str,
@@ -60,7 +58,7 @@ class WorkerPool:
         response_type: type[Response],
         *,
         timeout_s: float | None = None,
-        on_progress: OnProgress = _no_progress,
+        on_progress: OnProgress = no_progress,
         lane: Lane = "compute",
     ) -> Response:
         """Run the operation ``module:function`` on a request and give its response.

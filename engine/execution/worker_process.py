@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Awaitable, Callable
 from pathlib import Path
 from types import TracebackType
 from typing import IO
@@ -14,11 +13,10 @@ import anyio
 import anyio.abc
 from anyio.streams.buffered import BufferedByteReceiveStream
 
+from plannerforge.engine.execution.executor import OnProgress
 from plannerforge.engine.execution.messages import LONGEST_LINE_BYTES, Answer, Failure, Order, Progress, read_report
 from plannerforge.engine.execution.worker import WARM_UP
 from plannerforge.schemas.errors import WorkerFailure
-
-OnProgress = Callable[[float, str], Awaitable[None]]
 
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """More threads would make sums depend on their order, and the cores are shared by the workers anyway."""

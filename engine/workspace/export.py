@@ -1,4 +1,4 @@
-"""Copies of an artifact's files, and of what was drawn of it, for the user's own folder."""
+"""Copies of an artifact's files, and of what was drawn or computed of it, for the user's own folder."""
 
 import contextlib
 import shutil
@@ -11,8 +11,9 @@ from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFai
 
 _STORED = {"xml": "scenario.xml", "net": "scenario.net.xml", "yaml": "config.yaml"}
 _WRITTEN = ("json", "recipe")
-_DRAWN = {"scenario": ("png",), "run": ("png", "gif"), "batch": ("png",)}
-_ENDINGS = {"net": ".net.xml", "recipe": ".recipe.json"}
+_DRAWN = ("png", "gif")
+_MADE = {"scenario": ("png",), "run": ("png", "gif", "solution"), "batch": ("png", "csv", "parquet")}
+_ENDINGS = {"net": ".net.xml", "recipe": ".recipe.json", "solution": ".solution.xml"}
 REPORT_NAME = "report.html"
 
 
@@ -27,7 +28,12 @@ class Export:
     @property
     def is_drawn(self) -> bool:
         """Whether it has to be drawn before it can be copied."""
-        return self.format in ("png", "gif")
+        return self.format in _DRAWN
+
+    @property
+    def is_computed(self) -> bool:
+        """Whether a worker has to compute it, other than a picture, before it can be copied."""
+        return not self.is_drawn and self.format in _MADE.get(self.artifact.kind, ())
 
 
 def plan_exports(
@@ -59,8 +65,8 @@ def refuse_taken(paths: Sequence[Path]) -> None:
         )
 
 
-def write_export(workspace: Workspace, export: Export, drawn: Path | None = None) -> None:
-    """Write one file whole: a stored file, the record or recipe as JSON, or what was drawn.
+def write_export(workspace: Workspace, export: Export, made: Path | None = None) -> None:
+    """Write one file whole: a stored file, the record or recipe as JSON, or what was drawn or computed.
 
     Raises:
         ResourceFailure: the folder cannot be written.
@@ -68,7 +74,7 @@ def write_export(workspace: Workspace, export: Export, drawn: Path | None = None
     partial = export.path.with_name(export.path.name + ".partial")
     try:
         export.path.parent.mkdir(parents=True, exist_ok=True)
-        _fill(partial, workspace, export, drawn)
+        _fill(partial, workspace, export, made)
         partial.replace(export.path)
     except OSError as error:
         with contextlib.suppress(OSError):  # nothing half-written stays; the error that counts is the first one
@@ -79,9 +85,9 @@ def write_export(workspace: Workspace, export: Export, drawn: Path | None = None
         ) from error
 
 
-def _fill(partial: Path, workspace: Workspace, export: Export, drawn: Path | None) -> None:
-    if drawn is not None:
-        shutil.copyfile(drawn, partial)
+def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None) -> None:
+    if made is not None:
+        shutil.copyfile(made, partial)
     elif export.format in _STORED:
         source = workspace.file(export.artifact.kind, export.artifact.artifact_id, _STORED[export.format])
         shutil.copyfile(source, partial)
@@ -93,7 +99,9 @@ def _fill(partial: Path, workspace: Workspace, export: Export, drawn: Path | Non
 def _formats(workspace: Workspace, artifact: Artifact, asked: Sequence[str], any_asked: bool) -> list[str]:
     folder = workspace.folder(artifact.kind, artifact.artifact_id)
     stored = [form for form, name in _STORED.items() if (folder / name).is_file()]
-    available = [*stored, *_WRITTEN, *_DRAWN.get(artifact.kind, ())]
+    available = [*stored, *_WRITTEN, *_MADE.get(artifact.kind, ())]
+    if artifact.record.get("outcome") == "invalid":  # such a run has no trajectory
+        available.remove("solution")
     missing = [form for form in asked if form not in available]
     if missing:
         raise InvalidRequest(f"{artifact.artifact_id} has no {', '.join(missing)}", valid=available)

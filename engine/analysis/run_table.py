@@ -1,0 +1,104 @@
+"""The runs of a batch as a table: CSV for people, Parquet for notebooks.
+
+One row a cell. A cell without a run has the outcome ``lost`` and the error as its reason, so that nothing is missing
+from the table without being said.
+"""
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.schemas.exporting import FileWritten, RunTableRequest
+from plannerforge.schemas.planning import PlannerConfiguration
+from plannerforge.schemas.runs import CollisionRecord, LostCell, RunMetrics, RunRecord
+
+Value = str | int | float | None
+_PARTS: dict[str, type[BaseModel]] = {"collision": CollisionRecord, "metrics": RunMetrics}
+
+
+def write_run_table(request: RunTableRequest, report: ProgressReporter) -> FileWritten:
+    """Write the table of a batch to the request's path."""
+    kinds = _record_columns() | _weight_columns(request.configurations)
+    rows = run_rows(request.records, request.lost, request.configurations)
+    target = Path(request.target_path)
+    if request.form == "csv":
+        _write_csv(rows, list(kinds), target)
+    else:
+        _write_parquet(rows, kinds, target)
+    report(1.0, f"{len(rows)} rows written")
+    return FileWritten(path=request.target_path)
+
+
+def run_rows(
+    records: Sequence[RunRecord], lost: Sequence[LostCell], configurations: Sequence[PlannerConfiguration]
+) -> list[dict[str, Value]]:
+    """The rows, in the order of the runs, then of the lost cells; a figure that is not defined is None."""
+    weights = {item.config_id: _weights(item) for item in configurations}
+    rows = [_flat(record.model_dump(mode="json")) | weights.get(record.config_id, {}) for record in records]
+    for cell in lost:
+        known: dict[str, Value] = {"scenario_id": cell.scenario_id, "config_id": cell.config_id}
+        rows.append(known | {"outcome": "lost", "reason": cell.error} | weights.get(cell.config_id, {}))
+    return rows
+
+
+def _flat(record: Mapping[str, Any]) -> dict[str, Value]:
+    row: dict[str, Value] = {}
+    for name, value in record.items():
+        if name in _PARTS:
+            row.update({f"{name}_{key}": _cell(entry) for key, entry in (value or {}).items()})
+        else:
+            row[name] = _cell(value)
+    return row
+
+
+def _cell(value: Any) -> Value:
+    return json.dumps(value, sort_keys=True) if isinstance(value, dict | list) else value
+
+
+def _weights(configuration: PlannerConfiguration) -> dict[str, Value]:
+    values = configuration.weights | configuration.external_weights
+    return {f"weight_{name}": value for name, value in values.items()}
+
+
+def _weight_columns(configurations: Sequence[PlannerConfiguration]) -> dict[str, type]:
+    return dict.fromkeys(sorted({key for item in configurations for key in _weights(item)}), float)
+
+
+def _record_columns() -> dict[str, type]:
+    """Column → type of its values, from the models, so that an empty column has its type too."""
+    columns: dict[str, type] = {}
+    for name, field in RunRecord.model_fields.items():
+        part = _PARTS.get(name)
+        if part is None:
+            columns[name] = _type_of(field.annotation)
+        else:
+            columns |= {f"{name}_{key}": _type_of(entry.annotation) for key, entry in part.model_fields.items()}
+    return columns
+
+
+def _type_of(annotation: Any) -> type:
+    for kind in (int, float):
+        if annotation in (kind, kind | None):
+            return kind
+    return str
+
+
+def _write_csv(rows: Sequence[Mapping[str, Value]], columns: Sequence[str], target: Path) -> None:
+    with target.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, columns, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _write_parquet(rows: Sequence[Mapping[str, Value]], columns: Mapping[str, type], target: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    types = {int: pa.int64(), float: pa.float64(), str: pa.string()}
+    schema = pa.schema([(name, types[kind]) for name, kind in columns.items()])
+    pq.write_table(pa.Table.from_pylist([dict(row) for row in rows], schema=schema), target)

@@ -1,0 +1,104 @@
+"""A run as a CommonRoad solution file, in the kinematic single-track model (KS).
+
+The states give centre, heading and speed; the steering angle follows from the curvature of the rear axle's path,
+tan(steering) = wheelbase · Δheading / Δs (kinematic single-track model: Althoff and Würsching, "CommonRoad: Vehicle
+Models"). The file names no date, computer or computation time: the same run gives the same bytes.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.schemas.exporting import CostFunctionId, FileWritten, SolutionRequest
+from plannerforge.schemas.runs import RunSteps
+
+if TYPE_CHECKING:
+    from commonroad.scenario.scenario import ScenarioID
+
+VehicleId = Literal[1, 2, 3, 4]
+"""CommonRoad's vehicles: Ford Escort, BMW 320i, VW Vanagon, semi-trailer truck."""
+STANDING_MPS = 0.1
+"""Below it the heading says nothing about the steering angle, which then stays as it is."""
+
+
+def write_solution(request: SolutionRequest, report: ProgressReporter) -> FileWritten:
+    """Write the driven trajectory of a run as a CommonRoad solution file.
+
+    Raises:
+        UnsafeInput: the scenario cannot be read.
+    """
+    loaded = read_scenario(Path(request.scenario_path))
+    steps = RunSteps.model_validate_json(Path(request.steps_path).read_text(encoding="utf-8"))
+    text = solution_xml(
+        steps,
+        loaded.step_s,
+        scenario_id=loaded.scenario.scenario_id,
+        problem_id=request.record.problem_id,
+        vehicle_id=2,
+        cost_function=request.cost_function,
+    )
+    Path(request.target_path).write_text(text, encoding="utf-8")
+    report(1.0, "solution written")
+    return FileWritten(path=request.target_path)
+
+
+def solution_xml(
+    steps: RunSteps,
+    step_s: float,
+    *,
+    scenario_id: "ScenarioID",
+    problem_id: int,
+    vehicle_id: VehicleId,
+    cost_function: CostFunctionId,
+) -> str:
+    """The solution file of one planning problem; ``step_s`` is the scenario's time step in s."""
+    from commonroad.common.solution import (
+        CommonRoadSolutionWriter,
+        CostFunction,
+        PlanningProblemSolution,
+        Solution,
+        VehicleModel,
+        VehicleType,
+    )
+    from commonroad.scenario.state import KSState
+    from commonroad.scenario.trajectory import Trajectory
+    from commonroad_dc.feasibility.vehicle_dynamics import VehicleDynamics
+
+    vehicle = VehicleType(vehicle_id)
+    parameters = VehicleDynamics.from_model(VehicleModel.KS, vehicle).parameters
+    steering = steering_angles(steps, step_s, parameters.a + parameters.b, parameters.steering.max)
+    states = [
+        KSState(
+            time_step=steps.first_step + index,
+            position=np.array([steps.x_m[index], steps.y_m[index]]),
+            velocity=steps.speed_mps[index],
+            orientation=steps.heading_rad[index],
+            steering_angle=float(steering[index]),
+        )
+        for index in range(len(steps.x_m))
+    ]
+    solved = PlanningProblemSolution(
+        problem_id, VehicleModel.KS, vehicle, CostFunction[cost_function], Trajectory(steps.first_step, states)
+    )
+    text: str = CommonRoadSolutionWriter(Solution(scenario_id, [solved], date=None)).dump()
+    return text
+
+
+def steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, largest_rad: float) -> Points:
+    """Steering angle in rad at every state, shape (n,): the mean of the curvature before and after it."""
+    turned = np.diff(np.unwrap(np.array(steps.heading_rad)))
+    speed = np.array(steps.speed_mps)
+    mean_speed = 0.5 * (speed[1:] + speed[:-1])
+    moving = mean_speed > STANDING_MPS
+    between = np.zeros(len(turned))
+    between[moving] = np.arctan(wheelbase_m * turned[moving] / (mean_speed[moving] * step_s))
+    for index in np.flatnonzero(~moving):
+        between[index] = between[index - 1] if index else 0.0
+    around = np.concatenate([between[:1], between, between[-1:]])
+    angles = 0.5 * (around[1:] + around[:-1]) if len(turned) else np.zeros(len(speed))
+    limited: Points = np.clip(angles, -largest_rad, largest_rad)
+    return limited

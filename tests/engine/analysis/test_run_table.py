@@ -1,0 +1,57 @@
+"""Tables of a batch: a row a cell, a type a column, nothing left out."""
+
+import csv
+from pathlib import Path
+from typing import Literal
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from builders_planning import configuration
+from run_samples import record
+
+from plannerforge.engine.analysis.run_table import write_run_table
+from plannerforge.engine.execution.progress import silent
+from plannerforge.schemas.exporting import RunTableRequest
+from plannerforge.schemas.runs import LostCell
+
+CONFIG = configuration()
+
+
+def request(form: Literal["csv", "parquet"], target: Path, *, with_runs: bool = True) -> RunTableRequest:
+    runs = (record(), record("ZAM_Town-2_1_T-1", "collision", obstacle_id=7, rejected={"yaw_rate": 3}))
+    own = tuple(run.model_copy(update={"config_id": CONFIG.config_id}) for run in runs)
+    return RunTableRequest(
+        records=own if with_runs else (),
+        lost=(LostCell(scenario_id="ZAM_Town-3_1_T-1", config_id=CONFIG.config_id, error="[worker_failure] died"),),
+        configurations=(CONFIG,),
+        form=form,
+        target_path=str(target),
+    )
+
+
+@pytest.mark.parametrize("with_runs", [True, False])
+def test_columns_have_their_types_also_where_they_are_empty(tmp_path: Path, with_runs: bool) -> None:
+    target = tmp_path / "runs.parquet"
+    write_run_table(request("parquet", target, with_runs=with_runs), silent)
+    schema = pq.read_table(target).schema
+    assert schema.field("seed").type == pa.int64()
+    assert schema.field("collision_obstacle_id").type == pa.int64()
+    assert schema.field("metrics_minimum_distance_m").type == pa.float64()
+    assert schema.field("weight_prediction").type == pa.float64()
+    assert schema.field("reason").type == pa.string()
+
+
+def test_runs_collisions_and_lost_cells_are_rows(tmp_path: Path) -> None:
+    target = tmp_path / "runs.csv"
+    write_run_table(request("csv", target), silent)
+    with target.open(newline="") as stream:
+        reached, hit, lost = csv.DictReader(stream)
+    assert (reached["outcome"], reached["collision_obstacle_id"], reached["metrics_duration_s"]) == (
+        "goal_reached",
+        "",
+        "5.0",
+    )
+    assert (hit["collision_obstacle_id"], hit["rejected_candidates"]) == ("7", '{"yaw_rate": 3}')
+    assert (lost["run_id"], lost["outcome"], lost["reason"]) == ("", "lost", "[worker_failure] died")
+    assert float(lost["weight_prediction"]) == CONFIG.weights["prediction"]
