@@ -6,8 +6,29 @@ from pydantic import Field
 
 from plannerforge.schemas.base import Model
 
-Outcome = Literal["goal_reached", "collision", "timeout", "infeasible", "off_road", "goal_missed", "invalid"]
-"""``invalid``: the problem could not be attempted (a collision in its initial state); never a planner's failure."""
+Outcome = Literal[
+    "goal_reached",
+    "goal_early",
+    "goal_late",
+    "goal_missed",
+    "timeout",
+    "infeasible",
+    "off_road",
+    "collision",
+    "invalid",
+]
+"""How a run ended.
+
+``goal_early``, ``goal_late``: the ego was in the goal's place, but only before or after its time; ``goal_missed``: it
+passed the goal or ended elsewhere, or was there in time without the goal's speed or heading; ``timeout``: it had not
+come to the goal when 1.7 times the steps to the goal's last step were over; ``infeasible``: the planner found no
+trajectory that the vehicle can drive; ``invalid``: the problem cannot be solved by anybody, said before the run and
+never a planner's failure.
+"""
+
+InvalidReason = Literal["no_goal_state", "initial_collision", "ego_off_road", "goal_unreachable", "goal_out_of_time"]
+"""Why a problem is invalid. ``goal_unreachable``: no route on the lanelet graph; ``goal_out_of_time``: not even the
+vehicle's largest acceleration brings the ego there in time."""
 
 Prediction = Literal["constant_velocity", "ground_truth"]
 Traffic = Literal["recorded"]
@@ -30,6 +51,8 @@ class RunMetrics(Model):
     mean_speed_mps: float
     minimum_distance_m: float | None = Field(description="smallest gap between the ego's and any obstacle's rectangle")
     minimum_time_to_collision_s: float | None
+    minimum_time_headway_s: float | None = Field(None, description="to the vehicle ahead in the ego's path")
+    risk_score: int | None = Field(None, description="0 collision … 5 negligible; the most dangerous moment counts")
     maximum_jerk_mps3: float
     mean_squared_jerk: float
     maximum_lateral_acceleration_mps2: float
@@ -53,10 +76,15 @@ class RunSteps(Model):
 
 
 class RunTiming(Model):
-    """Measured times; kept beside the record, never part of the reproducible payload."""
+    """Measured times; kept beside the record, never part of the reproducible payload.
+
+    ``steps``: planning steps; ``core_step_median_ms``: the part of a step in the planner's core (None: no core).
+    """
 
     wall_s: float
     planning_step_median_ms: float
+    core_step_median_ms: float | None = None
+    steps: int = 0
 
 
 class RunRecord(Model):
@@ -74,6 +102,7 @@ class RunRecord(Model):
     step_s: float
     outcome: Outcome
     reason: str = Field(description="one sentence: what ended the run, with figures")
+    invalid_reason: InvalidReason | None = Field(None, description="stable code, only where the outcome is invalid")
     collision: CollisionRecord | None
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None

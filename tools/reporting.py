@@ -27,7 +27,7 @@ from plannerforge.tools.drawings import draw
 from plannerforge.tools.result_choice import run_sources
 from plannerforge.tools.results import analyze_results, compare_results
 
-FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed")
+FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early")
 
 
 async def write_report(call: ToolCall, artifacts: Sequence[Artifact], path: Path) -> ReportWritten:

@@ -14,6 +14,7 @@ from plannerforge.engine.planners.interface import EgoState
 
 if TYPE_CHECKING:
     from commonroad.planning.goal import GoalRegion
+    from shapely.geometry.base import BaseGeometry
 
 Timing = Literal["early", "in_time", "late"]
 
@@ -46,6 +47,15 @@ class Window:
     last: int
 
 
+@dataclass(frozen=True)
+class GoalCondition:
+    """Time, area (None: any place) and speed interval in m/s (None: any speed) of one goal state."""
+
+    window: Window
+    area: "BaseGeometry | None"
+    speed_mps: tuple[float, float] | None
+
+
 class Goal:
     """The goal region of a planning problem; one of its states has to be met."""
 
@@ -63,6 +73,14 @@ class Goal:
     def last_step(self) -> int:
         """The last step at which the goal can be reached."""
         return max(window.last for window in self.windows)
+
+    @property
+    def conditions(self) -> tuple["GoalCondition", ...]:
+        """What each goal state asks for."""
+        return tuple(
+            GoalCondition(window, area, _interval(getattr(state, "velocity", None)))
+            for state, area, window in zip(self._states, self._areas, self.windows, strict=True)
+        )
 
     @property
     def has_position(self) -> bool:
@@ -142,6 +160,10 @@ def _bounds(step: Any) -> tuple[int, int]:
 
 def _bounds_of_number(value: Any) -> tuple[float, float]:
     return (float(value.start), float(value.end)) if hasattr(value, "start") else (float(value), float(value))
+
+
+def _interval(value: Any) -> tuple[float, float] | None:
+    return None if value is None else _bounds_of_number(value)
 
 
 def _within(value: float, interval: Any) -> bool:

@@ -39,6 +39,7 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
         step_s=loaded.step_s,
         outcome=driven.final.outcome,
         reason=driven.final.reason,
+        invalid_reason=driven.final.invalid_reason,
         collision=driven.final.collision,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, loaded.step_s),
@@ -47,8 +48,16 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
     timing = RunTiming(
         wall_s=perf_counter() - began,
         planning_step_median_ms=1000 * median(driven.plan_s) if driven.plan_s else 0.0,
+        core_step_median_ms=_core_step_median_ms(driven),
+        steps=len(driven.plan_s),
     )
     return RunResponse(record=record, steps=_steps(driven), timing=timing)
+
+
+def _core_step_median_ms(driven: DrivenRun) -> float | None:
+    """Median over the planning steps in which the planner called its native core; None without one."""
+    core = [plan.core_s for plan in driven.plans if plan.core_s > 0]
+    return 1000 * median(core) if core else None
 
 
 def _metrics(driven: DrivenRun, step_s: float) -> RunMetrics | None:

@@ -14,10 +14,10 @@ from plannerforge.engine.planners.interface import EgoState, Observation, Plan, 
 from plannerforge.engine.planners.prediction import observe, predictor
 from plannerforge.engine.planners.reference_path import BEYOND_GOAL_M, build_reference_path
 from plannerforge.engine.planners.road import build_road
-from plannerforge.engine.planners.route import find_route
+from plannerforge.engine.planners.route import find_route, start_lanelets
 from plannerforge.engine.planners.traffic import RecordedTraffic
 from plannerforge.engine.planners.vehicle import BMW_320I
-from plannerforge.engine.planners.verdict import Judge, Verdict
+from plannerforge.engine.planners.verdict import Judge, Verdict, invalid
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.planning import PlannerConfiguration
 from plannerforge.schemas.runs import Prediction
@@ -60,15 +60,15 @@ def simulate(
 ) -> DrivenRun:
     """Run a planner on a planning problem until the judge ends it.
 
-    A problem that cannot be attempted (initial collision, no route, off the road) ends as ``invalid`` without a plan.
+    A problem that nobody can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
+    with a code and without a plan.
     """
     step_s = float(scenario.dt)
     ego = initial_ego(problem.initial_state)
     run = DrivenRun([ego], RecordedTraffic(scenario))
-    try:
-        task = _task(scenario, problem, configuration, ego)
-    except NotPossible as obstacle:
-        run.verdict = Verdict("invalid", obstacle.message)
+    task = _task(scenario, problem, configuration, ego)
+    if isinstance(task, Verdict):
+        run.verdict = task
         return run
     judge = Judge(Goal(problem.goal), task.reference, task.road, run.traffic, task.vehicle, ego, step_s)
     run.verdict = judge.before_the_run(ego)
@@ -93,16 +93,24 @@ def initial_ego(state: Any) -> EgoState:
 
 def _task(
     scenario: "Scenario", problem: "PlanningProblem", configuration: PlannerConfiguration, ego: EgoState
-) -> PlanningTask:
+) -> PlanningTask | Verdict:
+    """The task, or why there is none."""
     network, step_s = scenario.lanelet_network, float(scenario.dt)
     if not problem.goal.state_list:
-        raise NotPossible("the planning problem has no goal state")
+        return invalid("no_goal_state", "the planning problem has no goal state")
+    try:
+        start_lanelets(network, ego.position, ego.heading_rad)
+    except NotPossible as nowhere:
+        return invalid("ego_off_road", nowhere.message)
     goal = Goal(problem.goal)
     beyond_m = max(BEYOND_GOAL_M, PREDICTION_S * 36.0 + 40.0)
     ahead_m = beyond_m
     if not goal.has_position:
         ahead_m += (ego.speed_mps + 5.0) * max(goal.last_step - ego.step, 0) * step_s
-    route = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=ahead_m)
+    try:
+        route = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=ahead_m)
+    except NotPossible as no_way:
+        return invalid("goal_unreachable", no_way.message)
     reference = build_reference_path(network, route, ego.position, ego.speed_mps, beyond_m=beyond_m)
     if goal.has_position and goal.stations_on(reference.points) is None:
         reference = build_reference_path(

@@ -4,27 +4,35 @@ from dataclasses import dataclass
 from math import ceil
 
 from plannerforge.engine.geometry.polyline import project
-from plannerforge.engine.planners.goal import Goal
+from plannerforge.engine.planners.goal import Goal, Timing
 from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.reachability import out_of_reach
 from plannerforge.engine.planners.reference_path import ReferencePath
 from plannerforge.engine.planners.road import Road
 from plannerforge.engine.planners.traffic import RecordedTraffic, rectangle
 from plannerforge.engine.planners.vehicle import VehicleParameters
-from plannerforge.schemas.runs import CollisionRecord, Outcome
+from plannerforge.schemas.runs import CollisionRecord, InvalidReason, Outcome
 
 TIME_LIMIT_FACTOR = 1.7
 """A run may take so many times the steps from its start to the goal's last step, as in the Frenetix reference."""
 MOST_STEPS = 2000
+"""No run takes more steps than this, whatever the goal's time."""
 PASSED_M = 5.0
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a run ended, with one sentence of figures."""
+    """How a run ended, with one sentence of figures; ``invalid_reason`` only where the problem is invalid."""
 
     outcome: Outcome
     reason: str
     collision: CollisionRecord | None = None
+    invalid_reason: InvalidReason | None = None
+
+
+def invalid(code: InvalidReason, reason: str) -> Verdict:
+    """The verdict on a problem that nobody can solve."""
+    return Verdict("invalid", reason, invalid_reason=code)
 
 
 class Judge:
@@ -48,16 +56,17 @@ class Judge:
         stations = goal.stations_on(reference.points) if goal.has_position else None
         self._goal_end_m = None if stations is None else stations[1]
         self._was_clear_of_edge = not road.touches_edge(rectangle(initial, vehicle))
-        self._was_in_goal = False
+        self._stays: set[Timing] = set()  # how the ego's steps in the goal's place lay to the goal's time
 
     def before_the_run(self, initial: EgoState) -> Verdict | None:
-        """Why the problem cannot be attempted, or None."""
+        """Why nobody can solve the problem, or None."""
         hit = self._traffic.hit_by(initial, self._vehicle)
         if hit:
-            return Verdict("invalid", f"the ego overlaps obstacle {hit[0]} ({hit[1]}) in its initial state")
+            return invalid("initial_collision", f"the ego overlaps obstacle {hit[0]} ({hit[1]}) in its initial state")
         if not self._road.holds(initial.position):
-            return Verdict("invalid", "the ego starts off the road")
-        return None
+            return invalid("ego_off_road", "the ego starts off the road")
+        too_far = out_of_reach(self._goal, initial, self._vehicle, self._step_s)
+        return invalid("goal_out_of_time", too_far) if too_far else None
 
     def after_step(self, ego: EgoState) -> Verdict | None:
         """The verdict if this state ends the run."""
@@ -87,44 +96,64 @@ class Judge:
         states = self._goal.status(ego)
         if any(status.reached for status in states):
             return Verdict("goal_reached", f"reached the goal at {self._time_s(ego):.1f} s (step {ego.step})")
-        self._was_in_goal = self._was_in_goal or any(status.position for status in states)
+        self._stays |= {status.timing for status in states if status.position}
         for status, window in zip(states, self._goal.windows, strict=True):
             if status.all_but_time and status.timing == "late" and ego.step > self._goal.last_step:
                 late = ego.step - window.last
-                return Verdict("goal_missed", f"came into the goal at step {ego.step}, {late} steps after its last")
-        return self._beyond_goal(ego)
+                return Verdict("goal_late", f"met the goal at step {ego.step}, {late} steps after its last")
+        return self._beyond_goal(ego) if self._goal.has_position else self._too_late_anywhere(ego)
+
+    def _too_late_anywhere(self, ego: EgoState) -> Verdict | None:
+        """A goal without a place: its conditions were not met by its last step."""
+        if ego.step <= self._goal.last_step:
+            return None
+        reason = f"the goal's last step {self._goal.last_step} passed at {ego.speed_mps:.1f} m/s without its conditions"
+        return Verdict("goal_missed", reason)
 
     def _beyond_goal(self, ego: EgoState) -> Verdict | None:
-        if not self._goal.has_position:
-            if ego.step <= self._goal.last_step:
-                return None
-            reason = (
-                f"the goal's last step {self._goal.last_step} passed at {ego.speed_mps:.1f} m/s without its conditions"
-            )
-            return Verdict("goal_missed", reason)
-        if self._goal_end_m is None or not self._was_in_goal:
+        """A goal with a place: the ego has left it behind, or passes beside it when its time is over."""
+        if self._goal_end_m is None:
             return None
-        station = project(self._reference.points, ego.position)[0]
-        too_late = ego.step > self._goal.last_step and station > self._goal_end_m
-        if station <= self._goal_end_m + PASSED_M and not too_late:
+        beyond_m = self._beyond_m(ego)
+        time_over = ego.step > self._goal.last_step
+        if not (beyond_m > PASSED_M or (time_over and self._stays and beyond_m > 0)):
             return None
+        if not self._stays:
+            reason = f"passed beside the goal region by step {ego.step} and was never in it"
+            return Verdict("goal_missed", reason) if time_over else None
         window = f"{self._goal.first_step} to {self._goal.last_step}"
-        reason = (
-            f"drove out of the goal region by step {ego.step} at {ego.speed_mps:.1f} m/s; its time is step {window}"
+        return Verdict(
+            self._outcome_of_stays(),
+            f"drove out of the goal region by step {ego.step} at {ego.speed_mps:.1f} m/s; its time is step {window}",
         )
-        return Verdict("goal_missed", reason)
 
     def _out_of_time(self, ego: EgoState) -> Verdict | None:
         if ego.step < self.last_step:
             return None
+        cause = f"{TIME_LIMIT_FACTOR} × the goal's last step"
+        if ego.step - self._first_step >= MOST_STEPS:
+            cause = f"no run takes more than {MOST_STEPS} steps"
+        limit = f"{self._time_s(ego):.1f} s ({cause})"
+        if self._stays:
+            reason = f"was in the goal region but never met all its conditions within {limit}"
+            return Verdict(self._outcome_of_stays(), reason)
         left = ""
-        if self._goal_end_m is not None:
-            away = self._goal_end_m - project(self._reference.points, ego.position)[0]
-            left = f", {max(away, 0.0):.0f} m before the goal's end" if away > 0 else ""
-        limit = f"{self._time_s(ego):.1f} s ({TIME_LIMIT_FACTOR} × the goal's last step)"
-        if self._was_in_goal:
-            return Verdict("goal_missed", f"was in the goal region but never met all its conditions within {limit}")
+        if self._goal_end_m is not None and self._beyond_m(ego) < 0:
+            left = f", {-self._beyond_m(ego):.0f} m before the goal's end"
         return Verdict("timeout", f"ran out of time after {limit}{left}")
+
+    def _outcome_of_stays(self) -> Outcome:
+        """What it means to have been in the goal's place without reaching the goal.
+
+        In its time the goal's speed or heading was missing; otherwise only the time was wrong, the last stay counting.
+        """
+        if "in_time" in self._stays:
+            return "goal_missed"
+        return "goal_late" if "late" in self._stays else "goal_early"
+
+    def _beyond_m(self, ego: EgoState) -> float:
+        """How far the ego is beyond the end of the goal along the reference path, in m."""
+        return project(self._reference.points, ego.position)[0] - float(self._goal_end_m or 0.0)
 
     def _time_s(self, ego: EgoState) -> float:
         return round((ego.step - self._first_step) * self._step_s, 9)

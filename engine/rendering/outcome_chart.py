@@ -14,7 +14,16 @@ from plannerforge.schemas.runs import Outcome, RunRecord
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_ORDER: tuple[Outcome, ...] = ("goal_reached", "goal_missed", "timeout", "infeasible", "off_road", "collision")
+_ORDER: tuple[Outcome, ...] = (
+    "goal_reached",
+    "goal_early",
+    "goal_late",
+    "goal_missed",
+    "timeout",
+    "infeasible",
+    "off_road",
+    "collision",
+)
 _DARK = ("goal_reached", "collision", "off_road")
 
 
@@ -59,7 +68,7 @@ def draw_outcomes(groups: Sequence[tuple[str, Sequence[RunRecord]]], path: Path)
     _dress(shares, rates, groups)
     handles = [Patch(facecolor=outcome_colour(name), label=name.replace("_", " ")) for name in _ORDER if name in seen]
     figure.legend(
-        handles=handles, loc="lower left", ncols=6, frameon=False, bbox_to_anchor=(0.19, 0), fontsize=SMALL_PT + 0.5
+        handles=handles, loc="lower left", ncols=8, frameon=False, bbox_to_anchor=(0.19, 0), fontsize=SMALL_PT + 0.5
     )
     total = sum(len(records) for _, records in groups)
     write_title(figure, "Outcomes", f"{total} runs; numbers in the bars are runs; invalid runs are in no bar")

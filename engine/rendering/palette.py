@@ -41,6 +41,8 @@ _OUTCOME_COLOURS = {
     "collision": VERMILLION,
     "timeout": ORANGE,
     "goal_missed": YELLOW,
+    "goal_early": SKY_BLUE,
+    "goal_late": GREEN,
     "infeasible": PURPLE,
     "off_road": BLACK,
     "invalid": "#BDBDBD",

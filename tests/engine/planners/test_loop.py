@@ -77,13 +77,6 @@ def test_an_ego_against_the_driving_direction_is_infeasible_not_an_error() -> No
     assert "route" in run.final.reason
 
 
-def test_an_unreachable_time_ends_at_the_stated_limit() -> None:
-    run = drive(scenario_on(straight_road(600.0)), problem_for(goal_state((20, 21), rectangle_at(300.0, 0.0))))
-    assert run.final.outcome == "timeout"
-    assert run.states[-1].step == math.ceil(1.7 * 21)
-    assert "1.7" in run.final.reason
-
-
 def test_a_lane_change_to_the_goal_lane_is_smooth_and_complete() -> None:
     goal = goal_state((70, 90), rectangle_at(100.0, 3.5))
     run = drive(scenario_on(straight_road(300.0, lanes=2)), problem_for(goal, speed_mps=12.0))

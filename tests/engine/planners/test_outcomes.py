@@ -1,0 +1,145 @@
+"""Every outcome is told apart, and what nobody can solve is said before the run."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from builders_planning import (
+    drive,
+    goal_state,
+    lanelet_along,
+    network_of,
+    parked_car,
+    problem_for,
+    rectangle_at,
+    scenario_on,
+    straight_road,
+)
+
+from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
+from plannerforge.engine.planners.reachability import farthest_m
+from plannerforge.engine.planners.simulation import DrivenRun
+from plannerforge.engine.planners.vehicle import VehicleParameters
+from plannerforge.schemas.runs import InvalidReason, Outcome
+
+ROAD = straight_road(400.0, lanes=2)
+TEN_MPS = 10.0
+
+
+class Cruise:
+    """Straight on along the x axis; it keeps its speed until ``stop_m`` and stands there."""
+
+    def __init__(self, stop_m: float = math.inf) -> None:
+        self._stop_m = stop_m
+
+    def reset(self, task: PlanningTask) -> None:
+        self._step_s = task.step_s
+
+    def plan(self, observation: Observation) -> Plan:
+        ego, count = observation.ego, 16
+        x = np.minimum(ego.position[0] + np.arange(count) * self._step_s * TEN_MPS, max(self._stop_m, ego.position[0]))
+        return Plan(
+            PlannedTrajectory(
+                positions=np.stack([x, np.full(count, ego.position[1])], axis=1),
+                headings_rad=np.zeros(count),
+                speeds_mps=np.where(x < self._stop_m, TEN_MPS, 0.0),
+                accelerations_mps2=np.zeros(count),
+            )
+        )
+
+
+def cruise(*goals: object, stop_m: float = math.inf) -> DrivenRun:
+    return drive(scenario_on(ROAD), problem_for(*goals), planner=Cruise(stop_m))  # type: ignore[arg-type]
+
+
+AT_40 = rectangle_at(40.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("run", "outcome", "said"),
+    [
+        (lambda: cruise(goal_state((35, 45), AT_40)), "goal_reached", "step 35"),
+        (lambda: cruise(goal_state((70, 80), AT_40)), "goal_early", "its time is step 70 to 80"),
+        (lambda: cruise(goal_state((20, 30), AT_40)), "goal_late", "4 steps after its last"),
+        (lambda: cruise(goal_state((35, 45), AT_40, speed=(2.0, 4.0))), "goal_missed", "drove out of the goal"),
+        (lambda: cruise(goal_state((20, 30), AT_40, speed=(2.0, 4.0))), "goal_late", "drove out of the goal"),
+        (lambda: cruise(goal_state((30, 40), rectangle_at(40.0, 3.5, size=(12.0, 2.0)))), "goal_missed", "beside"),
+        (lambda: cruise(goal_state((30, 40), speed=(20.0, 25.0))), "goal_missed", "without its conditions"),
+        (lambda: cruise(goal_state((35, 45), AT_40), stop_m=20.0), "timeout", "before the goal's end"),
+        (lambda: cruise(goal_state((60, 70), AT_40, speed=(2.0, 4.0)), stop_m=40.0), "goal_missed", "was in the goal"),
+    ],
+)
+def test_arriving_early_late_beside_or_never_are_different_outcomes(
+    run: Callable[[], DrivenRun], outcome: Outcome, said: str
+) -> None:
+    final = run().final
+    assert final.outcome == outcome
+    assert said in final.reason
+    assert final.invalid_reason is None
+
+
+def test_one_of_several_goal_states_in_its_time_is_enough() -> None:
+    run = cruise(goal_state((70, 80), AT_40), goal_state((55, 65), rectangle_at(60.0, 0.0)))
+    assert run.final.outcome == "goal_reached"
+
+
+def test_the_time_limit_is_1_7_times_the_way_to_the_goals_last_step() -> None:
+    run = cruise(goal_state((35, 45), AT_40), stop_m=20.0)
+    assert run.states[-1].step == math.ceil(1.7 * 45)
+    assert "1.7 × the goal's last step" in run.final.reason
+
+
+def at_start_of(*goals: object, **changes: object) -> DrivenRun:
+    scenario = scenario_on(ROAD, *changes.pop("obstacles", ()))  # type: ignore[misc,call-overload]
+    return drive(scenario, problem_for(*goals, **changes))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("run", "code", "said"),
+    [
+        (lambda: at_start_of(), "no_goal_state", "no goal state"),
+        (
+            lambda: at_start_of(goal_state((35, 45), AT_40), obstacles=(parked_car(9, (2.0, 0.0)),)),
+            "initial_collision",
+            "obstacle 9",
+        ),
+        (lambda: at_start_of(goal_state((35, 45), AT_40), position=(0.0, 30.0)), "ego_off_road", "on no lanelet"),
+        (lambda: at_start_of(goal_state((35, 45), AT_40), position=(0.0, -2.5)), "ego_off_road", "off the road"),
+        (lambda: at_start_of(goal_state((35, 45), rectangle_at(40.0, 60.0))), "goal_unreachable", "no lanelet"),
+        (lambda: at_start_of(goal_state((20, 21), rectangle_at(300.0, 0.0))), "goal_out_of_time", "294.0 m away"),
+        (
+            lambda: at_start_of(goal_state((10, 12), rectangle_at(12.0, 0.0), speed=(25.0, 30.0))),
+            "goal_out_of_time",
+            "25.0 to 30.0 m/s is out of reach from 10.0 m/s in 1.2 s",
+        ),
+        (lambda: at_start_of(goal_state((2, 4), speed=(0.0, 1.0))), "goal_out_of_time", "0.0 to 1.0 m/s"),
+    ],
+)
+def test_what_nobody_can_solve_is_said_before_the_run(
+    run: Callable[[], DrivenRun], code: InvalidReason, said: str
+) -> None:
+    driven = run()
+    assert (driven.final.outcome, driven.final.invalid_reason) == ("invalid", code)
+    assert said in driven.final.reason
+    assert not driven.plans
+
+
+def test_a_goal_that_lies_on_lanes_without_a_way_there_is_unreachable() -> None:
+    problem = problem_for(goal_state((35, 45), rectangle_at(0.0, 40.0)))
+    lanes = [np.stack([np.linspace(-20.0, 100.0, 25), np.full(25, y)], axis=1) for y in (0.0, 40.0)]
+    run = drive(scenario_on(network_of(*(lanelet_along(lane, 1 + i) for i, lane in enumerate(lanes)))), problem)
+    assert run.final.invalid_reason == "goal_unreachable"
+    assert "no route leads from lanelet 1" in run.final.reason
+
+
+def test_a_goal_that_one_state_can_still_reach_is_tried() -> None:
+    run = cruise(goal_state((20, 21), rectangle_at(300.0, 0.0)), goal_state((35, 45), AT_40))
+    assert run.final.outcome == "goal_reached"
+
+
+def test_the_farthest_distance_is_the_integral_of_the_fastest_drive() -> None:
+    vehicle = VehicleParameters(maximum_acceleration_mps2=5.0, maximum_speed_mps=20.0)
+    assert farthest_m(10.0, 1.0, vehicle) == pytest.approx(10.0 + 2.5)
+    assert farthest_m(10.0, 4.0, vehicle) == pytest.approx(10.0 * 2 + 10.0 + 2 * 20.0)
+    assert farthest_m(25.0, 2.0, vehicle) == pytest.approx(50.0)
