@@ -13,7 +13,8 @@ import frenetix
 import numpy as np
 
 from plannerforge.engine.geometry.polyline import Points, project
-from plannerforge.engine.planners.cost_terms import CandidateBatch, own_terms
+from plannerforge.engine.planners.candidate_batch import CandidateBatch
+from plannerforge.engine.planners.cost_terms import own_terms
 from plannerforge.engine.planners.desired_speed import DesiredSpeed
 from plannerforge.engine.planners.frenet_costs import CONSTRAINTS, StepInputs, add_feasibility, add_step_functions
 from plannerforge.engine.planners.frenet_frame import FrameKeeper, FrenetFrame
@@ -29,6 +30,7 @@ from plannerforge.engine.planners.frenet_sampling import SamplingSettings, sampl
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, PlanKind, PlanningTask
 from plannerforge.engine.planners.lane_center import LaneCenters
+from plannerforge.engine.planners.lane_corridors import LaneCorridors
 from plannerforge.engine.planners.safety import SafetyCheck
 
 LOW_SPEED_MPS = 2.0
@@ -62,7 +64,9 @@ class Frenetix:
         self._task = task
         self._weights = task.configuration.weights
         self._own_terms = {name: term for name, term in own_terms().items() if self._weights[name] > 0}
-        self._lanes = LaneCenters(task.scenario.lanelet_network) if self._own_terms else None
+        network = task.scenario.lanelet_network
+        self._lanes = LaneCenters(network) if self._own_terms else None
+        self._corridors = LaneCorridors(network) if self._own_terms else None
         self._frames = FrameKeeper(task.reference.points)
         self._desired_speed = DesiredSpeed(Goal(task.problem.goal), task.reference, task.step_s)
         self._handler = frenetix.TrajectoryHandler(task.step_s)
@@ -127,7 +131,7 @@ class Frenetix:
         return feasible
 
     def _add_own_terms(self, feasible: list["frenetix.TrajectorySample"], step: _Step) -> None:
-        if not feasible or not self._own_terms or self._lanes is None:
+        if not feasible or not self._own_terms or self._lanes is None or self._corridors is None:
             return
         vehicle, frame = self._task.vehicle, step.frame
         inner = [(s.cartesian.x, s.cartesian.y, s.cartesian.theta, s.cartesian.v) for s in feasible]
@@ -143,7 +147,9 @@ class Frenetix:
             target_speed_mps=self._desired_speed.average_to_goal(step.ego),
             obstacles=step.observation.obstacles,
             half_length_m=vehicle.length_m / 2,
+            half_width_m=vehicle.width_m / 2,
             lanes=self._lanes,
+            corridors=self._corridors,
         )
         for name, term in self._own_terms.items():
             weight = self._weights[name]
