@@ -17,6 +17,8 @@ MetricName = Literal[
     "mean_speed_mps",
     "minimum_distance_m",
     "minimum_time_to_collision_s",
+    "minimum_time_headway_s",
+    "risk_score",
     "maximum_jerk_mps3",
     "mean_squared_jerk",
     "maximum_lateral_acceleration_mps2",

@@ -27,6 +27,8 @@ def metrics(**changes: float | None) -> RunMetrics:
         "mean_speed_mps": 10.0,
         "minimum_distance_m": 2.0,
         "minimum_time_to_collision_s": 4.0,
+        "minimum_time_headway_s": 2.0,
+        "risk_score": 3,
         "maximum_jerk_mps3": 2.0,
         "mean_squared_jerk": 1.0,
         "maximum_lateral_acceleration_mps2": 1.0,

@@ -28,6 +28,8 @@ class MetricSpec:
 METRICS: tuple[MetricSpec, ...] = (
     MetricSpec("minimum_distance_m", "m", "higher", "valid"),
     MetricSpec("minimum_time_to_collision_s", "s", "higher", "valid"),
+    MetricSpec("minimum_time_headway_s", "s", "higher", "valid"),
+    MetricSpec("risk_score", "of 5", "higher", "valid"),
     MetricSpec("duration_s", "s", "lower", "both_reached_goal"),
     MetricSpec("distance_m", "m", None, "both_reached_goal"),
     MetricSpec("mean_speed_mps", "m/s", None, "both_reached_goal"),

@@ -4,44 +4,62 @@ Both are oriented rectangles that move without turning. On every axis that is no
 during an interval of time; the rectangles overlap while all four shadows do (separating axes).
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plannerforge.engine.geometry.polyline import Points, oriented_rectangle
+from plannerforge.engine.geometry.polyline import Points, Values
 
 
 @dataclass(frozen=True)
-class MovingRectangle:
-    """A rectangle (length, width) in metres at a centre of shape (2,), moving along its heading."""
+class MovingRectangles:
+    """Rectangles that move along their headings: centres (n, 2), headings (n,), sizes (n, 2), speeds (n,)."""
 
-    center: Points
-    heading_rad: float
-    size_m: tuple[float, float]
-    speed_mps: float
+    centers: Points
+    headings_rad: Values
+    sizes_m: Points
+    speeds_mps: Values
 
     @property
-    def velocity(self) -> Points:
-        """Velocity of shape (2,) in m/s."""
-        return self.speed_mps * np.array([math.cos(self.heading_rad), math.sin(self.heading_rad)])
+    def velocities(self) -> Points:
+        """Velocities of shape (n, 2) in m/s."""
+        return self.speeds_mps[:, None] * _directions(self.headings_rad)
 
 
-def time_to_collision_s(one: MovingRectangle, other: MovingRectangle) -> float | None:
-    """Seconds until the rectangles first touch, 0 while they overlap; None where they never will."""
-    first, second = (oriented_rectangle(body.center, body.heading_rad, body.size_m) for body in (one, other))
-    closing = one.velocity - other.velocity
-    begin, end = 0.0, math.inf
-    for heading in (one.heading_rad, one.heading_rad + math.pi / 2, other.heading_rad, other.heading_rad + math.pi / 2):
-        axis = np.array([math.cos(heading), math.sin(heading)])
-        near, far, speed = first @ axis, second @ axis, float(closing @ axis)
-        before, behind = float(far.min() - near.max()), float(far.max() - near.min())
-        if abs(speed) < 1e-9:
-            if before > 0 or behind < 0:
-                return None
-            continue
-        times = sorted((before / speed, behind / speed))
-        begin, end = max(begin, times[0]), min(end, times[1])
-        if begin > end:
-            return None
-    return begin
+def corners_of(bodies: MovingRectangles) -> NDArray[np.float64]:
+    """The corners of shape (n, 4, 2), counter-clockwise from the front left."""
+    along = _directions(bodies.headings_rad)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    long, wide = along * bodies.sizes_m[:, :1] / 2, across * bodies.sizes_m[:, 1:] / 2
+    center = bodies.centers
+    return np.stack([center + long + wide, center - long + wide, center - long - wide, center + long - wide], axis=1)
+
+
+def times_to_collision_s(ones: MovingRectangles, others: MovingRectangles) -> Values:
+    """Seconds until the i-th rectangles first touch, 0 while they overlap, infinite where they never will; (n,)."""
+    first, second = corners_of(ones), corners_of(others)
+    closing = ones.velocities - others.velocities
+    begin, end = np.zeros(len(closing)), np.full(len(closing), np.inf)
+    quarter = np.pi / 2
+    for headings in (
+        ones.headings_rad,
+        ones.headings_rad + quarter,
+        others.headings_rad,
+        others.headings_rad + quarter,
+    ):
+        axis = _directions(headings)
+        near, far = (np.einsum("nki,ni->nk", corners, axis) for corners in (first, second))
+        speed = np.einsum("ni,ni->n", closing, axis)
+        before, behind = far.min(axis=1) - near.max(axis=1), far.max(axis=1) - near.min(axis=1)
+        moves = np.abs(speed) >= 1e-9
+        divisor = np.where(moves, speed, 1.0)
+        enters, leaves = np.sort([before / divisor, behind / divisor], axis=0)
+        apart = ~moves & ((before > 0) | (behind < 0))
+        begin = np.where(moves, np.maximum(begin, enters), np.where(apart, np.inf, begin))
+        end = np.where(moves, np.minimum(end, leaves), end)
+    return np.where(begin <= end, begin, np.inf)
+
+
+def _directions(headings_rad: Values) -> Points:
+    return np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)

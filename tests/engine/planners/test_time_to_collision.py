@@ -6,13 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.geometry.polyline import oriented_rectangle, rectangles_overlap
-from plannerforge.engine.planners.time_to_collision import MovingRectangle, time_to_collision_s
+from plannerforge.engine.planners.time_to_collision import MovingRectangles, corners_of, times_to_collision_s
 
 SIZE = (4.5, 1.8)
 
 
-def body(x: float, y: float, heading: float, speed: float) -> MovingRectangle:
-    return MovingRectangle(np.array([x, y]), heading, SIZE, speed)
+def body(x: float, y: float, heading: float, speed: float) -> MovingRectangles:
+    return MovingRectangles(np.array([[x, y]]), np.array([heading]), np.array([SIZE]), np.array([speed]))
+
+
+def time_to_collision_s(one: MovingRectangles, other: MovingRectangles) -> float | None:
+    time = float(times_to_collision_s(one, other)[0])
+    return time if math.isfinite(time) else None
 
 
 def test_a_slower_vehicle_ahead_is_reached_after_the_gap_over_the_closing_speed() -> None:
@@ -26,8 +31,7 @@ def test_crossing_courses_meet_where_both_are_at_once() -> None:
 
 def test_a_vehicle_beside_that_stands_askew_is_not_yet_hit() -> None:
     ego, other = body(0, 0, 0, 5), body(4.2, 2.6, math.pi / 4, 0)
-    first, second = (oriented_rectangle(b.center, b.heading_rad, b.size_m) for b in (ego, other))
-    assert not rectangles_overlap(first, second)
+    assert not rectangles_overlap(corners_of(ego)[0], corners_of(other)[0])
     assert (time_to_collision_s(ego, other) or 0) > 0
 
 
@@ -36,7 +40,7 @@ def test_a_vehicle_beside_that_stands_askew_is_not_yet_hit() -> None:
     [body(-30, 0, 0, 5), body(30, 4, 0, 0), body(30, 0, 0, 15), body(30, 0, 0, 20)],
     ids=["behind and slower", "in the next lane", "as fast", "faster"],
 )
-def test_courses_that_never_meet_have_none(other: MovingRectangle) -> None:
+def test_courses_that_never_meet_have_none(other: MovingRectangles) -> None:
     assert time_to_collision_s(body(0, 0, 0, 15), other) is None
 
 
@@ -53,7 +57,7 @@ def test_the_rectangles_touch_at_that_time_and_not_before(
     time = time_to_collision_s(one, other)
 
     def overlap(at: float, shrink: float) -> bool:
-        corners = [oriented_rectangle(b.center + at * b.velocity, b.heading_rad, b.size_m) for b in (one, other)]
+        corners = [corners_of(b)[0] + at * b.velocities[0] for b in (one, other)]
         return rectangles_overlap(corners[0], corners[1], shrink_m=shrink)
 
     if time is None:
@@ -62,3 +66,21 @@ def test_the_rectangles_touch_at_that_time_and_not_before(
         assert overlap(time, -1e-6)
         before = np.linspace(0, time, 20, endpoint=False) if time > 1e-6 else ()
         assert not any(overlap(at, 1e-6) for at in before)
+
+
+def test_many_pairs_give_what_each_gives_alone() -> None:
+    rows = [(20.0, 1.0, 0.2, 3.0), (-5.0, 12.0, -1.2, 9.0), (3.0, 0.5, 0.0, 0.0)]
+    others = MovingRectangles(
+        np.array([row[:2] for row in rows]),
+        np.array([row[2] for row in rows]),
+        np.tile(SIZE, (3, 1)),
+        np.array([row[3] for row in rows]),
+    )
+    egos = MovingRectangles(np.zeros((3, 2)), np.zeros(3), np.tile(SIZE, (3, 1)), np.full(3, 12.0))
+    alone = [time_to_collision_s(body(0, 0, 0, 12.0), body(*row)) for row in rows]
+    together = times_to_collision_s(egos, others)
+    assert [float(t) if math.isfinite(t) else None for t in together] == alone
+
+
+def test_corners_are_those_of_an_oriented_rectangle() -> None:
+    assert corners_of(body(3, 4, 0.7, 1))[0] == pytest.approx(oriented_rectangle(np.array([3, 4]), 0.7, SIZE))

@@ -1,0 +1,160 @@
+"""How critical a drive was: gaps, times to collision, time headway and a risk score."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plannerforge.engine.geometry.polyline import Points, Values, arc_length, wrap_angles
+from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.time_to_collision import MovingRectangles, corners_of, times_to_collision_s
+from plannerforge.engine.planners.vehicle import VehicleParameters
+from plannerforge.engine.scenarios.tracks import Track
+
+NEAR_M = 60.0
+SAME_DIRECTION_RAD = np.pi / 4
+RISK_STEPS_S = (0.0, 0.5, 1.0, 3.0, 5.0)
+RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
+PAIRS_AT_ONCE = 2000
+
+
+class Others(Protocol):
+    """Where the others were: tracks of the moving ones, and of the standing ones with a single state."""
+
+    @property
+    def moving(self) -> tuple[Track, ...]:
+        """Present from their first to their last step."""
+
+    @property
+    def standing(self) -> tuple[Track, ...]:
+        """Present at every step."""
+
+
+@dataclass(frozen=True)
+class Criticality:
+    """The most critical figures of a drive; None where no other came within 60 m (or, for times, no closing one)."""
+
+    minimum_distance_m: float | None = None
+    minimum_time_to_collision_s: float | None = None
+    minimum_time_headway_s: float | None = None
+    risk_score: int | None = None
+
+
+@dataclass(frozen=True)
+class Encounters:
+    """All pairs of a driven state (``state``, an index) and another near it; ``ego`` and ``other`` of shape (n,)."""
+
+    state: NDArray[np.intp]
+    ego: MovingRectangles
+    other: MovingRectangles
+
+
+def criticality(states: list[EgoState], others: Others, vehicle: VehicleParameters) -> Criticality:
+    """The most critical figures over the driven states (the initial one included)."""
+    import shapely
+
+    met = encounters(states, others, vehicle)
+    if not len(met.state):
+        return Criticality()
+    gaps = shapely.distance(shapely.polygons(corners_of(met.ego)), shapely.polygons(corners_of(met.other)))
+    times = times_to_collision_s(met.ego, met.other)
+    headways = time_headways_s(states, met)
+    return Criticality(
+        minimum_distance_m=float(gaps.min()),
+        minimum_time_to_collision_s=_least(times),
+        minimum_time_headway_s=_least(headways),
+        risk_score=int(risk_scores(gaps, times).min()),
+    )
+
+
+def encounters(states: list[EgoState], others: Others, vehicle: VehicleParameters) -> Encounters:
+    """Who was within 60 m of the ego (centre to centre), and when."""
+    steps = np.array([state.step for state in states])
+    centers = np.array([state.position for state in states])
+    chosen, found, sizes = [], [], []
+    for track, standing in [(t, False) for t in others.moving] + [(t, True) for t in others.standing]:
+        index = np.zeros(len(steps), dtype=int) if standing else steps - track.first_step
+        there = np.flatnonzero((index >= 0) & (index < len(track.positions)))
+        away = np.linalg.norm(track.positions[index[there]] - centers[there], axis=1)
+        near = there[away < NEAR_M]
+        at = index[near]
+        chosen.append(near)
+        found.append(np.column_stack([track.positions[at], track.headings_rad[at], track.speeds_mps[at]]))
+        sizes.append(np.tile([track.length_m, track.width_m], (len(near), 1)))
+    state = np.concatenate(chosen) if chosen else np.zeros(0, dtype=np.intp)
+    other = np.concatenate(found) if found else np.zeros((0, 4))
+    size = np.concatenate(sizes) if sizes else np.zeros((0, 2))
+    headings, speeds = (np.array([getattr(s, name) for s in states]) for name in ("heading_rad", "speed_mps"))
+    own_size = np.tile([vehicle.length_m, vehicle.width_m], (len(state), 1))
+    return Encounters(
+        state,
+        MovingRectangles(centers[state], headings[state], own_size, speeds[state]),
+        MovingRectangles(other[:, :2], other[:, 2], size, other[:, 3]),
+    )
+
+
+def time_headways_s(states: list[EgoState], met: Encounters) -> Values:
+    """Seconds until the ego's front is where the front of the vehicle ahead is now, at the ego's speed.
+
+    Time headway as in Vogel 2003 (a comparison of headway and time to collision): the distance from front to front
+    along the ego's path over its speed. The path is what the ego drove from then on, straight on behind its end;
+    ahead is who is on that path (sideways overlap of the bodies) and heads within 45° of it. Infinite for all others
+    and while the ego stands.
+    """
+    path = np.array([state.position for state in states])
+    last = np.array([np.cos(states[-1].heading_rad), np.sin(states[-1].heading_rad)])
+    path = np.concatenate([path, path[-1:] + NEAR_M * last])
+    stations = arc_length(path)
+    station, distance, heading = _on_path(path, stations, met)
+    ahead_m = station - stations[met.state] + (met.other.sizes_m[:, 0] - met.ego.sizes_m[:, 0]) / 2
+    on_it = distance < (met.ego.sizes_m[:, 1] + met.other.sizes_m[:, 1]) / 2
+    along = np.abs(wrap_angles(met.other.headings_rad - heading)) < SAME_DIRECTION_RAD
+    in_front = (station > stations[met.state]) & on_it & along & (met.ego.speeds_mps > 0.1)
+    return np.where(in_front, np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, 0.1), np.inf)
+
+
+def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
+    """0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible risk, for gaps in m and times in s of shape (n,).
+
+    The scale of From Words to Collisions (TUM-AVS, ITSC 2025): one score for distance and one for the time to
+    collision, 0 at zero and 1 to 4 up to 0.5, 1, 3 and 5 (m or s), their mean cut to an integer; the most dangerous
+    other at the most dangerous step counts. Here with the gap between the rectangles and the time to collision in the
+    plane, where the source weighs longitudinal and lateral parts by the direction of the other.
+    """
+    distance = np.searchsorted(RISK_STEPS_M, gaps_m, side="left")
+    time = np.searchsorted(RISK_STEPS_S, times_to_collision, side="left")
+    scores: NDArray[np.intp] = (distance + time) // 2
+    return scores
+
+
+def _on_path(path: Points, stations: Values, met: Encounters) -> tuple[Values, Values, Values]:
+    """Arc length, distance and heading of the path at the point nearest to each other, shapes (n,).
+
+    Only the path from the ego's state on counts, so that a route that crosses itself finds no one behind the ego.
+    """
+    blocks = range(0, len(met.state), PAIRS_AT_ONCE)
+    found = [
+        _nearest(path, stations, met.other.centers[i : i + PAIRS_AT_ONCE], met.state[i : i + PAIRS_AT_ONCE])
+        for i in blocks
+    ]
+    station, distance, heading = (np.concatenate(values) for values in zip(*found, strict=True))
+    return station, distance, heading
+
+
+def _nearest(path: Points, stations: Values, points: Points, begin: NDArray[np.intp]) -> tuple[Values, Values, Values]:
+    start, step = path[:-1], np.diff(path, axis=0)
+    squared = np.maximum((step**2).sum(axis=1), 1e-12)
+    away = points[:, None, :] - start[None, :, :]
+    share = np.clip((away * step).sum(axis=2) / squared, 0.0, 1.0)
+    gap = np.linalg.norm(away - share[:, :, None] * step, axis=2)
+    gap[np.arange(len(start))[None, :] < begin[:, None]] = np.inf
+    gap[:, np.diff(stations) < 1e-6] = np.inf
+    nearest, rows = gap.argmin(axis=1), np.arange(len(points))
+    station = stations[nearest] + share[rows, nearest] * np.sqrt(squared[nearest])
+    return station, gap[rows, nearest], np.arctan2(step[nearest, 1], step[nearest, 0])
+
+
+def _least(values: Values) -> float | None:
+    least = float(values.min())
+    return least if np.isfinite(least) else None

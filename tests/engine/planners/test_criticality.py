@@ -1,0 +1,107 @@
+"""Gap, time to collision, time headway and risk of a drive that is known by hand."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from plannerforge.engine.planners.criticality import criticality, risk_scores
+from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.vehicle import VehicleParameters
+from plannerforge.engine.scenarios.tracks import Track
+
+EGO = VehicleParameters(length_m=4.0, width_m=2.0)
+
+
+@dataclass
+class Around:
+    """Traffic with these tracks."""
+
+    moving: tuple[Track, ...] = ()
+    standing: tuple[Track, ...] = ()
+
+
+def straight(speed_mps: float = 10.0, steps: int = 10, first_step: int = 0) -> list[EgoState]:
+    return [EgoState(first_step + i, np.array([i * 0.1 * speed_mps, 0.0]), 0.0, speed_mps) for i in range(steps + 1)]
+
+
+def track(x: float, y: float, speed_mps: float, heading: float = 0.0, steps: int = 10, first_step: int = 0) -> Track:
+    direction = np.array([math.cos(heading), math.sin(heading)])
+    positions = np.array([x, y]) + np.arange(steps + 1)[:, None] * 0.1 * speed_mps * direction
+    count = len(positions)
+    return Track(7, "car", 5.0, 2.0, first_step, positions, np.full(count, heading), np.full(count, speed_mps))
+
+
+def measured(states: list[EgoState], *moving: Track, standing: tuple[Track, ...] = ()) -> tuple[float | None, ...]:
+    found = criticality(states, Around(moving, standing), EGO)
+    return (
+        found.minimum_distance_m,
+        found.minimum_time_to_collision_s,
+        found.minimum_time_headway_s,
+        found.risk_score,
+    )
+
+
+def test_a_slower_lead_is_nearest_at_the_end() -> None:
+    # after 1 s: the centres 30 m apart, the bodies 25.5 m, closing at 5 m/s; front to front 30.5 m at 10 m/s
+    assert measured(straight(), track(35.0, 0.0, 5.0)) == pytest.approx((25.5, 5.1, 3.05, 5))
+
+
+def test_a_lead_that_is_about_to_be_hit_is_extreme_risk() -> None:
+    gap, time, headway, risk = measured(straight(), track(20.0, 0.0, 5.0, steps=10), track(15.2, 0.0, 0.0))
+    assert (gap, time) == pytest.approx((0.7, 0.07))
+    assert headway == pytest.approx(0.57)
+    assert risk == 1
+
+
+@pytest.mark.parametrize(
+    "other",
+    [track(-20.0, 0.0, 12.0), track(20.0, 3.5, 10.0), track(30.0, 0.5, 10.0, heading=math.pi)],
+    ids=["behind", "in the next lane", "oncoming"],
+)
+def test_only_a_vehicle_ahead_in_the_path_gives_a_headway(other: Track) -> None:
+    assert measured(straight(), other)[2] is None
+
+
+def test_a_lead_behind_a_bend_is_ahead_on_the_driven_path_not_on_the_heading() -> None:
+    angles = np.linspace(0.0, math.pi / 2, 21)
+    bend = [EgoState(i, 20.0 * np.array([math.sin(a), 1 - math.cos(a)]), float(a), 10.0) for i, a in enumerate(angles)]
+    lead = track(20.0, 20.0, 0.0, heading=math.pi / 2, steps=5)
+    arc = sum(np.linalg.norm(b.position - a.position) for a, b in pairwise(bend[5:]))
+    assert measured(bend, lead)[2] == pytest.approx((arc + 0.5) / 10.0, abs=0.01)
+
+
+def test_nobody_near_leaves_every_figure_undefined() -> None:
+    assert measured(straight()) == (None,) * 4
+    assert measured(straight(), track(200.0, 0.0, 0.0)) == (None,) * 4
+    assert measured(straight(), track(20.0, 0.0, 0.0, first_step=50)) == (None,) * 4
+
+
+def test_standing_obstacles_count_at_every_step_and_an_overlap_is_a_collision() -> None:
+    states = straight(first_step=40)
+    assert measured(states, standing=(track(9.0, 0.0, 0.0, steps=0),))[:2] == (0.0, 0.0)
+    assert measured(states, standing=(track(9.0, 0.0, 0.0, steps=0),))[3] == 0
+
+
+def test_an_ego_that_stands_has_no_headway() -> None:
+    assert measured(straight(0.0), track(10.0, 0.0, 0.0))[2] is None
+
+
+@pytest.mark.parametrize(
+    ("gap", "time", "score"),
+    [
+        (0.0, 0.0, 0),
+        (0.4, 0.5, 1),
+        (0.9, 1.0, 2),
+        (2.9, 3.0, 3),
+        (4.0, 4.9, 4),
+        (5.1, 5.1, 5),
+        (9.0, math.inf, 5),
+        (0.6, math.inf, 3),
+        (9.0, 0.3, 3),
+    ],
+)
+def test_risk_is_the_mean_of_a_distance_and_a_time_level(gap: float, time: float, score: int) -> None:
+    assert risk_scores(np.array([gap]), np.array([time]))[0] == score
