@@ -8,6 +8,7 @@ from pathlib import Path
 
 import anyio
 
+from plannerforge.engine.execution.claims import Claims
 from plannerforge.engine.execution.job_runner import JobRunner
 from plannerforge.engine.execution.jobs import JobStore
 from plannerforge.engine.execution.pool import WorkerPool
@@ -38,10 +39,10 @@ def create_server(settings: Settings, start_folder: Path | None = None) -> Plann
         try:
             log = workspace_root / "logs" / "workers.log"
             async with WorkerPool.open(limits, log) as workers, anyio.create_task_group() as tasks:
-                jobs = JobRunner(JobStore(workspace.database), tasks)
+                jobs, claims = JobRunner(JobStore(workspace.database), tasks), Claims(workspace.database)
                 if settings.warm_up:
                     tasks.start_soon(_warm_up, workers)
-                yield Services(workspace, workers, jobs, limits, settings.map_folders, settings.starter)
+                yield Services(workspace, workers, jobs, claims, limits, settings.map_folders, settings.starter)
                 tasks.cancel_scope.cancel()
         finally:
             workspace.close()

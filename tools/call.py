@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+from plannerforge.engine.execution.claims import Claims
 from plannerforge.engine.execution.executor import Executor, Lane
 from plannerforge.engine.execution.job_runner import JobRunner
 from plannerforge.engine.execution.limits import Limits
@@ -17,11 +18,12 @@ SendProgress = Callable[[float, str], Awaitable[None]]
 
 @dataclass(frozen=True)
 class Services:
-    """What lives as long as the server: the workspace, the workers, the jobs and the bounds."""
+    """What lives as long as the server: the workspace, the workers, the jobs, the claims on work and the bounds."""
 
     workspace: Workspace
     workers: Executor
     jobs: JobRunner
+    claims: Claims
     limits: Limits
     map_folders: tuple[Path, ...] = ()
     with_starter: bool = True

@@ -1,18 +1,24 @@
 """Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored."""
 
+import logging
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import anyio
 
 from plannerforge.engine.workspace.recipe import Recipe, versions_of
-from plannerforge.schemas.errors import PlannerForgeError
+from plannerforge.schemas.errors import PlannerForgeError, ResourceFailure, UnexpectedFailure
 from plannerforge.schemas.planning import PlannerConfiguration, RunRequest, RunResponse
 from plannerforge.schemas.runs import LostCell, Prediction, RunRecord, Traffic
 from plannerforge.tools.call import ToolCall
 
 RUN = "plannerforge.engine.planners.run:run"
 RUN_TIMEOUT_S = 120.0
+CLAIM_POLL_S = 0.1
+"""How often a run that somebody else makes is looked at."""
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,7 @@ class Cell:
 
     def recipe(self) -> Recipe:
         """The recipe of the run; its digest names it."""
+        simulator = ["libsumo"] if self.traffic == "reactive" else []
         return Recipe(
             tool="run_planner",
             arguments={
@@ -44,7 +51,7 @@ class Cell:
             },
             parents=(self.scenario_id, self.configuration.config_id),
             seed=self.seed,
-            versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker"),
+            versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker", *simulator),
         )
 
 
@@ -58,15 +65,70 @@ class CellResult:
 
 
 async def run_cell(call: ToolCall, cell: Cell, *, tell_client: bool = False) -> CellResult:
-    """The run of a cell: the stored one if its recipe was made before.
+    """The run of a cell: the stored one if its recipe was made before, or is made by somebody else just now.
 
     Raises:
         PlannerForgeError: the scenario cannot be read, or the worker died or ran past its limit.
     """
+    while True:
+        result = await _attempt(call, cell, tell_client=tell_client)
+        if result is not None:
+            return result
+        await anyio.sleep(CLAIM_POLL_S)
+
+
+async def run_grid(call: ToolCall, cells: Sequence[Cell], on_done: Callable[[CellResult], None]) -> list[CellResult]:
+    """All cells, as many at once as there are workers, in the order of the cells.
+
+    A cell that fails (a broken file, a dead or late worker, a full disk) is lost; the others go on. One that another
+    batch or server makes just now is looked at again later.
+    """
+    results: list[CellResult | None] = [None] * len(cells)
+    waiting = deque(enumerate(cells))
+
+    async def work() -> None:
+        while waiting:
+            index, cell = waiting.popleft()
+            result = await _isolated(call, cell)
+            if result is None:
+                waiting.append((index, cell))
+                await anyio.sleep(CLAIM_POLL_S)
+                continue
+            results[index] = result
+            on_done(result)
+
+    async with anyio.create_task_group() as tasks:
+        for _ in range(min(call.services.workers.capacity, len(cells))):
+            tasks.start_soon(work)
+    return [result for result in results if result is not None]
+
+
+async def _isolated(call: ToolCall, cell: Cell) -> CellResult | None:
+    try:
+        return await _attempt(call, cell, tell_client=False)
+    except PlannerForgeError as error:
+        if isinstance(error, UnexpectedFailure):
+            logger.error("incident %s in the run of %s:\n%s", error.incident, cell.scenario, error.details)  # noqa: TRY400
+        lost = LostCell(scenario_id=cell.scenario, config_id=cell.configuration.config_id, error=error.text)
+        return CellResult(None, lost)
+
+
+async def _attempt(call: ToolCall, cell: Cell, *, tell_client: bool) -> CellResult | None:
+    """The cell's run; None where somebody else makes it just now."""
     recipe = cell.recipe()
     stored = call.workspace.find_by_recipe("run", recipe)
     if stored is not None:
         return CellResult(stored.read(RunRecord), reused=True)
+    with call.services.claims.claimed(recipe.digest) as is_ours:
+        if not is_ours:
+            return None
+        stored = call.workspace.find_by_recipe("run", recipe)  # it may have been stored before the claim
+        if stored is not None:
+            return CellResult(stored.read(RunRecord), reused=True)
+        return await _made(call, cell, recipe, tell_client=tell_client)
+
+
+async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool) -> CellResult:
     request = RunRequest(
         run_id=f"run_{recipe.digest}",
         scenario_path=str(call.workspace.file("scenario", cell.scenario_id, "scenario.xml")),
@@ -77,15 +139,19 @@ async def run_cell(call: ToolCall, cell: Cell, *, tell_client: bool = False) -> 
         traffic=cell.traffic,
         seed=cell.seed,
     )
-    if tell_client:
-        response = await call.run(RUN, request, RunResponse, timeout_s=RUN_TIMEOUT_S)
-    else:
-        response = await call.services.workers.run(RUN, request, RunResponse, timeout_s=RUN_TIMEOUT_S)
+    run = call.run if tell_client else call.services.workers.run
+    response = await run(RUN, request, RunResponse, timeout_s=RUN_TIMEOUT_S)
     with call.workspace.scratch() as folder:
         files = {"steps.json": response.steps, "timing.json": response.timing}
-        for name, content in files.items():
-            (folder / name).write_text(content.model_dump_json(), encoding="utf-8")
-        call.workspace.put(
+        try:
+            for name, content in files.items():
+                (folder / name).write_text(content.model_dump_json(), encoding="utf-8")
+        except OSError as error:
+            raise ResourceFailure(
+                f"the run of {cell.scenario} cannot be written: {error.strerror or error}",
+                next_step="free disk space and call again: finished runs are reused",
+            ) from error
+        stored = call.workspace.put(
             "run",
             request.run_id,
             recipe=recipe,
@@ -93,27 +159,4 @@ async def run_cell(call: ToolCall, cell: Cell, *, tell_client: bool = False) -> 
             files={name: folder / name for name in files},
             name=f"{cell.scenario} {cell.configuration.name}",
         )
-    return CellResult(response.record)
-
-
-async def run_grid(call: ToolCall, cells: Sequence[Cell], on_done: Callable[[CellResult], None]) -> list[CellResult]:
-    """All cells, as many at once as there are workers, in the order of the cells.
-
-    A cell that fails (a broken file, a dead or late worker) is lost; the others go on.
-    """
-    results: list[CellResult | None] = [None] * len(cells)
-    waiting = iter(list(enumerate(cells)))
-
-    async def work() -> None:
-        for index, cell in waiting:
-            try:
-                results[index] = result = await run_cell(call, cell)
-            except PlannerForgeError as error:
-                lost = LostCell(scenario_id=cell.scenario, config_id=cell.configuration.config_id, error=error.text)
-                results[index] = result = CellResult(None, lost)
-            on_done(result)
-
-    async with anyio.create_task_group() as tasks:
-        for _ in range(min(call.limits.worker_count, len(cells))):
-            tasks.start_soon(work)
-    return [result for result in results if result is not None]
+    return CellResult(stored.read(RunRecord))

@@ -48,10 +48,9 @@ class JobRunner:
 
     def start(self, kind: str, recipe: Recipe, work: JobWork) -> Job:
         """Start the work, or join the job that already makes this recipe."""
-        running = self.store.running(recipe)
-        if running is not None:
-            return running
-        job = self.store.start(kind, recipe)
+        job, is_new = self.store.start_or_join(kind, recipe)
+        if not is_new:
+            return job
         scope = anyio.CancelScope()
         self._scopes[job.job_id] = scope
         self._tasks.start_soon(self._carry_out, job.job_id, scope, work)

@@ -10,6 +10,7 @@ import sqlite3
 import time
 from typing import Literal
 
+from plannerforge.engine.execution.ownership import still_runs
 from plannerforge.engine.workspace.database import Database
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.base import Model
@@ -53,8 +54,15 @@ class JobStore:
 
     def start(self, kind: str, recipe: Recipe) -> Job:
         """A new running job of this process; the id tells the attempt (``job_<digest>``, ``job_<digest>_2``, …)."""
+        return self.start_or_join(kind, recipe, join=False)[0]
+
+    def start_or_join(self, kind: str, recipe: Recipe, *, join: bool = True) -> tuple[Job, bool]:
+        """The job that makes this recipe, and whether it is a new one: two servers that ask at once get one job."""
         now = time.time()
         with self._database.writing() as connection:
+            running = self.running(recipe) if join else None
+            if running is not None:
+                return running, False
             attempts = connection.execute("SELECT count(*) FROM jobs WHERE digest = ?", (recipe.digest,)).fetchone()[0]
             job_id = f"job_{recipe.digest}" + (f"_{attempts + 1}" if attempts else "")
             connection.execute(
@@ -62,7 +70,7 @@ class JobStore:
                 " started_at, updated_at) VALUES (?, ?, ?, ?, 'running', 0, '', '[]', '', ?, ?, ?)",
                 (job_id, kind, recipe.digest, recipe.model_dump_json(), os.getpid(), now, now),
             )
-        return self.get(job_id)
+        return self.get(job_id), True
 
     def update(self, job_id: str, *, share: float, message: str, results: tuple[str, ...]) -> None:
         """Record progress of a running job."""
@@ -111,7 +119,7 @@ class JobStore:
 
 def _job(row: sqlite3.Row) -> Job:
     state: JobState = row["state"]
-    if state == "running" and not _alive(row["owner_pid"]):
+    if state == "running" and not still_runs(row["owner_pid"], row["started_at"]):
         state = "interrupted"
     return Job(
         job_id=row["job_id"],
@@ -125,15 +133,3 @@ def _job(row: sqlite3.Row) -> Job:
         started_at=row["started_at"],
         updated_at=row["updated_at"],
     )
-
-
-def _alive(pid: int) -> bool:
-    if pid == os.getpid():
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True

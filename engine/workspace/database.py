@@ -48,6 +48,11 @@ CREATE TABLE IF NOT EXISTS jobs (
     updated_at REAL NOT NULL
 );
 CREATE INDEX IF NOT EXISTS jobs_by_digest ON jobs (digest);
+CREATE TABLE IF NOT EXISTS claims (
+    digest TEXT PRIMARY KEY,
+    owner_pid INTEGER NOT NULL,
+    made_at REAL NOT NULL
+) WITHOUT ROWID;
 """
 
 

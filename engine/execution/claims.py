@@ -1,0 +1,45 @@
+"""Claims on work, so that servers and batches on one workspace do not make the same thing at the same time."""
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from plannerforge.engine.execution.ownership import still_runs
+from plannerforge.engine.workspace.database import Database
+
+
+class Claims:
+    """Claims of this process on recipes; one of a process that is gone counts for nothing."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._held: set[str] = set()
+
+    @contextmanager
+    def claimed(self, digest: str) -> Iterator[bool]:
+        """Claim a recipe for the block; gives False, and claims nothing, where somebody else makes it just now.
+
+        Raises:
+            ResourceFailure: the database cannot be written.
+        """
+        if not self._claim(digest):
+            yield False
+            return
+        self._held.add(digest)
+        try:
+            yield True
+        finally:
+            self._held.discard(digest)  # first: a claim that cannot be released must not block its own process
+            with self._database.writing() as connection:
+                connection.execute("DELETE FROM claims WHERE digest = ? AND owner_pid = ?", (digest, os.getpid()))
+
+    def _claim(self, digest: str) -> bool:
+        if digest in self._held:
+            return False
+        with self._database.writing() as connection:
+            row = connection.execute("SELECT owner_pid, made_at FROM claims WHERE digest = ?", (digest,)).fetchone()
+            if row is not None and row["owner_pid"] != os.getpid() and still_runs(row["owner_pid"], row["made_at"]):
+                return False
+            connection.execute("INSERT OR REPLACE INTO claims VALUES (?, ?, ?)", (digest, os.getpid(), time.time()))
+        return True

@@ -1,0 +1,254 @@
+"""Batches of planner runs under faults: every run ends in a result or a named error, none is lost or made double."""
+
+import os
+import random
+import shutil
+import signal
+import sqlite3
+from collections import Counter
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import anyio
+import anyio.to_thread
+import psutil
+import pytest
+from builders import Problem, town_road
+from mcp import Client
+from stdio_server import StdioServer
+
+from plannerforge.engine.execution import pool
+from plannerforge.server.assembly import create_server
+from plannerforge.server.settings import Settings
+from plannerforge.tools import run_grid
+
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("importable_tests")]
+Ask = Callable[..., Awaitable[Any]]
+FAULTS = ("hang", "native_crash", "killed", "leave", "memory", "defect", "disk")
+NAMED = {"worker_timeout", "worker_failure", "resource_failure", "unexpected"}
+NEAR = Problem(goal=(62.0, 0.0, 8.0, 3.0), steps=(15, 30))
+
+
+def scenario_id(number: int) -> str:
+    return f"ZAM_Builder-{number}_1_T-1"
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """Nine small scenarios, each with a goal that is two seconds away."""
+    folder = tmp_path / "files"
+    folder.mkdir()
+    for number in range(1, 10):
+        builder = replace(town_road().with_vehicles(), problems=(NEAR,), benchmark_id=scenario_id(number))
+        builder.write(folder / f"{number}.xml")
+    return folder
+
+
+@pytest.fixture
+def faults(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Runs go through the operation that misbehaves where a file in this folder says so."""
+    folder = tmp_path / "faults"
+    folder.mkdir()
+    monkeypatch.setenv("PLANNER_FAULTS", str(folder))
+    monkeypatch.setattr(run_grid, "RUN", "planner_fault_operations:run")
+    monkeypatch.setitem(pool.PRELOAD, "compute", ())
+    return folder
+
+
+@pytest.fixture
+def served(settings: Settings, tmp_path: Path) -> Any:
+    @asynccontextmanager
+    async def session(workers: int = 2) -> AsyncIterator[Ask]:
+        own = settings.model_copy(update={"starter": False, "workers": workers, "journal": False})
+        async with Client(create_server(own, start_folder=tmp_path)) as client:
+
+            async def ask(tool: str, **arguments: Any) -> Any:
+                result = await client.call_tool(tool, arguments)
+                return result.content[0].text if result.is_error else result.structured_content  # type: ignore[union-attr]
+
+            yield ask
+
+    return session
+
+
+def stored_runs(folder: Path) -> Counter[str]:
+    """How many runs the workspace holds, by recipe."""
+    connection = sqlite3.connect(folder / "workspace" / "workspace.sqlite")
+    rows = connection.execute("SELECT digest FROM artifacts WHERE kind = 'run'").fetchall()
+    connection.close()
+    return Counter(row[0] for row in rows)
+
+
+def codes(result: Any) -> set[str]:
+    return {cell["error"].partition("[")[2].partition("]")[0] for cell in result["lost"]}
+
+
+def worker_processes() -> list[psutil.Process]:
+    children = psutil.Process().children(recursive=True)
+    return [child for child in children if "execution.worker" in " ".join(child.cmdline())]
+
+
+async def test_every_misbehaviour_loses_its_own_run_by_name_and_is_tried_again(
+    served: Any, files: Path, faults: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_grid, "RUN_TIMEOUT_S", 5.0)
+    for number, fault in enumerate(FAULTS, 1):
+        (faults / scenario_id(number)).write_text(fault)
+    async with served() as ask:
+        await ask("import_files", path=str(files))
+        first = await ask("run_planner", scenarios=["preset:9"], wait_s=50)
+        assert (first["state"], first["total"], first["finished"]) == ("done", 9, 2)
+        assert {cell["scenario_id"] for cell in first["lost"]} == {scenario_id(number) for number in range(1, 8)}
+        assert codes(first) == NAMED
+        assert all("secret" not in cell["error"] for cell in first["lost"])
+        shutil.rmtree(faults)
+        second = await ask("run_planner", scenarios=["preset:9"], wait_s=50)
+        assert (second["finished"], second["reused"], second["lost"]) == (9, 2, [])
+        assert second["batch_id"] != first["batch_id"]
+        assert list(stored_runs(tmp_path).values()) == [1] * 9
+
+
+async def test_a_single_run_that_crashes_is_an_error_and_the_next_call_works(
+    served: Any, files: Path, faults: Path
+) -> None:
+    (faults / scenario_id(1)).write_text("native_crash")
+    async with served(workers=1) as ask:
+        await ask("import_files", path=str(files))
+        assert "[worker_failure]" in await ask("run_planner", scenarios=[scenario_id(1)])
+        (faults / scenario_id(1)).unlink()
+        assert (await ask("run_planner", scenarios=[scenario_id(1)]))["finished"] == 1
+
+
+async def test_workers_killed_at_random_lose_no_run(served: Any, files: Path, faults: Path, tmp_path: Path) -> None:
+    chance, struck = random.Random(4), 0
+
+    async def kill_now_and_then() -> None:
+        nonlocal struck
+        while struck < 6:
+            await anyio.sleep(chance.uniform(0.1, 0.6))
+            alive = worker_processes()
+            if alive:
+                os.kill(chance.choice(alive).pid, signal.SIGKILL)
+                struck += 1
+
+    async with served() as ask, anyio.create_task_group() as tasks:
+        await ask("import_files", path=str(files))
+        tasks.start_soon(kill_now_and_then)
+        finished = 0
+        for _ in range(8):
+            result = await ask("run_planner", scenarios=["preset:9"], wait_s=50)
+            assert result["finished"] + len(result["lost"]) == 9
+            assert codes(result) <= {"worker_failure"}
+            assert result["finished"] >= finished, "what was finished stays"
+            finished = result["finished"]
+            if finished == 9:
+                break
+        tasks.cancel_scope.cancel()
+    assert finished == 9
+    assert struck
+    assert list(stored_runs(tmp_path).values()) == [1] * 9
+
+
+@pytest.mark.parametrize("place", ["steps", "copy"])
+async def test_full_disk_while_a_run_is_written_leaves_nothing_of_it(
+    served: Any, files: Path, faults: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    write_text, copyfile = Path.write_text, shutil.copyfile
+
+    def written(path: Path, *arguments: Any, **options: Any) -> int:
+        refuse(path)
+        return write_text(path, *arguments, **options)
+
+    def copied(source: Path, target: Path) -> Any:
+        refuse(target)
+        return copyfile(source, target)
+
+    def refuse(path: Path) -> None:
+        if path.name == "steps.json":
+            raise OSError(28, "No space left on device")
+
+    async with served(workers=1) as ask:
+        await ask("import_files", path=str(files))
+        with monkeypatch.context() as patch:
+            if place == "steps":
+                patch.setattr(Path, "write_text", written)
+            else:
+                patch.setattr(shutil, "copyfile", copied)
+            first = await ask("run_planner", scenarios=["preset:2"], wait_s=50)
+        assert codes(first) == {"resource_failure"}
+        assert not stored_runs(tmp_path)
+        assert not list((tmp_path / "workspace").glob("runs/*"))
+        assert (await ask("run_planner", scenarios=["preset:2"], wait_s=50))["finished"] == 2
+
+
+async def test_cancelled_batch_keeps_what_is_finished(served: Any, files: Path, faults: Path, tmp_path: Path) -> None:
+    (faults / scenario_id(3)).write_text("hang")
+    scenarios = [scenario_id(number) for number in (1, 2, 3)]
+    async with served(workers=1) as ask:
+        await ask("import_files", path=str(files))
+        started = await ask("run_planner", scenarios=scenarios, wait_s=0)
+        while (await ask("get_job", job_id=started["job_id"], wait_s=1))["share"] < 0.6:
+            pass
+        cancelled = await ask("cancel_job", job_id=started["job_id"])
+        assert cancelled["state"] == "cancelled"
+        assert len(cancelled["results"]) == 2
+        (faults / scenario_id(3)).unlink()
+        again = await ask("run_planner", scenarios=scenarios, wait_s=50)
+        assert (again["finished"], again["reused"]) == (3, 2)
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Callable[..., StdioServer]]:
+    started: list[StdioServer] = []
+
+    def start(*arguments: str) -> StdioServer:
+        started.append(StdioServer(tmp_path, arguments))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.kill()
+
+
+def test_killed_server_takes_up_its_batch_where_it_was(
+    server: Callable[..., StdioServer], files: Path, tmp_path: Path
+) -> None:
+    first = server("--workers", "1")
+    first.call("import_files", path=str(files))
+    started = first.call("run_planner", scenarios=["preset:9"], wait_s=0)
+    while len(first.call("get_job", job_id=started["job_id"], wait_s=1)["results"]) < 3:
+        pass
+    first.kill()
+    kept = sum(stored_runs(tmp_path).values())
+    assert 3 <= kept < 9
+    second = server("--workers", "2")
+    assert second.call("get_job", job_id=started["job_id"])["state"] == "interrupted"
+    result = second.call("run_planner", scenarios=["preset:9"], wait_s=50)
+    assert (result["state"], result["finished"], result["reused"], result["lost"]) == ("done", 9, kept, [])
+    assert list(stored_runs(tmp_path).values()) == [1] * 9
+
+
+@pytest.mark.parametrize("grids", [("preset:9", "preset:9"), ("preset:9", "preset:6")], ids=["same", "overlapping"])
+async def test_two_servers_on_one_workspace_lose_nothing_and_do_nothing_twice(
+    server: Callable[..., StdioServer], files: Path, tmp_path: Path, grids: tuple[str, str]
+) -> None:
+    servers = [server("--workers", "1"), server("--workers", "1")]
+    servers[0].call("import_files", path=str(files))
+    answers: dict[int, Any] = {}
+
+    def work(index: int) -> None:
+        answers[index] = servers[index].call("run_planner", scenarios=[grids[index]], wait_s=50)
+
+    async with anyio.create_task_group() as tasks:
+        for index in (0, 1):
+            tasks.start_soon(anyio.to_thread.run_sync, work, index)
+    for index, grid in enumerate(grids):
+        assert answers[index]["finished"] == int(grid[-1])
+        assert (answers[index]["state"], answers[index]["lost"]) == ("done", [])
+    assert list(stored_runs(tmp_path).values()) == [1] * 9
+    made = sum(answer["finished"] - answer["reused"] for answer in answers.values())
+    if grids[0] != grids[1]:
+        assert made == 9, "a run that one makes is waited for by the other"

@@ -1,0 +1,59 @@
+"""A server process that tests speak to line by line, so that they can kill it at any moment."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+
+class StdioServer:
+    """``plannerforge serve`` on a workspace; the folder it starts in may be read and written."""
+
+    def __init__(self, folder: Path, arguments: Sequence[str] = ()) -> None:
+        environment = {
+            **os.environ,
+            "PLANNERFORGE_WORKSPACE": str(folder / "workspace"),
+            "PLANNERFORGE_STARTER": "false",
+            "PLANNERFORGE_WARM_UP": "false",
+        }
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "plannerforge.server", "serve", *arguments],
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        self._requests = 0
+        client = {"name": "test", "version": "1"}
+        self._request("initialize", {"protocolVersion": "2025-06-18", "capabilities": {}, "clientInfo": client})
+        self._send({"jsonrpc": "2.0", "method": "notifications/initialized"})
+
+    def call(self, tool: str, **arguments: Any) -> Any:
+        """The structured answer of a tool, or the text of its error."""
+        result = self._request("tools/call", {"name": tool, "arguments": arguments})["result"]
+        return result["content"][0]["text"] if result.get("isError") else result["structuredContent"]
+
+    def kill(self) -> None:
+        """End the process without notice."""
+        self.process.kill()
+        self.process.communicate()
+
+    def _request(self, method: str, parameters: dict[str, Any]) -> Any:
+        self._requests += 1
+        self._send({"jsonrpc": "2.0", "id": self._requests, "method": method, "params": parameters})
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            answer = json.loads(line)
+            if answer.get("id") == self._requests:
+                return answer
+        raise AssertionError("the server ended")
+
+    def _send(self, message: dict[str, Any]) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps(message) + "\n")
+        self.process.stdin.flush()
