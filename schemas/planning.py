@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from plannerforge.schemas.base import Arguments, Model, Result
+from plannerforge.schemas.planner_settings import PlannerSettings
 from plannerforge.schemas.runs import LostCell, Outcome, Prediction, RunRecord, RunSteps, RunTiming, Traffic
 
 LISTED_RUNS = 20
@@ -12,7 +13,7 @@ LISTED_CONFIGURATIONS = 8
 
 
 class PlannerConfiguration(Model):
-    """A planner with its cost weights; immutable, its id is made from its content.
+    """A planner with its cost weights and settings; immutable, its id is made from its content.
 
     ``base``: the configuration that ``assignments`` changed.
     """
@@ -25,6 +26,7 @@ class PlannerConfiguration(Model):
     assignments: tuple[str, ...] = ()
     weights: dict[str, float]
     external_weights: dict[str, float] = Field(default_factory=dict)
+    settings: PlannerSettings = PlannerSettings()
 
 
 class RunRequest(Model):
@@ -49,7 +51,7 @@ class RunResponse(Model):
 
 
 class ListPlannersArguments(Arguments):
-    """Planners, their weights (value, meaning, effect of raising), presets, configurations made here."""
+    """Planners, their weights (value, meaning, effect of raising), presets, settings, configurations here."""
 
     planner: str | None = None
     config_id: str | None = Field(None, description="default: the current one")
@@ -64,6 +66,8 @@ class WeightInfo(Model):
     raising: str
     acts: bool
     computed_by: str
+    lowest: float
+    highest: float
 
 
 class PresetInfo(Model):
@@ -75,6 +79,23 @@ class PresetInfo(Model):
     weights: dict[str, float]
 
 
+class SettingInfo(Model):
+    """A setting beside the weights: value in force, range with its unit, meaning."""
+
+    name: str
+    value: float
+    range: str
+    meaning: str
+
+
+class PlannerInfo(Model):
+    """A planner that can be named, and its presets."""
+
+    name: str
+    summary: str
+    presets: tuple[str, ...]
+
+
 class ConfigurationInfo(Model):
     """A configuration that was made in this workspace."""
 
@@ -84,28 +105,33 @@ class ConfigurationInfo(Model):
 
 
 class ListPlannersResult(Result):
-    """Planners and what can be set; weights range from 0 to 1e6, 0 switches a term off."""
+    """Planners and what can be set in the planner of one configuration."""
 
-    planners: tuple[str, ...]
+    planners: tuple[PlannerInfo, ...]
     predictions: tuple[Prediction, ...]
     config_id: str
     config_name: str
     weights: tuple[WeightInfo, ...]
     presets: tuple[PresetInfo, ...]
+    settings: tuple[SettingInfo, ...]
     configurations: tuple[ConfigurationInfo, ...] = Field(description="newest first, at most eight")
 
     def to_text(self) -> str:
-        """Weights, one a line, then presets and configurations."""
-        lines = [f"Planners: {', '.join(self.planners)}. Predictions: {', '.join(self.predictions)}."]
-        lines.append(f"Weights of {self.config_id} ({self.config_name}), each 0 to 1e6, 0 switches it off:")
+        """Weights, one a line, then presets, settings and configurations."""
+        lines = [f"{item.name}: {item.summary}; presets {', '.join(item.presets)}" for item in self.planners]
+        lines.append(f"Predictions: {', '.join(self.predictions)}.")
+        lines.append(f"Weights of {self.config_id} ({self.config_name}), 0 to 1e6 (0: off) unless a range is given:")
         for item in self.weights:
             idle = "" if item.acts else " [does not act]"
-            lines.append(f"  {item.name}={item.value:g}{idle}: {item.meaning}; raising: {item.raising}")
+            ranged = "" if (item.lowest, item.highest) == (0, 1e6) else f" ({item.lowest:g} to {item.highest:g})"
+            lines.append(f"  {item.name}={item.value:g}{ranged}{idle}: {item.meaning}; raising: {item.raising}")
         lines.append("Presets (weights not named are 0):")
         for preset in self.presets:
             values = " ".join(f"{name}={value:g}" for name, value in preset.weights.items())
             short = f" or {preset.short_name}" if preset.short_name != preset.name else ""
             lines.append(f"  {preset.name}{short}: {preset.intent}: {values}")
+        lines.append("Settings:")
+        lines += [f"  {item.name}={item.value:g} ({item.range}): {item.meaning}" for item in self.settings]
         made = [
             f"{entry.config_id} ({entry.name}{f' from {entry.base}' if entry.base else ''})"
             for entry in self.configurations
@@ -115,19 +141,19 @@ class ListPlannersResult(Result):
 
 
 class ConfigurePlannerArguments(Arguments):
-    """New configuration of the ego's planner: preset (replaces all weights), then weights.
-
-    Unknown names are refused whole. Result: id, diff, YAML.
-    """
+    """New configuration of a planner: preset (replaces all weights), then changes."""
 
     planner: str | None = Field(None, description="default: that of the base")
-    preset: str | None = Field(None, description="Default, Comfort, Balanced, Efficiency-Sporty, Safety-Conservative")
-    weights: list[str] = Field([], description="'jerk=0.5', 'jerk*2', 'jerk+0.1', 'jerk=lateral_jerk'; 0*2 stays 0")
+    preset: str | None = Field(None, description="Default, Comfort, Balanced, Sporty, Safety")
+    weights: list[str] = Field([], description="'jerk=0.5', 'jerk*2', 'jerk+0.1', 'jerk=lateral_jerk'")
+    settings: list[str] = Field(
+        [], description="vehicle, horizon_s, replan_steps, sampling_level, length_m … as 'vehicle=1'"
+    )
     base: str = Field("current", description="config id")
 
 
 class WeightChange(Model):
-    """A weight before and after."""
+    """A weight or setting before and after."""
 
     name: str
     before: float

@@ -42,12 +42,13 @@ class RunSource(Model):
 
 
 class ConfigWeights(Model):
-    """The cost weights of a planner configuration."""
+    """The cost weights of a planner configuration, and its settings that have values other than the default."""
 
     config_id: str
     name: str
     planner: str
     weights: dict[str, float]
+    settings: dict[str, float] = Field(default_factory=dict)
 
 
 class Rate(Model):

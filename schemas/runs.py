@@ -106,6 +106,8 @@ class RunRecord(Model):
     collision: CollisionRecord | None
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
+    ego_length_m: float = 4.508
+    ego_width_m: float = 1.61
 
 
 class LostCell(Model):

@@ -3,7 +3,7 @@
 from plannerforge.engine.edits.behaviours import presets as behaviour_presets
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.planners.registry import PLANNERS
-from plannerforge.engine.tuning.presets import presets as weight_presets
+from plannerforge.engine.tuning.planner_tuning import tuning_of
 from plannerforge.schemas.catalog import FacetCounts
 from plannerforge.schemas.generation import MapFacts
 from plannerforge.tools.call import ToolCall
@@ -33,5 +33,5 @@ def _behaviours(call: ToolCall) -> FacetCounts:
 
 def _planners(call: ToolCall) -> FacetCounts:
     del call
-    presets = ", ".join(weight_presets())
+    presets = "; ".join(f"{name}: {', '.join(tuning_of(name).presets)}" for name in PLANNERS)
     return FacetCounts(facet="planners", counts=dict.fromkeys(PLANNERS, 0), note=f"PLANNER:PRESET with {presets}")

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from plannerforge.engine.planners.registry import known_planner
 from plannerforge.engine.tuning.configurations import changed_configuration, preset_configuration
-from plannerforge.engine.tuning.presets import presets
+from plannerforge.engine.tuning.planner_tuning import tuning_of
 from plannerforge.engine.tuning.weight_file import read_weight_file
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest
@@ -58,9 +59,12 @@ async def import_map(call: ToolCall, path: Path, name: str | None) -> ImportedIt
 
 
 async def import_configuration(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
-    """Store a cost-weight file of the Frenetix reference's form as a configuration."""
-    base = preset_configuration("frenetix", presets()["Default"])
-    configuration, _ = changed_configuration(base, None, read_weight_file(path))
+    """Store a cost-weight file of the Frenetix reference's form, or one that we exported, as a configuration."""
+    content = read_weight_file(path)
+    planner = known_planner(content.planner)
+    tuning = tuning_of(planner)
+    base = preset_configuration(planner, tuning.presets[tuning.first_preset])
+    configuration, _ = changed_configuration(base, None, content.weights, content.settings)
     before = call.workspace.find("config", configuration.config_id)
     store_configuration(call, configuration, _recipe(path, name), name)
     return ImportedItem(

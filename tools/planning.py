@@ -1,10 +1,13 @@
 """The tools around planners: what there is to set, new configurations, runs."""
 
+from typing import get_args
+
 from plannerforge.engine.planners.registry import PLANNERS, known_planner
 from plannerforge.engine.tuning.configurations import changed_configuration, differences, to_yaml
-from plannerforge.engine.tuning.presets import presets
-from plannerforge.engine.tuning.weights import cost_weights, external_weights
+from plannerforge.engine.tuning.planner_tuning import PlannerTuning, tuning_of
+from plannerforge.engine.tuning.settings import known_settings, setting_values
 from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.planning import (
     LISTED_CONFIGURATIONS,
     ConfigurationInfo,
@@ -13,11 +16,14 @@ from plannerforge.schemas.planning import (
     ListPlannersArguments,
     ListPlannersResult,
     PlannerConfiguration,
+    PlannerInfo,
     PresetInfo,
     RunPlannerArguments,
     RunPlannerResult,
+    SettingInfo,
     WeightInfo,
 )
+from plannerforge.schemas.runs import Prediction
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.configurations import made_configurations, resolve_configuration, store_configuration
 from plannerforge.tools.planner_batches import run_many
@@ -27,16 +33,23 @@ from plannerforge.tools.scenario_choice import choose_scenarios
 
 
 async def list_planners(arguments: ListPlannersArguments, call: ToolCall) -> ListPlannersResult:
-    """What there is to set, with the values in force."""
-    chosen = [known_planner(arguments.planner)] if arguments.planner else list(PLANNERS)
+    """What there is to set, with the values in force (those of Default for a planner other than the current)."""
     configuration = resolve_configuration(arguments.config_id or "current", call)
+    if arguments.planner and known_planner(arguments.planner) != configuration.planner:
+        if arguments.config_id:
+            raise InvalidRequest(
+                f"{configuration.config_id} is a configuration of {configuration.planner}, not of {arguments.planner}",
+                next_step="give planner or config_id",
+            )
+        configuration = resolve_configuration(arguments.planner, call)
+    tuning = tuning_of(configuration.planner)
     made = made_configurations(call, LISTED_CONFIGURATIONS)
     return ListPlannersResult(
-        planners=tuple(chosen),
-        predictions=("constant_velocity", "ground_truth"),
+        planners=tuple(_planner(name, tuning_of(name)) for name in PLANNERS),
+        predictions=get_args(Prediction),
         config_id=configuration.config_id,
         config_name=configuration.name,
-        weights=_weights(configuration),
+        weights=_weights(configuration, tuning),
         presets=tuple(
             PresetInfo(
                 name=preset.name,
@@ -44,8 +57,9 @@ async def list_planners(arguments: ListPlannersArguments, call: ToolCall) -> Lis
                 intent=preset.intent,
                 weights={name: value for name, value in preset.weights.items() if value},
             )
-            for preset in presets().values()
+            for preset in tuning.presets.values()
         ),
+        settings=_settings(configuration, tuning),
         configurations=tuple(ConfigurationInfo(config_id=c.config_id, name=c.name, base=c.base) for c in made),
     )
 
@@ -55,12 +69,17 @@ async def configure_planner(arguments: ConfigurePlannerArguments, call: ToolCall
     base = resolve_configuration(arguments.base, call)
     if arguments.planner is not None and known_planner(arguments.planner) != base.planner:
         base = resolve_configuration(arguments.planner, call)
-    made, notes = changed_configuration(base, arguments.preset, arguments.weights)
+    made, notes = changed_configuration(base, arguments.preset, arguments.weights, arguments.settings)
     known = call.workspace.find("config", made.config_id) is not None
     store_configuration(call, base)
     recipe = Recipe(
         tool="configure_planner",
-        arguments={"base": base.config_id, "preset": arguments.preset, "weights": list(arguments.weights)},
+        arguments={
+            "base": base.config_id,
+            "preset": arguments.preset,
+            "weights": list(arguments.weights),
+            "settings": list(arguments.settings),
+        },
         parents=(base.config_id,),
     )
     stored = store_configuration(call, made, recipe).read(PlannerConfiguration)
@@ -95,7 +114,7 @@ async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlan
     return await run_many(call, cells, arguments.wait_s, choice.notes)
 
 
-def _weights(configuration: PlannerConfiguration) -> tuple[WeightInfo, ...]:
+def _weights(configuration: PlannerConfiguration, tuning: PlannerTuning) -> tuple[WeightInfo, ...]:
     values = configuration.weights | configuration.external_weights
     return tuple(
         WeightInfo(
@@ -105,6 +124,22 @@ def _weights(configuration: PlannerConfiguration) -> tuple[WeightInfo, ...]:
             raising=weight.raising,
             acts=weight.acts,
             computed_by=weight.computed_by,
+            lowest=weight.lowest,
+            highest=weight.highest,
         )
-        for weight in (*cost_weights().values(), *external_weights().values())
+        for weight in (*tuning.weights.values(), *tuning.external.values())
     )
+
+
+def _settings(configuration: PlannerConfiguration, tuning: PlannerTuning) -> tuple[SettingInfo, ...]:
+    """The settings that act in the planner."""
+    values = setting_values(configuration.settings)
+    return tuple(
+        SettingInfo(name=item.name, value=values[item.name], range=item.range_text, meaning=item.meaning)
+        for item in known_settings().values()
+        if item.name not in tuning.idle_settings
+    )
+
+
+def _planner(name: str, tuning: PlannerTuning) -> PlannerInfo:
+    return PlannerInfo(name=name, summary=tuning.summary, presets=tuple(tuning.presets))

@@ -53,8 +53,15 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
         artifact = call.workspace.find("config", config_id)
         if artifact is not None:
             config = artifact.read(PlannerConfiguration)
-            weights = config.weights | config.external_weights
-            found.append(ConfigWeights(config_id=config_id, name=config.name, planner=config.planner, weights=weights))
+            found.append(
+                ConfigWeights(
+                    config_id=config_id,
+                    name=config.name,
+                    planner=config.planner,
+                    weights=config.weights | config.external_weights,
+                    settings=config.settings.model_dump(exclude_defaults=True),
+                )
+            )
     return tuple(found)
 
 

@@ -88,8 +88,11 @@ def _notes(request: CompareRequest) -> tuple[str, ...]:
 
 
 def weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -> tuple[WeightChange, ...]:
-    """Weights that differ between two configurations, by name; empty where one of them is unknown."""
-    known = {config.config_id: config.weights for config in configs}
+    """Weights and settings that differ between two configurations, by name; empty where one of them is unknown.
+
+    A setting that has its default value is None, as is a weight that the planner does not have.
+    """
+    known = {config.config_id: config.weights | config.settings for config in configs}
     if before not in known or after not in known:
         return ()
     first, second = known[before], known[after]

@@ -6,7 +6,6 @@ import numpy as np
 
 from plannerforge.engine.analysis.evidence import Evidence
 from plannerforge.engine.geometry.polyline import oriented_rectangle
-from plannerforge.engine.planners.vehicle import BMW_320I
 from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
 from plannerforge.schemas.results import TimelineStep
@@ -36,7 +35,7 @@ def _tracks(evidence: Evidence, record: RunRecord) -> dict[int, Track]:
 def _moment(record: RunRecord, steps: RunSteps, index: int, tracks: dict[int, Track]) -> TimelineStep:
     hit = record.collision.obstacle_id if record.collision is not None else None
     considered = {hit: tracks[hit]} if hit is not None and hit in tracks else tracks
-    nearest, gap = _nearest(steps, index, considered)
+    nearest, gap = _nearest(steps, index, considered, (record.ego_length_m, record.ego_width_m))
     term, share = _largest_cost(steps, steps.first_step + index)
     return TimelineStep(
         time_s=round(index * record.step_s, 9),
@@ -49,11 +48,12 @@ def _moment(record: RunRecord, steps: RunSteps, index: int, tracks: dict[int, Tr
     )
 
 
-def _nearest(steps: RunSteps, index: int, tracks: dict[int, Track]) -> tuple[int | None, float | None]:
+def _nearest(
+    steps: RunSteps, index: int, tracks: dict[int, Track], size: tuple[float, float]
+) -> tuple[int | None, float | None]:
     import shapely
 
     center = np.array([steps.x_m[index], steps.y_m[index]])
-    size = (BMW_320I.length_m, BMW_320I.width_m)
     ego = shapely.Polygon(oriented_rectangle(center, steps.heading_rad[index], size))
     gaps = []
     for track in tracks.values():

@@ -6,20 +6,29 @@ import numpy as np
 
 from plannerforge.engine.geometry.polyline import Points, Values
 from plannerforge.engine.planners.vehicle import VehicleParameters
+from plannerforge.schemas.planner_settings import PlannerSettings
 
 SPEED_LIMIT_MPS = 36.0
 SHORTEST_REST_S = 0.2
+DURATION_STEPS_S = (1.0, 0.5, 0.3, 0.2)
+"""Steps of the sampled durations at the levels 0 to 3, as in the reference for time steps of 0.1 s."""
 
 
 @dataclass(frozen=True)
 class SamplingSettings:
-    """The reference's sampling at level 2: nine values per axis; durations from 1.1 s in steps of 0.3 s."""
+    """The reference's sampling, by default at level 2: nine values per axis; durations from 1.1 s every 0.3 s."""
 
     horizon_s: float = 3.0
     shortest_s: float = 1.1
     duration_step_s: float = 0.3
     lateral_m: float = 3.0
     values: int = 9
+
+    @classmethod
+    def of(cls, settings: PlannerSettings) -> "SamplingSettings":
+        """The horizon and the level of a configuration; each level halves the distance of the values."""
+        level = settings.sampling_level
+        return cls(horizon_s=settings.horizon_s, values=2 ** (level + 1) + 1, duration_step_s=DURATION_STEPS_S[level])
 
 
 @dataclass(frozen=True)

@@ -57,11 +57,12 @@ class Frenetix:
     """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
     def __init__(self, settings: SamplingSettings | None = None) -> None:
-        self._settings = settings or SamplingSettings()
+        self._given_settings = settings
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run."""
         self._task = task
+        self._settings = self._given_settings or SamplingSettings.of(task.configuration.settings)
         self._weights = task.configuration.weights
         self._own_terms = {name: term for name, term in own_terms().items() if self._weights[name] > 0}
         network = task.scenario.lanelet_network

@@ -1,5 +1,6 @@
 """The planners by name. Nothing is imported until a planner is made."""
 
+from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -8,8 +9,19 @@ from plannerforge.schemas.errors import UnknownName, closest
 if TYPE_CHECKING:
     from plannerforge.engine.planners.interface import Planner
 
-PLANNERS: dict[str, str] = {
-    "frenetix": "plannerforge.engine.planners.frenetix:Frenetix",
+
+@dataclass(frozen=True)
+class RegisteredPlanner:
+    """Where a planner's class is and, in a module that imports nothing heavy, what can be set in it."""
+
+    planner: str
+    tuning: str
+
+
+_IN = "plannerforge.engine"
+PLANNERS: dict[str, RegisteredPlanner] = {
+    "frenetix": RegisteredPlanner(f"{_IN}.planners.frenetix:Frenetix", f"{_IN}.tuning.frenetix_tuning:tuning"),
+    "idm": RegisteredPlanner(f"{_IN}.planners.idm:IntelligentDriver", f"{_IN}.tuning.idm_tuning:tuning"),
 }
 
 
@@ -35,6 +47,6 @@ def make_planner(name: str) -> "Planner":
     Raises:
         UnknownName: no such planner.
     """
-    module, _, attribute = PLANNERS[known_planner(name)].partition(":")
+    module, _, attribute = PLANNERS[known_planner(name)].planner.partition(":")
     planner: Planner = getattr(import_module(module), attribute)()
     return planner

@@ -39,8 +39,8 @@ class Road:
         return bool(self.area.covers(Point(point)))
 
 
-def build_road(network: "LaneletNetwork", reference: ReferencePath) -> Road:
-    """The road along a reference path.
+def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m: float = BEYOND_GOAL_M) -> Road:
+    """The road along a reference path that goes on ``beyond_m`` metres behind its goal.
 
     Where the network ends, the road is taken to go straight on as the reference path does: the end of a map is not
     the end of the road.
@@ -57,7 +57,7 @@ def build_road(network: "LaneletNetwork", reference: ReferencePath) -> Road:
     for lanelet in near:
         left, right = np.asarray(lanelet.left_vertices), np.asarray(lanelet.right_vertices)
         if lanelet.lanelet_id in ends and _goes_on(left[-1], right[-1], left[-2], last):
-            parts.append(_strip(left[-1], right[-1], lanelet.center_vertices[-2:], BEYOND_GOAL_M + 30.0))
+            parts.append(_strip(left[-1], right[-1], lanelet.center_vertices[-2:], max(BEYOND_GOAL_M + 30.0, beyond_m)))
         if lanelet.lanelet_id in begins:
             parts.append(_strip(left[0], right[0], lanelet.center_vertices[1::-1], 10.0))
     area = shapely.union_all(parts)

@@ -8,7 +8,7 @@ from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.planners.metrics import run_metrics
 from plannerforge.engine.planners.registry import make_planner
 from plannerforge.engine.planners.simulation import DrivenRun, simulate
-from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.planners.vehicle_models import VehicleParameters, vehicle_of
 from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.schemas.planning import RunRequest, RunResponse
 from plannerforge.schemas.runs import RunMetrics, RunRecord, RunSteps, RunTiming
@@ -24,6 +24,7 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
     began = perf_counter()
     loaded = read_scenario(Path(request.scenario_path))
     problem = loaded.problem(request.problem_id)
+    vehicle = vehicle_of(request.configuration.settings)
     planner = make_planner(request.configuration.planner)
     driven = simulate(loaded.scenario, problem, request.configuration, planner, request.prediction, report)
     record = RunRecord(
@@ -42,7 +43,9 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
         invalid_reason=driven.final.invalid_reason,
         collision=driven.final.collision,
         rejected_candidates=dict(sorted(driven.rejected.items())),
-        metrics=_metrics(driven, loaded.step_s),
+        metrics=_metrics(driven, vehicle, loaded.step_s),
+        ego_length_m=vehicle.length_m,
+        ego_width_m=vehicle.width_m,
     )
     report(1.0, driven.final.outcome)
     timing = RunTiming(
@@ -60,11 +63,11 @@ def _core_step_median_ms(driven: DrivenRun) -> float | None:
     return 1000 * median(core) if core else None
 
 
-def _metrics(driven: DrivenRun, step_s: float) -> RunMetrics | None:
+def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:
     if driven.final.outcome == "invalid":
         return None
-    totals = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill"]
-    return run_metrics(driven.states, driven.traffic, BMW_320I, step_s, totals)
+    totals = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
+    return run_metrics(driven.states, driven.traffic, vehicle, step_s, totals)
 
 
 def _steps(driven: DrivenRun) -> RunSteps:

@@ -16,7 +16,7 @@ from plannerforge.engine.planners.reference_path import BEYOND_GOAL_M, build_ref
 from plannerforge.engine.planners.road import build_road
 from plannerforge.engine.planners.route import find_route, start_lanelets
 from plannerforge.engine.planners.traffic import RecordedTraffic
-from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.planners.vehicle_models import vehicle_of
 from plannerforge.engine.planners.verdict import Judge, Verdict, invalid
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.planning import PlannerConfiguration
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.scenario import Scenario
 
-REPLANNING_STEPS = 3
-PREDICTION_S = 3.0
+FASTEST_MPS = 36.0
 
 
 @dataclass
@@ -74,7 +73,7 @@ def simulate(
     run.verdict = judge.before_the_run(ego)
     if run.verdict is None:
         planner.reset(task)
-        _drive(run, planner, judge, predictor(prediction), step_s, report)
+        _drive(run, planner, judge, predictor(prediction), task, report)
     return run
 
 
@@ -103,7 +102,7 @@ def _task(
     except NotPossible as nowhere:
         return invalid("ego_off_road", nowhere.message)
     goal = Goal(problem.goal)
-    beyond_m = max(BEYOND_GOAL_M, PREDICTION_S * 36.0 + 40.0)
+    beyond_m = max(BEYOND_GOAL_M, configuration.settings.horizon_s * FASTEST_MPS + 40.0)
     ahead_m = beyond_m
     if not goal.has_position:
         ahead_m += (ego.speed_mps + 5.0) * max(goal.last_step - ego.step, 0) * step_s
@@ -116,14 +115,15 @@ def _task(
         reference = build_reference_path(
             network, route, ego.position, ego.speed_mps, beyond_m=beyond_m, through=goal.center
         )
-    road = build_road(network, reference)
-    return PlanningTask(scenario, problem, configuration, reference, road, BMW_320I, step_s)
+    road = build_road(network, reference, beyond_m=beyond_m)
+    return PlanningTask(scenario, problem, configuration, reference, road, vehicle_of(configuration.settings), step_s)
 
 
 def _drive(
-    run: DrivenRun, planner: Planner, judge: Judge, predict: Any, step_s: float, report: ProgressReporter
+    run: DrivenRun, planner: Planner, judge: Judge, predict: Any, task: PlanningTask, report: ProgressReporter
 ) -> None:
-    first, horizon = run.states[0].step, round(PREDICTION_S / step_s)
+    settings, step_s = task.configuration.settings, task.step_s
+    first, horizon = run.states[0].step, round(settings.horizon_s / step_s)
     while run.verdict is None:
         ego = run.states[-1]
         report((ego.step - first) / max(judge.last_step - first, 1), f"step {ego.step} of at most {judge.last_step}")
@@ -137,7 +137,7 @@ def _drive(
             return
         run.plan_steps.append(ego.step)
         run.plans.append(plan)
-        for ahead in range(1, min(REPLANNING_STEPS, len(plan.trajectory.positions) - 1) + 1):
+        for ahead in range(1, min(settings.replan_steps, len(plan.trajectory.positions) - 1) + 1):
             following = plan.trajectory.state_at(ahead, ego.step + ahead, step_s)
             run.states.append(following)
             run.verdict = judge.after_step(following)

@@ -25,7 +25,8 @@ def ego_corners(content: SceneContent) -> Points | None:
 def path_corners(path: DrivenPath, step: int) -> Points:
     """Corners of the ego of a run at a step, (4, 2)."""
     index = path.index_at(step)
-    return oriented_rectangle(path.positions[index], float(path.headings_rad[index]), EGO_SIZE_M)
+    size = (path.record.ego_length_m, path.record.ego_width_m)
+    return oriented_rectangle(path.positions[index], float(path.headings_rad[index]), size)
 
 
 def draw_ego(axes: "Axes", corners: Points, *, colour: str = EGO_COLOUR, faded: bool = False) -> list[object]:

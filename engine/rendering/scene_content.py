@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plannerforge.engine.geometry.polyline import Points, oriented_rectangle
-from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.planners.vehicle_models import BMW_320I
 from plannerforge.engine.scenarios.tracks import Track, last_recorded_step, recorded_tracks, size_of
 
 if TYPE_CHECKING:

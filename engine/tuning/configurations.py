@@ -6,16 +6,19 @@ from collections.abc import Sequence
 
 from plannerforge.engine.planners.registry import known_planner
 from plannerforge.engine.tuning.changes import apply_changes
-from plannerforge.engine.tuning.presets import Preset, find_preset, presets
-from plannerforge.engine.tuning.weights import cost_weights, external_weights
+from plannerforge.engine.tuning.planner_tuning import names_elsewhere, tuning_of
+from plannerforge.engine.tuning.presets import Preset, find_preset
+from plannerforge.engine.tuning.settings import changed_settings, setting_values, stated_settings
+from plannerforge.schemas.planner_settings import PlannerSettings
 from plannerforge.schemas.planning import PlannerConfiguration, WeightChange
 
 DEFAULT_CONFIGURATION = "frenetix:Default"
 
 
 def preset_configuration(planner: str, preset: Preset) -> PlannerConfiguration:
-    """The configuration of a preset as it stands."""
-    return _named(planner, preset.name, dict(preset.weights), dict.fromkeys(external_weights(), 0.0))
+    """The configuration of a preset as it stands, with the default settings."""
+    external = dict.fromkeys(tuning_of(planner).external, 0.0)
+    return _named(planner, preset.name, dict(preset.weights), external, PlannerSettings())
 
 
 def named_configuration(text: str) -> PlannerConfiguration | None:
@@ -28,60 +31,94 @@ def named_configuration(text: str) -> PlannerConfiguration | None:
     if not colon and text.lower().startswith("cfg_"):
         return None
     name = known_planner(planner)
-    return preset_configuration(name, find_preset(preset) if colon else presets()["Default"])
+    tuning = tuning_of(name)
+    found = find_preset(preset, tuning.presets) if colon else tuning.presets[tuning.first_preset]
+    return preset_configuration(name, found)
 
 
 def changed_configuration(
-    base: PlannerConfiguration, preset: str | None, changes: Sequence[str]
+    base: PlannerConfiguration, preset: str | None, changes: Sequence[str], settings: Sequence[str] = ()
 ) -> tuple[PlannerConfiguration, tuple[str, ...]]:
     """A base with all weights replaced by a preset's (where one is named), then changed; and remarks.
 
+    ``settings`` are assignments as well; a preset does not touch them.
+
     Raises:
-        UnknownName: a preset or weight that does not exist.
-        InvalidRequest: a change that is malformed or leads to a negative or infinite weight.
+        UnknownName: a preset, weight or setting that does not exist or is another planner's.
+        InvalidRequest: a change that is malformed or leads out of the range.
     """
-    start = base if preset is None else _replaced(base, find_preset(preset))
-    changed = apply_changes(start.weights | start.external_weights, changes)
-    weights = {name: changed.weights[name] for name in cost_weights()}
-    external = {name: changed.weights[name] for name in external_weights()}
-    idle = [name for name, value in external.items() if value > 0]
-    notes = list(changed.notes)
-    if idle:
-        notes.append(f"{', '.join(idle)}: kept, but acts on nothing (the module is not part of this planner)")
-    made = _named(base.planner, start.preset, weights, external)
+    tuning = tuning_of(base.planner)
+    start = base if preset is None else _replaced(base, find_preset(preset, tuning.presets))
+    changed = apply_changes(
+        start.weights | start.external_weights, changes, limits=tuning.limits, elsewhere=names_elsewhere(base.planner)
+    )
+    weights = {name: changed.weights[name] for name in tuning.weights}
+    external = {name: changed.weights[name] for name in tuning.external}
+    after, setting_notes = changed_settings(base.settings, settings)
+    made = _named(base.planner, start.preset, weights, external, after)
     if made.config_id != base.config_id:
-        made = made.model_copy(update={"base": base.config_id, "assignments": tuple(changes)})
-    return made, tuple(notes)
+        made = made.model_copy(update={"base": base.config_id, "assignments": (*changes, *settings)})
+    return made, (*changed.notes, *setting_notes, *_idle_notes(base, made))
 
 
 def differences(before: PlannerConfiguration, after: PlannerConfiguration) -> tuple[WeightChange, ...]:
-    """The weights in which two configurations differ, in the order of the weights."""
-    old, new = before.weights | before.external_weights, after.weights | after.external_weights
+    """The weights and settings in which two configurations of a planner differ, in their order."""
+    old = before.weights | before.external_weights | setting_values(before.settings)
+    new = after.weights | after.external_weights | setting_values(after.settings)
     return tuple(WeightChange(name=name, before=old[name], after=new[name]) for name in old if old[name] != new[name])
 
 
 def to_yaml(configuration: PlannerConfiguration) -> str:
-    """The cost-weight file in the form of the Frenetix reference, every weight in its order."""
-    lines = [f"# {configuration.name} ({configuration.config_id}), planner {configuration.planner}", "cost_weights:"]
+    """The cost-weight file in the form of the Frenetix reference, every weight in its order; planner and settings."""
+    lines = [f"# {configuration.name} ({configuration.config_id})", "cost_weights:"]
     lines += [f"  {name}: {_number(value)}" for name, value in configuration.weights.items()]
-    lines += [f"external_cost_weights:  # not acting in {configuration.planner}"]
-    lines += [f"  {name}: {_number(value)}" for name, value in configuration.external_weights.items()]
+    if configuration.external_weights:
+        lines += [f"external_cost_weights:  # not acting in {configuration.planner}"]
+        lines += [f"  {name}: {_number(value)}" for name, value in configuration.external_weights.items()]
+    lines += [f"planner: {configuration.planner}", "settings:"]
+    lines += [f"  {name}: {value:.12g}" for name, value in stated_settings(configuration.settings).items()]
     return "\n".join(lines) + "\n"
+
+
+def _idle_notes(base: PlannerConfiguration, made: PlannerConfiguration) -> list[str]:
+    """Remarks on what is kept but changes nothing in this planner."""
+    notes = []
+    idle = [name for name, value in made.external_weights.items() if value > 0]
+    if idle:
+        notes.append(f"{', '.join(idle)}: kept, but acts on nothing (the module is not part of this planner)")
+    before, after = setting_values(base.settings), setting_values(made.settings)
+    unused = [name for name in tuning_of(made.planner).idle_settings if before[name] != after[name]]
+    if unused:
+        notes.append(f"{', '.join(unused)}: kept, but acts on nothing in {made.planner}")
+    return notes
 
 
 def _replaced(base: PlannerConfiguration, preset: Preset) -> PlannerConfiguration:
     return base.model_copy(update={"weights": dict(preset.weights), "preset": preset.name})
 
 
-def _named(planner: str, preset: str, weights: dict[str, float], external: dict[str, float]) -> PlannerConfiguration:
-    """The configuration with its id; its name is ``planner:preset`` while it equals one, else with a ``+`` part."""
-    content = json.dumps([planner, weights, external], separators=(",", ":"))
+def _named(
+    planner: str, preset: str, weights: dict[str, float], external: dict[str, float], settings: PlannerSettings
+) -> PlannerConfiguration:
+    """The configuration with its id; its name is ``planner:preset`` while it equals one, else with a ``+`` part.
+
+    Default settings are no part of the id: it stays what it was before there were settings.
+    """
+    stated = settings.model_dump(exclude_defaults=True)
+    content = json.dumps([planner, weights, external, *([stated] if stated else [])], separators=(",", ":"))
     digest = hashlib.sha256(content.encode()).hexdigest()[:12]
-    same = [entry.name for entry in presets().values() if entry.weights == weights and not any(external.values())]
+    known = () if any(external.values()) else tuning_of(planner).presets.values()
+    same = [entry.name for entry in known if entry.weights == weights]
     origin = same[0] if same else preset
-    name = f"{planner}:{origin}" if same else f"{planner}:{origin}+{digest[:4]}"
+    name = f"{planner}:{origin}" if same and not stated else f"{planner}:{origin}+{digest[:4]}"
     return PlannerConfiguration(
-        config_id=f"cfg_{digest}", planner=planner, name=name, preset=origin, weights=weights, external_weights=external
+        config_id=f"cfg_{digest}",
+        planner=planner,
+        name=name,
+        preset=origin,
+        weights=weights,
+        external_weights=external,
+        settings=settings,
     )
 
 

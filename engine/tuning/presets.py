@@ -1,6 +1,7 @@
 """The five presets of cost weights. The paper names them; the values are those of its released code."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from plannerforge.engine.tuning.weights import cost_weights
 from plannerforge.schemas.errors import UnknownName, closest
@@ -8,17 +9,21 @@ from plannerforge.schemas.errors import UnknownName, closest
 
 @dataclass(frozen=True)
 class Preset:
-    """A full set of the thirteen weights, in their order; ``short_name`` is the paper's in its comparison figure."""
+    """A full set of weights, by default Frenetix's thirteen in their order.
+
+    ``short_name`` is the paper's in its comparison figure.
+    """
 
     name: str
     short_name: str
     intent: str
     values: tuple[float, ...]
+    names: tuple[str, ...] = field(default_factory=lambda: tuple(cost_weights()))
 
     @property
     def weights(self) -> dict[str, float]:
         """The values by weight."""
-        return dict(zip(cost_weights(), self.values, strict=True))
+        return dict(zip(self.names, self.values, strict=True))
 
 
 _PRESETS = (
@@ -56,24 +61,23 @@ _PRESETS = (
 
 
 def presets() -> dict[str, Preset]:
-    """The presets by name."""
+    """The presets of Frenetix by name."""
     return {preset.name: preset for preset in _PRESETS}
 
 
-def find_preset(word: str) -> Preset:
-    """A preset by its name or the paper's short name, whatever the case.
+def find_preset(word: str, among: Mapping[str, Preset] | None = None) -> Preset:
+    """A preset by its name or the paper's short name, whatever the case; of Frenetix unless others are given.
 
     Raises:
         UnknownName: with the names, the likeliest first.
     """
-    folded = word.strip().lower()
-    for preset in _PRESETS:
+    folded, available = word.strip().lower(), among or presets()
+    for preset in available.values():
         if folded in (preset.name.lower(), preset.short_name.lower()):
             return preset
-    names = list(presets())
-    likely = closest(word, names)
+    likely = closest(word, available)
     raise UnknownName(
         f"there is no preset '{word}'",
-        valid=[*likely, *(name for name in names if name not in likely)],
-        next_step="name one of them, or set single weights such as 'prediction=0.5'",
+        valid=[*likely, *(name for name in available if name not in likely)],
+        next_step="name one of them, or set single weights with name=value",
     )

@@ -1,6 +1,10 @@
-"""Reading cost-weight files in the form of the Frenetix reference: ``cost_weights:`` with a number for each name."""
+"""Reading cost-weight files in the form of the Frenetix reference: ``cost_weights:`` with a number for each name.
+
+Ours also name the planner and the settings; without them a file is one of Frenetix with the default settings.
+"""
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +14,17 @@ LARGEST_BYTES = 1_000_000
 SECTIONS = ("cost_weights", "external_cost_weights")
 
 
-def read_weight_file(path: Path) -> tuple[str, ...]:
-    """The weights of a file as assignments ``name=value``; names are checked where they are applied.
+@dataclass(frozen=True)
+class WeightFile:
+    """A file's planner, and its weights and settings as assignments ``name=value``."""
+
+    planner: str
+    weights: tuple[str, ...]
+    settings: tuple[str, ...]
+
+
+def read_weight_file(path: Path) -> WeightFile:
+    """What a file holds; names are checked where they are applied.
 
     Raises:
         UnsafeInput: not a YAML file of this form, or a value that is no finite number.
@@ -25,13 +38,21 @@ def read_weight_file(path: Path) -> tuple[str, ...]:
             valid=[f"{section}: with name: number lines" for section in SECTIONS],
             next_step="export a configuration as yaml to see the form",
         )
-    found = []
-    for section in SECTIONS:
-        for name, value in (content.get(section) or {}).items():
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise UnsafeInput(f"{path.name}: {section}.{name} is '{value}', which is no finite number")
-            found.append(f"{name}={value!r}")
-    return tuple(found)
+    planner = content.get("planner", "frenetix")
+    if not isinstance(planner, str):
+        raise UnsafeInput(f"{path.name}: planner is '{planner}', which is no name")
+    weights = [text for section in SECTIONS for text in _assignments(path, content, section)]
+    return WeightFile(planner, tuple(weights), tuple(_assignments(path, content, "settings")))
+
+
+def _assignments(path: Path, content: dict[str, Any], section: str) -> list[str]:
+    part = content.get(section) or {}
+    if not isinstance(part, dict):
+        raise UnsafeInput(f"{path.name}: {section} is no list of name: number lines")
+    for name, value in part.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise UnsafeInput(f"{path.name}: {section}.{name} is '{value}', which is no finite number")
+    return [f"{name}={value!r}" for name, value in part.items()]
 
 
 def _content(path: Path) -> Any:

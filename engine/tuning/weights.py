@@ -11,12 +11,14 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class CostWeight:
-    """One weight: a factor ≥ 0 on the raw value of its term."""
+    """One weight: a factor ≥ 0 on the raw value of its term; or a parameter of a planner that has no such terms."""
 
     name: str
     meaning: str
     raising: str
     computed_by: Literal["core", "ours", "nobody"]
+    lowest: float = 0.0
+    highest: float = 1e6
 
     @property
     def acts(self) -> bool:

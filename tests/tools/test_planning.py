@@ -40,7 +40,7 @@ async def call(settings: Settings, tmp_path: Path) -> AsyncIterator[Call]:
 
 async def test_what_there_is_to_set(call: Call) -> None:
     found = await call("list_planners")
-    assert found["planners"] == ["frenetix"]
+    assert [item["name"] for item in found["planners"]] == ["frenetix", "idm"]
     assert found["config_name"] == "frenetix:Default"
     assert len(found["weights"]) == 16
     assert [item["name"] for item in found["weights"] if not item["acts"]] == ["occ_pm", "occ_um", "occ_ve"]
@@ -73,9 +73,36 @@ async def test_a_chain_of_configurations(call: Call) -> None:
     assert (await call("list_planners"))["config_id"] == imported
 
 
+async def test_the_baseline_and_settings_go_the_whole_way(call: Call) -> None:
+    listed = await call("list_planners", planner="idm")
+    assert (listed["config_name"], len(listed["weights"])) == ("idm:Default", 4)
+    assert "sampling_level" not in [item["name"] for item in listed["settings"]]
+    made = await call("configure_planner", planner="idm", preset="Sporty", settings=["vehicle=1", "replan_steps=1"])
+    assert {c["name"] for c in made["changes"]} >= {"time_headway_s", "vehicle", "length_m", "replan_steps"}
+    scenario = "ZAM_Builder-1_1_T-1"
+    configs = ["idm", made["config_id"], "frenetix"]
+    grid = await call("run_planner", scenarios=[scenario], configs=configs, wait_s=50)
+    assert [run["outcome"] for run in grid["runs"]].count("invalid") == 0
+    runs = {run["config_id"]: run["run_id"] for run in grid["runs"]}
+    compared = await call("compare_results", results=[grid["batch_id"]])
+    changed = [{change["weight"] for change in pair["weights"]} for pair in compared["comparisons"]]
+    assert {"time_headway_s", "vehicle", "replan_steps"} <= changed[0]
+    assert {"time_headway_s", "prediction"} <= changed[1]
+    analysis = await call("analyze_results", results=[grid["batch_id"]])
+    assert not isinstance(analysis, str), analysis
+    assert not isinstance(await call("render", ids=[runs[made["config_id"]]]), str)
+    assert "no recorded cost terms" in await call("render", ids=[runs[listed["config_id"]]], kind="costs")
+    exported = await call("export_artifacts", ids=[made["config_id"]], formats=["yaml"], folder="out")
+    again = await call("import_files", path=exported["files"][0]["path"])
+    assert again["items"][0]["artifact_id"] == made["config_id"]
+
+
 REFUSED: tuple[tuple[str, dict[str, Any], str], ...] = (
     ("configure_planner", {"weights": ["jerk=0.5", "lateral_jrk=1"]}, "lateral_jerk"),
     ("configure_planner", {"weights": ["jerk=-1"]}, "from 0 to"),
+    ("configure_planner", {"planner": "idm", "weights": ["jerk=1"]}, "a weight of frenetix, not of idm"),
+    ("configure_planner", {"settings": ["vehicle=9"]}, "vehicle from 1 to 4"),
+    ("configure_planner", {"weights": ["horizon_s=4"]}, "give it in settings"),
     ("configure_planner", {"preset": "fast"}, "Efficiency-Sporty"),
     ("configure_planner", {"base": "cfg_000000000000"}, "frenetix:Default"),
     ("list_planners", {"planner": "apollo"}, "frenetix"),

@@ -1,0 +1,103 @@
+"""The settings of a configuration beside its weights, changed by the same assignments as weights."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+
+from plannerforge.engine.planners.vehicle_models import VEHICLES, parameter_names
+from plannerforge.engine.tuning.changes import apply_changes
+from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.grammar import parse_assignment
+from plannerforge.schemas.planner_settings import PlannerSettings
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One setting: its unit, range (ends included), and meaning; ``whole`` for counts and ids."""
+
+    name: str
+    unit: str
+    lowest: float
+    highest: float
+    meaning: str
+    whole: bool = False
+
+    @property
+    def range_text(self) -> str:
+        """The range as it is written in tables and errors: ``1.5 to 6 s``."""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.lowest:g} to {self.highest:g}{unit}"
+
+
+_SETTINGS = (
+    Setting("vehicle", "", 1, 4, "CommonRoad vehicle; replaces all parameters of the vehicle", whole=True),
+    Setting("length_m", "m", 1.0, 20.0, "length of the ego"),
+    Setting("width_m", "m", 0.5, 3.0, "width of the ego"),
+    Setting("wheelbase_m", "m", 0.8, 12.0, "distance of the axles"),
+    Setting("rear_axle_behind_center_m", "m", 0.2, 8.0, "rear axle to centre"),
+    Setting("maximum_acceleration_mps2", "m/s²", 1.0, 15.0, "limit of acceleration and braking"),
+    Setting("maximum_speed_mps", "m/s", 1.0, 70.0, "top speed"),
+    Setting("switching_speed_mps", "m/s", 1.0, 30.0, "above it the power limits the acceleration"),
+    Setting("maximum_steering_rad", "rad", 0.1, 1.4, "largest steering angle"),
+    Setting("maximum_steering_rate_radps", "rad/s", 0.05, 2.0, "how fast it can change"),
+    Setting("horizon_s", "s", 1.5, 6.0, "how far a plan and the prediction reach"),
+    Setting("replan_steps", "steps", 1, 10, "time steps driven before the next plan", whole=True),
+    Setting("sampling_level", "", 0, 3, "candidates of Frenetix: 3, 5, 9 or 17 speeds and offsets", whole=True),
+)
+
+
+def known_settings() -> dict[str, Setting]:
+    """All settings by name, in their order."""
+    return {setting.name: setting for setting in _SETTINGS}
+
+
+def setting_values(settings: PlannerSettings) -> dict[str, float]:
+    """Every setting with the value in force, in their order."""
+    own = asdict(VEHICLES[settings.vehicle])
+    stated = settings.model_dump(exclude_none=True)
+    return {name: stated.get(name, own.get(name, 0.0)) for name in known_settings()}
+
+
+def changed_settings(settings: PlannerSettings, changes: Iterable[str]) -> tuple[PlannerSettings, tuple[str, ...]]:
+    """The settings after the changes in their order, and remarks; ``vehicle`` replaces all its parameters.
+
+    Raises:
+        UnknownName: a setting that does not exist.
+        InvalidRequest: malformed, out of its range, or a vehicle whose parameters do not fit together.
+    """
+    values, notes = setting_values(settings), list[str]()
+    for text in changes:
+        changed = apply_changes(values, [text], limits=_limits(), kind="setting")
+        values, notes = changed.weights, [*notes, *changed.notes]
+        name = parse_assignment(text).name.lower()
+        if known_settings()[name].whole and values[name] != int(values[name]):
+            raise InvalidRequest(f"'{text}': {name} is a whole number", valid=[known_settings()[name].range_text])
+        if name == "vehicle":
+            values |= asdict(VEHICLES[int(values[name])])
+    _fits_together(values)
+    return _settings_of(values), tuple(notes)
+
+
+def stated_settings(settings: PlannerSettings) -> dict[str, float]:
+    """The settings that a file states: vehicle, horizon, rate and sampling, and the vehicle's own parameters."""
+    return {name: value for name, value in settings.model_dump().items() if value is not None}
+
+
+def _limits() -> dict[str, tuple[float, float]]:
+    return {name: (setting.lowest, setting.highest) for name, setting in known_settings().items()}
+
+
+def _fits_together(values: dict[str, float]) -> None:
+    length, wheelbase, rear = (values[name] for name in ("length_m", "wheelbase_m", "rear_axle_behind_center_m"))
+    if wheelbase > length or rear > length / 2 or rear > wheelbase:
+        raise InvalidRequest(
+            f"length_m={length:g}, wheelbase_m={wheelbase:g} and rear_axle_behind_center_m={rear:g} are no vehicle",
+            valid=["wheelbase_m <= length_m", "rear_axle_behind_center_m <= length_m / 2 and <= wheelbase_m"],
+            next_step="set the three together",
+        )
+
+
+def _settings_of(values: dict[str, float]) -> PlannerSettings:
+    """The settings with only those parameters stated that differ from the vehicle's."""
+    own = asdict(VEHICLES[int(values["vehicle"])])
+    kept = {name: value for name, value in values.items() if name not in parameter_names() or value != own[name]}
+    return PlannerSettings.model_validate(kept)

@@ -1,0 +1,131 @@
+"""Settings as a part of a configuration: assignments, ranges, ids, files."""
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plannerforge.engine.planners.vehicle_models import VEHICLES
+from plannerforge.engine.tuning.configurations import changed_configuration, differences, named_configuration, to_yaml
+from plannerforge.engine.tuning.planner_tuning import tuning_of
+from plannerforge.engine.tuning.settings import changed_settings, known_settings, setting_values
+from plannerforge.engine.tuning.weight_file import read_weight_file
+from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError, UnknownName
+from plannerforge.schemas.planner_settings import PlannerSettings
+from plannerforge.schemas.planning import PlannerConfiguration
+
+
+def base(name: str = "frenetix") -> PlannerConfiguration:
+    found = named_configuration(name)
+    assert found is not None
+    return found
+
+
+def changed(*settings: str, name: str = "frenetix") -> PlannerConfiguration:
+    return changed_configuration(base(name), None, (), settings)[0]
+
+
+def test_settings_are_part_of_the_configuration() -> None:
+    made = changed("vehicle=1", "length_m=5", "horizon_s=4", "replan_steps=1", "sampling_level=1")
+    assert made.settings == PlannerSettings(vehicle=1, length_m=5, horizon_s=4, replan_steps=1, sampling_level=1)
+    assert made.config_id != base().config_id
+    assert made.name.startswith("frenetix:Default+")
+    assert {c.name: (c.before, c.after) for c in differences(base(), made)}["length_m"] == (4.508, 5.0)
+    assert made.assignments[0] == "vehicle=1"
+
+
+def test_default_settings_leave_the_id_as_it_was_without_settings() -> None:
+    assert changed("horizon_s=3", "vehicle=2", "length_m=4.508").config_id == base().config_id == "cfg_91fad88b6c42"
+
+
+def test_a_stored_configuration_without_settings_has_the_default_ones() -> None:
+    old = json.loads(base().model_dump_json())
+    del old["settings"]
+    assert PlannerConfiguration.model_validate(old) == base()
+
+
+def test_a_vehicle_replaces_the_parameters_before_it_and_a_preset_keeps_the_settings() -> None:
+    assert changed("length_m=6", "vehicle=3").settings == PlannerSettings(vehicle=3)
+    own = changed("vehicle=3", "length_m*2").settings
+    assert own.length_m == pytest.approx(2 * VEHICLES[3].length_m)
+    kept, _ = changed_configuration(changed("horizon_s=4"), "Comfort", ())
+    assert kept.settings.horizon_s == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("vehicle=5", "vehicle from 1 to 4"),
+        ("vehicle=1.5", "1 to 4"),
+        ("replan_steps=0", "from 1 to 10"),
+        ("horizon_s=30", "from 1.5 to 6"),
+        ("sampling_level=nan", "no finite number"),
+        ("wheelbase_m=6", "wheelbase_m <= length_m"),
+        ("horizon=4", "horizon_s"),
+        ("jerk=1", "setting"),
+    ],
+)
+def test_what_is_no_setting_is_refused_with_what_is(text: str, says: str) -> None:
+    with pytest.raises((InvalidRequest, UnknownName)) as caught:
+        changed(text)
+    assert says in str(caught.value)
+
+
+def test_weights_of_the_other_planner_and_settings_among_weights_are_named() -> None:
+    for planner, text, says in (
+        ("idm", "jerk=1", "it is a weight of frenetix, not of idm"),
+        ("frenetix", "time_headway_s=1", "it is a weight of idm, not of frenetix"),
+        ("idm", "horizon_s=4", "give it in settings"),
+    ):
+        with pytest.raises(UnknownName, match=says):
+            changed_configuration(base(planner), None, [text])
+    with pytest.raises(UnknownName) as caught:
+        named_configuration("idm:Safety")
+    assert set(caught.value.valid) == {"Default", "Cautious", "Sporty"}
+
+
+def test_the_baseline_is_configured_like_any_planner() -> None:
+    made, notes = changed_configuration(base("idm"), "sporty", ["time_headway_s*2"], ["sampling_level=1"])
+    assert made.weights["time_headway_s"] == 2.0
+    assert made.preset == "Sporty"
+    assert "sampling_level: kept, but acts on nothing in idm" in notes
+    with pytest.raises(InvalidRequest, match="would set acceleration_mps2 to 0"):
+        changed_configuration(base("idm"), None, ["acceleration_mps2=0"])
+    assert base("idm").config_id == base("IDM:default").config_id
+
+
+@pytest.mark.parametrize("name", ["frenetix:Comfort", "idm:Sporty"])
+@pytest.mark.parametrize("settings", [(), ("vehicle=4", "width_m=2.25", "horizon_s=2.5", "replan_steps=2")])
+def test_a_file_holds_the_whole_configuration(tmp_path: Path, name: str, settings: tuple[str, ...]) -> None:
+    made = changed(*settings, name=name)
+    path = tmp_path / "config.yaml"
+    path.write_text(to_yaml(made), encoding="utf-8")
+    read = read_weight_file(path)
+    again, _ = changed_configuration(base(read.planner), None, read.weights, read.settings)
+    assert again.config_id == made.config_id
+    assert again.settings == made.settings
+
+
+@given(st.data())
+def test_every_setting_takes_its_range_and_nothing_outside(data: st.DataObject) -> None:
+    setting = data.draw(st.sampled_from(list(known_settings().values())))
+    value = data.draw(st.floats(-30, 30, allow_nan=False))
+    try:
+        settings, _ = changed_settings(PlannerSettings(), [f"{setting.name}={value!r}"])
+    except PlannerForgeError:
+        return
+    assert setting.lowest <= value <= setting.highest
+    assert setting_values(settings)[setting.name] == value
+    assert changed_settings(settings, [f"{k}={v!r}" for k, v in setting_values(settings).items()])[0] == settings
+
+
+def test_every_planner_has_a_tuning_that_fits_its_presets() -> None:
+    for planner in ("frenetix", "idm"):
+        tuning = tuning_of(planner)
+        assert tuning.first_preset in tuning.presets
+        assert set(tuning.idle_settings) <= set(known_settings())
+        for preset in tuning.presets.values():
+            assert list(preset.weights) == list(tuning.weights)
+            assert all(tuning.weights[k].lowest <= v <= tuning.weights[k].highest for k, v in preset.weights.items())
