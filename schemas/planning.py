@@ -141,14 +141,12 @@ class ListPlannersResult(Result):
 
 
 class ConfigurePlannerArguments(Arguments):
-    """New configuration of a planner: preset (replaces all weights), then changes."""
+    """New planner configuration: preset (replaces all weights), then changes."""
 
     planner: str | None = Field(None, description="default: that of the base")
     preset: str | None = Field(None, description="Default, Comfort, Balanced, Sporty, Safety")
     weights: list[str] = Field([], description="'jerk=0.5', 'jerk*2', 'jerk+0.1', 'jerk=lateral_jerk'")
-    settings: list[str] = Field(
-        [], description="vehicle, horizon_s, replan_steps, sampling_level, length_m … as 'vehicle=1'"
-    )
+    settings: list[str] = Field([], description="'vehicle=1', horizon_s, replan_steps, sampling_level, length_m …")
     base: str = Field("current", description="config id")
 
 
@@ -182,15 +180,16 @@ class ConfigurePlannerResult(Result):
 
 
 class RunPlannerArguments(Arguments):
-    """Run scenarios x configurations, starting at once. Large grids give a job id for get_job."""
+    """Run scenarios x configurations now; large grids give a job id."""
 
     scenarios: list[str] = Field(
         ["latest"],
         min_length=1,
-        description="scenario ids (ID#problem), a search id (all its hits; search:latest), or preset:N (N up to 500)",
+        description="scenario ids (ID#problem), a search id (all hits; search:latest), preset:N",
     )
-    configs: list[str] = Field(["current"], min_length=1, description="config ids, PLANNER or PLANNER:PRESET")
+    configs: list[str] = Field(["current"], min_length=1, description="config ids, PLANNER[:PRESET]")
     prediction: Prediction = "constant_velocity"
+    traffic: Traffic = "recorded"
     wait_s: float = Field(45, ge=0, le=50)
     seed: int = 0
 

@@ -31,7 +31,8 @@ InvalidReason = Literal["no_goal_state", "initial_collision", "ego_off_road", "g
 vehicle's largest acceleration brings the ego there in time."""
 
 Prediction = Literal["constant_velocity", "ground_truth"]
-Traffic = Literal["recorded"]
+Traffic = Literal["recorded", "reactive"]
+"""``reactive``: the others react to the ego, driven by SUMO; ``recorded``: they follow their recording."""
 
 
 class CollisionRecord(Model):
@@ -59,10 +60,25 @@ class RunMetrics(Model):
     mean_total_cost: float | None
 
 
+class DrivenObstacle(Model):
+    """An obstacle of reactive traffic as it really moved (centre, one entry a step); rounded to 0.1 mm."""
+
+    obstacle_id: int
+    kind: str
+    length_m: float
+    width_m: float
+    first_step: int
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+    heading_rad: tuple[float, ...]
+    speed_mps: tuple[float, ...]
+
+
 class RunSteps(Model):
     """The driven trajectory (centre of the ego, one entry a step) and the cost terms of the chosen candidates.
 
     ``costs``: weighted cost term name → one value per planning step; ``plan_steps``: the steps at which was planned.
+    ``others``: the obstacles that reactive traffic moved, instead of their recordings; the rest followed theirs.
     """
 
     first_step: int
@@ -73,6 +89,7 @@ class RunSteps(Model):
     acceleration_mps2: tuple[float, ...]
     plan_steps: tuple[int, ...]
     costs: dict[str, tuple[float, ...]]
+    others: tuple[DrivenObstacle, ...] = ()
 
 
 class RunTiming(Model):
@@ -104,6 +121,7 @@ class RunRecord(Model):
     reason: str = Field(description="one sentence: what ended the run, with figures")
     invalid_reason: InvalidReason | None = Field(None, description="stable code, only where the outcome is invalid")
     collision: CollisionRecord | None
+    on_recording: tuple[int, ...] = Field((), description="reactive traffic: obstacles that SUMO could not drive")
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
     ego_length_m: float = 4.508

@@ -3,6 +3,7 @@
 from typing import get_args
 
 from plannerforge.engine.planners.registry import PLANNERS, known_planner
+from plannerforge.engine.planners.traffic_modes import check_modes
 from plannerforge.engine.tuning.configurations import changed_configuration, differences, to_yaml
 from plannerforge.engine.tuning.planner_tuning import PlannerTuning, tuning_of
 from plannerforge.engine.tuning.settings import known_settings, setting_values
@@ -100,12 +101,20 @@ async def configure_planner(arguments: ConfigurePlannerArguments, call: ToolCall
 
 async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlannerResult:
     """One run at once; several as a job that this call waits for."""
+    check_modes(arguments.traffic, arguments.prediction)
     choice = choose_scenarios(arguments.scenarios, call)
     configurations = {c.config_id: c for c in (resolve_configuration(text, call) for text in arguments.configs)}
     for configuration in configurations.values():
         store_configuration(call, configuration)
     cells = [
-        Cell(chosen.scenario_id, chosen.problem_id, configuration, arguments.prediction, seed=arguments.seed)
+        Cell(
+            chosen.scenario_id,
+            chosen.problem_id,
+            configuration,
+            arguments.prediction,
+            arguments.traffic,
+            arguments.seed,
+        )
         for configuration in configurations.values()
         for chosen in choice.scenarios
     ]

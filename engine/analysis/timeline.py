@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from plannerforge.engine.analysis.evidence import Evidence
+from plannerforge.engine.analysis.run_steps import driven_tracks
 from plannerforge.engine.geometry.polyline import oriented_rectangle
 from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
@@ -20,7 +21,7 @@ def timeline(evidence: Evidence, record: RunRecord) -> tuple[TimelineStep, ...]:
     steps = evidence.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return ()
-    tracks = _tracks(evidence, record)
+    tracks = _tracks(evidence, record) | driven_tracks(steps)
     last = len(steps.x_m) - 1
     first = max(last - round(LAST_S / record.step_s), 0)
     chosen = sorted({round(float(index)) for index in np.linspace(first, last, min(MOMENTS, last - first + 1))})

@@ -6,7 +6,7 @@ One libsumo simulation may run in a process at a time.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,6 +26,8 @@ KEEP_ROUTE, KEEP_POSE = 1, 2
 
 MATCH_REACH_M = 20.0
 LANE_CHANGE_S = 2.5
+LANE_CHANGES_LAST = ("--lanechange.duration", LANE_CHANGE_S)
+"""SUMO's usual lane change is a leap; the alternative to a duration is to divide the lanes into sublanes."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def resimulate(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> di
 
 def _run(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> tuple[dict[int, DrivenTrack], frozenset[str]]:
     """One simulation: the tracks, and the vehicles that were on another route when they were handed over."""
-    with _simulation(setup, everybody) as sumo:
+    with sumo_running(setup, [one.vehicle_type() for one in everybody]) as sumo:
         run = _Run(sumo, everybody)
         try:
             for step in range(setup.last_step + 1):
@@ -91,29 +93,37 @@ def _run(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> tuple[di
 
 
 @contextmanager
-def _simulation(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> Iterator[Any]:
+def sumo_running(
+    setup: SimulationSetup, vehicle_types: Iterable[str], sideways: tuple[str, float] = LANE_CHANGES_LAST
+) -> Iterator[Any]:
+    """The module libsumo with a simulation started in it; ``sideways``: the option for motion across lanes.
+
+    Raises:
+        WorkerFailure: SUMO refused the network, a vehicle type or an option.
+    """
     import libsumo
 
     types = setup.folder / "types.add.xml"
-    types.write_text("\n".join(["<additional>", *(one.vehicle_type() for one in everybody), "</additional>\n"]))
+    types.write_text("\n".join(["<additional>", *vehicle_types, "</additional>\n"]))
     options = {
         "--net-file": setup.net,
         "--additional-files": types,
         "--step-length": setup.step_s,
         "--default.action-step-length": setup.step_s,
         "--seed": setup.seed,
-        "--lanechange.duration": LANE_CHANGE_S,
         "--time-to-teleport": -1,
         "--max-depart-delay": -1,
         "--collision.action": "none",
         "--collision.check-junctions": "false",
+        sideways[0]: sideways[1],
     }
     arguments = [str(part) for option in options.items() for part in option]
     try:
-        libsumo.start(["sumo", "--no-step-log", "--no-warnings", *arguments])
+        try:
+            libsumo.start(["sumo", "--no-step-log", "--no-warnings", *arguments])
+        except libsumo.TraCIException as error:
+            raise WorkerFailure(f"SUMO did not start: {error}") from error
         yield libsumo
-    except libsumo.TraCIException as error:
-        raise WorkerFailure(f"SUMO did not start: {error}") from error
     finally:
         libsumo.close()
 

@@ -5,14 +5,14 @@ import numpy as np
 from plannerforge.engine.geometry.polyline import Values, wrap_angles
 from plannerforge.engine.planners.criticality import criticality
 from plannerforge.engine.planners.interface import EgoState
-from plannerforge.engine.planners.traffic import RecordedTraffic
+from plannerforge.engine.planners.traffic import Traffic
 from plannerforge.engine.planners.vehicle import VehicleParameters
 from plannerforge.schemas.runs import RunMetrics
 
 
 def run_metrics(
     states: list[EgoState],
-    traffic: RecordedTraffic,
+    traffic: Traffic,
     vehicle: VehicleParameters,
     step_s: float,
     total_costs: list[float],

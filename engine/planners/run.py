@@ -5,13 +5,16 @@ from statistics import median
 from time import perf_counter
 
 from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.geometry.polyline import Values
 from plannerforge.engine.planners.metrics import run_metrics
 from plannerforge.engine.planners.registry import make_planner
 from plannerforge.engine.planners.simulation import DrivenRun, simulate
+from plannerforge.engine.planners.traffic_modes import check_modes, open_traffic
 from plannerforge.engine.planners.vehicle_models import VehicleParameters, vehicle_of
 from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.planning import RunRequest, RunResponse
-from plannerforge.schemas.runs import RunMetrics, RunRecord, RunSteps, RunTiming
+from plannerforge.schemas.runs import DrivenObstacle, RunMetrics, RunRecord, RunSteps, RunTiming
 
 
 def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
@@ -20,13 +23,16 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
     Raises:
         UnsafeInput: the file cannot be read.
         UnknownName: no such planning problem or planner.
+        InvalidRequest: a prediction that does not go with the traffic.
     """
     began = perf_counter()
     loaded = read_scenario(Path(request.scenario_path))
     problem = loaded.problem(request.problem_id)
     vehicle = vehicle_of(request.configuration.settings)
     planner = make_planner(request.configuration.planner)
-    driven = simulate(loaded.scenario, problem, request.configuration, planner, request.prediction, report)
+    check_modes(request.traffic, request.prediction)
+    with open_traffic(request.traffic, loaded, problem, vehicle, request.seed) as traffic:
+        driven = simulate(loaded.scenario, problem, request.configuration, planner, request.prediction, report, traffic)
     record = RunRecord(
         run_id=request.run_id,
         scenario_id=request.scenario_id,
@@ -42,6 +48,7 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
         reason=driven.final.reason,
         invalid_reason=driven.final.invalid_reason,
         collision=driven.final.collision,
+        on_recording=driven.traffic.on_recording,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, vehicle, loaded.step_s),
         ego_length_m=vehicle.length_m,
@@ -82,5 +89,23 @@ def _steps(driven: DrivenRun) -> RunSteps:
         speed_mps=tuple(state.speed_mps for state in states),
         acceleration_mps2=tuple(state.acceleration_mps2 for state in states),
         plan_steps=tuple(driven.plan_steps),
+        others=tuple(_driven_obstacle(track) for track in driven.traffic.driven),
         costs={name: tuple(float(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
+    )
+
+
+def _driven_obstacle(track: Track) -> DrivenObstacle:
+    def rounded(values: Values) -> tuple[float, ...]:
+        return tuple(round(value, 4) for value in values.tolist())
+
+    return DrivenObstacle(
+        obstacle_id=track.obstacle_id,
+        kind=track.kind,
+        length_m=track.length_m,
+        width_m=track.width_m,
+        first_step=track.first_step,
+        x_m=rounded(track.positions[:, 0]),
+        y_m=rounded(track.positions[:, 1]),
+        heading_rad=rounded(track.headings_rad),
+        speed_mps=rounded(track.speeds_mps),
     )

@@ -15,7 +15,7 @@ from plannerforge.engine.planners.prediction import observe, predictor
 from plannerforge.engine.planners.reference_path import BEYOND_GOAL_M, build_reference_path
 from plannerforge.engine.planners.road import build_road
 from plannerforge.engine.planners.route import find_route, start_lanelets
-from plannerforge.engine.planners.traffic import RecordedTraffic
+from plannerforge.engine.planners.traffic import RecordedTraffic, Traffic
 from plannerforge.engine.planners.vehicle_models import vehicle_of
 from plannerforge.engine.planners.verdict import Judge, Verdict, invalid
 from plannerforge.schemas.errors import NotPossible
@@ -34,7 +34,7 @@ class DrivenRun:
     """What a run has given so far."""
 
     states: list[EgoState]
-    traffic: RecordedTraffic
+    traffic: Traffic
     plan_steps: list[int] = field(default_factory=list)
     plans: list[Plan] = field(default_factory=list)
     plan_s: list[float] = field(default_factory=list)
@@ -56,15 +56,17 @@ def simulate(
     planner: Planner,
     prediction: Prediction,
     report: ProgressReporter,
+    traffic: Traffic | None = None,
 ) -> DrivenRun:
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that nobody can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
     with a code and without a plan.
+    The traffic is the recorded one by default; one that reacts must stand at the ego's first step.
     """
     step_s = float(scenario.dt)
     ego = initial_ego(problem.initial_state)
-    run = DrivenRun([ego], RecordedTraffic(scenario))
+    run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
     task = _task(scenario, problem, configuration, ego)
     if isinstance(task, Verdict):
         run.verdict = task
@@ -140,6 +142,7 @@ def _drive(
         for ahead in range(1, min(settings.replan_steps, len(plan.trajectory.positions) - 1) + 1):
             following = plan.trajectory.state_at(ahead, ego.step + ahead, step_s)
             run.states.append(following)
+            run.traffic.advance(following)
             run.verdict = judge.after_step(following)
             if run.verdict is not None:
                 return

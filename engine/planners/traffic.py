@@ -1,7 +1,8 @@
-"""The others as recorded: where each is at every step, and collision with them."""
+"""The others: what the loop asks of them, and the others as recorded."""
 
+from collections.abc import Set
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -12,6 +13,36 @@ from plannerforge.engine.scenarios.tracks import Track, recorded_tracks, size_of
 if TYPE_CHECKING:
     from commonroad.scenario.scenario import Scenario
     from commonroad_dc import pycrcc
+
+
+class Traffic(Protocol):
+    """Everybody but the ego, as far as the loop has come.
+
+    ``moving``: a track for every dynamic obstacle; those that react to the ego end at the step that was advanced to.
+    ``standing``: static obstacles as tracks of one state.
+    """
+
+    @property
+    def moving(self) -> tuple[Track, ...]:
+        """Dynamic obstacles by ascending id."""
+
+    @property
+    def standing(self) -> tuple[Track, ...]:
+        """Static obstacles."""
+
+    @property
+    def driven(self) -> tuple[Track, ...]:
+        """The obstacles among the moving that react to the ego, as far as they have come."""
+
+    @property
+    def on_recording(self) -> tuple[int, ...]:
+        """Ids of the moving obstacles that follow their recording although the traffic is reactive."""
+
+    def advance(self, ego: EgoState) -> None:
+        """Go on to the step of the ego's new state; called for every step in order, before anybody looks at it."""
+
+    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
+        """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
 
 
 @dataclass(frozen=True)
@@ -25,23 +56,30 @@ class RecordedTraffic:
     """Dynamic and static obstacles of a scenario, following their recordings; environment and phantoms are no bodies.
 
     ``moving``: a track for every dynamic obstacle, set-based predictions and obstacles without any prediction
-    included; ``standing``: static obstacles as tracks of one state.
+    included; ``standing``: static obstacles as tracks of one state. Obstacles ``without`` are left out.
     """
 
-    def __init__(self, scenario: "Scenario") -> None:
+    driven: tuple[Track, ...] = ()
+    on_recording: tuple[int, ...] = ()
+
+    def __init__(self, scenario: "Scenario", without: Set[int] = frozenset()) -> None:
         from commonroad_dc import pycrcc
         from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_object
 
-        self.moving: tuple[Track, ...] = _all_tracks(scenario)
+        self.moving: tuple[Track, ...] = tuple(t for t in _all_tracks(scenario) if t.obstacle_id not in without)
         self.standing: tuple[Track, ...] = tuple(_static_track(obstacle) for obstacle in scenario.static_obstacles)
         obstacles = [*scenario.dynamic_obstacles, *scenario.static_obstacles]
         self._bodies = [
             _Body(int(o.obstacle_id), str(o.obstacle_type.value), create_collision_object(o))
             for o in sorted(obstacles, key=lambda o: int(o.obstacle_id))
+            if int(o.obstacle_id) not in without
         ]
         self._checker = pycrcc.CollisionChecker()
         for body in self._bodies:
             self._checker.add_collision_object(body.shape)
+
+    def advance(self, ego: EgoState) -> None:
+        """Nothing to do: a recording does not depend on the ego."""
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""

@@ -9,7 +9,7 @@ from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.reachability import out_of_reach
 from plannerforge.engine.planners.reference_path import ReferencePath
 from plannerforge.engine.planners.road import Road
-from plannerforge.engine.planners.traffic import RecordedTraffic, rectangle
+from plannerforge.engine.planners.traffic import Traffic, rectangle
 from plannerforge.engine.planners.vehicle import VehicleParameters
 from plannerforge.schemas.runs import CollisionRecord, InvalidReason, Outcome
 
@@ -43,7 +43,7 @@ class Judge:
         goal: Goal,
         reference: ReferencePath,
         road: Road,
-        traffic: RecordedTraffic,
+        traffic: Traffic,
         vehicle: VehicleParameters,
         initial: EgoState,
         step_s: float,

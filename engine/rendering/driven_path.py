@@ -1,12 +1,13 @@
 """A run's driven path, ready to be drawn over its scenario."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from plannerforge.engine.analysis.run_steps import read_steps
+from plannerforge.engine.analysis.run_steps import driven_tracks, read_steps
 from plannerforge.engine.geometry.polyline import Points, Values
+from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.results import RunSource
 from plannerforge.schemas.runs import RunRecord
 
@@ -16,7 +17,7 @@ class DrivenPath:
     """Centre of the ego (n, 2), headings, speeds (n,), from ``first_step`` on.
 
     ``name``: what the picture calls the run; ``series``: number of its colour and dash pattern, the same for one
-    configuration in all pictures of a request.
+    configuration in all pictures of a request. ``others``: how the obstacles moved that reacted to the ego, by id.
     """
 
     record: RunRecord
@@ -26,6 +27,7 @@ class DrivenPath:
     speeds_mps: Values
     name: str
     series: int = 0
+    others: dict[int, Track] = field(default_factory=dict)
 
     @property
     def last_step(self) -> int:
@@ -55,6 +57,7 @@ def driven_path(source: RunSource, name: str = "", series: int = 0) -> DrivenPat
         speeds_mps=np.asarray(steps.speed_mps, dtype=float),
         name=name or source.record.config_name,
         series=series,
+        others=driven_tracks(steps),
     )
 
 

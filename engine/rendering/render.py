@@ -1,6 +1,7 @@
 """One operation for all pictures: chooses the kind, reads the files, draws."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from plannerforge.engine.analysis.compare import compare
@@ -72,6 +73,12 @@ def _views(request: RenderRequest, *, most: int) -> tuple[list[SceneView], list[
         paths = [path for run, at in numbered if (path := driven_path(run, names[run.record.config_id], at))]
         if len(paths) > MOST_PATHS:
             notes.append(f"{len(paths) - MOST_PATHS} more runs on {source.scenario_id} are not drawn")
+        if len(paths) == 1:
+            content = replace(content, tracks=content.tracks | paths[0].others)
+        elif any(path.others for path in paths):
+            notes.append(
+                f"the others are drawn on {source.scenario_id} as recorded: they moved differently in each run"
+            )
         views.append(SceneView(content, tuple(paths[:MOST_PATHS]), _step(content, paths[:MOST_PATHS], request.time_s)))
     return views, notes
 

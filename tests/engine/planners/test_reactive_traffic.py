@@ -1,0 +1,184 @@
+"""Reactive traffic: SUMO's vehicles see the ego, and what they did is what is judged, measured and kept."""
+
+import hashlib
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import Problem, ScenarioBuilder, Vehicle, crossing, driving, town_road
+from builders_planning import configuration
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.reactive_room import has_room
+from plannerforge.engine.planners.run import run
+from plannerforge.engine.planners.simulation import DrivenRun, simulate
+from plannerforge.engine.planners.traffic import RecordedTraffic
+from plannerforge.engine.planners.traffic_modes import check_modes, open_traffic
+from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
+from plannerforge.evals.braking_planner import BrakingPlanner
+from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.planning import RunRequest
+from plannerforge.schemas.runs import Traffic
+
+FAR = Problem(start=(60.0, 0.0, 0.0, 10.0), goal=(190.0, 0.0, 8.0, 3.0), steps=(60, 70))
+DIGEST = """
+import hashlib, sys
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.planners.run import run
+from plannerforge.schemas.planning import RunRequest
+response = run(RunRequest.model_validate_json(sys.stdin.read()), silent)
+content = response.record.model_dump_json() + response.steps.model_dump_json()
+print(hashlib.sha256(content.encode()).hexdigest())
+"""
+
+
+def road(*vehicles: Vehicle, parked: tuple[Vehicle, ...] = (), problem: Problem = FAR) -> ScenarioBuilder:
+    return replace(town_road(), vehicles=vehicles, parked=parked, problems=(problem,))
+
+
+def loaded(builder: ScenarioBuilder, folder: Path) -> LoadedScenario:
+    return read_scenario(builder.write(folder / "scenario.xml"))
+
+
+def braked(scenario: LoadedScenario, traffic: Traffic, braking_mps2: float = 6.0) -> DrivenRun:
+    problem = scenario.problem()
+    with open_traffic(traffic, scenario, problem, BMW_320I, seed=0) as others:
+        return simulate(
+            scenario.scenario,
+            problem,
+            configuration(),
+            BrakingPlanner(braking_mps2),
+            "constant_velocity",
+            silent,
+            others,
+        )
+
+
+def request(builder: ScenarioBuilder, folder: Path, traffic: Traffic = "reactive") -> RunRequest:
+    path = builder.write(folder / "scenario.xml")
+    return RunRequest(
+        run_id="run_0",
+        scenario_path=str(path),
+        scenario_id=builder.benchmark_id,
+        configuration=configuration(),
+        traffic=traffic,
+    )
+
+
+def test_a_reactive_follower_brakes_where_the_recorded_one_hits(tmp_path: Path) -> None:
+    problem = Problem(start=(0.0, 0.0, 0.0, 10.0), goal=(55.0, 0.0, 4.0, 3.0), steps=(50, 60))
+    one_lane = replace(crossing(), vehicles=(driving(32, (-25.0, 0.0), 10.0, 80),), problems=(problem,))
+    scenario = loaded(one_lane, tmp_path)
+    recorded, reactive = braked(scenario, "recorded"), braked(scenario, "reactive")
+    assert recorded.final.collision is not None
+    assert recorded.final.collision.obstacle_id == 32
+    assert reactive.final.collision is None
+    follower = reactive.traffic.driven[0]
+    assert follower.speeds_mps[-1] < 0.5
+    assert follower.positions[-1][0] < reactive.states[-1].position[0] - 4.5
+
+
+def test_an_ego_across_the_line_is_seen_from_both_lanes(tmp_path: Path) -> None:
+    on_the_line = replace(FAR, start=(60.0, 1.75, 0.0, 10.0))
+    places = (32, (28.0, 0.0)), (33, (28.0, 3.5))
+    trucks = [driving(key, at, 10.0, 100, kind="truck", size_m=(8.0, 3.0)) for key, at in places]
+    run = braked(loaded(road(*trucks, problem=on_the_line), tmp_path), "reactive")
+    assert run.final.collision is None
+    assert all(track.positions[-1][0] < run.states[-1].position[0] for track in run.traffic.driven)
+
+
+def test_a_driven_vehicle_begins_at_its_recorded_state(tmp_path: Path) -> None:
+    scenario = loaded(road(driving(32, (25.0, 0.3), 10.0, 100), driving(33, (20.0, 3.5), 9.0, 60)), tmp_path)
+    problem = scenario.problem()
+    with open_traffic("reactive", scenario, problem, BMW_320I, seed=0) as traffic:
+        for track in traffic.moving:
+            assert len(track.positions) == 1
+        for step in range(1, 5):
+            traffic.advance(EgoState(step, np.array([60.0 + step, 0.0]), 0.0, 10.0))
+    first = {track.obstacle_id: track for track in traffic.driven}
+    assert first[32].positions[0] == pytest.approx([25.0, 0.3])
+    moved = np.diff(first[32].positions, axis=0)
+    assert np.allclose(np.linalg.norm(moved, axis=1), 1.0, atol=0.15)
+    assert first[33].speeds_mps[0] == pytest.approx(9.0)
+
+
+def test_a_parked_car_is_seen_by_those_who_drive(tmp_path: Path) -> None:
+    parked = Vehicle(50, ((120.0, 0.0, 0.0, 0.0),))
+    ego_elsewhere = replace(FAR, start=(20.0, 3.5, 0.0, 3.0), goal=(25.0, 3.5, 2.0, 3.0), steps=(100, 110))
+    builder = road(driving(32, (70.0, 0.0), 12.0, 100), parked=(replace(parked, kind="parkedVehicle"),))
+    run = braked(loaded(replace(builder, problems=(ego_elsewhere,)), tmp_path), "reactive", braking_mps2=1.0)
+    driven = run.traffic.driven[0]
+    past = driven.positions[:, 0] > 115.0
+    assert not (past & (np.abs(driven.positions[:, 1]) < 1.8)).any()
+
+
+def test_pedestrians_follow_their_recording_and_are_named(tmp_path: Path) -> None:
+    walker = driving(60, (100.0, -5.0), 1.0, 80, heading_rad=math.pi / 2, kind="pedestrian", size_m=(0.6, 0.6))
+    response = run(request(road(walker, driving(32, (20.0, 0.0), 10.0, 80)), tmp_path), silent)
+    assert response.record.on_recording == (60,)
+    assert [other.obstacle_id for other in response.steps.others] == [32]
+
+
+def test_a_scenario_without_vehicles_runs(tmp_path: Path) -> None:
+    response = run(request(road(), tmp_path), silent)
+    assert response.record.outcome == "goal_reached"
+    assert response.steps.others == ()
+
+
+def test_ground_truth_of_reactive_traffic_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidRequest, match="constant_velocity"):
+        check_modes("reactive", "ground_truth")
+    with pytest.raises(InvalidRequest):
+        run(request(road(), tmp_path).model_copy(update={"prediction": "ground_truth"}), silent)
+
+
+def test_recorded_runs_keep_no_others(tmp_path: Path) -> None:
+    response = run(request(road(driving(32, (20.0, 0.0), 5.0, 80)), tmp_path, "recorded"), silent)
+    assert response.steps.others == ()
+    assert response.record.on_recording == ()
+
+
+def test_the_metrics_are_those_of_what_the_others_did(tmp_path: Path) -> None:
+    response = run(request(road(driving(32, (35.0, 0.0), 14.0, 100)), tmp_path), silent)
+    assert response.record.metrics is not None
+    assert response.record.metrics.minimum_distance_m is not None
+    steps, other = response.steps, response.steps.others[0]
+    gaps = [steps.x_m[i] - other.x_m[i] for i in range(min(len(steps.x_m), len(other.x_m)))]
+    assert response.record.metrics.minimum_distance_m == pytest.approx(min(gaps) - (4.508 + 4.5) / 2, abs=0.3)
+
+
+def test_a_reactive_run_is_the_same_twice_and_in_another_process(tmp_path: Path) -> None:
+    asked = request(town_road().cut(60), tmp_path)
+    response = run(asked, silent)
+    content = response.record.model_dump_json() + response.steps.model_dump_json()
+    digests = {hashlib.sha256(content.encode()).hexdigest()}
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", DIGEST],
+        input=asked.model_dump_json(),
+        env={**os.environ, "PYTHONHASHSEED": "7"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert digests == {done.stdout.strip().splitlines()[-1]}
+    again = run(asked, silent)
+    assert again.record.model_dump_json() + again.steps.model_dump_json() == content
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "ego_speed_mps", "room"), [(0.5, 10.0, False), (15.0, 10.0, True), (8.0, 0.0, False)]
+)
+def test_whoever_would_have_to_hit_the_ego_waits(
+    tmp_path: Path, gap_m: float, ego_speed_mps: float, room: bool
+) -> None:
+    scenario = loaded(road(driving(32, (20.0, 0.0), 10.0, 20)), tmp_path)
+    track = RecordedTraffic(scenario.scenario).moving[0]
+    ego = EgoState(50, np.array([20.0 + gap_m + (4.5 + 4.508) / 2, 0.0]), 0.0, ego_speed_mps)
+    assert has_room(track, 0, RecordedTraffic(scenario.scenario, without={32}), ego, BMW_320I) is room
