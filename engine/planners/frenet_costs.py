@@ -21,6 +21,9 @@ CONSTRAINTS = {
 }
 """Names of the core's feasibility checks and ours."""
 
+BESIDE_REACH_M = 15.0
+"""√50 m of the core and the largest lateral offset, with some to spare; the ego's own length comes on top."""
+
 
 @dataclass(frozen=True)
 class StepInputs:
@@ -113,8 +116,8 @@ def _add_obstacle_functions(
             )
         )
     if weights["prediction"] > 0:
-        reachable = [obstacle for obstacle in inputs.obstacles if _within_reach(obstacle, inputs)]
-        predictions = {obstacle.obstacle_id: _core_prediction(obstacle, frame) for obstacle in reachable}
+        counted = [(obstacle, _last_within_reach(obstacle, inputs, vehicle)) for obstacle in inputs.obstacles]
+        predictions = {o.obstacle_id: _core_prediction(o, last, frame) for o, last in counted if last > 0}
         handler.add_cost_function(
             costs.CalculateCollisionProbabilityFast(
                 "prediction",
@@ -127,22 +130,31 @@ def _add_obstacle_functions(
         )
 
 
-def _within_reach(obstacle: PredictedObstacle, inputs: StepInputs) -> bool:
-    """Whether the ego can come near within the horizon (the core counts nothing farther than about 7 m)."""
-    gap = np.linalg.norm(obstacle.positions - inputs.ego.position, axis=1).min()
-    return bool(gap < inputs.reach_m + obstacle.length_m + 10.0)
+def _last_within_reach(obstacle: PredictedObstacle, inputs: StepInputs, vehicle: VehicleParameters) -> int:
+    """The last step ahead at which the core can count an obstacle, 0 where it never can.
+
+    The core counts nothing farther than √50 m from the ego's box, at the same step. By then a candidate is at most the
+    share of ``reach_m`` away that its time is of the horizon, and beside that by its lateral offset.
+    """
+    away = np.linalg.norm(obstacle.positions - inputs.ego.position, axis=1)
+    times = np.arange(len(away)) * inputs.step_s
+    within = np.flatnonzero(away <= times / inputs.horizon_s * inputs.reach_m + BESIDE_REACH_M + vehicle.length_m)
+    return int(within[-1]) if len(within) else 0
 
 
-def _core_prediction(obstacle: PredictedObstacle, frame: FrenetFrame) -> "frenetix.PredictedObject":
-    """The core compares its state i with entry i − 1, so its list begins one step ahead."""
+def _core_prediction(obstacle: PredictedObstacle, last: int, frame: FrenetFrame) -> "frenetix.PredictedObject":
+    """The obstacle until step ``last``.
+
+    The core compares its state i with entry i − 1, so its list begins one step ahead; and it ends one entry early.
+    """
     turn = np.array(
         [[np.cos(frame.angle_rad), np.sin(frame.angle_rad)], [-np.sin(frame.angle_rad), np.cos(frame.angle_rad)]]
     )
     covariance = np.zeros((6, 6), order="F")
     covariance[:2, :2] = turn @ obstacle.covariance @ turn.T
     covariance[0, 1] = covariance[1, 0] = (covariance[0, 1] + covariance[1, 0]) / 2
-    positions = frame.inwards(obstacle.positions[1:])
-    half = (obstacle.headings_rad[1:] - frame.angle_rad) / 2
+    positions = frame.inwards(obstacle.positions[1 : last + 2])
+    half = (obstacle.headings_rad[1 : last + 2] - frame.angle_rad) / 2
     poses = [
         frenetix.PoseWithCovariance(
             np.array([x, y, 0.0]), np.array([0.0, 0.0, np.sin(angle), np.cos(angle)]), covariance

@@ -14,6 +14,7 @@ import numpy as np
 
 from plannerforge.engine.geometry.polyline import Points, project
 from plannerforge.engine.planners.candidate_batch import CandidateBatch
+from plannerforge.engine.planners.candidate_choice import cheapest_first, first_without_objection
 from plannerforge.engine.planners.cost_terms import own_terms
 from plannerforge.engine.planners.desired_speed import DesiredSpeed
 from plannerforge.engine.planners.frenet_costs import CONSTRAINTS, StepInputs, add_feasibility, add_step_functions
@@ -89,11 +90,13 @@ class Frenetix:
         matrix = sampling_matrix(state, ego.speed_mps, self._settings, task.vehicle, going_on)
         feasible = self._scored(matrix, step)
         safety = SafetyCheck(task, observation)
-        for sample in feasible:
-            objection = safety.objection(copied_trajectory(sample, frame, ego, task.vehicle))
-            if objection is None:
-                return self._drive(sample, "regular", step)
-            step.rejected[objection] += 1
+
+        def objection(sample: "frenetix.TrajectorySample") -> str | None:
+            return safety.objection(copied_trajectory(sample, frame, ego, task.vehicle))
+
+        chosen = first_without_objection(feasible, objection, step.rejected)
+        if chosen is not None:
+            return self._drive(chosen, "regular", step)
         return self._fallback(feasible, float(state.lateral[0]), step)
 
     def _scored(self, matrix: Points, step: _Step) -> list["frenetix.TrajectorySample"]:
@@ -112,23 +115,24 @@ class Frenetix:
         began = perf_counter()
         self._handler.generate_trajectories(matrix, step.low_speed)
         self._handler.evaluate_all_current_functions(False)
+        found = list(self._handler.get_sorted_trajectories())
         step.core_s = perf_counter() - began
         step.candidates = len(matrix)
-        feasible = self._sorted_out(step)
+        feasible = self._sorted_out(found, step)
         self._add_own_terms(feasible, step)
-        return sorted(feasible, key=lambda sample: (sample.cost, sample.uniqueId))
+        return cheapest_first(feasible)
 
-    def _sorted_out(self, step: _Step) -> list["frenetix.TrajectorySample"]:
-        feasible, valid = [], 0
-        for sample in self._handler.get_sorted_trajectories():
-            valid += 1
+    def _sorted_out(self, found: list["frenetix.TrajectorySample"], step: _Step) -> list["frenetix.TrajectorySample"]:
+        feasible: list[frenetix.TrajectorySample] = []
+        for sample in found:
             if sample.feasible:
                 feasible.append(sample)
                 continue
             broken = [CONSTRAINTS[name] for name, count in sample.feasabilityMap.items() if count > 0]
-            step.rejected.update(broken or ["negative_speed"])
-        if valid < step.candidates:
-            step.rejected["off_reference_path"] += step.candidates - valid
+            for name in broken or ["negative_speed"]:
+                step.rejected[name] += 1
+        if len(found) < step.candidates:
+            step.rejected["off_reference_path"] += step.candidates - len(found)
         return feasible
 
     def _add_own_terms(self, feasible: list["frenetix.TrajectorySample"], step: _Step) -> None:

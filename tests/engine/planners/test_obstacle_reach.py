@@ -1,0 +1,40 @@
+"""Only obstacles that the core could count are given to it: that changes no cost."""
+
+import numpy as np
+import pytest
+from builders_planning import configuration, drive, goal_state, moving_car, problem_for, rectangle_at, scenario_on
+from builders_planning import straight_road as road
+
+from plannerforge.engine.planners import frenet_costs
+from plannerforge.engine.planners.simulation import DrivenRun
+
+
+def busy() -> DrivenRun:
+    """A lead, an oncoming car, one that drives off sideways, and one far away."""
+    cars = (
+        moving_car(11, (25.0, 0.0), (6.0, 0.0)),
+        moving_car(12, (70.0, 3.5), (-12.0, 0.0)),
+        moving_car(13, (12.0, 6.0), (0.0, 30.0)),
+        moving_car(14, (79.0, 3.5), (15.0, 0.0)),
+    )
+    goal = goal_state((40, 60), rectangle_at(40.0, 0.0))
+    return drive(scenario_on(road(300.0, lanes=2), *cars), problem_for(goal), configuration("frenetix:Default"))
+
+
+def test_leaving_out_what_is_out_of_reach_changes_no_cost_and_no_trajectory(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[int] = []
+    reach = frenet_costs._last_within_reach
+
+    def counting(*arguments: object) -> int:
+        given.append(reach(*arguments))  # type: ignore[arg-type]
+        return given[-1]
+
+    monkeypatch.setattr(frenet_costs, "_last_within_reach", counting)
+    cut = busy()
+    assert min(given) == 0
+    assert any(0 < last < 30 for last in given)
+    monkeypatch.setattr(frenet_costs, "_last_within_reach", lambda obstacle, *_: len(obstacle.positions) - 1)
+    whole = busy()
+    assert [dict(plan.costs) for plan in cut.plans] == [dict(plan.costs) for plan in whole.plans]
+    assert np.array_equal([s.position for s in cut.states], [s.position for s in whole.states])
+    assert any(plan.costs["prediction"] > 0 for plan in cut.plans)
