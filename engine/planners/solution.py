@@ -6,21 +6,21 @@ Models"). The file names no date, computer or computation time: the same run giv
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.planners.vehicle_models import commonroad_vehicle
 from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.exporting import CostFunctionId, FileWritten, SolutionRequest
 from plannerforge.schemas.runs import RunSteps
 
 if TYPE_CHECKING:
     from commonroad.scenario.scenario import ScenarioID
 
-VehicleId = Literal[1, 2, 3, 4]
-"""CommonRoad's vehicles: Ford Escort, BMW 320i, VW Vanagon, semi-trailer truck."""
 STANDING_MPS = 0.1
 """Below it the heading says nothing about the steering angle, which then stays as it is."""
 
@@ -29,8 +29,15 @@ def write_solution(request: SolutionRequest, report: ProgressReporter) -> FileWr
     """Write the driven trajectory of a run as a CommonRoad solution file.
 
     Raises:
+        NotPossible: the ego is no CommonRoad vehicle but has parameters of its own.
         UnsafeInput: the scenario cannot be read.
     """
+    vehicle = commonroad_vehicle(request.configuration.settings)
+    if vehicle is None:
+        raise NotPossible(
+            f"a solution file names one of CommonRoad's vehicles; {request.configuration.config_id} has its own",
+            valid=["a run whose configuration states no parameters of the vehicle itself"],
+        )
     loaded = read_scenario(Path(request.scenario_path))
     steps = RunSteps.model_validate_json(Path(request.steps_path).read_text(encoding="utf-8"))
     text = solution_xml(
@@ -38,7 +45,7 @@ def write_solution(request: SolutionRequest, report: ProgressReporter) -> FileWr
         loaded.step_s,
         scenario_id=loaded.scenario.scenario_id,
         problem_id=request.record.problem_id,
-        vehicle_id=2,
+        vehicle_id=vehicle,
         cost_function=request.cost_function,
     )
     Path(request.target_path).write_text(text, encoding="utf-8")
@@ -52,7 +59,7 @@ def solution_xml(
     *,
     scenario_id: "ScenarioID",
     problem_id: int,
-    vehicle_id: VehicleId,
+    vehicle_id: int,
     cost_function: CostFunctionId,
 ) -> str:
     """The solution file of one planning problem; ``step_s`` is the scenario's time step in s."""

@@ -42,6 +42,12 @@ def parameter_names() -> tuple[str, ...]:
     return tuple(item.name for item in fields(VehicleParameters))
 
 
+def commonroad_vehicle(settings: PlannerSettings) -> int | None:
+    """The id of CommonRoad's vehicle; None for one with parameters of its own."""
+    own = any(getattr(settings, name) is not None for name in parameter_names())
+    return None if own else settings.vehicle
+
+
 def vehicle_of(settings: PlannerSettings) -> VehicleParameters:
     """The vehicle of a configuration: CommonRoad's with the parameters that the settings name themselves."""
     own = {name: getattr(settings, name) for name in parameter_names()}

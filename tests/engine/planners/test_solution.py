@@ -5,6 +5,7 @@ that one part left out.
 """
 
 import zipfile
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -20,6 +21,8 @@ from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.planners.run import run
 from plannerforge.engine.planners.solution import steering_angles, write_solution
 from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.tuning.configurations import changed_configuration
+from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.exporting import SolutionRequest
 from plannerforge.schemas.planning import RunRequest, RunResponse
 from plannerforge.schemas.runs import RunSteps
@@ -27,9 +30,11 @@ from plannerforge.schemas.runs import RunSteps
 NEAR = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 45))
 
 
-def driven(path: Path, folder: Path, name: str = "frenetix:Default") -> tuple[RunResponse, Path]:
+def driven(
+    path: Path, folder: Path, name: str = "frenetix:Default", settings: Sequence[str] = ()
+) -> tuple[RunResponse, Path]:
     """A run of the first problem and its solution file."""
-    config = configuration(name)
+    config, _ = changed_configuration(configuration(name), None, (), settings)
     scenario_id = str(read_scenario(path).scenario.scenario_id)
     request = RunRequest(
         run_id="run_0",
@@ -132,3 +137,14 @@ def test_steering_follows_the_curvature_and_rests_at_a_stand() -> None:
     assert len(angles) == count + 5
     assert angles[: count - 1] == pytest.approx(0.12825, abs=1e-4)
     assert angles[-1] == angles[-2]
+
+
+def test_the_solution_names_the_vehicle_of_the_configuration(tmp_path: Path) -> None:
+    path = tmp_path / "town.xml"
+    replace(town_road(), problems=(NEAR,)).write(path)
+    for vehicle in (1, 4):
+        _, target = driven(path, tmp_path, settings=[f"vehicle={vehicle}"])
+        solved = CommonRoadSolutionReader.open(str(target)).planning_problem_solutions[0]
+        assert solved.vehicle_type.value == vehicle
+    with pytest.raises(NotPossible, match="has its own"):
+        driven(path, tmp_path, settings=["length_m=5"])
