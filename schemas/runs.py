@@ -30,7 +30,7 @@ InvalidReason = Literal["no_goal_state", "initial_collision", "ego_off_road", "g
 """Why a problem is invalid. ``goal_unreachable``: no route on the lanelet graph; ``goal_out_of_time``: not even the
 vehicle's largest acceleration brings the ego there in time."""
 
-Prediction = Literal["constant_velocity", "ground_truth"]
+Prediction = Literal["constant_velocity", "growing_covariance", "lane", "ground_truth"]
 Traffic = Literal["recorded", "reactive"]
 """``reactive``: the others react to the ego, driven by SUMO; ``recorded``: they follow their recording."""
 
@@ -122,6 +122,7 @@ class RunRecord(Model):
     invalid_reason: InvalidReason | None = Field(None, description="stable code, only where the outcome is invalid")
     collision: CollisionRecord | None
     on_recording: tuple[int, ...] = Field((), description="reactive traffic: obstacles that SUMO could not drive")
+    off_the_lanes: tuple[int, ...] = Field((), description="lane prediction: obstacles it could only predict straight on")
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
     ego_length_m: float = 4.508

@@ -33,10 +33,20 @@ def answer(
             "summary": _summary(records),
             "runs": tuple(_line(record) for record in records[:LISTED_RUNS]),
             "lost": tuple(lost[:10]),
-            "notes": tuple(notes),
+            "notes": (*notes, *_prediction_notes(records)),
             "next_step": _next_step(records, batch_id, job_id, state),
         }
     )
+
+
+def _prediction_notes(records: Sequence[RunRecord]) -> list[str]:
+    """What the prediction could not do as asked."""
+    counts = [len(record.off_the_lanes) for record in records if record.off_the_lanes]
+    if not counts:
+        return []
+    return [
+        f"lane prediction: {sum(counts)} obstacles in {len(counts)} runs were off the lanes: constant velocity there"
+    ]
 
 
 def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:

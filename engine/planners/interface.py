@@ -39,7 +39,8 @@ class EgoState:
 class PredictedObstacle:
     """Where another is now (index 0) and will be, one entry a step: centres (n, 2), headings (n,), covariance (2, 2).
 
-    ``length_m`` and ``width_m`` hold the safety margin of the prediction already.
+    A covariance (in m²) that changes has shape (n, 2, 2), one matrix a step. ``length_m`` and ``width_m`` hold the
+    safety margin of the prediction already.
     """
 
     obstacle_id: int

@@ -2,15 +2,21 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import Points, wrap_angle
+from plannerforge.engine.geometry.polyline import Points, Values, wrap_angle
 from plannerforge.engine.planners.interface import EgoState, PredictedObstacle
-from plannerforge.engine.planners.traffic import Traffic
+from plannerforge.engine.planners.lane_prediction import LanePaths
+from plannerforge.engine.planners.traffic import RecordedTraffic
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.runs import Prediction
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
 
 SENSOR_RADIUS_M = 80.0
 REAR_CONE_RAD = math.radians(20.0)
@@ -19,24 +25,37 @@ MOVING_VARIANCE_M2 = 0.1
 STANDING_VARIANCE_M2 = 0.02
 LENGTH_MARGIN_M = 0.5
 WIDTH_MARGIN_M = 0.2
+SPREAD_MPS = 0.2
+SPREAD_ALONG_MPS2 = 1.0
+OFFSET_FADES_S = 2.0
 
 Predictor = Callable[[Track, int, int, float], PredictedObstacle]
 
 
-def predictor(name: Prediction) -> Predictor:
-    """The function that predicts one track.
+def predictor(name: Prediction, network: "LaneletNetwork") -> Predictor:
+    """The function that predicts one track on a network.
 
     Raises:
         UnknownName: no such prediction.
     """
-    predictors: dict[str, Predictor] = {"constant_velocity": constant_velocity, "ground_truth": ground_truth}
-    if name not in predictors:
-        raise UnknownName(f"there is no prediction '{name}'", valid=predictors)
-    return predictors[name]
+    makers: dict[str, Callable[[], Predictor]] = {
+        "constant_velocity": lambda: constant_velocity,
+        "growing_covariance": lambda: growing_covariance,
+        "lane": lambda: LanePrediction(network),
+        "ground_truth": lambda: ground_truth,
+    }
+    if name not in makers:
+        raise UnknownName(f"there is no prediction '{name}'", valid=makers)
+    return makers[name]()
+
+
+def off_the_lanes(predict: Predictor) -> tuple[int, ...]:
+    """Obstacles that a lane prediction could only predict straight on so far, ascending; empty for the others."""
+    return tuple(sorted(predict.off_the_lanes)) if isinstance(predict, LanePrediction) else ()
 
 
 def observe(
-    traffic: Traffic, ego: EgoState, predict: Predictor, steps: int, step_s: float
+    traffic: RecordedTraffic, ego: EgoState, predict: Predictor, steps: int, step_s: float
 ) -> tuple[PredictedObstacle, ...]:
     """All obstacles within 80 m of the ego with their predicted motion over ``steps`` steps from now on.
 
@@ -67,6 +86,47 @@ def constant_velocity(track: Track, index: int, steps: int, step_s: float) -> Pr
         width_m=track.width_m + WIDTH_MARGIN_M,
         speed_mps=speed,
     )
+
+
+def growing_covariance(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
+    """Constant velocity with a covariance that grows with time t: 0.1 m² + (0.2 m/s · t)² in every direction.
+
+    Along the heading (½ · 1 m/s² · t²)² comes on top, which is an unknown acceleration of standard deviation 1 m/s²:
+    after 3 s the deviations are 0.7 m across and 4.6 m along. Other planners read only the straight motion.
+    """
+    straight = constant_velocity(track, index, steps, step_s)
+    time = np.arange(steps + 1) * step_s
+    heading = straight.headings_rad[0]
+    direction = np.array([math.cos(heading), math.sin(heading)])
+    around = (MOVING_VARIANCE_M2 + (SPREAD_MPS * time) ** 2)[:, None, None] * np.eye(2)
+    along = ((SPREAD_ALONG_MPS2 / 2 * time**2) ** 2)[:, None, None] * np.outer(direction, direction)
+    return replace(straight, covariance=around + along)
+
+
+class LanePrediction:
+    """Along the centre line of the lanelet under the obstacle and of its straightest successors, at its speed.
+
+    The lateral offset and the difference in heading fade with a time constant of 2 s. Where no lanelet of its direction
+    is under it, the obstacle is predicted with constant velocity and its id is kept in ``off_the_lanes``.
+    """
+
+    def __init__(self, network: "LaneletNetwork") -> None:
+        self._paths = LanePaths(network)
+        self.off_the_lanes: set[int] = set()
+
+    def __call__(self, track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
+        """The predicted motion of one track."""
+        straight = constant_velocity(track, index, steps, step_s)
+        heading = float(track.headings_rad[index])
+        path = self._paths.under(track.positions[index], heading)
+        if path is None:
+            self.off_the_lanes.add(track.obstacle_id)
+            return straight
+        time: Values = np.asarray(np.arange(steps + 1) * step_s, dtype=np.float64)
+        left: Values = np.exp(-time / OFFSET_FADES_S)
+        positions, directions = path.at(path.station_m + straight.speed_mps * time, path.offset_m * left)
+        turned = wrap_angle(heading - float(directions[0]))
+        return replace(straight, positions=positions, headings_rad=directions + turned * left)
 
 
 def ground_truth(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:

@@ -44,14 +44,14 @@ def find_route(
         raise NotPossible("the planning problem has no goal state")
     goals = goal_lanelets(network, goal)
     if goals is None:
-        return Route(_continued(network, graph, (starts[0],), ahead_m), None)
+        return Route(straight_on(network, graph, (starts[0],), ahead_m), None)
     if not goals:
         raise NotPossible("the goal region touches no lanelet")
     aligned = [key for key in starts if _heading_error(network, key, position, heading_rad) < math.pi / 2]
     route = graph.shortest_route(aligned, goals) or graph.shortest_route(starts, goals)
     if route is None:
         raise NotPossible(f"no route leads from lanelet {starts[0]} to the goal on {', '.join(map(str, goals[:6]))}")
-    return Route(_continued(network, graph, route, ahead_m), len(route) - 1)
+    return Route(straight_on(network, graph, route, ahead_m), len(route) - 1)
 
 
 def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: float) -> list[int]:
@@ -101,7 +101,7 @@ def _heading_error(network: "LaneletNetwork", lanelet_id: int, position: Points,
     return abs(wrap_angle(direction - heading_rad))
 
 
-def _continued(
+def straight_on(
     network: "LaneletNetwork", graph: LaneletGraph, route: tuple[int, ...], ahead_m: float
 ) -> tuple[int, ...]:
     """The route with the straightest successors behind it, until they are ``ahead_m`` long or the network ends."""

@@ -49,6 +49,7 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
         invalid_reason=driven.final.invalid_reason,
         collision=driven.final.collision,
         on_recording=driven.traffic.on_recording,
+        off_the_lanes=driven.off_the_lanes,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, vehicle, loaded.step_s),
         ego_length_m=vehicle.length_m,

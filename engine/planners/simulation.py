@@ -11,7 +11,7 @@ import numpy as np
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, Planner, PlanningTask
-from plannerforge.engine.planners.prediction import observe, predictor
+from plannerforge.engine.planners.prediction import observe, off_the_lanes, predictor
 from plannerforge.engine.planners.reference_path import BEYOND_GOAL_M, build_reference_path
 from plannerforge.engine.planners.road import build_road
 from plannerforge.engine.planners.route import find_route, start_lanelets
@@ -40,6 +40,7 @@ class DrivenRun:
     plan_s: list[float] = field(default_factory=list)
     rejected: Counter[str] = field(default_factory=Counter)
     verdict: Verdict | None = None
+    off_the_lanes: tuple[int, ...] = ()
 
     @property
     def final(self) -> Verdict:
@@ -75,7 +76,9 @@ def simulate(
     run.verdict = judge.before_the_run(ego)
     if run.verdict is None:
         planner.reset(task)
-        _drive(run, planner, judge, predictor(prediction), task, report)
+        predict = predictor(prediction, scenario.lanelet_network)
+        _drive(run, planner, judge, predict, task, report)
+        run.off_the_lanes = off_the_lanes(predict)
     return run
 
 

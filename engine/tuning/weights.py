@@ -43,7 +43,7 @@ _WEIGHTS = (
     CostWeight("distance_to_reference_path", "norm of the offset over the second half", "keeps to the path", "core"),
     CostWeight("distance_to_obstacles", "Σ 1 / smallest distance², others standing", "keeps away from others", "core"),
     CostWeight("prediction", "collision probability with predicted others × 1000", "avoids predicted motion", "core"),
-    CostWeight("responsibility", "nearness that the ego itself brings about", "does not close in on others", "ours"),
+    CostWeight("responsibility", "nearness the ego would answer for", "keeps lane, distance, right of way", "ours"),
 )
 
 _EXTERNAL = (

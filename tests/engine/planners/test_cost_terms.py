@@ -2,7 +2,16 @@
 
 import numpy as np
 import pytest
-from builders_planning import straight_road
+from builders_planning import (
+    configuration,
+    drive,
+    goal_state,
+    parked_car,
+    problem_for,
+    rectangle_at,
+    scenario_on,
+    straight_road,
+)
 
 from plannerforge.engine.planners.candidate_batch import CandidateBatch
 from plannerforge.engine.planners.cost_terms import lane_center_offset, own_terms, path_length, velocity
@@ -53,3 +62,14 @@ def test_all_thirteen_weights_act_and_the_three_external_ones_do_not() -> None:
     assert {name for name, weight in cost_weights().items() if weight.computed_by == "ours"} == set(own_terms())
     assert sorted(external_weights()) == ["occ_pm", "occ_um", "occ_ve"]
     assert not any(weight.acts for weight in external_weights().values())
+
+
+def test_external_weights_change_nothing_that_is_driven() -> None:
+    scenario = scenario_on(straight_road(lanes=2), parked_car(7, (35.0, 0.0)))
+    goal = goal_state((20, 30), rectangle_at(25.0, 0.0))
+    plain, kept = (
+        drive(scenario, problem_for(goal), configuration("frenetix:Balanced", *changes))
+        for changes in ((), ("occ_pm=5", "occ_um=5", "occ_ve=5"))
+    )
+    assert np.array_equal([s.position for s in plain.states], [s.position for s in kept.states])
+    assert [dict(plan.costs) for plan in plain.plans] == [dict(plan.costs) for plan in kept.plans]
