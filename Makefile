@@ -8,7 +8,8 @@ STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 
-.PHONY: help demo test check lint types layers bench bench-server starter format clean
+.PHONY: help demo test check lint types layers bench bench-server bench-planners bench-faults bench-reactive \
+	bench-responsibility starter format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -54,6 +55,18 @@ bench: bench-server
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_server
+
+bench-planners: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_planners
+
+bench-faults: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_planner_faults
+
+bench-reactive: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_reactive
+
+bench-responsibility: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_responsibility
 
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.draw_library

@@ -14,6 +14,7 @@ from pydantic import BaseModel
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.schemas.exporting import FileWritten, RunTableRequest
+from plannerforge.schemas.planner_settings import PlannerSettings
 from plannerforge.schemas.planning import PlannerConfiguration
 from plannerforge.schemas.runs import CollisionRecord, LostCell, RunMetrics, RunRecord
 
@@ -23,7 +24,7 @@ _PARTS: dict[str, type[BaseModel]] = {"collision": CollisionRecord, "metrics": R
 
 def write_run_table(request: RunTableRequest, report: ProgressReporter) -> FileWritten:
     """Write the table of a batch to the request's path."""
-    kinds = _record_columns() | _weight_columns(request.configurations)
+    kinds = _record_columns() | _tuning_columns(request.configurations)
     rows = run_rows(request.records, request.lost, request.configurations)
     target = Path(request.target_path)
     if request.form == "csv":
@@ -38,11 +39,11 @@ def run_rows(
     records: Sequence[RunRecord], lost: Sequence[LostCell], configurations: Sequence[PlannerConfiguration]
 ) -> list[dict[str, Value]]:
     """The rows, in the order of the runs, then of the lost cells; a figure that is not defined is None."""
-    weights = {item.config_id: _weights(item) for item in configurations}
-    rows = [_flat(record.model_dump(mode="json")) | weights.get(record.config_id, {}) for record in records]
+    tuning = {item.config_id: _tuning(item) for item in configurations}
+    rows = [_flat(record.model_dump(mode="json")) | tuning.get(record.config_id, {}) for record in records]
     for cell in lost:
         known: dict[str, Value] = {"scenario_id": cell.scenario_id, "config_id": cell.config_id}
-        rows.append(known | {"outcome": "lost", "reason": cell.error} | weights.get(cell.config_id, {}))
+        rows.append(known | {"outcome": "lost", "reason": cell.error} | tuning.get(cell.config_id, {}))
     return rows
 
 
@@ -60,13 +61,17 @@ def _cell(value: Any) -> Value:
     return json.dumps(value, sort_keys=True) if isinstance(value, dict | list) else value
 
 
-def _weights(configuration: PlannerConfiguration) -> dict[str, Value]:
+def _tuning(configuration: PlannerConfiguration) -> dict[str, Value]:
+    settings = {f"setting_{name}": value for name, value in configuration.settings.model_dump().items()}
     values = configuration.weights | configuration.external_weights
-    return {f"weight_{name}": value for name, value in values.items()}
+    return settings | {f"weight_{name}": value for name, value in sorted(values.items())}
 
 
-def _weight_columns(configurations: Sequence[PlannerConfiguration]) -> dict[str, type]:
-    return dict.fromkeys(sorted({key for item in configurations for key in _weights(item)}), float)
+def _tuning_columns(configurations: Sequence[PlannerConfiguration]) -> dict[str, type]:
+    fields = PlannerSettings.model_fields.items()
+    settings = {f"setting_{name}": _type_of(field.annotation) for name, field in fields}
+    weights = sorted({key for item in configurations for key in _tuning(item)} - settings.keys())
+    return settings | dict.fromkeys(weights, float)
 
 
 def _record_columns() -> dict[str, type]:

@@ -40,6 +40,8 @@ def test_columns_have_their_types_also_where_they_are_empty(tmp_path: Path, with
     assert schema.field("metrics_minimum_distance_m").type == pa.float64()
     assert schema.field("weight_prediction").type == pa.float64()
     assert schema.field("reason").type == pa.string()
+    assert schema.field("setting_vehicle").type == pa.int64()
+    assert schema.field("setting_length_m").type == pa.float64()
 
 
 def test_runs_collisions_and_lost_cells_are_rows(tmp_path: Path) -> None:
