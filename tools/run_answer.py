@@ -33,7 +33,7 @@ def answer(
             "summary": _summary(records),
             "runs": tuple(_line(record) for record in records[:LISTED_RUNS]),
             "lost": tuple(lost[:10]),
-            "notes": (*notes, *_prediction_notes(records)),
+            "notes": (*notes, *_prediction_notes(records), *_traffic_notes(records)),
             "next_step": _next_step(records, batch_id, job_id, state),
         }
     )
@@ -47,6 +47,15 @@ def _prediction_notes(records: Sequence[RunRecord]) -> list[str]:
     return [
         f"lane prediction: {sum(counts)} obstacles in {len(counts)} runs were off the lanes: constant velocity there"
     ]
+
+
+def _traffic_notes(records: Sequence[RunRecord]) -> list[str]:
+    """Who did not react although the traffic is reactive."""
+    counts = [len(record.on_recording) for record in records if record.on_recording]
+    if not counts:
+        return []
+    told = f"{sum(counts)} (in {len(counts)} of {len(records)} runs)"
+    return [f"reactive traffic: moving obstacles that followed their recording all the same: {told}"]
 
 
 def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:

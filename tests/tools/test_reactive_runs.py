@@ -24,7 +24,9 @@ NEAR = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 45))
 
 
 async def test_a_reactive_run_is_asked_for_refused_told_stored_and_drawn(settings: Settings, tmp_path: Path) -> None:
-    builder = replace(town_road(), problems=(NEAR,)).with_vehicles(driving(32, (15.0, 0.0), 16.0, 60))
+    builder = replace(town_road(), problems=(NEAR,)).with_vehicles(
+        driving(32, (15.0, 0.0), 16.0, 60), driving(60, (90.0, -9.0), 1.0, 60, kind="pedestrian", size_m=(0.6, 0.6))
+    )
     path = builder.write(tmp_path / "one.xml")
     own = settings.model_copy(update={"starter": False})
     async with Client(create_server(own, start_folder=tmp_path)) as client:
@@ -40,6 +42,10 @@ async def test_a_reactive_run_is_asked_for_refused_told_stored_and_drawn(setting
         reactive = await ask("run_planner", traffic="reactive")
         recorded = await ask("run_planner")
     assert reactive["traffic"] == "reactive"
+    assert reactive["notes"] == [
+        "reactive traffic: moving obstacles that followed their recording all the same: 1 (in 1 of 1 runs)"
+    ]
+    assert recorded["notes"] == []
     assert reactive["runs"][0]["run_id"] != recorded["runs"][0]["run_id"]
     workspace = Workspace(own.workspace)
     run_id = reactive["runs"][0]["run_id"]
