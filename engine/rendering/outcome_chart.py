@@ -68,7 +68,14 @@ def draw_outcomes(groups: Sequence[tuple[str, Sequence[RunRecord]]], path: Path)
     _dress(shares, rates, groups)
     handles = [Patch(facecolor=outcome_colour(name), label=name.replace("_", " ")) for name in _ORDER if name in seen]
     figure.legend(
-        handles=handles, loc="lower left", ncols=8, frameon=False, bbox_to_anchor=(0.19, 0), fontsize=SMALL_PT + 0.5
+        handles=handles,
+        loc="lower left",
+        ncols=len(_ORDER),
+        frameon=False,
+        bbox_to_anchor=(0.19 if len(handles) < 6 else 0.0, 0),
+        fontsize=SMALL_PT + 0.5,
+        columnspacing=1.5,
+        handlelength=1.5,
     )
     total = sum(len(records) for _, records in groups)
     write_title(figure, "Outcomes", f"{total} runs; numbers in the bars are runs; invalid runs are in no bar")
