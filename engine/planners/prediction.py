@@ -10,7 +10,7 @@ import numpy as np
 from plannerforge.engine.geometry.polyline import Points, Values, wrap_angle
 from plannerforge.engine.planners.interface import EgoState, PredictedObstacle
 from plannerforge.engine.planners.lane_prediction import LanePaths
-from plannerforge.engine.planners.traffic import RecordedTraffic
+from plannerforge.engine.planners.traffic import Traffic
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.runs import Prediction
@@ -55,7 +55,7 @@ def off_the_lanes(predict: Predictor) -> tuple[int, ...]:
 
 
 def observe(
-    traffic: RecordedTraffic, ego: EgoState, predict: Predictor, steps: int, step_s: float
+    traffic: Traffic, ego: EgoState, predict: Predictor, steps: int, step_s: float
 ) -> tuple[PredictedObstacle, ...]:
     """All obstacles within 80 m of the ego with their predicted motion over ``steps`` steps from now on.
 
