@@ -150,15 +150,18 @@ def _core_prediction(obstacle: PredictedObstacle, last: int, frame: FrenetFrame)
     turn = np.array(
         [[np.cos(frame.angle_rad), np.sin(frame.angle_rad)], [-np.sin(frame.angle_rad), np.cos(frame.angle_rad)]]
     )
-    covariance = np.zeros((6, 6), order="F")
-    covariance[:2, :2] = turn @ obstacle.covariance @ turn.T
-    covariance[0, 1] = covariance[1, 0] = (covariance[0, 1] + covariance[1, 0]) / 2
     positions = frame.inwards(obstacle.positions[1 : last + 2])
+    given = np.broadcast_to(obstacle.covariance, (len(obstacle.positions), 2, 2))[1 : last + 2]
+    planar = turn @ given @ turn.T
+    covariances = np.zeros((len(positions), 6, 6))
+    covariances[:, :2, :2] = (planar + planar.transpose(0, 2, 1)) / 2
     half = (obstacle.headings_rad[1 : last + 2] - frame.angle_rad) / 2
     poses = [
         frenetix.PoseWithCovariance(
-            np.array([x, y, 0.0]), np.array([0.0, 0.0, np.sin(angle), np.cos(angle)]), covariance
+            np.array([x, y, 0.0]),
+            np.array([0.0, 0.0, np.sin(angle), np.cos(angle)]),
+            np.asfortranarray(covariance),
         )
-        for (x, y), angle in zip(positions.tolist(), half.tolist(), strict=True)
+        for (x, y), angle, covariance in zip(positions.tolist(), half.tolist(), covariances, strict=True)
     ]
     return frenetix.PredictedObject(obstacle.obstacle_id, poses, obstacle.length_m, obstacle.width_m)
