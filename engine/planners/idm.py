@@ -4,7 +4,7 @@ Longitudinal: Treiber, Hennecke, Helbing, "Congested traffic states in empirical
 simulations", Physical Review E 62, 2000: acceleration a·[1 − (v/v0)⁴ − (s*/s)²] with the desired gap
 s* = s0 + max(0, v·T + v·Δv / (2·√(a·b))). Above the desired speed the free term is that of the improved model (Kesting,
 Treiber, Helbing 2010), which never brakes harder than b. Lateral: the ego's offset from the path fades out. It knows
-no cost terms, and neither overtakes nor evades; the edge of the road is not looked at.
+no cost terms, neither overtakes nor evades, and slows down neither for bends nor for the edge of the road.
 """
 
 import math
