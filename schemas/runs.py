@@ -122,7 +122,7 @@ class RunRecord(Model):
     invalid_reason: InvalidReason | None = Field(None, description="stable code, only where the outcome is invalid")
     collision: CollisionRecord | None
     off_the_lanes: tuple[int, ...] = Field(
-        (), description="lane prediction: obstacles it could only predict straight on"
+        (), description="lane prediction: obstacles predicted straight on"
     )
     on_recording: tuple[int, ...] = Field((), description="reactive traffic: obstacles that SUMO could not drive")
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
