@@ -36,6 +36,7 @@ from plannerforge.engine.planners.lane_corridors import Corridor
 
 RANGE_M = 8.0
 SCALE_M = 2.0
+EVERY_S = 0.2
 STANDING_MPS = 0.1
 BRAKING_MPS2 = 8.0
 ACCELERATION_MPS2 = 3.0
@@ -71,28 +72,33 @@ class _Nearness:
     """Gaps between the candidates' rectangles and those of an obstacle; the present step is left out.
 
     In the obstacle's frame the ego counts by its bounding box, which is exact where both are parallel or at right
-    angles. Steps at which no candidate can be within 8 m are skipped.
+    angles. Every 0.2 s is looked at, the last step included; steps at which no candidate can be within 8 m are skipped.
     """
 
     def __init__(self, batch: CandidateBatch) -> None:
         self._batch = batch
-        self._cos, self._sin = np.cos(batch.heading_rad), np.sin(batch.heading_rad)
-        self._low = np.stack([batch.x_m.min(axis=0), batch.y_m.min(axis=0)], axis=1)
-        self._high = np.stack([batch.x_m.max(axis=0), batch.y_m.max(axis=0)], axis=1)
+        every = max(round(EVERY_S / batch.step_s), 1)
+        self._steps = np.arange(batch.x_m.shape[1] - 1, 0, -every)[::-1]
+        self._x, self._y = batch.x_m[:, self._steps], batch.y_m[:, self._steps]
+        heading = batch.heading_rad[:, self._steps]
+        self._cos, self._sin = np.cos(heading), np.sin(heading)
+        self._low = np.stack([self._x.min(axis=0), self._y.min(axis=0)], axis=1)
+        self._high = np.stack([self._x.max(axis=0), self._y.max(axis=0)], axis=1)
 
     def to(self, other: PredictedObstacle) -> tuple[Values, NDArray[np.intp]]:
         """Smallest gap in m (infinite beyond the range) and its step, for every candidate."""
-        batch, half_length, half_width = self._batch, self._batch.half_length_m, self._batch.half_width_m
-        count = min(len(other.positions), batch.x_m.shape[1])
+        half_length, half_width = self._batch.half_length_m, self._batch.half_width_m
+        steps = self._steps[self._steps < len(other.positions)]
+        there, count = other.positions[steps], len(steps)
         reach = RANGE_M + math.hypot(half_length, half_width) + math.hypot(other.length_m, other.width_m) / 2
-        outside = np.maximum(self._low[:count] - other.positions[:count], other.positions[:count] - self._high[:count])
-        steps = np.flatnonzero((outside < reach).all(axis=1) & (np.arange(count) > 0))
-        if not len(steps):
-            return np.full(len(batch.x_m), np.inf), np.zeros(len(batch.x_m), dtype=np.intp)
-        part = slice(int(steps[0]), int(steps[-1]) + 1)
-        cos, sin = np.cos(other.headings_rad[part]), np.sin(other.headings_rad[part])
-        away_x = batch.x_m[:, part] - other.positions[part, 0]
-        away_y = batch.y_m[:, part] - other.positions[part, 1]
+        outside = np.maximum(self._low[:count] - there, there - self._high[:count])
+        close = np.flatnonzero((outside < reach).all(axis=1))
+        if not len(close):
+            return np.full(len(self._x), np.inf), np.zeros(len(self._x), dtype=np.intp)
+        part = slice(int(close[0]), int(close[-1]) + 1)
+        heading = other.headings_rad[steps[part]]
+        cos, sin = np.cos(heading), np.sin(heading)
+        away_x, away_y = self._x[:, part] - there[part, 0], self._y[:, part] - there[part, 1]
         parallel = np.abs(self._cos[:, part] * cos + self._sin[:, part] * sin)
         turned = np.abs(self._sin[:, part] * cos - self._cos[:, part] * sin)
         ahead = np.abs(away_x * cos + away_y * sin) - (half_length * parallel + half_width * turned)
@@ -101,7 +107,7 @@ class _Nearness:
         aside = np.maximum(aside - other.width_m / 2, 0.0)
         squared = ahead * ahead + aside * aside
         nearest = squared.argmin(axis=1)
-        return np.sqrt(squared[np.arange(len(squared)), nearest]), nearest + part.start
+        return np.sqrt(squared[np.arange(len(squared)), nearest]), steps[part][nearest]
 
 
 @dataclass(frozen=True)
