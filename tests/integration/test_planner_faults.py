@@ -218,17 +218,18 @@ def test_killed_server_takes_up_its_batch_where_it_was(
 ) -> None:
     first = server("--workers", "1")
     first.call("import_files", path=str(files))
-    started = first.call("run_planner", scenarios=["preset:9"], wait_s=0)
-    while len(first.call("get_job", job_id=started["job_id"], wait_s=1)["results"]) < 3:
+    grid = {"scenarios": ["preset:9"], "configs": ["frenetix:Default", "frenetix:Safety", "frenetix:Comfort"]}
+    started = first.call("run_planner", wait_s=0, **grid)
+    while len(first.call("get_job", job_id=started["job_id"], wait_s=0)["results"]) < 3:
         pass
     first.kill()
     kept = sum(stored_runs(tmp_path).values())
-    assert 3 <= kept < 9
+    assert 3 <= kept < 27
     second = server("--workers", "2")
     assert second.call("get_job", job_id=started["job_id"])["state"] == "interrupted"
-    result = second.call("run_planner", scenarios=["preset:9"], wait_s=50)
-    assert (result["state"], result["finished"], result["reused"], result["lost"]) == ("done", 9, kept, [])
-    assert list(stored_runs(tmp_path).values()) == [1] * 9
+    result = second.call("run_planner", wait_s=50, **grid)
+    assert (result["state"], result["finished"], result["reused"], result["lost"]) == ("done", 27, kept, [])
+    assert list(stored_runs(tmp_path).values()) == [1] * 27
 
 
 @pytest.mark.parametrize("grids", [("preset:9", "preset:9"), ("preset:9", "preset:6")], ids=["same", "overlapping"])
