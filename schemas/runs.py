@@ -121,9 +121,7 @@ class RunRecord(Model):
     reason: str = Field(description="one sentence: what ended the run, with figures")
     invalid_reason: InvalidReason | None = Field(None, description="stable code, only where the outcome is invalid")
     collision: CollisionRecord | None
-    off_the_lanes: tuple[int, ...] = Field(
-        (), description="lane prediction: obstacles predicted straight on"
-    )
+    off_the_lanes: tuple[int, ...] = Field((), description="lane prediction: obstacles predicted straight on")
     on_recording: tuple[int, ...] = Field((), description="reactive traffic: obstacles that SUMO could not drive")
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
