@@ -4,6 +4,7 @@ Several servers work on one workspace at once (every IDE window starts its own),
 """
 
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -108,7 +109,7 @@ class Database:
                 self.path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
             )
             connection.row_factory = sqlite3.Row
-            connection.execute("PRAGMA journal_mode = WAL")
+            _write_ahead(connection)
             connection.execute("PRAGMA synchronous = NORMAL")
             found = int(connection.execute("PRAGMA user_version").fetchone()[0])
             if found > SCHEMA_VERSION:
@@ -121,6 +122,20 @@ class Database:
         except (sqlite3.Error, OSError) as error:
             raise _failure(self.path, error) from error
         return connection
+
+
+def _write_ahead(connection: sqlite3.Connection) -> None:
+    """Switch to the write-ahead log; SQLite's own busy time-out does not cover two servers that do so at once."""
+    give_up = time.monotonic() + BUSY_TIMEOUT_S
+    while True:
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > give_up:
+                raise
+            time.sleep(0.02)
+        else:
+            return
 
 
 def _roll_back(connection: sqlite3.Connection) -> None:
