@@ -1,0 +1,49 @@
+"""What the code imports and what the package asks for agree, so that a fresh install works like a lived-in one."""
+
+import ast
+import re
+import sys
+import tomllib
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+LAYERS = ("schemas", "engine", "tools", "resources", "prompts", "server", "agent", "evals")
+COMES_WITH = {"pydantic-core": "pydantic", "transformers": "sentence-transformers"}
+ASKED_FOR_UNIMPORTED = {
+    "commonroad-clcs": "commonroad-drivability-checker imports it without asking for it",
+}
+
+
+def normalised(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def asked_for() -> set[str]:
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return {normalised(re.split(r"[<>=~!\[; ]", line, maxsplit=1)[0]) for line in project["dependencies"]}
+
+
+def imported_modules() -> set[str]:
+    modules: set[str] = set()
+    for path in (file for folder in LAYERS for file in (CHECKOUT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                modules.update(alias.name.split(".")[0] for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                modules.add(node.module.split(".")[0])
+    return modules - set(sys.stdlib_module_names) - {"plannerforge"}
+
+
+def imported_distributions() -> set[str]:
+    owners = packages_distributions()
+    found = {normalised(owners.get(module, [module])[0]) for module in imported_modules()}
+    return {COMES_WITH.get(name, name) for name in found}
+
+
+def test_everything_imported_is_asked_for() -> None:
+    assert imported_distributions() - asked_for() == set()
+
+
+def test_everything_asked_for_is_imported() -> None:
+    assert asked_for() - imported_distributions() == set(ASKED_FOR_UNIMPORTED)
