@@ -24,7 +24,7 @@ from plannerforge.resources.templates import TEMPLATES, read_resource
 from plannerforge.schemas.errors import PlannerForgeError, UnknownName, closest
 from plannerforge.server.journal import Journal
 from plannerforge.server.tool_calls import answer
-from plannerforge.server.tool_schema import tool_description
+from plannerforge.server.tool_descriptions import described_tool
 from plannerforge.tools.call import Services, ToolCall
 from plannerforge.tools.registry import ToolSpec
 
@@ -66,7 +66,7 @@ class PlannerForgeServer(MCPServer[Services]):
 
     async def list_tools(self) -> list[Tool]:
         """All tools, in the order of the registry."""
-        return [tool_description(spec) for spec in self._specs.values()]
+        return [described_tool(spec) for spec in self._specs.values()]
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Services, Any] | None = None

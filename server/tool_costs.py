@@ -8,13 +8,13 @@ from rich.table import Table
 from plannerforge.server.assembly import offered_tools
 from plannerforge.server.settings import Settings
 from plannerforge.server.tokens import count_tokens
-from plannerforge.server.tool_schema import tool_description
+from plannerforge.server.tool_descriptions import described_tool
 from plannerforge.tools.registry import ToolSpec
 
 
 def tool_cost(spec: ToolSpec) -> int:
     """o200k_base tokens of one tool as a host hands it to a model."""
-    tool = tool_description(spec)
+    tool = described_tool(spec)
     shown = {"name": tool.name, "description": tool.description, "inputSchema": tool.input_schema}
     return count_tokens(json.dumps(shown, separators=(",", ":"), ensure_ascii=False))
 
@@ -25,7 +25,7 @@ def print_costs(settings: Settings) -> None:
     costs = []
     for spec in offered_tools(settings):
         costs.append(tool_cost(spec))
-        description = (tool_description(spec).description or "").split(". ")[0].rstrip(".")
+        description = (described_tool(spec).description or "").split(". ")[0].rstrip(".")
         table.add_row(spec.name, str(costs[-1]), "yes" if spec.read_only else "", description)
     table.add_section()
     table.add_row("all", str(sum(costs)), "", "")

@@ -1,14 +1,15 @@
-"""The schemas of all tools are part of the contract: a change shows in a snapshot."""
+"""The schemas of all tools are part of the contract: a change shows in the files that the server sends."""
 
 import json
 from pathlib import Path
 
 import pytest
 
+from plannerforge.server.tool_descriptions import described_tool
 from plannerforge.server.tool_schema import tool_description
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
-SNAPSHOTS = Path(__file__).parent / "snapshots"
+SNAPSHOTS = Path(__file__).parents[2] / "server" / "descriptions"
 
 
 @pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
@@ -20,6 +21,11 @@ def test_the_schema_of_a_tool_is_the_one_in_its_snapshot(spec: ToolSpec, request
         SNAPSHOTS.mkdir(exist_ok=True)
         snapshot.write_text(current, encoding="utf-8")
     assert current == snapshot.read_text(encoding="utf-8"), "run pytest tests/contract --update-snapshots and look"
+
+
+@pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
+def test_what_the_server_sends_is_what_the_models_say(spec: ToolSpec) -> None:
+    assert described_tool(spec) == tool_description(spec)
 
 
 def test_there_is_no_snapshot_without_a_tool() -> None:
