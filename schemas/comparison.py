@@ -1,12 +1,15 @@
 """Paired comparison of planner runs: arguments, results and the tests they are made of."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, WithJsonSchema
 
 from plannerforge.schemas.base import Arguments, Model, Result
 from plannerforge.schemas.results import ConfigWeights, MetricName, RunSource
 from plannerforge.schemas.runs import Outcome
+
+UnlistedMetric = Annotated[MetricName, WithJsonSchema({"type": "string"})]
+"""A metric whose name the schema leaves out, to stay small; a refusal lists them all."""
 
 
 class CompareResultsArguments(Arguments):
@@ -18,7 +21,7 @@ class CompareResultsArguments(Arguments):
         max_length=50,
         description="two or more run or batch ids, the baseline first, or one batch with several configurations",
     )
-    metrics: list[MetricName] = Field([], description="default: all that can be compared")
+    metrics: list[UnlistedMetric] = Field([], description="risk_score, duration_s …; default: all that can be compared")
     limit: int = Field(10, ge=1, le=100, description="flipped scenarios shown per direction")
 
 
