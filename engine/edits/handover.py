@@ -13,6 +13,9 @@ from plannerforge.engine.traffic.smoothing import REAR_AXLE_BEHIND_CENTER_M, Mot
 HISTORY_STEPS = 15
 FEWEST_STATES = 5
 POSE_DECAY_S, SPEED_DECAY_S = 1.5, 0.6
+LANE_S = 3.0
+"""A vehicle recorded beside its lane is led into it in so long, as in a lane change; SUMO puts it there at once."""
+
 STANDING_MPS = 0.02
 
 
@@ -45,6 +48,7 @@ def touched_track(start: Track, driven: DrivenTrack, step_s: float, last_step: i
     onward = _rolled_on(start, index, driven.front[1:], wanted - 1, step_s)
     if len(onward) < 2:
         return None
+    onward = _led_into_lane(start, index, onward, step_s)
     history = _history(start, index, step_s)
     front = np.concatenate([history, front_of(start, index)[None], onward])
     first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
@@ -62,6 +66,15 @@ def _rolled_on(start: Track, index: int, onward: Points, count: int, step_s: flo
     last = onward[-1] if len(onward) else front_of(start, index)
     more = [last + forward * step for step in range(1, count - len(onward) + 1)]
     return np.array([*onward, *more]).reshape(-1, 2)
+
+
+def _led_into_lane(start: Track, index: int, onward: Points, step_s: float) -> Points:
+    """The front track after the hand-over without SUMO's leap to the middle of the lane, which fades in instead."""
+    angle, speed = float(start.headings_rad[index]), max(float(start.speeds_mps[index]), 0.0)
+    expected = front_of(start, index) + speed * step_s * np.array([math.cos(angle), math.sin(angle)])
+    share = np.clip(np.arange(1, len(onward) + 1) * step_s / LANE_S, 0.0, 1.0)
+    led: Points = onward + (expected - onward[0]) * (1.0 - share**2 * (3.0 - 2.0 * share))[:, None]
+    return led
 
 
 def _history(start: Track, index: int, step_s: float) -> Points:

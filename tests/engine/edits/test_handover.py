@@ -1,5 +1,7 @@
 """A vehicle is taken over at its recorded state, without a jump in place or speed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from builders import driving, town_road
@@ -61,3 +63,15 @@ def test_a_vehicle_recorded_beside_its_lane_is_not_taken_for_one_of_the_road_the
     assert track.positions[0] == pytest.approx((20, 6.8))
     assert track.positions[60][0] > 60
     assert track.positions[60][1] < 5
+
+
+def test_a_vehicle_recorded_askew_beside_its_lane_is_led_into_it_without_a_leap(apply: Apply) -> None:
+    straight = driving(36, (20, 6.2), 17.0, 151)
+    askew = replace(straight, poses=((20.0, 6.2, 0.24, 17.0), *straight.poses[1:]))
+    applied = apply(
+        {"op": "set_behaviour", "vehicles": ["36"], "preset": "balanced"}, builder=town_road().with_vehicles(askew)
+    )
+    (vehicle,) = applied.outcome.touched
+    assert vehicle.handover_speed_step_mps is not None
+    assert vehicle.handover_speed_step_mps <= 1.0
+    assert vehicle.feasible
