@@ -1,7 +1,7 @@
 """From SUMO's track of a driven vehicle to a motion that begins exactly at its recorded state."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,16 @@ class TouchedTrack:
     def last_step(self) -> int:
         """The last step at which the vehicle is there."""
         return self.first_step + len(self.motion.speeds_mps) - 1
+
+    def whole(self, start: Track) -> Track:
+        """The recorded track up to the hand-over, and this motion from there on."""
+        index = self.first_step - start.first_step
+        return replace(
+            start,
+            positions=np.concatenate([start.positions[:index], self.motion.positions]),
+            headings_rad=np.concatenate([start.headings_rad[:index], self.motion.headings_rad]),
+            speeds_mps=np.concatenate([start.speeds_mps[:index], self.motion.speeds_mps]),
+        )
 
 
 def touched_track(start: Track, driven: DrivenTrack, step_s: float, last_step: int) -> TouchedTrack | None:
