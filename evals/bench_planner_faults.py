@@ -1,228 +1,163 @@
 """``make bench-faults``: planner batches while servers and workers are killed, runs hang or crash, the disk is full.
 
+Grids of small starter scenarios under fast configurations of both planners, their weights drawn at random. Of each grid
+the runs of one scenario hang and those of another crash the native core, at first; then servers are asked for the whole
+grid until it is whole, while faults strike at random moments. All moments and weights come from one seed.
+
 Keys: ``runs`` (asked for), ``results`` (runs stored), ``named_errors`` (runs and calls that ended in an error with a
-code), ``lost`` (runs that ended in neither), ``double`` (runs stored more than once), ``resumed`` (servers that took up
-a batch of one that was killed).
+code), ``lost`` (runs that ended in neither), ``double`` (runs made or listed more than once), ``resumed`` (servers that
+took up a grid of one that was killed), ``worker_killed``, ``server_killed``, ``disk_full``, ``hung``, ``crashed``
+(faults that struck), ``minutes``.
 """
 
 import argparse
-import json
 import math
-import os
 import random
-import resource
-import signal
-import sqlite3
-import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
 
 import anyio
 
+from plannerforge.engine.catalog.starter import open_catalogue
 from plannerforge.engine.execution.claims import Claims
-from plannerforge.engine.execution.executor import Executor, Lane, OnProgress, Response, no_progress
 from plannerforge.engine.execution.job_runner import JobRunner
 from plannerforge.engine.execution.jobs import JobStore
 from plannerforge.engine.execution.limits import Limits
 from plannerforge.engine.execution.pool import WorkerPool
+from plannerforge.engine.tuning.configurations import changed_configuration, named_configuration
 from plannerforge.engine.workspace.artifacts import Workspace
-from plannerforge.evals.bench_faults import workers_of_this_process
 from plannerforge.evals.bench_output import print_figures
-from plannerforge.schemas.base import Model
-from plannerforge.schemas.planning import RunPlannerArguments, RunPlannerResult, RunRequest
+from plannerforge.evals.misdirecting import Misdirecting
+from plannerforge.evals.struck_server import Grid, Tally, drive
+from plannerforge.schemas.planning import RunPlannerArguments
+from plannerforge.schemas.runs import BatchRecord
 from plannerforge.tools.call import Services, ToolCall
+from plannerforge.tools.configurations import store_configuration
 from plannerforge.tools.planning import run_planner
 
-OPERATIONS = ("plannerforge.evals.misbehaving:hang", "plannerforge.evals.misbehaving:crash")
-CONFIGS = ("frenetix:Default", "frenetix:Safety-Conservative", "frenetix:Comfort")
+HANG, CRASH = "plannerforge.evals.misbehaving:hang", "plannerforge.evals.misbehaving:crash"
 HANG_LIMIT_S = 4.0
-FULL_AT_BYTES = 1024
-MOST_CALLS = 60
+SCENARIOS, CONFIGS, MISBEHAVING_CONFIGS = 10, 20, 4
+FAULTS_A_GRID = 15
+PLANNERS = {
+    "frenetix:Default": (["prediction", "velocity_offset", "lateral_jerk"], ["sampling_level=1", "replan_steps=5"]),
+    "idm": (["time_headway_s", "minimum_gap_m"], ["horizon_s=2"]),
+}
+"""Base configurations with the weights that are drawn and the settings that make their runs short."""
 
 
-@dataclass
-class Tally:
-    """What was seen so far."""
-
-    named_errors: int = 0
-    unnamed: int = 0
-    resumed: int = 0
-    notes: list[str] = field(default_factory=list)
-
-
-class Misdirecting:
-    """An executor that has every seventh run carried out by an operation that misbehaves."""
-
-    def __init__(self, inner: Executor) -> None:
-        self._inner, self._seen = inner, 0
-
-    @property
-    def capacity(self) -> int:
-        """That of the executor behind it."""
-        return self._inner.capacity
-
-    async def run(
-        self,
-        entry_point: str,
-        request: Model,
-        response_type: type[Response],
-        *,
-        timeout_s: float | None = None,
-        on_progress: OnProgress = no_progress,
-        lane: Lane = "compute",
-    ) -> Response:
-        """Run the operation, or one that misbehaves."""
-        if isinstance(request, RunRequest):
-            self._seen += 1
-            if self._seen % 7 == 0:
-                entry_point, timeout_s = OPERATIONS[self._seen // 7 % 2], HANG_LIMIT_S
-        return await self._inner.run(
-            entry_point, request, response_type, timeout_s=timeout_s, on_progress=on_progress, lane=lane
-        )
-
-
-async def misdirected_batch(workspace: Path, seed: int, tally: Tally) -> None:
-    """A batch of which some runs hang or crash."""
-    limits = Limits(roots=(workspace,))
-    opened = Workspace(workspace)
+@asynccontextmanager
+async def misdirected_call(workspace: Workspace, instead: dict[str, str]) -> AsyncIterator[ToolCall]:
+    """A tool call in this process, in which the runs of some scenarios misbehave."""
 
     async def ignore(share: float, message: str) -> None:
         del share, message
 
-    async with WorkerPool.open(limits, workspace / "logs" / "faults.log") as pool, anyio.create_task_group() as tasks:
-        jobs = JobRunner(JobStore(opened.database), tasks)
-        services = Services(opened, Misdirecting(pool), jobs, Claims(opened.database), limits)
-        arguments = RunPlannerArguments(scenarios=["preset:500"], configs=list(CONFIGS), seed=seed, wait_s=50)
-        result = await run_planner(arguments, ToolCall(services, ignore))
+    limits = Limits(roots=(workspace.root,))
+    async with (
+        WorkerPool.open(limits, workspace.root / "logs" / "faults.log") as pool,
+        anyio.create_task_group() as tasks,
+    ):
+        jobs = JobRunner(JobStore(workspace.database), tasks)
+        executor = Misdirecting(pool, instead, HANG_LIMIT_S)
+        yield ToolCall(Services(workspace, executor, jobs, Claims(workspace.database), limits), ignore)
+
+
+def small_scenarios(workspace: Workspace) -> list[str]:
+    """Ids of the scenarios with the smallest files: reading is most of the time of a run."""
+    known = sorted(artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000))
+    return sorted(known, key=lambda key: workspace.file("scenario", key, "scenario.xml").stat().st_size)[:SCENARIOS]
+
+
+def drawn_configs(call: ToolCall, chance: random.Random) -> tuple[str, ...]:
+    """Ids of new configurations, the planners in turn."""
+    made = []
+    for number in range(CONFIGS):
+        name = list(PLANNERS)[number % len(PLANNERS)]
+        weights, settings = PLANNERS[name]
+        base = named_configuration(name)
+        if base is None:
+            raise RuntimeError(f"the built-in configuration {name} is gone")
+        factors = [f"{weight}*{chance.uniform(0.5, 2.0):.4f}" for weight in weights]
+        made.append(changed_configuration(base, None, factors, settings)[0])
+        store_configuration(call, made[-1])
+    return tuple(configuration.config_id for configuration in made)
+
+
+async def misbehaved_grid(workspace: Workspace, scenarios: list[str], chance: random.Random, tally: Tally) -> Grid:
+    """A new grid, of which the runs of a scenario that hangs and of one that crashes were tried."""
+    hanging, crashing = chance.sample(scenarios, 2)
+    async with misdirected_call(workspace, {hanging: HANG, crashing: CRASH}) as call:
+        grid = Grid(tuple(scenarios), drawn_configs(call, chance))
+        misbehaving = grid.configs[:MISBEHAVING_CONFIGS]
+        arguments = RunPlannerArguments(scenarios=[hanging, crashing], configs=list(misbehaving), wait_s=50)
+        result = await run_planner(arguments, call)
         while result.state == "running":
-            result = await run_planner(arguments, ToolCall(services, ignore))
-        _count(result, tally)
-    opened.close()
+            result = await run_planner(arguments, call)
+    tally.faults["hung"] += len(misbehaving)
+    tally.faults["crashed"] += len(misbehaving)
+    return grid
 
 
-def server_call(workspace: Path, seed: int, *, full_disk: bool = False) -> subprocess.Popen[str]:
-    """A server process that is asked for a batch."""
-    arguments = json.dumps({"scenarios": ["preset:500"], "configs": CONFIGS, "seed": seed, "wait_s": 50})
-
-    def no_room() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (FULL_AT_BYTES, FULL_AT_BYTES))
-
-    return subprocess.Popen(
-        [sys.executable, "-m", "plannerforge.server", "call", "run_planner", arguments, "--json"],
-        env={**os.environ, "PLANNERFORGE_WORKSPACE": str(workspace), "PLANNERFORGE_WARM_UP": "false"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=no_room if full_disk else None,
-    )
+def count_lost_cells(workspace: Workspace, tally: Tally) -> None:
+    """Count the errors of the cells that some batch lost."""
+    for artifact in workspace.newest(kind="batch", limit=10_000):
+        for cell in artifact.read(BatchRecord).lost:
+            tally.see(cell.error)
 
 
-def drive_batch(workspace: Path, seed: int, chance: random.Random, tally: Tally) -> None:
-    """Ask until the batch is whole; servers and workers are killed meanwhile, the first of them at once."""
-    kills_left = 2
-    for _ in range(MOST_CALLS):
-        process = server_call(workspace, seed)
-        until = time.monotonic() + chance.uniform(2.0, 8.0) if kills_left else math.inf
-        while process.poll() is None and time.monotonic() < until:
-            time.sleep(chance.uniform(0.2, 1.0))
-            workers = workers_of_this_process()
-            if workers and kills_left and chance.random() < 0.3:
-                os.kill(chance.choice(workers).pid, signal.SIGKILL)
-        if process.poll() is None:
-            process.kill()
-            process.communicate()
-            kills_left -= 1
-            tally.resumed += 1
-            continue
-        output, errors = process.communicate()
-        if process.returncode != 0:
-            _count_error(errors, tally)
-            continue
-        result = RunPlannerResult.model_validate_json(output)
-        _count(result, tally)
-        if result.batch_id and not result.lost:
-            return
-        kills_left = max(kills_left - 1, 0)
-    tally.notes.append(f"the batch of seed {seed} was not whole after {MOST_CALLS} calls")
+def whole_batches(workspace: Workspace, grids: list[Grid]) -> list[BatchRecord]:
+    """The batch of each grid that lost nothing, where there is one."""
+    batches = [artifact.read(BatchRecord) for artifact in workspace.newest(kind="batch", limit=10_000)]
+    whole = {(batch.scenarios, batch.configs): batch for batch in batches if not batch.lost}
+    return [whole[key] for grid in grids if (key := (grid.scenarios, grid.configs)) in whole]
 
 
-def full_disk(workspace: Path, seed: int, tally: Tally) -> None:
-    """A batch in a process that cannot write."""
-    process = server_call(workspace, seed, full_disk=True)
-    output, errors = process.communicate()
-    if process.returncode == 0:
-        _count(RunPlannerResult.model_validate_json(output), tally)
-    else:
-        _count_error(errors, tally)
-
-
-def _count(result: RunPlannerResult, tally: Tally) -> None:
-    for cell in result.lost:
-        _count_error(cell.error, tally)
-
-
-def _count_error(text: str, tally: Tally) -> None:
-    if "[" in text and "]" in text:
-        tally.named_errors += 1
-    else:
-        tally.unnamed += 1
-        tally.notes.append(text.strip()[-300:])
-
-
-def stored_runs(workspace: Path) -> tuple[int, int]:
-    """Runs in the workspace, and how many of them are there more than once."""
-    connection = sqlite3.connect(workspace / "workspace.sqlite")
-    query = "SELECT count(*), count(*) - count(DISTINCT digest) FROM artifacts WHERE kind = 'run'"
-    total, double = connection.execute(query).fetchone()
-    connection.close()
-    return int(total), int(double)
-
-
-def runnable_scenarios(workspace: Path) -> int:
-    """How many starter scenarios a batch has, in a workspace that this makes."""
-    command = [sys.executable, "-m", "plannerforge.server", "call", "find_scenarios", '{"limit": 1}', "--json"]
-    environment = {**os.environ, "PLANNERFORGE_WORKSPACE": str(workspace), "PLANNERFORGE_WARM_UP": "false"}
-    answer: dict[str, Any] = json.loads(
-        subprocess.run(command, env=environment, capture_output=True, check=True).stdout
-    )
-    return int(answer["total"])
-
-
-def measure(workspace: Path, runs: int) -> None:
-    """Batches of all starter scenarios under three configurations, one a seed, until so many runs were asked for."""
-    chance, tally = random.Random(1), Tally()  # noqa: S311 - moments of faults, no secret
-    size = runnable_scenarios(workspace) * len(CONFIGS)
-    batches = math.ceil(runs / size)
-    full_disk(workspace, 0, tally)
-    anyio.run(misdirected_batch, workspace, 0, tally)
-    for seed in range(batches):
-        drive_batch(workspace, seed, chance, tally)
-        sys.stderr.write(f"{stored_runs(workspace)[0]} of {batches * size} runs\n")
-    asked = batches * size
-    results, double = stored_runs(workspace)
+def measure(folder: Path, runs: int, seed: int) -> None:
+    """Grids until so many runs were asked for, one after the other."""
+    began, chance, tally = time.monotonic(), random.Random(seed), Tally()  # noqa: S311 - moments of faults, no secret
+    workspace, grids = Workspace(folder), list[Grid]()
+    open_catalogue(workspace)
+    scenarios = small_scenarios(workspace)
+    for number in range(math.ceil(runs / (len(scenarios) * CONFIGS))):
+        grids.append(anyio.run(misbehaved_grid, workspace, scenarios, chance, tally))
+        drive(folder, grids[-1], chance, tally, FAULTS_A_GRID)
+        minutes = (time.monotonic() - began) / 60
+        sys.stderr.write(f"grid {number + 1} is whole after {minutes:.1f} minutes: {dict(tally.faults)}\n")
+    count_lost_cells(workspace, tally)
+    stored = [artifact.artifact_id for artifact in workspace.newest(kind="run", limit=1_000_000)]
+    listed = [run_id for batch in whole_batches(workspace, grids) for run_id in batch.runs]
+    workspace.close()
+    asked = sum(grid.size for grid in grids)
     figures = {
         "runs": asked,
-        "results": results,
-        "named_errors": tally.named_errors,
-        "lost": asked - results + tally.unnamed,
-        "double": double,
-        "resumed": tally.resumed,
+        "results": len(stored),
+        "named_errors": tally.errors.total(),
+        "lost": asked - len(set(listed) & set(stored)) + len(tally.unnamed),
+        "double": len(listed) - len(set(listed)) + len(set(stored) - set(listed)),
+        "resumed": tally.faults["server_killed"],
+        **{name: tally.faults[name] for name in ("worker_killed", "server_killed", "disk_full", "hung", "crashed")},
+        "minutes": round((time.monotonic() - began) / 60, 1),
     }
-    print_figures("Planner runs under faults", [(name, str(value)) for name, value in figures.items()], figures)
-    for note in tally.notes:
-        sys.stderr.write(f"{note}\n")
+    codes = ", ".join(f"{code} {count}" for code, count in sorted(tally.errors.items()))
+    rows = [(name, str(value)) for name, value in figures.items()]
+    print_figures("Planner runs under faults", [*rows, ("errors by code", codes)], figures)
+    for text in tally.unnamed:
+        sys.stderr.write(f"without a code: {text}\n")
 
 
 def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description="Planner batches under faults.")
     parser.add_argument("--runs", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        measure(Path(folder), parser.parse_args().runs)
+        measure(Path(folder), arguments.runs, arguments.seed)
 
 
 if __name__ == "__main__":

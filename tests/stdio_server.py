@@ -4,9 +4,13 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+GUARD_S = 120.0
+"""A server that does not answer for so long hangs: it is killed, and the test fails instead of hanging as well."""
 
 
 class StdioServer:
@@ -47,11 +51,16 @@ class StdioServer:
         self._requests += 1
         self._send({"jsonrpc": "2.0", "id": self._requests, "method": method, "params": parameters})
         assert self.process.stdout is not None
-        for line in self.process.stdout:
-            answer = json.loads(line)
-            if answer.get("id") == self._requests:
-                return answer
-        raise AssertionError("the server ended")
+        guard = threading.Timer(GUARD_S, self.process.kill)
+        guard.start()
+        try:
+            for line in self.process.stdout:
+                answer = json.loads(line)
+                if answer.get("id") == self._requests:
+                    return answer
+        finally:
+            guard.cancel()
+        raise AssertionError(f"the server ended, or was killed because it did not answer {method} for {GUARD_S:g} s")
 
     def _send(self, message: dict[str, Any]) -> None:
         assert self.process.stdin is not None

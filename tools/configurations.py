@@ -3,6 +3,7 @@
 from plannerforge.engine.tuning.configurations import DEFAULT_CONFIGURATION, named_configuration, to_yaml
 from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.engine.workspace.text_files import write_text
 from plannerforge.schemas.errors import UnknownName, closest
 from plannerforge.schemas.planning import PlannerConfiguration
 from plannerforge.tools.call import ToolCall
@@ -47,11 +48,15 @@ def made_configurations(call: ToolCall, limit: int) -> list[PlannerConfiguration
 def store_configuration(
     call: ToolCall, configuration: PlannerConfiguration, recipe: Recipe | None = None, name: str | None = None
 ) -> Artifact:
-    """Store a configuration with its YAML file; the same weights again are the stored ones."""
+    """Store a configuration with its YAML file; the same weights again are the stored ones.
+
+    Raises:
+        ResourceFailure: the disk is full.
+    """
     recipe = recipe or Recipe(tool=_BY_NAME, arguments={"name": configuration.name, "id": configuration.config_id})
     with call.workspace.scratch() as folder:
         path = folder / "config.yaml"
-        path.write_text(to_yaml(configuration), encoding="utf-8")
+        write_text(path, to_yaml(configuration), f"the configuration {configuration.config_id}")
         return call.workspace.put(
             "config",
             configuration.config_id,

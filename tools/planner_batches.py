@@ -22,13 +22,14 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
         return answer(cells, results, batch_id=batch.batch_id, notes=notes)
 
     finished: list[CellResult] = []
+    known = sum(call.workspace.find_by_recipe("run", cell.recipe()) is not None for cell in cells)
 
     async def work(progress: JobProgress) -> None:
         def on_done(result: CellResult) -> None:
             finished.append(result)
             if result.record is not None:
                 progress.add_result(result.record.run_id)
-            progress.report(len(finished) / len(cells), f"{len(finished)} of {len(cells)} runs")
+            progress.report(own_share(finished, known, len(cells)), f"{len(finished)} of {len(cells)} runs")
 
         results = await run_grid(call, cells, on_done)
         progress.add_result(store_batch(call, cells, results))
@@ -83,6 +84,12 @@ def store_batch(call: ToolCall, cells: Sequence[Cell], results: Sequence[CellRes
         lost=lost,
     )
     return call.workspace.put("batch", record.batch_id, recipe=recipe, record=record).artifact_id
+
+
+def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
+    """The share done of what was not known before: runs that are only looked up say nothing about the time left."""
+    reused = sum(result.reused for result in finished)
+    return (len(finished) - min(reused, known)) / max(total - known, 1)
 
 
 def _stored(call: ToolCall, run_id: str, *, reused: bool = True) -> CellResult:

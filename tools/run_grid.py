@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import anyio
 
 from plannerforge.engine.workspace.recipe import Recipe, versions_of
-from plannerforge.schemas.errors import PlannerForgeError, ResourceFailure, UnexpectedFailure
+from plannerforge.engine.workspace.text_files import write_text
+from plannerforge.schemas.errors import PlannerForgeError, UnexpectedFailure
 from plannerforge.schemas.planning import PlannerConfiguration, RunRequest, RunResponse
 from plannerforge.schemas.runs import LostCell, Prediction, RunRecord, Traffic
 from plannerforge.tools.call import ToolCall
@@ -143,14 +144,8 @@ async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool
     response = await run(RUN, request, RunResponse, timeout_s=RUN_TIMEOUT_S)
     with call.workspace.scratch() as folder:
         files = {"steps.json": response.steps, "timing.json": response.timing}
-        try:
-            for name, content in files.items():
-                (folder / name).write_text(content.model_dump_json(), encoding="utf-8")
-        except OSError as error:
-            raise ResourceFailure(
-                f"the run of {cell.scenario} cannot be written: {error.strerror or error}",
-                next_step="free disk space and call again: finished runs are reused",
-            ) from error
+        for name, content in files.items():
+            write_text(folder / name, content.model_dump_json(), f"the run of {cell.scenario}")
         stored = call.workspace.put(
             "run",
             request.run_id,

@@ -3,13 +3,14 @@
 import logging
 import traceback
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
 
 import anyio
 import anyio.abc
 
 from plannerforge.engine.execution.jobs import Job, JobState, JobStore
 from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.schemas.errors import PlannerForgeError, UnexpectedFailure
+from plannerforge.schemas.errors import PlannerForgeError, ResourceFailure, UnexpectedFailure
 
 logger = logging.getLogger(__name__)
 
@@ -25,13 +26,25 @@ class JobProgress:
         self.results: tuple[str, ...] = ()
 
     def report(self, share: float, message: str) -> None:
-        """Record the share done in [0, 1] and a few words."""
-        self._store.update(self._job_id, share=share, message=message, results=self.results)
+        """Record the share done in [0, 1] and a few words; where that fails (a full disk) the work goes on."""
+        try:
+            self._store.update(self._job_id, share=share, message=message, results=self.results)
+        except ResourceFailure as error:
+            logger.warning("the progress of %s could not be recorded: %s", self._job_id, error.text)
         self._news()
 
     def add_result(self, artifact_id: str) -> None:
         """Record the id of something that is finished and stored."""
         self.results = (*self.results, artifact_id)
+
+
+@dataclass(frozen=True)
+class JobEnd:
+    """How a job ended."""
+
+    state: JobState
+    results: tuple[str, ...]
+    error: str
 
 
 JobWork = Callable[[JobProgress], Awaitable[None]]
@@ -45,9 +58,11 @@ class JobRunner:
         self._tasks = tasks
         self._scopes: dict[str, anyio.CancelScope] = {}
         self._changed = anyio.Event()
+        self._unrecorded: dict[str, JobEnd] = {}
 
     def start(self, kind: str, recipe: Recipe, work: JobWork) -> Job:
         """Start the work, or join the job that already makes this recipe."""
+        self._record_missed_ends()
         job, is_new = self.store.start_or_join(kind, recipe)
         if not is_new:
             return job
@@ -58,12 +73,14 @@ class JobRunner:
 
     async def wait(self, job_id: str, wait_s: float, on_news: Callable[[Job], Awaitable[None]]) -> Job:
         """The job once it has ended, or as it is after ``wait_s``."""
+        self._record_missed_ends()
         job = self.store.get(job_id)
         with anyio.move_on_after(wait_s):
             while not job.ended:
                 changed = self._changed
                 with anyio.move_on_after(POLL_S):
                     await changed.wait()
+                self._record_missed_ends()
                 job = self.store.get(job_id)
                 await on_news(job)
         return job
@@ -93,15 +110,20 @@ class JobRunner:
         finally:
             if scope.cancel_called and state == "interrupted":
                 state = "cancelled"
-            self._record_end(job_id, state, progress.results, error)
+            self._unrecorded[job_id] = JobEnd(state, progress.results, error)
+            self._record_missed_ends()
             self._scopes.pop(job_id, None)
             self._announce()
 
-    def _record_end(self, job_id: str, state: JobState, results: tuple[str, ...], error: str) -> None:
-        try:
-            self.store.end(job_id, state, results=results, error=error)
-        except PlannerForgeError:  # a full disk must not end the server's other work
-            logger.exception("the end of %s (%s) could not be recorded", job_id, state)
+    def _record_missed_ends(self) -> None:
+        """Record how jobs ended; what a full disk refuses is tried again later, or the job would seem to run on."""
+        for job_id, end in list(self._unrecorded.items()):
+            try:
+                self.store.end(job_id, end.state, results=end.results, error=end.error)
+            except ResourceFailure:
+                logger.exception("the end of %s (%s) could not be recorded", job_id, end.state)
+            else:
+                del self._unrecorded[job_id]
 
     def _announce(self) -> None:
         self._changed.set()

@@ -51,6 +51,16 @@ async def test_what_there_is_to_set(call: Call) -> None:
     assert [entry["config_id"] for entry in found["configurations"]] == [made["config_id"]]
 
 
+async def test_full_disk_while_a_configuration_is_written_is_named(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path, *arguments: Any, **options: Any) -> int:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", refuse)
+        assert "[resource_failure] the configuration cfg_" in await call("configure_planner", weights=["prediction*2"])
+    assert (await call("configure_planner", weights=["prediction*2"]))["changes"]
+
+
 async def test_a_chain_of_configurations(call: Call) -> None:
     first = await call("configure_planner", weights=["prediction*2"])
     assert [(c["name"], c["before"], c["after"]) for c in first["changes"]] == [("prediction", 0.2, 0.4)]

@@ -208,3 +208,33 @@ async def test_end_that_cannot_be_recorded_is_logged_and_other_jobs_go_on(
         job = await runner.wait(runner.start("batch", OTHER, succeed).job_id, 50, ignore)
     assert job.state == "done"
     assert "disk is full" in caplog.text
+
+
+async def test_end_that_a_full_disk_refused_is_recorded_once_there_is_room(
+    store: JobStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full_disk(*arguments: object, **options: object) -> None:
+        raise ResourceFailure("database or disk is full")
+
+    async with anyio.create_task_group() as tasks:
+        runner = JobRunner(store, tasks)
+        with monkeypatch.context() as patch:
+            patch.setattr(store, "end", full_disk)
+            job = runner.start("batch", RECIPE, succeed)
+            assert (await runner.wait(job.job_id, 0.2, ignore)).state == "running"
+        assert (await runner.wait(job.job_id, 50, ignore)).state == "done"
+        assert runner.start("batch", RECIPE, succeed).job_id != job.job_id, "nobody joins a job that has ended"
+
+
+async def test_progress_that_cannot_be_recorded_does_not_end_the_work(
+    store: JobStore, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full_disk(*arguments: object, **options: object) -> None:
+        raise ResourceFailure("database or disk is full")
+
+    monkeypatch.setattr(store, "update", full_disk)
+    async with anyio.create_task_group() as tasks:
+        runner = JobRunner(store, tasks)
+        job = await runner.wait(runner.start("batch", RECIPE, succeed).job_id, 50, ignore)
+    assert job.state == "done"
+    assert "disk is full" in caplog.text
