@@ -65,7 +65,8 @@ class VehicleDemand(Model):
 class GenerationRequest(Model):
     """Everything that makes one scenario; the same request gives the same bytes.
 
-    ``index`` counts the scenarios of one call, ``site_index`` those on this map: the sites are taken in turn.
+    ``index`` counts the scenarios of one call, ``site_index`` those on this map: no site is taken twice. When a site
+    fails its checks, the one ``site_step`` further on is tried.
 
     ``streets``: for every road that the site must carry its names or numbers, as the map has them. ``road_classes``:
     OSM's ``highway`` values; empty: all roads, with links where the site is a ramp or a motorway.
@@ -88,8 +89,15 @@ class GenerationRequest(Model):
     seed: int = 0
     index: int = 0
     site_index: int = 0
+    site_step: int = 1
     benchmark_number: int = 1
     folder: str
+
+
+class SiteCount(Model):
+    """How many different sites fit a request."""
+
+    count: int
 
 
 class SiteFacts(Model):
@@ -115,6 +123,21 @@ class EgoFacts(Model):
     goal_size_m: tuple[float, float]
 
 
+class DensityFacts(Model):
+    """Vehicles per lane-kilometre of the cut: wanted, there at step 0, and there at the last step.
+
+    CommonRoad's schema lets obstacles begin at step 0 only, so that traffic thins out as vehicles leave.
+    ``paper_trips``: what the paper's scenarios of that density have.
+    """
+
+    wish: Density
+    paper_trips: int
+    lane_km: float
+    target_per_lane_km: float
+    at_start_per_lane_km: float
+    at_end_per_lane_km: float
+
+
 class Checks(Model):
     """What was checked on the written file.
 
@@ -124,6 +147,7 @@ class Checks(Model):
     schema_valid: bool
     goal_reachable: bool
     collisions_at_start: int
+    overlapping_pairs: int
     recorded_ego_collision_free: bool
     centers_on_lanelets: float
     feasible_share: float
@@ -139,6 +163,7 @@ class GeneratedScenario(Model):
     vehicles_realised: int
     classes_asked: dict[str, int]
     classes_realised: dict[str, int]
+    density: DensityFacts
     duration_s: float
     recorded_s: float
     lanelets: int
@@ -197,6 +222,7 @@ class ScenarioSummary(Model):
     vehicles_realised: int
     classes_asked: dict[str, int]
     classes_realised: dict[str, int]
+    density: str
     recorded_s: float
     ego: str
     goal: str
@@ -214,7 +240,9 @@ class ScenarioSummary(Model):
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
         where = f"{self.place} ({self.map_id}), {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
         first = f"{self.scenario_id}{reused}: {where}"
-        traffic = f"  vehicles {self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished})"
+        traffic = (
+            f"  vehicles {self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished}); {self.density}"
+        )
         ego = f"  {self.recorded_s:g} s recorded; {self.ego}; goal {self.goal}"
         checks = f"  checks passed: {', '.join(self.checks_passed) or 'none'}{failed}"
         drivable = f"{self.feasible_share:.0%} of tracks drivable"

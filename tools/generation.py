@@ -2,52 +2,58 @@
 
 from pathlib import Path
 
-from plannerforge.engine.maps.index import Box, MapMatch, find_maps
-from plannerforge.engine.maps.road_classes import resolve_road_classes
+from plannerforge.engine.maps.index import MapMatch
 from plannerforge.engine.workspace.recipe import Recipe, versions_of
-from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.generation import (
     GeneratedScenario,
     GenerateScenariosArguments,
     GenerateScenariosResult,
     GenerationRequest,
     ScenarioSummary,
-    VehicleDemand,
+    SiteCount,
 )
-from plannerforge.schemas.grammar import parse_comparison
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.generation_answer import summarise
+from plannerforge.tools.generation_plan import plan_maps, request_for
 from plannerforge.tools.maps import maps_at_hand
 from plannerforge.tools.storing import content_digest, store_scenario
 
 GENERATE_TIMEOUT_S = 180.0
-MOST_VEHICLES = 300
-"""A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
 REPORT = "generation.json"
 """What came out of the generation, kept with the scenario for when it is asked for again."""
 
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
     """Find the map, make each scenario in a worker, store it, and say what was asked beside what came out."""
-    box = _box(arguments.bbox)
-    matches = find_maps(
-        await maps_at_hand(call),
-        place=arguments.place,
-        country=arguments.country,
-        bbox=box,
-        scenario_type=arguments.scenario_type,
-    )
-    holding = [m for m in matches if arguments.scenario_type in ("any", *m.entry.facts.sites)] or matches[:1]
+    plan = plan_maps(arguments, await maps_at_hand(call))
+    orders = await _orders(arguments, call, plan.matches)
     made: list[ScenarioSummary] = []
-    for index in range(arguments.count):
-        match = holding[(arguments.seed + index) % len(holding)]
-        share = (index / arguments.count, (index + 1) / arguments.count)
-        made.append(await _make(call, _request(arguments, match, box, index // len(holding), index), share))
-    unnamed = sorted({word for match in holding for word in match.unnamed})
-    notes = [f"the map does not name {word!r}; its street was found" for word in unnamed]
+    for index, (match, site_index) in enumerate(orders):
+        share = (index / len(orders), (index + 1) / len(orders))
+        made.append(await _make(call, request_for(arguments, match, site_index, index), share))
+    notes = list(plan.notes)
+    if len(orders) < arguments.count:
+        notes.append(f"only {len(orders)} different site(s) fit; {arguments.count} were asked for")
     used = {summary.map_id for summary in made}
-    attributions = sorted({m.entry.facts.attribution for m in holding if m.entry.facts.map_id in used})
+    attributions = sorted({m.entry.facts.attribution for m in plan.matches if m.entry.facts.map_id in used})
     return GenerateScenariosResult(scenarios=made, notes=notes, attribution=attributions)
+
+
+async def _orders(
+    arguments: GenerateScenariosArguments, call: ToolCall, matches: tuple[MapMatch, ...]
+) -> list[tuple[MapMatch, int]]:
+    """The map and the number of the site for every scenario: maps in turn, no site twice."""
+    if arguments.count == 1:
+        return [(matches[0], 0)]
+    sites = [await _site_count(arguments, call, match) for match in matches]
+    turns = [(site_index, place) for place, count in enumerate(sites) for site_index in range(count)]
+    return [(matches[place], site_index) for site_index, place in sorted(turns)[: arguments.count]]
+
+
+async def _site_count(arguments: GenerateScenariosArguments, call: ToolCall, match: MapMatch) -> int:
+    request = request_for(arguments, match, 0, 0)
+    entry_point = "plannerforge.engine.scenarios.site_choice:count_sites"
+    return (await call.run(entry_point, request, SiteCount, timeout_s=GENERATE_TIMEOUT_S, share=(0.0, 0.0))).count
 
 
 async def _make(call: ToolCall, request: GenerationRequest, share: tuple[float, float]) -> ScenarioSummary:
@@ -75,32 +81,6 @@ async def _make(call: ToolCall, request: GenerationRequest, share: tuple[float, 
     return summarise(scenario, request, artifact.artifact_id, reused=False)
 
 
-def _request(
-    arguments: GenerateScenariosArguments, match: MapMatch, box: Box | None, site_index: int, index: int
-) -> GenerationRequest:
-    facts = match.entry.facts
-    return GenerationRequest(
-        map_path=str(match.entry.path),
-        map_id=facts.map_id,
-        place=facts.place,
-        country=facts.country or arguments.country,
-        attribution=facts.attribution,
-        scenario_type=arguments.scenario_type,
-        streets=match.streets,
-        bbox=box,
-        road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
-        density=arguments.density,
-        vehicles=_vehicle_demands(arguments.vehicles),
-        duration_s=arguments.duration_s,
-        ego=arguments.ego,
-        goal=arguments.goal,
-        seed=arguments.seed,
-        index=index,
-        site_index=site_index,
-        folder="",
-    )
-
-
 def _recipe(request: GenerationRequest) -> Recipe:
     """The resolved request without paths; the map counts by its content."""
     arguments = request.model_dump(mode="json", exclude={"map_path", "folder", "benchmark_number", "seed"})
@@ -112,39 +92,3 @@ def _recipe(request: GenerationRequest) -> Recipe:
 
 def _is_built_in(request: GenerationRequest) -> bool:
     return Path(request.map_path).parent.name == "library"
-
-
-def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
-    demands = tuple(_vehicle_demand(text) for text in texts)
-    asked = sum(demand.least for demand in demands)
-    if asked > MOST_VEHICLES:
-        raise InvalidRequest(
-            f"vehicles ask for {asked:,} vehicles on one site",
-            valid=[f"at most {MOST_VEHICLES} in all classes together"],
-        )
-    return demands
-
-
-def _vehicle_demand(text: str) -> VehicleDemand:
-    """``truck`` and ``truck=2`` are least numbers, ``car=4..4`` bounds on both sides, ``bicycle=0`` none at all."""
-    wish = parse_comparison(text, whole=True)
-    low, high = wish.interval.low, wish.interval.high
-    if wish.negated:
-        return VehicleDemand(vehicle_class=wish.name, least=0, most=0)
-    least = 0 if low is None else round(low)
-    at_least = wish.interval.exact and least > 0
-    most = None if high is None or at_least else round(high)
-    if wish.value is not None or wish.scope is not None or least < 0 or (most is not None and most < least):
-        raise InvalidRequest(f"vehicles {text!r} cannot be meant", valid=["truck", "truck=2", "car=4..4", "bicycle=0"])
-    return VehicleDemand(vehicle_class=wish.name, least=least, most=most)
-
-
-def _box(bbox: list[float] | None) -> Box | None:
-    if bbox is None:
-        return None
-    if len(bbox) != 4:
-        raise InvalidRequest(f"bbox has {len(bbox)} numbers", valid=["[south, west, north, east] in degrees"])
-    south, west, north, east = bbox
-    if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
-        raise InvalidRequest(f"bbox {bbox} is no box", valid=["[south, west, north, east] in degrees, south < north"])
-    return south, west, north, east

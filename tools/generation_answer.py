@@ -1,6 +1,6 @@
 """A generated scenario in the words of the answer."""
 
-from plannerforge.schemas.generation import Checks, GeneratedScenario, GenerationRequest, ScenarioSummary
+from plannerforge.schemas.generation import Checks, DensityFacts, GeneratedScenario, GenerationRequest, ScenarioSummary
 
 SHOWN_STREETS = 4
 
@@ -26,6 +26,7 @@ def summarise(
         vehicles_realised=scenario.vehicles_realised,
         classes_asked=scenario.classes_asked,
         classes_realised=scenario.classes_realised,
+        density=_density(scenario.density),
         recorded_s=scenario.recorded_s,
         ego=f"ego: a car of {ego.cars_to_choose_from} at {ego.speed_mps:.1f} m/s (asked: {request.ego})",
         goal=(
@@ -39,11 +40,20 @@ def summarise(
     )
 
 
+def _density(found: DensityFacts) -> str:
+    return (
+        f"{found.at_start_per_lane_km:g} vehicles per lane-km at the start, {found.at_end_per_lane_km:g} at the end "
+        f"(asked: {found.wish}, {found.target_per_lane_km:g} on {found.lane_km:.1f} lane-km, at least 8 and at most "
+        f"120 vehicles; the paper: {found.paper_trips} trips)"
+    )
+
+
 def _verdicts(checks: Checks) -> tuple[list[str], list[str]]:
     verdicts = {
         "schema-valid": checks.schema_valid,
         "goal reachable": checks.goal_reachable,
         "no collision at the start": checks.collisions_at_start == 0,
+        "no vehicles overlap": checks.overlapping_pairs == 0,
         "recorded ego free of collisions": checks.recorded_ego_collision_free,
     }
     return [name for name, good in verdicts.items() if good], [name for name, good in verdicts.items() if not good]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.maps.cut import cut_map
-from plannerforge.engine.maps.osm_reader import read_osm
+from plannerforge.engine.maps.osm_reader import OsmMap
 from plannerforge.engine.maps.road_classes import LINKS, ROADS
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.network.hairpins import remove_hairpins
@@ -14,7 +14,7 @@ from plannerforge.engine.network.net_parser import SumoNet, read_net
 from plannerforge.engine.network.netconvert import Conversion, convert_osm
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.network.speed_cap import cap_speeds
-from plannerforge.engine.scenarios.site_choice import choose_site, radius_for
+from plannerforge.engine.scenarios.site_choice import radius_for
 from plannerforge.engine.traffic.simulation import WARM_UP_S
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.generation import GenerationRequest
@@ -45,44 +45,56 @@ class Place:
 
 
 def build_place(
-    request: GenerationRequest, net_path: Path, scratch: Path, step_s: float, report: ProgressReporter
+    osm: OsmMap,
+    site: Site,
+    request: GenerationRequest,
+    net_path: Path,
+    scratch: Path,
+    step_s: float,
+    report: ProgressReporter,
 ) -> Place:
-    """Cut the wished site out of the map and build its net (written to ``net_path``) and its lanelets.
+    """Cut a site out of the map and build its net (written to ``net_path``) and its lanelets.
 
     Raises:
-        NotPossible: the map holds no such site, or no road there is open to cars.
+        NotPossible: no road there is open to cars.
         InvalidRequest: a ramp without link roads.
     """
-    osm = read_osm(Path(request.map_path))
-    site = choose_site(osm, request)
     radius = radius_for(site, request)
     cut = scratch / "site.osm"
+    report(0.05, "cutting out the site")
     cut_map(osm, (site.latitude, site.longitude), radius, _road_classes(request, site), cut)
-    report(0.1, "building the road network")
+    report(0.1, "running netconvert")
     conversion, notes = _convert(cut, net_path, lefthand=request.country in LEFT_HAND_COUNTRIES)
-    removed = remove_hairpins(net_path, scratch)
-    if removed:
+    report(0.15, "building the lanelets")
+    network = _network(net_path, step_s)
+    if len(network.dropped_lanes) > MANY_HAIRPINS:
+        service = bool(notes)
+        lefthand = request.country in LEFT_HAND_COUNTRIES
+        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
+        notes.append("junctions close together were not joined, because one of them became too large to be drawn")
+        network = _network(net_path, step_s)
+    if network.dropped_lanes:
+        removed = remove_hairpins(net_path, scratch)
         notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
-    network = build_road_network(read_net(net_path), step_s=step_s, elapsed_s=WARM_UP_S)  # with the limits as posted
+        network = _network(net_path, step_s)
     cap_speeds(net_path)
     return Place(site, radius, read_net(net_path), network, conversion.warnings, tuple(notes))
 
 
+def _network(net_path: Path, step_s: float) -> RoadNetwork:
+    """The lanelets of a net, with the limits as posted: speeds are capped for bends afterwards."""
+    return build_road_network(read_net(net_path), step_s=step_s, elapsed_s=WARM_UP_S)
+
+
 def _convert(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversion, list[str]]:
     """The net with the mildest settings that give one on which cars can drive, and notes on what had to be changed."""
-    notes: list[str] = []
-    service = False
     conversion = convert_osm(cut, net_path, lefthand=lefthand)
+    if read_net(net_path).drivable_edges("passenger"):
+        return conversion, []
+    conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
     if not read_net(net_path).drivable_edges("passenger"):
-        service = True
-        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
-        notes.append("only service roads lie here; they were opened to all vehicles")
-        if not read_net(net_path).drivable_edges("passenger"):
-            raise NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
-    if len(build_road_network(read_net(net_path), step_s=0.1, elapsed_s=0.0).dropped_lanes) > MANY_HAIRPINS:
-        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
-        notes.append("junctions close together were not joined, because one of them became too large to be drawn")
-    return conversion, notes
+        raise NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
+    return conversion, ["only service roads lie here; they were opened to all vehicles"]
 
 
 def _road_classes(request: GenerationRequest, site: Site) -> tuple[str, ...]:

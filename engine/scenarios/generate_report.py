@@ -5,9 +5,16 @@ from collections import Counter
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.scenarios.planning_problem import PlanningTask
-from plannerforge.engine.traffic.demand import Demand
+from plannerforge.engine.traffic.demand import PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand
 from plannerforge.engine.traffic.motions import Participant
-from plannerforge.schemas.generation import Checks, EgoFacts, GeneratedScenario, GenerationRequest, SiteFacts
+from plannerforge.schemas.generation import (
+    Checks,
+    DensityFacts,
+    EgoFacts,
+    GeneratedScenario,
+    GenerationRequest,
+    SiteFacts,
+)
 
 SHOWN_WARNINGS = 12
 
@@ -19,6 +26,7 @@ def describe(
     demand: Demand,
     site: Site,
     radius_m: float,
+    lane_km: float,
     network: RoadNetwork,
     task: PlanningTask,
     everyone: tuple[Participant, ...],
@@ -44,13 +52,14 @@ def describe(
         vehicles_realised=len(everyone),
         classes_asked=demand.least,
         classes_realised=realised,
+        density=_density(request, lane_km, everyone, step_s),
         duration_s=request.duration_s,
         recorded_s=round(recorded_s, 6),
         lanelets=len(network.lanelets),
         traffic_lights=len(network.lights),
         ego=_ego(task, everyone, step_s),
         checks=checks,
-        notes=(*notes, *_shortfalls(demand, realised, len(everyone)), *_collision(task, step_s)),
+        notes=(*notes, *_shortfalls(demand, len(everyone))),
         netconvert_warnings=_capped(warnings),
         attribution=request.attribution,
     )
@@ -70,24 +79,25 @@ def _ego(task: PlanningTask, everyone: tuple[Participant, ...], step_s: float) -
     )
 
 
-def _shortfalls(demand: Demand, realised: dict[str, int], total: int) -> list[str]:
-    found = [
-        f"asked for at least {least} {name}, {realised.get(name, 0)} found room"
-        for name, least in demand.least.items()
-        if realised.get(name, 0) < least
-    ]
-    if total < demand.total:
-        found.append(
-            f"{total} of {demand.total} vehicles found room on the {'' if total else 'full '}roads of the site"
-        )
-    return found
-
-
-def _collision(task: PlanningTask, step_s: float) -> list[str]:
-    if task.collision is None:
+def _shortfalls(demand: Demand, total: int) -> list[str]:
+    if total >= demand.total:
         return []
-    step, _ = task.collision
-    return [f"the ego's recorded way touches another vehicle at {step * step_s:.1f} s; a planner has to do better"]
+    return [f"{total} of {demand.total} vehicles found room on the roads of the site"]
+
+
+def _density(
+    request: GenerationRequest, lane_km: float, everyone: tuple[Participant, ...], step_s: float
+) -> DensityFacts:
+    last = round(request.duration_s / step_s)
+    staying = sum(vehicle.steps > last - 1 for vehicle in everyone)
+    return DensityFacts(
+        wish=request.density,
+        paper_trips=PAPER_TRIPS[request.density],
+        lane_km=round(lane_km, 3),
+        target_per_lane_km=VEHICLES_PER_LANE_KM[request.density],
+        at_start_per_lane_km=round(len(everyone) / lane_km, 2),
+        at_end_per_lane_km=round(staying / lane_km, 2),
+    )
 
 
 def _capped(warnings: tuple[str, ...]) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from plannerforge.engine.geometry.polyline import Points, arc_length, project
 from plannerforge.engine.network.lanelet_lookup import LaneletLookup
 from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
-from plannerforge.engine.traffic.motions import Participant, first_collision
+from plannerforge.engine.traffic.motions import Participant
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 SHORTEST_WAY_M = 10.0
@@ -50,7 +50,6 @@ class PlanningTask:
     size_m: tuple[float, float]
     time_steps: tuple[int, int]
     heading_margin_rad: float
-    collision: tuple[int, str] | None
 
 
 def parse_ego(text: str) -> EgoWish:
@@ -86,7 +85,7 @@ def choose_task(
 ) -> PlanningTask:
     """The planning task of the wished car, or of the first car that can have the wished goal.
 
-    Cars that can be driven and whose recorded way is free of collisions come before others.
+    Cars whose recorded way can be driven come before others.
 
     Raises:
         NotPossible: no car, not so many cars, or none that reaches such a goal.
@@ -102,10 +101,10 @@ def choose_task(
     reserve: PlanningTask | None = None
     lookup = LaneletLookup(network)
     for car in choice:
-        task = _task(car, goal, tuple(everyone), network, lookup, step_s)
+        task = _task(car, goal, network, lookup, step_s)
         if task is None:
             continue
-        if task.collision is None and car.feasible:
+        if car.feasible:
             return task
         reserve = reserve or task
     if reserve is not None:
@@ -121,7 +120,6 @@ def choose_task(
 def _task(
     car: Participant,
     goal: GoalWish,
-    everyone: tuple[Participant, ...],
     network: RoadNetwork,
     lookup: LaneletLookup,
     step_s: float,
@@ -148,7 +146,6 @@ def _task(
         size_m=(round(length, 2), round(min(max(width, 2.0), 3.5), 2)),
         time_steps=(max(1, step - margin), step + margin),
         heading_margin_rad=HEADING_MARGIN_RAD,
-        collision=first_collision(car, everyone),
     )
 
 

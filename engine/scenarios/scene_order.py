@@ -6,6 +6,7 @@ from plannerforge.engine.maps.sites import RURAL_CLASSES, Site
 from plannerforge.engine.network.lanelet_lookup import LaneletLookup
 from plannerforge.engine.network.net_parser import SumoNet
 from plannerforge.engine.network.road_network import RoadNetwork
+from plannerforge.engine.scenarios.realised_site import middle_of, road_classes
 from plannerforge.engine.traffic.motions import Participant
 from plannerforge.schemas.generation import SiteType
 
@@ -26,7 +27,7 @@ def along_the_site(
 
     "The first car" is therefore one to which the site matters, not one that waits at the edge of the map.
     """
-    middle = _middle(site, net)
+    middle = middle_of(site, net)
     lookup = LaneletLookup(network)
 
     def rank(vehicle: Participant) -> tuple[bool, bool, float, str]:
@@ -40,16 +41,6 @@ def along_the_site(
     return tuple(sorted(everyone, key=rank))
 
 
-def _middle(site: Site, net: SumoNet) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """The middle of the site in the net's coordinates."""
-    from pyproj import Proj
-
-    if not net.projection:
-        return np.zeros(2)
-    x, y = Proj(net.projection)(site.longitude, site.latitude)
-    return np.array([x + net.offset_m[0], y + net.offset_m[1]])
-
-
 def _on_road(vehicle: Participant, site: Site, net: SumoNet, lookup: LaneletLookup) -> bool:
     """Whether a vehicle begins on one of the roads that the site is about."""
     wanted = ROADS_OF.get(site.kind)
@@ -58,5 +49,4 @@ def _on_road(vehicle: Participant, site: Site, net: SumoNet, lookup: LaneletLook
     lanelet = lookup.under(vehicle.motion.positions[0], float(vehicle.motion.headings_rad[0]))
     if lanelet is None:
         return False
-    classes = {part.removeprefix("highway.") for part in net.edges[lanelet.edge_id].road_type.split("|")}
-    return lanelet.internal or bool(classes & wanted)
+    return lanelet.internal or bool(road_classes(net.edges[lanelet.edge_id]) & wanted)

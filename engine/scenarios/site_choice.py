@@ -1,12 +1,15 @@
 """Choosing the site of a scenario: of the asked type, on the asked streets, within the asked box, by seed and index."""
 
 import random
+from itertools import zip_longest
+from pathlib import Path
 
 from plannerforge.engine.catalog.places import fold
-from plannerforge.engine.maps.osm_reader import OsmMap
+from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.maps.osm_reader import OsmMap, ground_distance_m, read_osm
 from plannerforge.engine.maps.sites import Site, SiteFinder
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import GenerationRequest, SiteType
+from plannerforge.schemas.generation import GenerationRequest, SiteCount, SiteType
 
 RADIUS_M: dict[SiteType, float] = {
     "highway": 450.0,
@@ -28,11 +31,20 @@ ANY_ORDER: tuple[SiteType, ...] = (
     "rural",
     "urban",
 )
-DENSITY_STRETCH = {"low": 1.0, "medium": 1.15, "high": 1.35}
+SAME_PLACE_M = 60.0
 
 
-def choose_site(osm: OsmMap, request: GenerationRequest) -> Site:
-    """The site for this request: sites are shuffled by the seed and taken in turn by the index.
+def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCount:
+    """How many different sites of the map fit a request."""
+    report(0.0, "looking for sites")
+    try:
+        return SiteCount(count=len(fitting_sites(read_osm(Path(request.map_path)), request)))
+    except NotPossible:
+        return SiteCount(count=0)
+
+
+def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
+    """All different sites for a request, in an order that the seed shuffles; of any type: the types take turns.
 
     Raises:
         NotPossible: the map, street or box holds no such site; the types that it does hold are named.
@@ -42,28 +54,38 @@ def choose_site(osm: OsmMap, request: GenerationRequest) -> Site:
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder.find(kind), request))]
     if not kinds and request.scenario_type == "any" and (anywhere := _fitting([finder.longest_road()], request)):
-        return anywhere[0]
+        return anywhere
     if not kinds:
-        held = [kind for kind in ANY_ORDER if _fitting(finder.find(kind), request)]
-        where = " on " + " / ".join(names[0] for names in request.streets) if request.streets else ""
-        where += " in the box" if request.bbox is not None else ""
-        wish = "site of any type" if request.scenario_type == "any" else f"{request.scenario_type} site"
-        raise NotPossible(
-            f"{request.place} ({request.map_id}) holds no {wish}{where}",
-            valid=held,
-            next_step="choose one of these scenario types, or another place" if held else "choose another place",
-        )
+        raise _nothing_fits(finder, request)
     for sites in kinds:
         choice.shuffle(sites)
     choice.shuffle(kinds)
-    turn, kind = divmod(request.site_index, len(kinds))
-    return kinds[kind][turn % len(kinds[kind])]
+    found: list[Site] = []
+    for site in (site for turn in zip_longest(*kinds) for site in turn if site is not None):
+        if all(_distance_m(site, other) > SAME_PLACE_M for other in found):
+            found.append(site)
+    return found
+
+
+def _distance_m(one: Site, other: Site) -> float:
+    return ground_distance_m((one.latitude, one.longitude), (other.latitude, other.longitude))
+
+
+def _nothing_fits(finder: SiteFinder, request: GenerationRequest) -> NotPossible:
+    held = [kind for kind in ANY_ORDER if _fitting(finder.find(kind), request)]
+    where = " on " + " / ".join(names[0] for names in request.streets) if request.streets else ""
+    where += " in the box" if request.bbox is not None else ""
+    wish = "site of any type" if request.scenario_type == "any" else f"{request.scenario_type} site"
+    return NotPossible(
+        f"{request.place} ({request.map_id}) holds no {wish}{where}",
+        valid=held,
+        next_step="choose one of these scenario types, or another place" if held else "choose another place",
+    )
 
 
 def radius_for(site: Site, request: GenerationRequest) -> float:
-    """Metres to cut out around a site: more for denser traffic and for longer recordings."""
-    stretch = DENSITY_STRETCH[request.density] * (1.0 + min(max(request.duration_s - 20.0, 0.0), 100.0) / 100.0)
-    return RADIUS_M[site.kind] * stretch
+    """Metres to cut out around a site: more for longer recordings, because vehicles can only leave after step 0."""
+    return RADIUS_M[site.kind] * (1.0 + min(max(request.duration_s - 20.0, 0.0), 100.0) / 100.0)
 
 
 def _fitting(sites: list[Site], request: GenerationRequest) -> list[Site]:

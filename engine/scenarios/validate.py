@@ -11,19 +11,21 @@ from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
 from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
 from plannerforge.engine.traffic.feasibility import check_kinematics
+from plannerforge.engine.traffic.overlaps import Body, overlaps
 from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.traffic.vehicle_classes import class_by_size
 from plannerforge.schemas.generation import Checks
 
 BENCHMARK_ID = re.compile(r"[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
 EGO_SIZE_M = (4.508, 1.61)
 
 
-def check_scenario(path: Path, *, ego_collision_free: bool) -> Checks:
+def check_scenario(path: Path, ego: Body) -> Checks:
     """Read a written scenario back and check it.
 
     Args:
         path: the CommonRoad file.
-        ego_collision_free: whether the ego's recorded way (which the file does not hold) meets nobody.
+        ego: the ego's recorded way, which the file does not hold.
     """
     loaded = read_scenario(path)
     tracks = recorded_tracks(loaded.scenario)
@@ -32,7 +34,8 @@ def check_scenario(path: Path, *, ego_collision_free: bool) -> Checks:
         schema_valid=not schema_errors(path),
         goal_reachable=_goal_reachable(loaded),
         collisions_at_start=_collisions_at_start(loaded, tracks),
-        recorded_ego_collision_free=ego_collision_free,
+        overlapping_pairs=len(overlaps([_body(track) for track in tracks.values()])),
+        recorded_ego_collision_free=not any(overlaps([ego, _body(track)]) for track in tracks.values()),
         centers_on_lanelets=_share_on_lanelets(loaded, tracks),
         feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
         infeasible_vehicles=infeasible,
@@ -57,10 +60,16 @@ def schema_errors(path: Path) -> list[str]:
 
 
 def _feasible(track: Track, step_s: float) -> bool:
-    acceleration = np.gradient(track.speeds_mps, step_s)
-    return check_kinematics(
-        Motion(track.positions, track.headings_rad, track.speeds_mps, acceleration), step_s
-    ).feasible
+    """Whether a track can be driven, with the dimensions of its class where its size tells it."""
+    motion = Motion(track.positions, track.headings_rad, track.speeds_mps, np.gradient(track.speeds_mps, step_s))
+    known = class_by_size(track.kind, track.length_m)
+    if known is None:
+        return check_kinematics(motion, step_s).feasible
+    return check_kinematics(motion, step_s, wheelbase_m=known.wheelbase_m, rear_axle_m=known.rear_axle_m).feasible
+
+
+def _body(track: Track) -> Body:
+    return Body(track.positions, track.headings_rad, (track.length_m, track.width_m))
 
 
 def _goal_reachable(loaded: LoadedScenario) -> bool:

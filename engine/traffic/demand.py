@@ -2,23 +2,27 @@
 
 import random
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lxml import etree
 
+from plannerforge.engine.geometry.polyline import length_m
 from plannerforge.engine.network.net_parser import SumoNet
 from plannerforge.engine.traffic.routes import EdgeGraph
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
 from plannerforge.schemas.errors import NotPossible, UnknownName, closest
 from plannerforge.schemas.generation import Density, VehicleDemand
 
-VEHICLES = {"low": 20, "medium": 50, "high": 100}
-"""Vehicles on the site at the first step, the ego included.
+VEHICLES_PER_LANE_KM: dict[Density, float] = {"low": 7.0, "medium": 16.0, "high": 28.0}
+"""Vehicles on a kilometre of lane at the first step, the ego included.
 
-After the paper's trips per scenario of 20 s. All of them are there from the first step on, because CommonRoad's
-schema lets every obstacle begin at step 0 only; a small site saturates below the number.
+The bounds of levels of service A, C and E for motorways (Highway Capacity Manual, in passenger cars). The paper counts
+trips of a scenario instead (20, 50, 100), whatever the size of its map.
 """
+PAPER_TRIPS: dict[Density, int] = {"low": 20, "medium": 50, "high": 100}
+FEWEST, MOST = 8, 120
+"""Bounds for vehicles on a site: fewer make no traffic, more would only be slow."""
 
 NAMED_SHARE = 0.2
 """Share of the vehicles for a class that was asked for without a number, at least one."""
@@ -37,9 +41,16 @@ class Demand:
         """All vehicles wanted, the ego included."""
         return sum(self.counts.values())
 
+    def with_spare_cars(self, share: float) -> "Demand":
+        """The same with more cars, by a share of all vehicles and at least one."""
+        spare = max(1, round(share * self.total))
+        return replace(self, counts={**self.counts, "car": self.counts["car"] + spare})
 
-def plan_counts(density: Density, vehicles: Iterable[VehicleDemand]) -> Demand:
+
+def plan_counts(density: Density, vehicles: Iterable[VehicleDemand], lane_km: float) -> Demand:
     """Split a density over the classes: named ones first, cars for the rest; one car more is the ego.
+
+    ``lane_km``: kilometres of lane at the site that are open to cars.
 
     Raises:
         UnknownName: a class that does not exist.
@@ -49,7 +60,7 @@ def plan_counts(density: Density, vehicles: Iterable[VehicleDemand]) -> Demand:
     for name in asked:
         if name not in known:
             raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known))
-    wanted = VEHICLES[density]
+    wanted = min(max(round(VEHICLES_PER_LANE_KM[density] * lane_km), FEWEST), MOST)
     counts: dict[str, int] = {}
     for name, demand in asked.items():
         share = max(1, round(wanted * NAMED_SHARE / max(1, len(asked) / 2)))
@@ -134,3 +145,9 @@ def write_vehicle_types(path: Path, classes: Iterable[VehicleClass]) -> None:
         }
         etree.SubElement(root, "vType", attributes)
     path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
+
+
+def lane_km_of(net: SumoNet) -> float:
+    """Kilometres of lane that are open to cars, the insides of junctions left out."""
+    lanes = (lane for lane in net.lanes.values() if not lane.internal and "passenger" in lane.allowed)
+    return sum(length_m(lane.shape) for lane in lanes) / 1000

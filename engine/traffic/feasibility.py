@@ -28,36 +28,42 @@ class Feasibility:
     first_infeasible_step: int | None
 
 
-def steering_angles(motion: Motion, step_s: float) -> Values:
+def steering_angles(motion: Motion, step_s: float, wheelbase_m: float = WHEELBASE_M) -> Values:
     """Steering angle in rad that turns each state into the next, shape (n,); the last one is repeated."""
     if len(motion.headings_rad) < 2:
         return np.zeros(len(motion.headings_rad))
     turn = wrap_angles(np.diff(motion.headings_rad))
     speed = np.maximum((motion.speeds_mps[:-1] + motion.speeds_mps[1:]) / 2, 1e-3)
-    angle = np.arctan(WHEELBASE_M * turn / (speed * step_s))
+    angle = np.arctan(wheelbase_m * turn / (speed * step_s))
     angle[speed < 0.05] = 0.0
     limited: Values = np.clip(np.append(angle, angle[-1]), -MAXIMUM_STEERING_RAD, MAXIMUM_STEERING_RAD)
     return limited
 
 
-def check_kinematics(motion: Motion, step_s: float) -> Feasibility:
-    """Judge a motion of the centre with the parameters of CommonRoad's vehicle 2 (BMW 320i)."""
+def check_kinematics(
+    motion: Motion,
+    step_s: float,
+    *,
+    wheelbase_m: float = WHEELBASE_M,
+    rear_axle_m: float = REAR_AXLE_BEHIND_CENTER_M,
+) -> Feasibility:
+    """Judge a motion of the centre, by default with the dimensions of CommonRoad's vehicle 2 (BMW 320i)."""
     if len(motion.speeds_mps) < 2:
         return Feasibility(True, 1.0, None)
     heading = motion.headings_rad
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    moved = np.diff(motion.positions - REAR_AXLE_BEHIND_CENTER_M * direction, axis=0)
+    moved = np.diff(motion.positions - rear_axle_m * direction, axis=0)
     turn = wrap_angles(np.diff(heading))
     middle = heading[:-1] + turn / 2
     along = moved[:, 0] * np.cos(middle) + moved[:, 1] * np.sin(middle)
     speed = motion.speeds_mps[:-1]
-    steering = np.tan(steering_angles(motion, step_s)[:-1])
-    lateral = np.abs(speed**2 / WHEELBASE_M * steering)
+    steering = np.tan(steering_angles(motion, step_s, wheelbase_m)[:-1])
+    lateral = np.abs(speed**2 / wheelbase_m * steering)
     within_friction = lateral <= MAXIMUM_ACCELERATION_MPS2
     limit = np.sqrt(np.maximum(MAXIMUM_ACCELERATION_MPS2**2 - lateral**2, 0.0))
     acceleration = np.clip(2 * (along - speed * step_s) / step_s**2, -limit, limit)
     reachable = speed * step_s + acceleration * step_s**2 / 2
-    reachable_turn = reachable / WHEELBASE_M * steering
+    reachable_turn = reachable / wheelbase_m * steering
     course = heading[:-1] + reachable_turn / 2
     error_x = np.abs(moved[:, 0] - reachable * np.cos(course))
     error_y = np.abs(moved[:, 1] - reachable * np.sin(course))

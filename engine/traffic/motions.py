@@ -1,11 +1,19 @@
 """Recorded SUMO tracks as drivable motions from step 0 on."""
 
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import oriented_rectangle, rectangles_overlap
+from plannerforge.engine.geometry.polyline import (
+    Points,
+    arc_length,
+    interpolate,
+    without_repeats,
+)
 from plannerforge.engine.traffic.feasibility import check_kinematics
+from plannerforge.engine.traffic.overlaps import Body, overlaps
 from plannerforge.engine.traffic.simulation import RawTrack, RecordedTraffic
 from plannerforge.engine.traffic.smoothing import Motion, drivable_motion
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass
@@ -35,58 +43,84 @@ class Participant:
         """How many steps it is there, step 0 included."""
         return len(self.motion.positions)
 
-    def overlaps(self, other: "Participant", step: int) -> bool:
-        """Whether the rectangles of the two overlap at a step at which both are there."""
-        one = oriented_rectangle(self.motion.positions[step], float(self.motion.headings_rad[step]), self.size_m)
-        two = oriented_rectangle(other.motion.positions[step], float(other.motion.headings_rad[step]), other.size_m)
-        return rectangles_overlap(one, two)
+    @property
+    def body(self) -> Body:
+        """What takes up room."""
+        return Body(self.motion.positions, self.motion.headings_rad, self.size_m)
 
 
-def participants(traffic: RecordedTraffic) -> tuple[tuple[Participant, ...], int]:
-    """Smoothed participants without overlaps at step 0, and how many were left out for overlapping there."""
+def participants(traffic: RecordedTraffic) -> tuple[Participant, ...]:
+    """The recorded vehicles with smoothed, drivable motions."""
+    return tuple(_participant(track, traffic.step_s) for track in traffic.tracks)
+
+
+def sound(everyone: Sequence[Participant], needed: Mapping[str, int]) -> tuple[Participant, ...]:
+    """Those that are left when as few as possible are taken out, so that all can be driven and no two overlap.
+
+    ``needed``: how many of a class must stay, even where their motion cannot be driven.
+    """
+    counts = Counter(vehicle.vehicle_class.name for vehicle in everyone)
     kept: list[Participant] = []
-    dropped = 0
-    for track in traffic.tracks:
-        new = _participant(track, traffic.step_s)
-        if any(_near(new, other) and new.overlaps(other, 0) for other in kept):
-            dropped += 1
+    for vehicle in everyone:
+        name = vehicle.vehicle_class.name
+        if vehicle.feasible or counts[name] <= needed.get(name, 0):
+            kept.append(vehicle)
         else:
-            kept.append(new)
-    return tuple(kept), dropped
+            counts[name] -= 1
+    return _apart(kept, counts, needed)
 
 
-def first_collision(one: Participant, others: tuple[Participant, ...]) -> tuple[int, str] | None:
-    """The first step at which a participant overlaps another, and that one's id."""
-    for step in range(one.steps):
-        for other in others:
-            if other is not one and step < other.steps:
-                distance = np.abs(other.motion.positions[step] - one.motion.positions[step]).max()
-                if distance < 20.0 and one.overlaps(other, step):
-                    return step, other.vehicle_id
-    return None
-
-
-def _near(one: Participant, other: Participant) -> bool:
-    return bool(np.abs(one.motion.positions[0] - other.motion.positions[0]).max() < 20.0)
+def _apart(kept: list[Participant], counts: Counter[str], needed: Mapping[str, int]) -> tuple[Participant, ...]:
+    """Without overlaps at any step: those go first whose class can spare them, then those that overlap most others."""
+    pairs = [(kept[found.one], kept[found.other]) for found in overlaps([vehicle.body for vehicle in kept])]
+    gone: set[str] = set()
+    while pairs:
+        involved = Counter(vehicle.vehicle_id for pair in pairs for vehicle in pair)
+        ranked = [
+            (counts[v.vehicle_class.name] > needed.get(v.vehicle_class.name, 0), involved[v.vehicle_id], v.vehicle_id)
+            for pair in pairs
+            for v in pair
+        ]
+        worst = max(ranked)[2]
+        gone.add(worst)
+        counts[next(v.vehicle_class.name for v in kept if v.vehicle_id == worst)] -= 1
+        pairs = [pair for pair in pairs if worst not in (pair[0].vehicle_id, pair[1].vehicle_id)]
+    return tuple(vehicle for vehicle in kept if vehicle.vehicle_id not in gone)
 
 
 def _participant(track: RawTrack, step_s: float) -> Participant:
+    chassis = track.vehicle_class
+    center = _center_track(track)
     tried: list[Participant] = []
     for sigma_steps, sigma_m in SMOOTHINGS:
         whole = drivable_motion(
-            track.front,
+            center,
             track.first_heading_rad,
-            track.vehicle_class.length_m,
+            0.0,  # the track is the centre's already
             step_s,
             sigma_steps=sigma_steps,
             sigma_m=sigma_m,
+            rear_axle_m=chassis.rear_axle_m,
         )
         motion = _rounded(_from(whole, track.lead_in))
-        feasible = check_kinematics(motion, step_s).feasible
-        tried.append(Participant(track.vehicle_id, track.vehicle_class, motion, feasible))
-        if feasible:
+        verdict = check_kinematics(motion, step_s, wheelbase_m=chassis.wheelbase_m, rear_axle_m=chassis.rear_axle_m)
+        tried.append(Participant(track.vehicle_id, chassis, motion, verdict.feasible))
+        if verdict.feasible:
             return tried[-1]
     return tried[0]
+
+
+def _center_track(track: RawTrack) -> Points:
+    """The centre's way, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
+
+    A centre that is dragged behind the front bumper would cut corners by metres where the vehicle is long; on the
+    path, the front swings out and the rear in, as bus drivers do it.
+    """
+    half = track.vehicle_class.length_m / 2
+    backwards = -np.array([np.cos(track.first_heading_rad), np.sin(track.first_heading_rad)])
+    path = without_repeats(np.vstack([track.front[:1] + (half + 1.0) * backwards, track.front]))
+    stations = arc_length(track.front) + 1.0
+    return interpolate(path, arc_length(path), stations)
 
 
 def _from(motion: Motion, first: int) -> Motion:

@@ -16,8 +16,8 @@ from plannerforge.schemas.errors import NotPossible
 
 WARM_UP_S = 20.0
 LAST_INSERTION_S = 18.5
-LEAD_IN_S = 3.0
-"""Recorded before step 0, so that smoothing has a history."""
+LEAD_IN_S = 6.0
+"""Recorded before step 0, so that smoothing has a history and long vehicles a way behind them."""
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@ import pytest
 from support import Connect
 
 pytestmark = pytest.mark.anyio
-WISH = {"place": "Ostallee", "vehicles": ["truck", "bicycle=2"], "duration_s": 5, "count": 2, "seed": 4}
+WISH = {"place": "Musterstadt", "vehicles": ["truck", "bicycle=2"], "duration_s": 5, "count": 2, "seed": 4}
 
 
 async def test_scenarios_are_stored_and_the_same_request_gives_the_stored_ones(connect: Connect) -> None:
@@ -13,13 +13,24 @@ async def test_scenarios_are_stored_and_the_same_request_gives_the_stored_ones(c
         for made in first["scenarios"]:
             assert made["checks_failed"] == []
             assert made["classes_realised"]["bicycle"] >= 2
-            assert "Ostallee" in made["site"]
             described = await client.call_tool("describe_scenario", {"scenario_id": made["scenario_id"]})
             assert not described.is_error
         again = (await client.call_tool("generate_scenarios", WISH)).structured_content
         assert again is not None
         assert all(made["reused"] for made in again["scenarios"])
         assert [made | {"reused": False} for made in again["scenarios"]] == first["scenarios"]
+
+
+async def test_no_site_is_taken_twice_and_fewer_are_made_where_there_are_not_enough(connect: Connect) -> None:
+    async with connect() as client:
+        wish = {"place": "Ostallee", "scenario_type": "intersection", "duration_s": 5, "count": 9}
+        answer = (await client.call_tool("generate_scenarios", wish)).structured_content
+        assert answer is not None
+        made = answer["scenarios"]
+        assert 0 < len(made) < 9
+        assert len({(one["latitude"], one["longitude"]) for one in made}) == len(made)
+        assert all("Ostallee" in one["site"] for one in made)
+        assert f"only {len(made)} different site(s) fit; 9 were asked for" in answer["notes"]
 
 
 @pytest.mark.parametrize(

@@ -57,8 +57,11 @@ def test_a_scenario_is_what_was_asked(tmp_path: Path, place: str, kind: str, cla
     assert made.checks.goal_reachable
     assert made.checks.collisions_at_start == 0
     assert made.checks.recorded_ego_collision_free
-    assert made.checks.feasible_share >= 0.9
-    assert made.checks.centers_on_lanelets > 0.97
+    assert made.checks.overlapping_pairs == 0
+    assert made.checks.feasible_share >= 0.97
+    assert made.checks.centers_on_lanelets > 0.99
+    density = made.density
+    assert density.at_start_per_lane_km == pytest.approx(made.vehicles_realised / density.lane_km, abs=0.01)
 
 
 def test_the_file_is_read_back_with_ego_goal_and_traffic_from_step_0(tmp_path: Path) -> None:

@@ -1,0 +1,42 @@
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plannerforge.engine.geometry.polyline import oriented_rectangle, rectangles_overlap
+from plannerforge.engine.traffic.overlaps import Body, Overlap, overlaps
+
+NUMBER = st.floats(-12, 12)
+POSE = st.tuples(NUMBER, NUMBER, st.floats(-math.pi, math.pi))
+SIZE = st.tuples(st.floats(1, 17), st.floats(0.5, 3))
+
+
+def body(poses: list[tuple[float, float, float]], size: tuple[float, float]) -> Body:
+    values = np.array(poses)
+    return Body(values[:, :2], values[:, 2], size)
+
+
+def overlapping_at(one: Body, other: Body, step: int) -> bool:
+    corners = [oriented_rectangle(b.positions[step], float(b.headings_rad[step]), b.size_m) for b in (one, other)]
+    return rectangles_overlap(*corners)
+
+
+@given(st.lists(POSE, min_size=1, max_size=6), st.lists(POSE, min_size=1, max_size=6), SIZE, SIZE)
+def test_all_steps_at_once_say_what_each_step_says(
+    poses: list[tuple[float, float, float]],
+    others: list[tuple[float, float, float]],
+    size: tuple[float, float],
+    other_size: tuple[float, float],
+) -> None:
+    one, other = body(poses, size), body(others, other_size)
+    hits = [step for step in range(min(len(poses), len(others))) if overlapping_at(one, other, step)]
+    assert [found.step for found in overlaps([one, other])] == hits[:1]
+
+
+def test_only_pairs_that_meet_at_the_same_step_are_named() -> None:
+    still = body([(0, 0, 0)] * 3, (4, 2))
+    passing = body([(-20, 0, 0), (-10, 0, 0), (-1, 0, 0)], (4, 2))
+    gone = body([(30, 0, 0)], (4, 2))
+    assert overlaps([still, gone, passing]) == [Overlap(0, 2, 2)]
+    assert overlaps([still]) == []

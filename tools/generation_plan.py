@@ -1,0 +1,113 @@
+"""From the arguments of generate_scenarios to the requests for the engine: maps, classes, numbers of vehicles."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from plannerforge.engine.maps.index import Box, MapEntry, MapMatch, find_maps
+from plannerforge.engine.maps.road_classes import resolve_road_classes
+from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest, VehicleDemand
+from plannerforge.schemas.grammar import parse_comparison
+
+MOST_VEHICLES = 300
+"""A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
+
+
+@dataclass(frozen=True)
+class GenerationPlan:
+    """The maps that hold what was asked, in the order in which they are used, and notes for the answer."""
+
+    matches: tuple[MapMatch, ...]
+    notes: tuple[str, ...]
+
+
+def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> GenerationPlan:
+    """The maps for a call; those that lack the asked type are left out unless none holds it.
+
+    The seed rotates them, so that another seed is another map where several fit.
+
+    Raises:
+        UnknownName: no map shows the place, country or box.
+        InvalidRequest: a box that is none.
+    """
+    matches = find_maps(
+        maps,
+        place=arguments.place,
+        country=arguments.country,
+        bbox=box_of(arguments.bbox),
+        scenario_type=arguments.scenario_type,
+    )
+    holding = [m for m in matches if arguments.scenario_type in ("any", *m.entry.facts.sites)] or matches[:1]
+    turn = arguments.seed % len(holding)
+    unnamed = sorted({word for match in holding for word in match.unnamed})
+    notes = [f"the map does not name {word!r}; its street was found" for word in unnamed]
+    return GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
+
+
+def request_for(
+    arguments: GenerateScenariosArguments, match: MapMatch, site_index: int, index: int
+) -> GenerationRequest:
+    """What the engine is asked for the scenario number ``index`` of a call, at the site number ``site_index`` of a map.
+
+    Raises:
+        UnknownName: no such road class.
+        InvalidRequest: numbers of vehicles that cannot be meant.
+    """
+    facts = match.entry.facts
+    return GenerationRequest(
+        map_path=str(match.entry.path),
+        map_id=facts.map_id,
+        place=facts.place,
+        country=facts.country or arguments.country,
+        attribution=facts.attribution,
+        scenario_type=arguments.scenario_type,
+        streets=match.streets,
+        bbox=box_of(arguments.bbox),
+        road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
+        density=arguments.density,
+        vehicles=_vehicle_demands(arguments.vehicles),
+        duration_s=arguments.duration_s,
+        ego=arguments.ego,
+        goal=arguments.goal,
+        seed=arguments.seed,
+        index=index,
+        site_index=site_index,
+        folder="",
+    )
+
+
+def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
+    demands = tuple(_vehicle_demand(text) for text in texts)
+    asked = sum(demand.least for demand in demands)
+    if asked > MOST_VEHICLES:
+        raise InvalidRequest(
+            f"vehicles ask for {asked:,} vehicles on one site",
+            valid=[f"at most {MOST_VEHICLES} in all classes together"],
+        )
+    return demands
+
+
+def _vehicle_demand(text: str) -> VehicleDemand:
+    """``truck`` and ``truck=2`` are least numbers, ``car=4..4`` bounds on both sides, ``bicycle=0`` none at all."""
+    wish = parse_comparison(text, whole=True)
+    low, high = wish.interval.low, wish.interval.high
+    if wish.negated:
+        return VehicleDemand(vehicle_class=wish.name, least=0, most=0)
+    least = 0 if low is None else round(low)
+    at_least = wish.interval.exact and least > 0
+    most = None if high is None or at_least else round(high)
+    if wish.value is not None or wish.scope is not None or least < 0 or (most is not None and most < least):
+        raise InvalidRequest(f"vehicles {text!r} cannot be meant", valid=["truck", "truck=2", "car=4..4", "bicycle=0"])
+    return VehicleDemand(vehicle_class=wish.name, least=least, most=most)
+
+
+def box_of(bbox: list[float] | None) -> Box | None:
+    """The box of the arguments, checked."""
+    if bbox is None:
+        return None
+    if len(bbox) != 4:
+        raise InvalidRequest(f"bbox has {len(bbox)} numbers", valid=["[south, west, north, east] in degrees"])
+    south, west, north, east = bbox
+    if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
+        raise InvalidRequest(f"bbox {bbox} is no box", valid=["[south, west, north, east] in degrees, south < north"])
+    return south, west, north, east
