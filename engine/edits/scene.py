@@ -11,7 +11,8 @@ from plannerforge.engine.edits.lane_matching import LaneMatch, LaneMatcher
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.network.sumo_net_layout import NetLayout
-from plannerforge.engine.network.sumo_net_speeds import lane_speeds
+from plannerforge.engine.network.sumo_net_signals import Signal, signals_of
+from plannerforge.engine.network.sumo_net_speeds import lane_speeds, posted_speeds
 from plannerforge.engine.scenarios.reader import LoadedScenario
 from plannerforge.engine.scenarios.tracks import Track, last_recorded_step, recorded_tracks, size_of
 
@@ -89,14 +90,19 @@ class Scene:
 
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
-        """Speed of every drivable lanelet, raised where a vehicle was recorded faster than usual."""
+        """Speed of every drivable lanelet: posted or usual, raised where a vehicle was recorded faster."""
         fastest: dict[int, float] = {}
         for key, match in self.matches.items():
             track = self.tracks.get(key)
             for index, lanelet in zip(match.indices, match.lanelets, strict=True):
                 speed = float(track.speeds_mps[index]) if track else 0.0
                 fastest[lanelet] = max(fastest.get(lanelet, 0.0), speed)
-        return lane_speeds(self.layout, fastest)
+        return lane_speeds(self.layout, fastest, posted_speeds(self.network))
+
+    @cached_property
+    def signals(self) -> tuple[Signal, ...]:
+        """The traffic lights."""
+        return signals_of(self.network, self.step_s)
 
 
 def _ego(loaded: LoadedScenario, matcher: LaneMatcher) -> Ego | None:

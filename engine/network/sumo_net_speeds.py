@@ -1,31 +1,55 @@
-"""How fast each lane may be driven, where the file's lanelets say nothing that SUMO could use.
+"""How fast each lane is driven.
 
-Inside towns 50 km/h, more where a vehicle was recorded faster; bends lower it, because SUMO slows down for turns
-inside junctions only (a quarter of its cars break the friction circle in the bends of edges otherwise).
+The posted speed limit, or 50 km/h where the file posts none, and more where a vehicle was recorded faster. Bends
+lower it, because SUMO slows down for turns inside junctions only (a quarter of its cars break the friction circle in
+the bends of edges otherwise).
 """
 
 import math
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from plannerforge.engine.geometry.polyline import Points, maximum_curvature
 from plannerforge.engine.network.sumo_net_layout import NetLayout
 
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
+
 USUAL_SPEED_MPS = 13.89
 COMFORTABLE_LATERAL_ACCELERATION_MPS2 = 4.0
 SLOWEST_BEND_MPS = 3.0
+_LIMIT_SIGNS = ("MAX_SPEED", "MAX_SPEED_ZONE_START")
 
 
-def lane_speeds(layout: NetLayout, recorded_mps: Mapping[int, float]) -> dict[int, float]:
+def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
+    """The lowest speed limit in m/s that signs of a lanelet post, for lanelets that have one."""
+    limits = {
+        int(sign.traffic_sign_id): float(element.additional_values[0])
+        for sign in network.traffic_signs
+        for element in sign.traffic_sign_elements
+        if element.traffic_sign_element_id.name in _LIMIT_SIGNS and _is_positive(element.additional_values)
+    }
+    found = {
+        int(lanelet.lanelet_id): [limits[sign] for sign in sorted(lanelet.traffic_signs or ()) if sign in limits]
+        for lanelet in network.lanelets
+    }
+    return {key: min(speeds) for key, speeds in found.items() if speeds}
+
+
+def lane_speeds(
+    layout: NetLayout, recorded_mps: Mapping[int, float], posted_mps: Mapping[int, float] | None = None
+) -> dict[int, float]:
     """Speed of every lanelet in m/s: equal within an edge, then lowered where the lanelet bends.
 
     Args:
         layout: the network.
         recorded_mps: fastest speed recorded on each lanelet; missing ones count as slow.
+        posted_mps: speed limit of each lanelet that has one.
     """
-    wanted = {
-        key: recorded * 1.05 if (recorded := recorded_mps.get(key, 0.0)) > USUAL_SPEED_MPS else USUAL_SPEED_MPS
-        for key in layout.table.lanes
-    }
+    wanted = {}
+    for key in layout.table.lanes:
+        limit, recorded = (posted_mps or {}).get(key, USUAL_SPEED_MPS), recorded_mps.get(key, 0.0)
+        wanted[key] = recorded * 1.05 if recorded > limit else limit
     for keys in layout.edges.values():
         wanted.update(dict.fromkeys(keys, max(wanted[key] for key in keys)))
     return {key: min(speed, bend_speed(layout.table.lanes[key].center)) for key, speed in wanted.items()}
@@ -37,3 +61,10 @@ def bend_speed(shape: Points, sigma_m: float = 4.0) -> float:
     if curvature <= 0.0:
         return math.inf
     return max(SLOWEST_BEND_MPS, math.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature))
+
+
+def _is_positive(values: list[str]) -> bool:
+    try:
+        return bool(values) and float(values[0]) > 0.0
+    except ValueError:
+        return False

@@ -15,6 +15,7 @@ from plannerforge.engine.geometry.polyline import Points, length_m
 from plannerforge.engine.network.sumo_net_junctions import JunctionPath
 from plannerforge.engine.network.sumo_net_layout import NetLayout
 from plannerforge.engine.network.sumo_net_right_of_way import Link, RightOfWay, decide_right_of_way, direction_letter
+from plannerforge.engine.network.sumo_net_signals import Signal, Signalling
 from plannerforge.engine.network.sumo_net_speeds import bend_speed, lane_speeds
 
 if TYPE_CHECKING:
@@ -30,8 +31,10 @@ def write_network(network: "LaneletNetwork", path: Path) -> NetLayout:
     return layout
 
 
-def write_sumo_net(layout: NetLayout, speeds_mps: Mapping[int, float], path: Path) -> None:
-    """Write the ``.net.xml`` of a layout; the same layout and speeds give the same bytes."""
+def write_sumo_net(
+    layout: NetLayout, speeds_mps: Mapping[int, float], path: Path, signals: tuple[Signal, ...] = ()
+) -> None:
+    """Write the ``.net.xml`` of a layout with its traffic lights; the same input gives the same bytes."""
     links = {
         index: Link(way, shape, direction_letter(shape))
         for index, way in enumerate(layout.paths)
@@ -41,13 +44,20 @@ def write_sumo_net(layout: NetLayout, speeds_mps: Mapping[int, float], path: Pat
         junction: decide_right_of_way(layout, [links[index] for index in indices])
         for junction, indices in layout.links.items()
     }
+    yielding = {
+        index: bool(rules[junction].yields[order].any())
+        for junction, indices in layout.links.items()
+        for order, index in enumerate(indices)
+    }
+    signalling = Signalling.of(signals, layout, links)
     lines = ['<?xml version="1.0" encoding="UTF-8"?>']
     lines.append('<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1">')
     lines.append(_location(layout))
     lines += _internal_edges(layout, links, speeds_mps)
     lines += _edges(layout, speeds_mps)
-    lines += _junctions(layout, links, rules)
-    lines += _connections(layout, links, rules)
+    lines += signalling.elements(yielding)
+    lines += _junctions(layout, links, rules, signalling.junctions(layout))
+    lines += _connections(layout, links, yielding, signalling)
     lines.append("</net>\n")
     path.write_text("\n".join(lines), encoding="utf-8")
 
@@ -118,7 +128,9 @@ def _edges(layout: NetLayout, speeds_mps: Mapping[int, float]) -> list[str]:
     return lines
 
 
-def _junctions(layout: NetLayout, links: Mapping[int, Link], rules: Mapping[str, RightOfWay]) -> list[str]:
+def _junctions(
+    layout: NetLayout, links: Mapping[int, Link], rules: Mapping[str, RightOfWay], signalled: frozenset[str]
+) -> list[str]:
     starts: dict[str, list[Points]] = {junction: [] for junction in layout.links}
     for edge, (start, _) in layout.ends.items():
         starts[start].append(layout.table.lanes[layout.edges[edge][0]].center[0])
@@ -129,8 +141,9 @@ def _junctions(layout: NetLayout, links: Mapping[int, Link], rules: Mapping[str,
         corners = ends + [point for index in indices for point in links[index].shape[[0, -1]]]
         center = np.mean(ends, axis=0)
         internal = " ".join(f"{layout.internal_edge_of_path[index]}_0" for index in indices)
+        kind = "traffic_light" if junction in signalled else "priority" if indices else "dead_end"
         head = (
-            f'<junction id="{junction}" type="{"priority" if indices else "dead_end"}" x="{center[0]:.2f}" '
+            f'<junction id="{junction}" type="{kind}" x="{center[0]:.2f}" '
             f'y="{center[1]:.2f}" incLanes="{" ".join(f"{edge}_{lane}" for edge, lane in incoming)}" '
             f'intLanes="{internal}" shape="{_points(_hull(corners) if indices else np.array(ends[:1]))}"'
         )
@@ -153,16 +166,21 @@ def _bits(row: "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]") -> str:
     return "".join("1" if value else "0" for value in row[::-1])
 
 
-def _connections(layout: NetLayout, links: Mapping[int, Link], rules: Mapping[str, RightOfWay]) -> list[str]:
+def _connections(
+    layout: NetLayout, links: Mapping[int, Link], yielding: Mapping[int, bool], signalling: Signalling
+) -> list[str]:
     lines = []
-    for junction, indices in layout.links.items():
-        for order, index in enumerate(indices):
+    for indices in layout.links.values():
+        for index in indices:
             path, via = layout.paths[index], layout.internal_edge_of_path[index]
             (edge, lane), (next_edge, next_lane) = layout.lane_of[path.entry], layout.lane_of[path.exit]
-            turn, state = links[index].direction, "m" if rules[junction].yields[order].any() else "M"
+            turn, state, light = links[index].direction, "m" if yielding[index] else "M", ""
+            if index in signalling.places:
+                signal, place = signalling.places[index]
+                state, light = "o" if yielding[index] else "O", f'tl="{signal.program}" linkIndex="{place}" '
             lines.append(
                 f'<connection from="{edge}" to="{next_edge}" fromLane="{lane}" toLane="{next_lane}" '
-                f'via="{via}_0" dir="{turn}" state="{state}"/>'
+                f'via="{via}_0" {light}dir="{turn}" state="{state}"/>'
             )
             lines.append(
                 f'<connection from="{via}" to="{next_edge}" fromLane="0" toLane="{next_lane}" dir="{turn}" state="M"/>'
