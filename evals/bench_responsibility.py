@@ -50,11 +50,11 @@ class ListeningFrenetix(Frenetix):
         self.seconds.append(perf_counter() - began)
         return values
 
-    def _scored(self, matrix: Any, step: Any) -> list["frenetix.TrajectorySample"]:
-        feasible = super()._scored(matrix, step)
-        self.prediction += [sample.costMap["prediction"][0] for sample in feasible]
-        self.responsibility += [sample.costMap["responsibility"][0] for sample in feasible]
-        return feasible
+    def _ranked(self, feasible: Any, inputs: Any, step: Any) -> Iterator["frenetix.TrajectorySample"]:
+        ranked = list(super()._ranked(feasible, inputs, step))
+        self.prediction += [sample.costMap["prediction"][0] for sample in ranked]
+        self.responsibility += [sample.costMap["responsibility"][0] for sample in ranked]
+        return iter(ranked)
 
 
 def scenario_files(folder: Path | None, count: int, scratch: Path) -> Iterator[Path]:

@@ -12,6 +12,7 @@ from plannerforge.engine.planners.lane_corridors import LaneCorridors
 class CandidateBatch:
     """States of n candidates at m steps: centre ``x_m``, ``y_m``, heading, speed, each of shape (n, m).
 
+    They are some of the candidates of a planning step; ``fastest_mps`` is the largest final speed among all.
     ``target_speed_mps``: mean speed that brings the ego to the goal in the time left; None where the goal has no place.
     """
 
@@ -20,6 +21,7 @@ class CandidateBatch:
     heading_rad: Points
     speed_mps: Points
     step_s: float
+    fastest_mps: float
     target_speed_mps: float | None
     obstacles: tuple[PredictedObstacle, ...]
     half_length_m: float

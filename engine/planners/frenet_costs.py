@@ -58,13 +58,9 @@ def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParam
 
 
 def add_step_functions(
-    handler: "frenetix.TrajectoryHandler",
-    weights: dict[str, float],
-    frame: FrenetFrame,
-    inputs: StepInputs,
-    vehicle: VehicleParameters,
+    handler: "frenetix.TrajectoryHandler", weights: dict[str, float], frame: FrenetFrame, inputs: StepInputs
 ) -> None:
-    """Coordinates and cost terms of this step; those of the step before are removed first.
+    """Coordinates and quick cost terms of this step; those of the step before are removed first.
 
     The handler keeps functions until one of the same name replaces them, so a term that is left out this time (no
     obstacle in sight) would otherwise go on with old positions.
@@ -87,7 +83,14 @@ def add_step_functions(
                 2,
             )
         )
-    _add_obstacle_functions(handler, weights, frame, inputs, vehicle)
+    # the core raises TypeError for an empty (0, 2) array of obstacles
+    if weights["distance_to_obstacles"] > 0 and inputs.obstacles:
+        present = frame.inwards(np.array([obstacle.positions[0] for obstacle in inputs.obstacles]))
+        handler.add_cost_function(
+            costs.CalculateDistanceToObstacleCost(
+                "distance_to_obstacles", weights["distance_to_obstacles"], np.ascontiguousarray(present)
+            )
+        )
 
 
 _CONSTANT = {
@@ -100,34 +103,15 @@ _CONSTANT = {
 }
 
 
-def _add_obstacle_functions(
-    handler: "frenetix.TrajectoryHandler",
-    weights: dict[str, float],
-    frame: FrenetFrame,
-    inputs: StepInputs,
-    vehicle: VehicleParameters,
-) -> None:
-    # the core raises TypeError for an empty (0, 2) array of obstacles
-    if weights["distance_to_obstacles"] > 0 and inputs.obstacles:
-        present = frame.inwards(np.array([obstacle.positions[0] for obstacle in inputs.obstacles]))
-        handler.add_cost_function(
-            costs.CalculateDistanceToObstacleCost(
-                "distance_to_obstacles", weights["distance_to_obstacles"], np.ascontiguousarray(present)
-            )
-        )
-    if weights["prediction"] > 0:
-        counted = [(obstacle, _last_within_reach(obstacle, inputs, vehicle)) for obstacle in inputs.obstacles]
-        predictions = {o.obstacle_id: _core_prediction(o, last, frame) for o, last in counted if last > 0}
-        handler.add_cost_function(
-            costs.CalculateCollisionProbabilityFast(
-                "prediction",
-                weights["prediction"],
-                predictions,
-                vehicle.length_m,
-                vehicle.width_m,
-                vehicle.rear_axle_behind_center_m,
-            )
-        )
+def collision_probability(
+    weight: float, frame: FrenetFrame, inputs: StepInputs, vehicle: VehicleParameters
+) -> costs.CalculateCollisionProbabilityFast:
+    """The core's term ``prediction``. It takes longer than all else in the core, so it is kept out of the handler."""
+    counted = [(obstacle, _last_within_reach(obstacle, inputs, vehicle)) for obstacle in inputs.obstacles]
+    predictions = {o.obstacle_id: _core_prediction(o, last, frame) for o, last in counted if last > 0}
+    return costs.CalculateCollisionProbabilityFast(
+        "prediction", weight, predictions, vehicle.length_m, vehicle.width_m, vehicle.rear_axle_behind_center_m
+    )
 
 
 def _last_within_reach(obstacle: PredictedObstacle, inputs: StepInputs, vehicle: VehicleParameters) -> int:

@@ -10,6 +10,8 @@ from plannerforge.schemas.planner_settings import PlannerSettings
 
 SPEED_LIMIT_MPS = 36.0
 SHORTEST_REST_S = 0.2
+FINAL_SPEED = 5
+"""Column of the sampling matrix."""
 DURATION_STEPS_S = (1.0, 0.5, 0.3, 0.2)
 """Steps of the sampled durations at the levels 0 to 3, as in the reference for time steps of 0.1 s."""
 
@@ -97,6 +99,6 @@ def sampling_matrix(
             np.append(d1, going_on.offset_m),
         )
     matrix = np.zeros((len(t1), 13))
-    matrix[:, 1], matrix[:, 5], matrix[:, 10] = t1, v1, d1
+    matrix[:, 1], matrix[:, FINAL_SPEED], matrix[:, 10] = t1, v1, d1
     matrix[:, 2:5], matrix[:, 7:10] = state.longitudinal, state.lateral
     return matrix

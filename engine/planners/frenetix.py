@@ -6,6 +6,7 @@ passes is driven. Where none passes: standing still under 0.1 m/s, else the feas
 """
 
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -17,7 +18,13 @@ from plannerforge.engine.planners.candidate_batch import CandidateBatch
 from plannerforge.engine.planners.candidate_choice import cheapest_first, first_without_objection
 from plannerforge.engine.planners.cost_terms import own_terms
 from plannerforge.engine.planners.desired_speed import DesiredSpeed
-from plannerforge.engine.planners.frenet_costs import CONSTRAINTS, StepInputs, add_feasibility, add_step_functions
+from plannerforge.engine.planners.frenet_costs import (
+    CONSTRAINTS,
+    StepInputs,
+    add_feasibility,
+    add_step_functions,
+    collision_probability,
+)
 from plannerforge.engine.planners.frenet_frame import FrameKeeper, FrenetFrame
 from plannerforge.engine.planners.frenet_memory import (
     DrivenPlan,
@@ -27,7 +34,7 @@ from plannerforge.engine.planners.frenet_memory import (
     initial_state,
     standstill,
 )
-from plannerforge.engine.planners.frenet_sampling import SamplingSettings, sampling_matrix
+from plannerforge.engine.planners.frenet_sampling import FINAL_SPEED, SamplingSettings, sampling_matrix
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, PlanKind, PlanningTask
 from plannerforge.engine.planners.lane_center import LaneCenters
@@ -36,6 +43,7 @@ from plannerforge.engine.planners.safety import SafetyCheck
 
 LOW_SPEED_MPS = 2.0
 STANDSTILL_MPS = 0.1
+COMPLETED_AT_ONCE = 16
 
 
 @dataclass
@@ -47,6 +55,7 @@ class _Step:
     low_speed: bool
     rejected: Counter[str]
     candidates: int = 0
+    fastest_mps: float = 0.0
     core_s: float = 0.0
 
     @property
@@ -88,20 +97,49 @@ class Frenetix:
             step.rejected["initial_state"] = 1
             return Plan(None, rejected=dict(step.rejected))
         matrix = sampling_matrix(state, ego.speed_mps, self._settings, task.vehicle, going_on)
-        feasible = self._scored(matrix, step)
+        inputs = self._inputs(step)
+        feasible = self._feasible(matrix, inputs, step)
         safety = SafetyCheck(task, observation)
 
         def objection(sample: "frenetix.TrajectorySample") -> str | None:
             return safety.objection(copied_trajectory(sample, frame, ego, task.vehicle))
 
-        chosen = first_without_objection(feasible, objection, step.rejected)
+        chosen = first_without_objection(self._ranked(feasible, inputs, step), objection, step.rejected)
         if chosen is not None:
             return self._drive(chosen, "regular", step)
         return self._fallback(feasible, float(state.lateral[0]), step)
 
-    def _scored(self, matrix: Points, step: _Step) -> list["frenetix.TrajectorySample"]:
-        """The feasible candidates, cheapest first; the others are counted by the constraint that rejects them."""
-        inputs = StepInputs(
+    def _feasible(self, matrix: Points, inputs: StepInputs, step: _Step) -> list["frenetix.TrajectorySample"]:
+        """The feasible candidates with their quick terms; the others are counted by what rejects them."""
+        add_step_functions(self._handler, self._weights, step.frame, inputs)
+        began = perf_counter()
+        self._handler.generate_trajectories(matrix, step.low_speed)
+        self._handler.evaluate_all_current_functions(False)
+        found = list(self._handler.get_sorted_trajectories())
+        step.core_s = perf_counter() - began
+        step.candidates, step.fastest_mps = len(matrix), float(matrix[:, FINAL_SPEED].max())
+        return self._sorted_out(found, step)
+
+    def _ranked(
+        self, feasible: list["frenetix.TrajectorySample"], inputs: StepInputs, step: _Step
+    ) -> Iterator["frenetix.TrajectorySample"]:
+        """Feasible candidates, cheapest first; the dear terms are computed as the candidates are asked for."""
+        weight, collision = self._weights["prediction"], None
+        if weight > 0:
+            collision = collision_probability(weight, step.frame, inputs, self._task.vehicle)
+
+        def complete(candidates: Sequence["frenetix.TrajectorySample"]) -> None:
+            if collision is not None:
+                began = perf_counter()
+                for sample in candidates:
+                    collision.evaluate_trajectory(sample)
+                step.core_s += perf_counter() - began
+            self._add_own_terms(candidates, step)
+
+        return cheapest_first(feasible, complete, COMPLETED_AT_ONCE)
+
+    def _inputs(self, step: _Step) -> StepInputs:
+        return StepInputs(
             ego=step.ego,
             obstacles=step.observation.obstacles,
             desired_speed_mps=self._desired_speed.at(step.ego),
@@ -111,16 +149,6 @@ class Frenetix:
             shortest_s=self._settings.shortest_s,
             reach_m=self._reach_m(step.ego),
         )
-        add_step_functions(self._handler, self._weights, step.frame, inputs, self._task.vehicle)
-        began = perf_counter()
-        self._handler.generate_trajectories(matrix, step.low_speed)
-        self._handler.evaluate_all_current_functions(False)
-        found = list(self._handler.get_sorted_trajectories())
-        step.core_s = perf_counter() - began
-        step.candidates = len(matrix)
-        feasible = self._sorted_out(found, step)
-        self._add_own_terms(feasible, step)
-        return cheapest_first(feasible)
 
     def _sorted_out(self, found: list["frenetix.TrajectorySample"], step: _Step) -> list["frenetix.TrajectorySample"]:
         feasible: list[frenetix.TrajectorySample] = []
@@ -135,11 +163,11 @@ class Frenetix:
             step.rejected["off_reference_path"] += step.candidates - len(found)
         return feasible
 
-    def _add_own_terms(self, feasible: list["frenetix.TrajectorySample"], step: _Step) -> None:
-        if not feasible or not self._own_terms or self._lanes is None or self._corridors is None:
+    def _add_own_terms(self, candidates: Sequence["frenetix.TrajectorySample"], step: _Step) -> None:
+        if not candidates or not self._own_terms or self._lanes is None or self._corridors is None:
             return
         vehicle, frame = self._task.vehicle, step.frame
-        inner = [(s.cartesian.x, s.cartesian.y, s.cartesian.theta, s.cartesian.v) for s in feasible]
+        inner = [(s.cartesian.x, s.cartesian.y, s.cartesian.theta, s.cartesian.v) for s in candidates]
         x, y, theta, speed = (np.array([row[i] for row in inner], dtype=float) for i in range(4))
         heading = theta + frame.angle_rad
         center = frame.outwards(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(*x.shape, 2)
@@ -149,6 +177,7 @@ class Frenetix:
             heading_rad=heading,
             speed_mps=speed,
             step_s=self._task.step_s,
+            fastest_mps=step.fastest_mps,
             target_speed_mps=self._desired_speed.average_to_goal(step.ego),
             obstacles=step.observation.obstacles,
             half_length_m=vehicle.length_m / 2,
@@ -158,7 +187,7 @@ class Frenetix:
         )
         for name, term in self._own_terms.items():
             weight = self._weights[name]
-            for sample, value in zip(feasible, term(batch).tolist(), strict=True):
+            for sample, value in zip(candidates, term(batch).tolist(), strict=True):
                 sample.add_cost_value_to_list(name, value, weight * value)
 
     def _fallback(self, feasible: list["frenetix.TrajectorySample"], offset_m: float, step: _Step) -> Plan:

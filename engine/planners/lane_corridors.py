@@ -36,7 +36,9 @@ class Corridor:
         """Station of each point, shape (m, 2), and how far it lies outside the lane's edge (negative: inside), in m."""
         middle = self.points[0]
         samples, wanted = self.points - middle, points - middle
-        squared = (samples**2).sum(axis=1)[None, :] - 2.0 * wanted @ samples.T
+        # no matrix product: its last bits depend on how many points are asked for at once, and they decide ties
+        products = np.multiply.outer(wanted[:, 0], samples[:, 0]) + np.multiply.outer(wanted[:, 1], samples[:, 1])
+        squared = (samples**2).sum(axis=1)[None, :] - 2.0 * products
         nearest = squared.argmin(axis=1)
         away, along = points - self.points[nearest], self.directions[nearest]
         ahead = (along * away).sum(axis=1)

@@ -61,7 +61,7 @@ def responsibility(batch: CandidateBatch) -> Values:
         if not len(near):
             continue
         if not looked:
-            own = batch.corridors.from_here(here, heading, _reach_m(float(batch.speed_mps.max()), horizon_s))
+            own = batch.corridors.from_here(here, heading, _reach_m(batch.fastest_mps, horizon_s))
             looked = True
         conflict = _Conflict(batch, other, own, here, heading, near, step[near])
         total[near] += np.where(conflict.is_the_egos(horizon_s), np.exp(-gap[near] / SCALE_M), 0.0)

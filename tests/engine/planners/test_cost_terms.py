@@ -31,6 +31,7 @@ def straight(speed: float, offset: float = 0.0, target: float | None = 8.0) -> C
         heading_rad=np.zeros((1, STEPS)),
         speed_mps=np.full((1, STEPS), speed),
         step_s=0.1,
+        fastest_mps=speed,
         target_speed_mps=target,
         obstacles=(),
         half_length_m=2.25,

@@ -36,6 +36,7 @@ def cost(
         heading_rad=np.arctan2(step_y, step_x)[None, :],
         speed_mps=np.hypot(step_x, step_y)[None, :],
         step_s=0.1,
+        fastest_mps=float(np.hypot(step_x, step_y).max()),
         target_speed_mps=None,
         obstacles=others,
         half_length_m=2.25,
@@ -205,3 +206,15 @@ def test_the_cost_of_one_obstacle_lies_between_0_and_1(speed: float, x: float, y
 def test_far_away_and_nobody_cost_nothing() -> None:
     assert cost((5.0 * TIME, 0.0), other((100.0, 0.0), (0.0, 0.0))) == 0.0
     assert cost((5.0 * TIME, 0.0)) == 0.0
+
+
+def test_a_candidate_costs_the_same_alone_and_among_others() -> None:
+    """Its place in a corridor must not hang on how many points are looked up with it: two samples are often as near."""
+    angle = 0.7
+    along, across = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
+    corridor = LaneCorridors(straight_road(300.0, lanes=3, angle_rad=angle)).from_here(0.0 * along, angle, 200.0)
+    assert corridor is not None
+    between = (corridor.points[1:] + corridor.points[:-1]) / 2 + 0.7 * across
+    together = corridor.locate(between)[0]
+    alone = [float(corridor.locate(point[None, :])[0][0]) for point in between]
+    assert together.tolist() == alone

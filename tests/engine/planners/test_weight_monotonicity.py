@@ -42,12 +42,12 @@ class Keeping(Frenetix):
 
     stored: tuple[Stored, ...] = ()
 
-    def _scored(self, matrix: Any, step: Any) -> Any:
-        found = super()._scored(matrix, step)
+    def _ranked(self, feasible: Any, inputs: Any, step: Any) -> Any:
+        found = list(super()._ranked(feasible, inputs, step))
         if not self.stored:
             check = SafetyCheck(self._task, step.observation)
             self.stored = tuple(self._copied(sample, step, check) for sample in found)
-        return found
+        return iter(found)
 
     def _copied(self, sample: Any, step: Any, check: SafetyCheck) -> Stored:
         raw = {name: float(pair[0]) for name, pair in sample.costMap.items()}
@@ -72,7 +72,8 @@ def chosen(candidates: tuple[Stored, ...], weights: Mapping[str, int]) -> Stored
         Stored(sum(weights[name] * c.exact[name] for name in WEIGHTS), c.uniqueId, c.raw, c.exact, c.objection)
         for c in candidates
     ]
-    found = first_without_objection(cheapest_first(priced), lambda candidate: candidate.objection, Counter())
+    ranked = cheapest_first(priced, lambda _: None, at_once=len(priced))
+    found = first_without_objection(ranked, lambda candidate: candidate.objection, Counter())
     assert found is not None
     return found
 
