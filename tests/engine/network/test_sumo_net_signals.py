@@ -62,7 +62,7 @@ def test_a_light_for_a_direction_leaves_the_other_ways_free(network: Any, tmp_pa
     text = write(network, tmp_path, signals_of(network, STEP_S)).read_text(encoding="utf-8")
     controlled = [line for line in text.splitlines() if 'tl="tl900"' in line]
     assert len(controlled) == 1
-    assert 'dir="r"' in controlled[0]
+    assert 'to="e12"' in controlled[0]
 
 
 def test_a_light_that_is_off_or_has_no_cycle_is_none(network: Any) -> None:
