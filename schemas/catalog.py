@@ -47,31 +47,32 @@ class DescribeCatalogResult(Result):
 
 
 class FindScenariosArguments(Arguments):
-    """Filter the catalogue by facts, rank by text. Pass what the user said: an unknown word is refused with the nearest
-    valid ones; an empty result names the condition that emptied it and what would match."""
+    """Filter the catalogue by facts, rank by text. Pass the user's words: unknown ones are refused with the nearest
+    valid; an empty result names the condition that emptied it and what would match."""
 
     country: str | None = Field(None, description="ISO alpha-3")
     city: str | None = None
-    tags: list[str] = Field([], description="tags in the file, all of them; 'a|b' for either, '!a' without")
+    tags: list[str] = Field([], description="in the file, all of them; 'a|b' either, '!a' without")
     features: list[str] = Field(
-        [], description="computed from the geometry: roundabout, ego_turns_left, oncoming_traffic …"
+        [], description="computed: roundabout, ramp, ego_turns_left, oncoming_traffic …, 'ttc<=3s'"
     )
     road_net: list[str] = Field(
         [],
         description="'stop', '!yield', 'traffic_light@map', 'lanes>=2', 'speed_limit=50km/h'; on the ego's lane, "
-        "or '@map' anywhere; lanes: side by side in the ego's direction",
+        "'@map' anywhere; lanes in the ego's direction",
     )
     obstacles: list[str] = Field(
         [],
-        description="'truck' (a, with: at least one), 'bus=2', 'car=2..5' (a few), 'car>=20' (many), 'bicycle=0'; "
-        "the ego is not counted",
+        description="'truck' (at least one), 'bus=2', 'car=2..5' (a few), 'car>=20' (many), 'bicycle=0'; "
+        "without the ego",
     )
-    ego_speed: str | None = Field(None, description="at the start: '50km/h' (about: ±2 m/s), '10..15m/s', '>=20mph'")
-    text: str | None = Field(None, description="anything else, for ranking only")
+    ego_speed: str | None = Field(None, description="at the start: '50km/h' (±2 m/s), '10..15m/s', '>=20mph'")
+    text: str | None = Field(None, description="anything else, only ranks")
     like: str | None = Field(None, description="scenario id")
     within: str | None = Field(None, description="search id to refine")
     method: Method = "funnel"
-    sort: Literal["match", "size"] = "match"
+    sort: Literal["match", "criticality", "size"] = "match"
+    diverse: int | None = Field(None, ge=1, le=100, description="N unlike matches")
     limit: int = Field(5, ge=1, le=50)
     offset: int = Field(0, ge=0)
 
@@ -92,6 +93,14 @@ class StageCount(Model):
     stage: Stage
     conditions: tuple[str, ...]
     left: int
+
+
+class Coverage(Model):
+    """What a diverse choice covers of the values that occur among the matches, in one dimension."""
+
+    dimension: str
+    covered: tuple[str, ...]
+    missed: tuple[str, ...]
 
 
 class Relaxation(Model):
@@ -127,6 +136,7 @@ class FindScenariosResult(Result):
     total: int = Field(description="scenarios that satisfy every condition")
     stages: tuple[StageCount, ...]
     matches: tuple[FoundScenario, ...]
+    coverage: tuple[Coverage, ...] = Field((), description="with diverse: what the chosen ones cover")
     emptied_by: Emptied | None = None
     relaxations: tuple[Relaxation, ...] = ()
     fallback: tuple[FoundScenario, ...] = Field((), description="not matches: each leaves conditions unmet")
@@ -140,7 +150,9 @@ class FindScenariosResult(Result):
             steps = [f"{stage.stage} [{', '.join(stage.conditions)}] {stage.left}" for stage in self.stages]
             lines.append(f"Left after: {' → '.join(steps)}")
         lines += [_line(found) for found in self.matches]
-        if self.total > len(self.matches) > 0:
+        if self.coverage:
+            lines.append(f"Chosen: {len(self.matches)}. They cover {'; '.join(_covered(one) for one in self.coverage)}")
+        elif self.total > len(self.matches) > 0:
             lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")
         if self.emptied_by:
             lines.append(f"Emptied at {self.emptied_by.stage}: {self.emptied_by.note}")
@@ -151,6 +163,11 @@ class FindScenariosResult(Result):
             lines.append("FALLBACK, not matches (unmet conditions named):")
             lines += [_line(found) for found in self.fallback]
         return "\n".join(lines)
+
+
+def _covered(one: Coverage) -> str:
+    missed = f" (not {', '.join(one.missed)})" if one.missed else ""
+    return f"{one.dimension} {', '.join(one.covered)}{missed}"
 
 
 def _line(found: FoundScenario) -> str:

@@ -56,7 +56,9 @@ class EgoFacts(Model):
     """One planning problem: where the ego starts and what its goal states.
 
     ``lanes``: lanelets side by side in the ego's direction at its start, 0 where it stands on none;
-    ``route``: lanelets to the goal, empty where the goal has no place or cannot be reached.
+    ``route``: lanelets to the goal, empty where the goal has no place or cannot be reached;
+    ``time_to_collision_s``: until an ego that keeps path and speed meets the recorded traffic, None where it never
+    does; signs, light and limits are those of the lanelets under its start.
     """
 
     problem_id: int
@@ -70,6 +72,11 @@ class EgoFacts(Model):
     goal_first_step: int | None
     goal_last_step: int | None
     route: tuple[int, ...] = ()
+    time_to_collision_s: float | None = None
+    features: tuple[str, ...] = ()
+    signs: tuple[str, ...] = ()
+    traffic_light: bool = False
+    limits_kmh: tuple[float, ...] = ()
 
 
 class ScenarioFacts(Model):
@@ -88,11 +95,39 @@ class ScenarioFacts(Model):
     roads: RoadFacts
     participants: ParticipantFacts
     egos: tuple[EgoFacts, ...] = Field(description="one per planning problem, by ascending id")
+    density_per_km: float = Field(0.0, description="recorded vehicles per kilometre of lanelets, mean over the time")
 
     @property
     def ego(self) -> EgoFacts | None:
         """The first planning problem's."""
         return self.egos[0] if self.egos else None
+
+    @property
+    def horizon_s(self) -> float:
+        """Seconds to the last time step of any recording or goal."""
+        return round(self.horizon_steps * self.step_s, 3)
+
+    def entries(self) -> "tuple[ScenarioFacts, ...]":
+        """One per planning problem, that problem's ego first: the first under the id, the others as ``ID#problem``."""
+        return (self, *(self._seen_from(ego) for ego in self.egos[1:]))
+
+    def _seen_from(self, ego: EgoFacts) -> "ScenarioFacts":
+        roads = self.roads.model_copy(
+            update={
+                "signs_ego": ego.signs,
+                "traffic_light_ego": ego.traffic_light,
+                "limits_ego_kmh": ego.limits_kmh,
+            }
+        )
+        others = tuple(one for one in self.egos if one is not ego)
+        return self.model_copy(
+            update={
+                "scenario_id": f"{self.scenario_id}#{ego.problem_id}",
+                "features": ego.features,
+                "roads": roads,
+                "egos": (ego, *others),
+            }
+        )
 
 
 Origin = Literal["generated", "modified", "imported", "starter"]
@@ -101,12 +136,14 @@ Origin = Literal["generated", "modified", "imported", "starter"]
 class ScenarioRecord(Model):
     """What the workspace keeps about a scenario beside its files.
 
-    ``content``: SHA-256 of the XML file, by which the same file is known again.
+    ``content``: SHA-256 of the XML file as it came, by which the same file is known again; ``supersedes``: the earlier
+    version of a file that was changed and imported again, which the catalogue lists no longer.
     """
 
     facts: ScenarioFacts
     origin: Origin
     content: str
+    supersedes: str | None = None
 
 
 class ReadFactsRequest(Model):

@@ -78,6 +78,7 @@ OBSTACLE_TYPES: Final[tuple[str, ...]] = (
 FEATURES: Final[dict[str, str]] = {
     "intersection": "lanes cross within 100 m of the ego's start, or on its way",
     "roundabout": "lanes form a circle with several entries",
+    "ramp": "one-way roads part or join at a small angle within 200 m of the ego's start, or on its way",
     "multi_lane": "two lanes or more in the ego's direction at its start",
     "single_lane": "one lane in the ego's direction at its start",
     "oncoming_traffic": "a recorded vehicle comes towards the ego's lane ahead of it",
@@ -88,6 +89,13 @@ FEATURES: Final[dict[str, str]] = {
     "lead_vehicle": "a vehicle is ahead of the ego in its lane within 50 m at the start",
     "ego_stands_at_start": "the ego's initial speed is below 0.5 m/s",
 }
+
+MEASURES: Final[dict[str, str]] = {
+    "ttc": "seconds until an ego that keeps path and initial speed meets the recorded traffic",
+    "horizon": "seconds to the last time step of any recording or goal",
+    "density": "recorded vehicles per kilometre of lanelets, mean over the recording",
+}
+"""Numbers computed from geometry and recording, compared in the ``features`` argument (``ttc<=3s``)."""
 
 GoalForm = Literal["region", "lanelet", "speed", "orientation", "time"]
 """What a goal states: a region (shape), a lanelet, a speed, a heading or only a time."""

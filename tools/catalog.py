@@ -37,18 +37,17 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
     arguments = _resolved(arguments, call)
     search = Search(call.workspace.database.connection(), arguments, _within(arguments.within, call))
     ranking = await _ranking(search, call) if search.needs_ranking else None
-    ordered = search.ordered(ranking)
-    matching = search.matching(ordered)
+    found = search.find(ranking)
     recipe = Recipe(
         tool="find_scenarios",
         arguments=arguments.model_dump(mode="json", exclude={"limit", "offset"})
-        | {"found": hashlib.sha256("\n".join(matching).encode()).hexdigest()},
+        | {"found": hashlib.sha256("\n".join(found.matches).encode()).hexdigest()},
         parents=tuple(key for key in (arguments.within, arguments.like) if key),
     )
     search_id = f"search_{recipe.digest}"
-    record = SearchRecord(arguments=arguments, scenario_ids=matching, stages=search.stage_counts())
+    record = SearchRecord(arguments=arguments, scenario_ids=found.matches, stages=search.stage_counts())
     call.workspace.put("search", search_id, recipe=recipe, record=record)
-    return search.answer(search_id, ordered, ranking)
+    return search.answer(search_id, found, ranking)
 
 
 def _resolved(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosArguments:

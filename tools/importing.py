@@ -3,16 +3,20 @@
 from pathlib import Path
 from typing import Literal
 
+import anyio
+
 from plannerforge.engine.catalog.starter import open_catalogue
 from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError
 from plannerforge.schemas.importing import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from plannerforge.tools.call import ToolCall
-from plannerforge.tools.importing_kinds import import_configuration, import_map, import_scenario
+from plannerforge.tools.importing_kinds import import_configuration, import_map
+from plannerforge.tools.importing_scenarios import OnDone, import_scenarios
 
 ImportKind = Literal["scenario", "map", "config"]
 SUFFIXES: dict[str, ImportKind] = {".xml": "scenario", ".osm": "map", ".yaml": "config", ".yml": "config"}
 MOST_FILES = 5000
 SHOWN = 20
+TELL_EVERY_S = 0.5
 
 
 async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> ImportFilesResult:
@@ -21,14 +25,24 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
     files = _files(call, arguments)
     items: list[ImportedItem] = []
     refusals: list[RefusedItem] = []
-    for done, (path, kind) in enumerate(files):
-        await call.progress(done / len(files), f"reading {path.name}")
-        try:
-            items.append(await _import(call, path, kind, arguments.name))
-        except (PlannerForgeError, OSError) as error:
-            if len(files) == 1:
-                raise
-            refusals.append(RefusedItem(file=path.name, reason=_reason(error)))
+    failures: list[PlannerForgeError | OSError] = []
+
+    def note(path: Path, outcome: ImportedItem | PlannerForgeError | OSError) -> None:
+        if isinstance(outcome, ImportedItem):
+            items.append(outcome)
+        else:
+            failures.append(outcome)
+            refusals.append(RefusedItem(file=path.name, reason=_reason(outcome)))
+
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(_tell, call, items, refusals, len(files))
+        await import_scenarios(call, [path for path, kind in files if kind == "scenario"], note)
+        for path, kind in files:
+            if kind != "scenario":
+                await _import_other(call, path, kind, arguments.name, note)
+        tasks.cancel_scope.cancel()
+    if len(files) == 1 and failures:
+        raise failures[0]
     reused = sum(1 for item in items if item.reused)
     return ImportFilesResult(
         added=len(items) - reused,
@@ -39,13 +53,21 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
     )
 
 
-async def _import(call: ToolCall, path: Path, kind: ImportKind, name: str | None) -> ImportedItem:
-    checked = call.allowed_path(str(path))
-    if kind == "scenario":
-        return await import_scenario(call, checked)
-    if kind == "map":
-        return await import_map(call, checked, name)
-    return await import_configuration(call, checked, name)
+async def _tell(call: ToolCall, items: list[ImportedItem], refusals: list[RefusedItem], files: int) -> None:
+    """Report progress until it is cancelled."""
+    while True:
+        done = len(items) + len(refusals)
+        await call.progress(done / files, f"{done} of {files} files")
+        await anyio.sleep(TELL_EVERY_S)
+
+
+async def _import_other(call: ToolCall, path: Path, kind: ImportKind, name: str | None, on_done: OnDone) -> None:
+    try:
+        checked = call.allowed_path(str(path))
+        make = import_map if kind == "map" else import_configuration
+        on_done(path, await make(call, checked, name))
+    except (PlannerForgeError, OSError) as error:
+        on_done(path, error)
 
 
 def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, ImportKind]]:

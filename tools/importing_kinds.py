@@ -1,4 +1,4 @@
-"""How each kind of file goes in: CommonRoad scenarios, OpenStreetMap maps, cost-weight files."""
+"""How the files go in that are no scenarios: OpenStreetMap maps and cost-weight files."""
 
 from pathlib import Path
 
@@ -9,27 +9,11 @@ from plannerforge.engine.tuning.weight_file import read_weight_file
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest
 from plannerforge.schemas.importing import ImportedItem
-from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.configurations import store_configuration
-from plannerforge.tools.storing import content_digest, store_scenario
+from plannerforge.tools.storing import content_digest
 
 READ_MAP_TIMEOUT_S = 120.0
-
-
-async def import_scenario(call: ToolCall, path: Path) -> ImportedItem:
-    """Store a CommonRoad file under its benchmark id; the same content again is the stored one."""
-    from plannerforge.engine.catalog.describe_text import summary
-
-    before = call.workspace.find_by_recipe("scenario", _recipe(path))
-    artifact = before or await store_scenario(
-        call, xml=path, net=_net_beside(path), recipe=_recipe(path), origin="imported"
-    )
-    facts = artifact.read(ScenarioRecord).facts
-    known = before is not None or artifact.recipe.digest != _recipe(path).digest
-    return ImportedItem(
-        file=path.name, kind="scenario", artifact_id=artifact.artifact_id, summary=summary(facts), reused=known
-    )
 
 
 async def import_map(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
@@ -79,9 +63,3 @@ async def import_configuration(call: ToolCall, path: Path, name: str | None) -> 
 def _recipe(path: Path, name: str | None = None) -> Recipe:
     arguments = {"content": content_digest(path)} | ({"name": name} if name else {})
     return Recipe(tool="import_files", arguments=arguments)
-
-
-def _net_beside(path: Path) -> Path | None:
-    """SUMO's network that was exported with the scenario, where it lies beside it."""
-    net = path.with_suffix(".net.xml")
-    return net if net.is_file() and not net.is_symlink() else None

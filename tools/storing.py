@@ -50,8 +50,9 @@ def put_scenario(
     recipe: Recipe,
     origin: Origin,
     beside: Mapping[str, Path] | None = None,
+    supersedes: str | None = None,
 ) -> Artifact:
-    """Store a scenario whose facts are known.
+    """Store a scenario whose facts are known; ``supersedes`` is the version that it takes the place of.
 
     Raises:
         NotPossible: another scenario has this id already.
@@ -64,7 +65,7 @@ def put_scenario(
             next_step="give the file another benchmarkID",
         )
     files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {}) | dict(beside or {})
-    record = ScenarioRecord(facts=facts, origin=origin, content=content)
+    record = ScenarioRecord(facts=facts, origin=origin, content=content, supersedes=supersedes)
     artifact = call.workspace.put("scenario", facts.scenario_id, recipe=recipe, record=record, files=files)
     refresh(call.workspace.database)
     return artifact

@@ -8,13 +8,21 @@ import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from plannerforge.engine.catalog.vocabulary_words import NameOf, feature_name, obstacle_name, road_net_name, tag_name
+from plannerforge.engine.catalog.vocabulary_words import (
+    NameOf,
+    feature_name,
+    measure_name,
+    obstacle_name,
+    road_net_name,
+    tag_name,
+)
 from plannerforge.schemas.catalog import FindScenariosArguments, Stage
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.grammar import Comparison, Interval, parse_comparison, parse_interval
 
 SPEED_TOLERANCE_MPS = 2.0
 LIMIT_TOLERANCE_KMH = 0.5
+_MEASURE_COLUMNS = {"ttc": "ttc_s", "horizon": "horizon_s", "density": "density_per_km"}
 _ROUNDING = 1e-6
 _FAR = 1e12
 
@@ -39,10 +47,14 @@ class Constraint:
         """The name that the condition is about, without operator, scope and negation."""
         return parse_name(self.label)
 
-    def holds_for(self, connection: sqlite3.Connection, everything: frozenset[int]) -> frozenset[int]:
-        """Numbers of the scenarios that satisfy the condition."""
-        found = frozenset(row[0] for row in connection.execute(self.query, self.values))
-        return everything - found if self.negated else found & everything
+    def found(self, connection: sqlite3.Connection, among: Sequence[int] | None = None) -> frozenset[int]:
+        """Numbers that the query selects, all or only among these (a few hundred at most)."""
+        if among is None:
+            rows = connection.execute(self.query, self.values)
+        else:
+            holes = ", ".join("?" * len(among))
+            rows = connection.execute(f"{self.query} AND number IN ({holes})", (*self.values, *among))
+        return frozenset(row[0] for row in rows)
 
 
 def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constraint]) -> tuple[Constraint, ...]:
@@ -54,7 +66,7 @@ def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constra
     """
     found = list(location)
     found += [_word_constraint("tag", text, tag_name) for text in arguments.tags]
-    found += [_word_constraint("feature", text, feature_name) for text in arguments.features]
+    found += [_feature(text) for text in arguments.features]
     found += [_road_net(text) for text in arguments.road_net]
     found += [_obstacles(text) for text in arguments.obstacles]
     if arguments.ego_speed is not None:
@@ -76,6 +88,22 @@ def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
         negated,
         tuple((kind, name) for name in names),
     )
+
+
+def _feature(text: str) -> Constraint:
+    """A feature that holds or not, or a measure that is compared with a number."""
+    measure = measure_name(parse_name(text))
+    if measure is None:
+        return _word_constraint("feature", text, feature_name)
+    condition = parse_comparison(text, "" if measure == "density" else "s")
+    _scope(condition, ("ego",))
+    if not any(mark in text for mark in "<>="):
+        raise InvalidRequest(
+            f"'{text}' compares {measure} with nothing", valid=["ttc<=3s", "horizon>=10s", "density>=10"]
+        )
+    low, high = _bounds(condition.interval, 0.0)
+    query = f"SELECT number FROM catalog_scenarios WHERE {_MEASURE_COLUMNS[measure]} BETWEEN ? AND ?"  # noqa: S608 - fixed names
+    return Constraint("tags", text.strip(), query, (low, high), condition.negated)
 
 
 def _road_net(text: str) -> Constraint:

@@ -1,7 +1,7 @@
 """The facts of a scenario behind a condition: why it is satisfied, or what stands in its way."""
 
 from plannerforge.engine.catalog.constraints import Constraint
-from plannerforge.engine.catalog.vocabulary_words import obstacle_name, road_net_name
+from plannerforge.engine.catalog.vocabulary_words import measure_name, obstacle_name, road_net_name
 from plannerforge.schemas.scenarios import ScenarioFacts
 
 
@@ -25,6 +25,8 @@ def unmet_label(constraint: Constraint, facts: ScenarioFacts) -> str:
 
 
 def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
+    if not constraint.words:
+        return _measure(constraint, facts)
     kind = constraint.words[0][0]
     held = facts.tags if kind == "tag" else facts.features
     shown = [word if word in held else f"no {word}" for _, word in constraint.words]
@@ -32,6 +34,16 @@ def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
         return f"{kind} {', '.join(shown)}"
     carried = [word for word in shown if not word.startswith("no ")]
     return f"{kind} {', '.join(carried or shown)}"
+
+
+def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
+    name = measure_name(constraint.subject)
+    if name == "horizon":
+        return f"horizon {facts.horizon_s:g} s"
+    if name == "density":
+        return f"density {facts.density_per_km:g} vehicles/km"
+    time_s = facts.ego.time_to_collision_s if facts.ego else None
+    return "no collision if the ego keeps on" if time_s is None else f"ttc {time_s:g} s"
 
 
 def _road_net(constraint: Constraint, facts: ScenarioFacts) -> str:

@@ -3,12 +3,18 @@
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from heapq import nsmallest
 from itertools import combinations
 
 from plannerforge.engine.catalog.constraints import Constraint
 from plannerforge.schemas.catalog import STAGES, Stage
 
 MOST_DROPPED = 3
+FEW = 400
+"""Up to so many entries a condition is looked up one by one."""
+
+WEIGHTS: dict[Stage, int] = {"location": 8, "obstacles": 4, "road_net": 3, "velocity": 3, "tags": 1}
 
 
 @dataclass(frozen=True)
@@ -41,43 +47,72 @@ class Dropped:
 
 
 class Funnel:
-    """The conditions of a search against a catalogue; every condition is queried once."""
+    """The conditions of a search against a catalogue.
+
+    Stage after stage, a condition is looked up only for what the stages before left, where that is little; the whole of
+    what holds it is looked up once, and only where it is needed.
+    """
 
     def __init__(
         self, connection: sqlite3.Connection, constraints: Sequence[Constraint], within: frozenset[int] | None = None
     ) -> None:
-        rows = connection.execute("SELECT number FROM catalog_scenarios")
-        everything = frozenset(row[0] for row in rows)
-        self.everything = everything if within is None else everything & within
+        self._connection, self._within = connection, within
         self.constraints = tuple(constraints)
-        self.holds = {one: one.holds_for(connection, self.everything) for one in self.constraints}
+        self._held: dict[Constraint, frozenset[int]] = {}
+
+    @cached_property
+    def everything(self) -> frozenset[int]:
+        """Numbers of all entries that are searched."""
+        if self._within is not None:
+            return self._within
+        return frozenset(row[0] for row in self._connection.execute("SELECT number FROM catalog_scenarios"))
+
+    @cached_property
+    def size(self) -> int:
+        """How many entries are searched."""
+        if self._within is not None:
+            return len(self._within)
+        return int(self._connection.execute("SELECT count(*) FROM catalog_scenarios").fetchone()[0])
 
     @property
     def matches(self) -> frozenset[int]:
         """Numbers that satisfy every condition."""
-        return self._all_of(self.constraints)
+        stages = self.stages
+        return stages[-1].numbers if stages else self.everything
 
+    @cached_property
     def stages(self) -> tuple[StageLeft, ...]:
         """The stages that have conditions, in the paper's order; ends at the one that leaves nothing."""
-        left, found = self.everything, []
+        left, found = self._within, []
         for stage in STAGES:
             own = tuple(one for one in self.constraints if one.stage == stage)
             if not own:
                 continue
-            left = left & self._all_of(own)
-            found.append(StageLeft(stage, own, left))
+            for one in own:
+                left = self.holds(one) if left is None else self._among(one, left)
+            found.append(StageLeft(stage, own, left or frozenset()))
             if not left:
                 break
         return tuple(found)
 
+    def holds(self, one: Constraint) -> frozenset[int]:
+        """Numbers of all entries that satisfy the condition."""
+        if one not in self._held:
+            found = one.found(self._connection)
+            whole = self._within is None and not one.negated
+            self._held[one] = found if whole else self.everything - found if one.negated else found & self.everything
+        return self._held[one]
+
+    def entering(self) -> frozenset[int]:
+        """What the stages before the last one left."""
+        return self.stages[-2].numbers if len(self.stages) > 1 else self.everything
+
     def emptied_by(self) -> EmptiedBy | None:
         """Why nothing matches; None where something does."""
-        stages = self.stages()
-        if not stages or stages[-1].numbers:
+        if not self.stages or self.stages[-1].numbers:
             return None
-        entering = stages[-2].numbers if len(stages) > 1 else self.everything
-        last = stages[-1]
-        alone = tuple(one for one in last.constraints if not self.holds[one] & entering)
+        entering, last = self.entering(), self.stages[-1]
+        alone = tuple(one for one in last.constraints if not self.holds(one) & entering)
         countries = tuple(one for one in alone if one.label.startswith("country "))
         return EmptiedBy(last.stage, countries or alone or last.constraints, together=not alone)
 
@@ -100,20 +135,38 @@ class Funnel:
         return ()
 
     def satisfied_by(self, number: int) -> tuple[Constraint, ...]:
-        """The conditions that this scenario satisfies, in their order."""
-        return tuple(one for one in self.constraints if number in self.holds[one])
+        """The conditions that this entry satisfies, in their order."""
+        return tuple(one for one in self.constraints if self._among(one, frozenset({number})))
+
+    def nearness(self, number: int) -> int:
+        """The weight of the conditions that this entry satisfies."""
+        return sum(WEIGHTS[one.stage] for one in self.satisfied_by(number))
 
     def nearest(self, limit: int) -> list[int]:
-        """Scenarios that satisfy most conditions, at least one and not all; by number of conditions, then age."""
-        scores = {number: len(self.satisfied_by(number)) for number in frozenset().union(*self.holds.values())}
-        near = [number for number, score in scores.items() if 0 < score < len(self.constraints)]
-        return sorted(near, key=lambda number: (-scores[number], number))[:limit]
+        """Entries that satisfy some conditions and not all, nearest first.
+
+        What is nearest is weighed by stage: requests name places and counts deliberately, and over-predict tags
+        (Results, Slot-level extraction). Ties: more conditions, then the older entry.
+        """
+        weights: dict[int, int] = {}
+        counts: dict[int, int] = {}
+        for one in self.constraints:
+            for number in self.holds(one):
+                weights[number] = weights.get(number, 0) + WEIGHTS[one.stage]
+                counts[number] = counts.get(number, 0) + 1
+        near = [number for number, count in counts.items() if count < len(self.constraints)]
+        return nsmallest(limit, near, key=lambda number: (-weights[number], -counts[number], number))
+
+    def _among(self, one: Constraint, left: frozenset[int]) -> frozenset[int]:
+        if len(left) > FEW or one in self._held:
+            return left & self.holds(one)
+        found = one.found(self._connection, sorted(left))
+        return left - found if one.negated else found
 
     def _all_of(self, constraints: Sequence[Constraint]) -> frozenset[int]:
-        left = self.everything
-        for one in constraints:
-            left = left & self.holds[one]
-        return left
+        if not constraints:
+            return self.everything
+        return frozenset.intersection(*sorted((self.holds(one) for one in constraints), key=len))
 
     def _with_city(self, chosen: tuple[Constraint, ...]) -> tuple[Constraint, ...]:
         if not any(one.label.startswith("country ") for one in chosen):

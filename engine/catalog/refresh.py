@@ -1,10 +1,12 @@
 """Bringing the catalogue's tables up to date with the scenarios of the workspace.
 
 The stored artifacts are the truth: what another server stored, or what a crash left uncatalogued, is entered by the
-next search.
+next search. A scenario that supersedes another one (a changed file that was imported again) takes its place.
 """
 
-from plannerforge.engine.catalog.tables import add_facts, is_ready, prepare
+import sqlite3
+
+from plannerforge.engine.catalog.tables import MOST_ENTRIES, add_scenario, is_ready, prepare, remove_scenario
 from plannerforge.engine.workspace.database import Database
 from plannerforge.schemas.scenarios import ScenarioRecord
 
@@ -21,13 +23,25 @@ def refresh(database: Database) -> int:
         prepare(connection)
         rows = _missing(database)
         for sequence, record in rows:
-            add_facts(connection, sequence, ScenarioRecord.model_validate_json(record).facts)
+            read = ScenarioRecord.model_validate_json(record)
+            add_scenario(connection, sequence, read.facts)
+            if read.supersedes is not None:
+                _take_out(connection, read.supersedes)
     return len(rows)
+
+
+def _take_out(connection: sqlite3.Connection, scenario_id: str) -> None:
+    row = connection.execute(
+        "SELECT sequence FROM artifacts WHERE kind = 'scenario' AND artifact_id = ?", (scenario_id,)
+    ).fetchone()
+    if row is not None:
+        remove_scenario(connection, int(row[0]))
 
 
 def _missing(database: Database) -> list[tuple[int, str]]:
     rows = database.connection().execute(
         "SELECT sequence, record FROM artifacts WHERE kind = 'scenario' "
-        "AND sequence > (SELECT ifnull(max(number), 0) FROM catalog_scenarios) ORDER BY sequence"
+        "AND sequence > (SELECT ifnull(max(number), 0) / ? FROM catalog_scenarios) ORDER BY sequence",
+        (MOST_ENTRIES,),
     )
     return [(int(row[0]), str(row[1])) for row in rows]

@@ -3,16 +3,20 @@
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from plannerforge.engine.catalog.bm25 import reciprocal_rank_fusion
 from plannerforge.engine.catalog.constraints import constraints_of
 from plannerforge.engine.catalog.describe_text import summary
+from plannerforge.engine.catalog.diverse import MOST_CONSIDERED, coverage, covered_values, most_diverse
+from plannerforge.engine.catalog.entries import Entry, entries_of, numbers_of
 from plannerforge.engine.catalog.evidence import evidence, unmet_label
 from plannerforge.engine.catalog.funnel import Funnel
 from plannerforge.engine.catalog.locations import location_constraints
 from plannerforge.engine.catalog.tables import facts_of
 from plannerforge.engine.catalog.values_there import emptied_note, never_carried
 from plannerforge.schemas.catalog import (
+    Coverage,
     Emptied,
     FindScenariosArguments,
     FindScenariosResult,
@@ -25,6 +29,8 @@ from plannerforge.schemas.errors import InvalidRequest
 
 FALLBACKS = 3
 EXAMPLES = 3
+RANKED_FALLBACKS = 50
+"""So many of the nearest entries a text is compared with where nothing matches."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,18 @@ class Ranking:
     def of(cls, response: RankResponse) -> "Ranking":
         """The ranking that the retrieval worker answered."""
         return cls(response.scenario_ids, dict(zip(response.scenario_ids, response.scores, strict=True)))
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search gives before it is shown: all ids in the order of the method, and those that match.
+
+    ``coverage`` says what a diverse choice covers; ``matches`` are then the chosen ones.
+    """
+
+    ordered: tuple[str, ...]
+    matches: tuple[str, ...]
+    coverage: tuple[Coverage, ...] = ()
 
 
 class Search:
@@ -58,13 +76,7 @@ class Search:
                 next_step="say in text what to look for",
             )
         self._connection, self.arguments = connection, arguments
-        rows = connection.execute("SELECT number, scenario_id, size FROM catalog_scenarios").fetchall()
-        self._id_of = {row[0]: str(row[1]) for row in rows}
-        self._number_of = {scenario_id: number for number, scenario_id in self._id_of.items()}
-        self._size_of = {str(row[1]): int(row[2]) for row in rows}
-        numbers = (
-            None if within is None else frozenset(self._number_of[key] for key in within if key in self._number_of)
-        )
+        numbers = None if within is None else frozenset(numbers_of(connection, within).values())
         location = location_constraints(connection, arguments.country, arguments.city)
         self.funnel = Funnel(connection, constraints_of(arguments, location), numbers)
 
@@ -74,49 +86,55 @@ class Search:
         return bool(self.arguments.text or self.arguments.like)
 
     def candidates(self) -> tuple[str, ...]:
-        """What is to be ranked: the matches (funnel), the country's scenarios (hybrid), or all."""
+        """What is to be ranked: the matches (or else the nearest) for the funnel, the country's for hybrid, or all."""
         numbers = self.funnel.everything
         if self.arguments.method == "funnel":
-            numbers = self.funnel.matches
+            numbers = self.funnel.matches or frozenset(self.funnel.nearest(RANKED_FALLBACKS))
         elif self.arguments.method == "hybrid":
             for one in self.funnel.constraints:
                 if one.label.startswith("country "):
-                    numbers = numbers & self.funnel.holds[one]
-        like = self.arguments.like
-        return tuple(key for key in self._ids(numbers) if key != like)
+                    numbers = numbers & self.funnel.holds(one)
+        return tuple(entry.scenario_id for entry in self._entries(numbers))
 
-    def ordered(self, ranking: Ranking | None) -> tuple[str, ...]:
+    def find(self, ranking: Ranking | None) -> Found:
         """The ids in the order of the method: matches for the funnel, else everything that was ranked."""
-        matches = [key for key in self._ids(self.funnel.matches) if key != self.arguments.like]
+        matching = {entry.scenario_id: entry for entry in self._matching}
         if ranking is None:
-            found = matches
+            ordered = list(matching)
+        elif self.arguments.method == "funnel":
+            ordered = [key for key in ranking.scenario_ids if key in matching]
         elif self.arguments.method == "rrf":
-            found = reciprocal_rank_fusion([matches, ranking.scenario_ids])
+            ordered = reciprocal_rank_fusion([list(matching), ranking.scenario_ids])
         else:
-            found = list(ranking.scenario_ids)
+            ordered = list(ranking.scenario_ids)
+        matches = [matching[key] for key in ordered if key in matching]
         if self.arguments.sort == "size":
-            found = sorted(found, key=lambda key: (-self._size_of[key], key))
-        return tuple(found)
+            matches.sort(key=lambda entry: (-entry.size, entry.scenario_id))
+        elif self.arguments.sort == "criticality":
+            matches.sort(key=lambda entry: (entry.ttc_s is None, entry.ttc_s or 0.0, entry.scenario_id))
+        ids = [entry.scenario_id for entry in matches]
+        if self.arguments.diverse is None:
+            return Found(tuple(ordered), tuple(ids))
+        values = covered_values(self._connection, matches[:MOST_CONSIDERED])
+        chosen = most_diverse(values, self.arguments.diverse)
+        return Found(tuple(ordered), tuple(chosen), coverage(values, chosen) if chosen else ())
 
-    def matching(self, ordered: Sequence[str]) -> tuple[str, ...]:
-        """Those of the ordered ids that satisfy every condition."""
-        return tuple(key for key in ordered if self._number_of[key] in self.funnel.matches)
-
-    def answer(self, search_id: str, ordered: Sequence[str], ranking: Ranking | None) -> FindScenariosResult:
+    def answer(self, search_id: str, found: Found, ranking: Ranking | None) -> FindScenariosResult:
         """The page that was asked for, and why nothing matches where nothing does."""
-        matches, begin = self.matching(ordered), self.arguments.offset
-        page = matches[begin : begin + self.arguments.limit]
+        begin = self.arguments.offset
+        limit = self.arguments.diverse or self.arguments.limit
         scores = ranking.scores if ranking else {}
         return FindScenariosResult(
             search_id=search_id,
             method=self.arguments.method,
-            catalogue=len(self.funnel.everything),
-            total=len(matches),
+            catalogue=self.funnel.size,
+            total=len(self._matching),
             stages=self.stage_counts(),
-            matches=self._found(page, scores),
+            matches=self._found(found.matches[begin : begin + limit], scores),
+            coverage=found.coverage,
             emptied_by=self._emptied(),
             relaxations=self._relaxations(),
-            fallback=self._found(self._fallback(matches, ordered), scores),
+            fallback=self._found(self._fallback(found, ranking), scores),
             notes=tuple(never_carried(self._connection, self.funnel.constraints)),
         )
 
@@ -126,11 +144,16 @@ class Search:
             StageCount(
                 stage=left.stage, conditions=tuple(one.label for one in left.constraints), left=len(left.numbers)
             )
-            for left in self.funnel.stages()
+            for left in self.funnel.stages
         )
 
-    def _ids(self, numbers: frozenset[int]) -> list[str]:
-        return sorted(self._id_of[number] for number in numbers)
+    @cached_property
+    def _matching(self) -> list[Entry]:
+        return self._entries(self.funnel.matches)
+
+    def _entries(self, numbers: frozenset[int]) -> list[Entry]:
+        """The entries by id, without the one that others are to be like."""
+        return [entry for entry in entries_of(self._connection, numbers) if entry.scenario_id != self.arguments.like]
 
     def _emptied(self) -> Emptied | None:
         reason = self.funnel.emptied_by()
@@ -149,27 +172,37 @@ class Search:
             Relaxation(
                 drop=tuple(one.label for one in dropped.constraints),
                 matches=len(dropped.numbers),
-                examples=tuple(self._ids(dropped.numbers)[:EXAMPLES]),
+                examples=tuple(entry.scenario_id for entry in self._entries(dropped.numbers)[:EXAMPLES]),
             )
             for dropped in self.funnel.relaxations()[:EXAMPLES]
         )
 
-    def _fallback(self, matches: Sequence[str], ordered: Sequence[str]) -> list[str]:
+    def _fallback(self, found: Found, ranking: Ranking | None) -> list[str]:
         """What comes nearest: the text's best that leave conditions unmet, else who satisfies most conditions."""
         if not self.funnel.constraints:
             return []
         if self.arguments.method != "funnel":
-            missed = [key for key in ordered if key not in set(matches)]
-            return missed[: max(self.arguments.limit - len(matches), 0)]
-        if matches:
+            matches = {entry.scenario_id for entry in self._matching}
+            missed = [key for key in found.ordered if key not in matches]
+            return missed[: max(self.arguments.limit - len(found.matches), 0)]
+        if self.funnel.matches:
             return []
-        return [self._id_of[number] for number in self.funnel.nearest(FALLBACKS)]
+        return self._nearest(ranking)
+
+    def _nearest(self, ranking: Ranking | None) -> list[str]:
+        """The nearest entries; where a text ranks them, it decides between those that satisfy the same conditions."""
+        numbers = self.funnel.nearest(FALLBACKS if ranking is None else RANKED_FALLBACKS)
+        ids = {entry.number: entry.scenario_id for entry in self._entries(frozenset(numbers))}
+        near = [(ids[number], self.funnel.nearness(number)) for number in numbers if number in ids]
+        if ranking is not None:
+            near.sort(key=lambda pair: (-pair[1], -ranking.scores.get(pair[0], -1.0), pair[0]))
+        return [key for key, _ in near[:FALLBACKS]]
 
     def _found(self, scenario_ids: Sequence[str], scores: dict[str, float]) -> tuple[FoundScenario, ...]:
-        facts = facts_of(self._connection, scenario_ids)
+        facts, numbers = facts_of(self._connection, scenario_ids), numbers_of(self._connection, scenario_ids)
         found = []
         for key in scenario_ids:
-            satisfied = self.funnel.satisfied_by(self._number_of[key])
+            satisfied = self.funnel.satisfied_by(numbers[key])
             unmet = tuple(one for one in self.funnel.constraints if one not in satisfied)
             found.append(
                 FoundScenario(

@@ -1,7 +1,8 @@
 """The catalogue's tables in SQLite: filled from the facts of scenarios, and rebuilt from them at any time.
 
-A row's number is the sequence of its scenario's artifact, so that a server sees at once what another one added, and a
-crash between storing and cataloguing heals with the next search.
+A row is an entry: a scenario with one of its planning problems. Its number is made of the sequence of the scenario's
+artifact, so that a server sees at once what another one added, and a crash between storing and cataloguing heals with
+the next search.
 """
 
 import sqlite3
@@ -11,20 +12,34 @@ from plannerforge.engine.catalog.describe_text import describe
 from plannerforge.engine.catalog.places import place_keys
 from plannerforge.schemas.scenarios import ScenarioFacts
 
-VERSION = 1
+VERSION = 2
 """Raised when tables or descriptions change: older tables are dropped and filled again."""
+
+MOST_ENTRIES = 1024
+"""Planning problems of one file that are entered, and the step of the numbers between two artifacts."""
+
+NEVER_S = 1e9
+"""Stands in the tables for a time to collision that never comes."""
 
 _TABLES = ("catalog_scenarios", "catalog_words", "catalog_counts", "catalog_limits", "catalog_version")
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS catalog_scenarios (
     number INTEGER PRIMARY KEY, scenario_id TEXT NOT NULL UNIQUE, country TEXT NOT NULL, place TEXT NOT NULL,
-    speed_mps REAL, lanes INTEGER, size INTEGER NOT NULL, facts TEXT NOT NULL, description TEXT NOT NULL);
-CREATE INDEX IF NOT EXISTS catalog_by_country ON catalog_scenarios (country);
+    speed_mps REAL, lanes INTEGER, size INTEGER NOT NULL, ttc_s REAL, horizon_s REAL NOT NULL,
+    density_per_km REAL NOT NULL, facts TEXT NOT NULL, description TEXT NOT NULL);
+CREATE INDEX IF NOT EXISTS catalog_by_country ON catalog_scenarios (country, place);
+CREATE INDEX IF NOT EXISTS catalog_by_speed ON catalog_scenarios (speed_mps);
+CREATE INDEX IF NOT EXISTS catalog_by_lanes ON catalog_scenarios (lanes);
+CREATE INDEX IF NOT EXISTS catalog_by_ttc ON catalog_scenarios (ttc_s);
+CREATE INDEX IF NOT EXISTS catalog_by_horizon ON catalog_scenarios (horizon_s);
+CREATE INDEX IF NOT EXISTS catalog_by_density ON catalog_scenarios (density_per_km);
+CREATE INDEX IF NOT EXISTS catalog_by_order ON catalog_scenarios (scenario_id, number, size, ttc_s);
 CREATE TABLE IF NOT EXISTS catalog_words (
     kind TEXT NOT NULL, word TEXT NOT NULL, number INTEGER NOT NULL, PRIMARY KEY (kind, word, number)) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS catalog_counts (
     obstacle TEXT NOT NULL, number INTEGER NOT NULL, count INTEGER NOT NULL,
     PRIMARY KEY (obstacle, number)) WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS catalog_by_count ON catalog_counts (obstacle, count, number);
 CREATE TABLE IF NOT EXISTS catalog_limits (
     scope TEXT NOT NULL, kmh REAL NOT NULL, number INTEGER NOT NULL, PRIMARY KEY (scope, kmh, number)) WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS catalog_version (version INTEGER NOT NULL);
@@ -51,11 +66,27 @@ def prepare(connection: sqlite3.Connection) -> None:
     connection.execute("INSERT INTO catalog_version VALUES (?)", (VERSION,))
 
 
+def add_scenario(connection: sqlite3.Connection, sequence: int, facts: ScenarioFacts) -> None:
+    """Enter every planning problem of a scenario that was stored as artifact number ``sequence``."""
+    for index, entry in enumerate(facts.entries()[:MOST_ENTRIES]):
+        add_facts(connection, sequence * MOST_ENTRIES + index, entry)
+
+
+def remove_scenario(connection: sqlite3.Connection, sequence: int) -> None:
+    """Take out every entry of the scenario that was stored as artifact number ``sequence``."""
+    first = sequence * MOST_ENTRIES
+    for table in ("catalog_scenarios", "catalog_words", "catalog_counts", "catalog_limits"):
+        connection.execute(
+            f"DELETE FROM {table} WHERE number BETWEEN ? AND ?",  # noqa: S608 - fixed names only
+            (first, first + MOST_ENTRIES - 1),
+        )
+
+
 def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts) -> None:
-    """Enter a scenario; one that is there already stays as it is."""
+    """Enter one entry; one that is there already stays as it is."""
     ego = facts.ego
     entered = connection.execute(
-        "INSERT OR IGNORE INTO catalog_scenarios VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "INSERT OR IGNORE INTO catalog_scenarios VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         (
             number,
             facts.scenario_id,
@@ -64,6 +95,9 @@ def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts)
             ego.speed_mps if ego else None,
             ego.lanes if ego else None,
             facts.participants.total,
+            (NEVER_S if ego.time_to_collision_s is None else ego.time_to_collision_s) if ego else None,
+            facts.horizon_s,
+            facts.density_per_km,
             facts.model_dump_json(),
             describe(facts),
         ),

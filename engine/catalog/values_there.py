@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from plannerforge.engine.catalog.constraints import Constraint
 from plannerforge.engine.catalog.funnel import EmptiedBy, Funnel
 from plannerforge.engine.catalog.locations import known_places
+from plannerforge.engine.catalog.tables import NEVER_S
+from plannerforge.engine.catalog.vocabulary_words import measure_name
 from plannerforge.schemas.errors import closest
 from plannerforge.schemas.vocabulary import FEATURES
 
@@ -30,8 +32,7 @@ def never_carried(connection: sqlite3.Connection, constraints: Sequence[Constrai
 
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
     """Which conditions left nothing, and what the candidates of that stage have instead."""
-    stages = funnel.stages()
-    entering = stages[-2].numbers if len(stages) > 1 else funnel.everything
+    entering = funnel.entering()
     names = ", ".join(one.label for one in reason.constraints)
     if reason.together:
         return f"each of {names} holds for some of the {len(entering)} candidates, but no candidate has them together"
@@ -42,6 +43,8 @@ def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: Emptied
 def _there(connection: sqlite3.Connection, constraint: Constraint, entering: frozenset[int]) -> str:
     if constraint.stage == "location":
         return _places(connection, constraint)
+    if constraint.stage == "tags":
+        return _measures(connection, constraint, entering)
     if constraint.stage == "obstacles":
         name = constraint.words[0][1]
         counts = dict(connection.execute("SELECT number, count FROM catalog_counts WHERE obstacle = ?", (name,)))
@@ -56,6 +59,16 @@ def _there(connection: sqlite3.Connection, constraint: Constraint, entering: fro
     if column == "speed_mps" and values:
         return f"initial speeds from {values[0]:.1f} to {values[-1]:.1f} m/s"
     return _listed(column, values)
+
+
+def _measures(connection: sqlite3.Connection, constraint: Constraint, entering: frozenset[int]) -> str:
+    if constraint.words:
+        return ""
+    columns = {"ttc": "ttc_s", "horizon": "horizon_s", "density": "density_per_km"}
+    name = measure_name(constraint.subject) or ""
+    rows = connection.execute(f"SELECT number, {columns[name]} FROM catalog_scenarios")  # noqa: S608 - a fixed name
+    values = sorted(row[1] for row in rows if row[0] in entering and row[1] is not None and row[1] < NEVER_S)
+    return f"{name} from {values[0]:g} to {values[-1]:g}" if values else ""
 
 
 def _places(connection: sqlite3.Connection, constraint: Constraint) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 
 from plannerforge.schemas.errors import UnknownName, closest
-from plannerforge.schemas.vocabulary import FEATURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
+from plannerforge.schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
 
 NameOf = Callable[[str], str]
 
@@ -18,6 +18,7 @@ _OBSTACLE_WORDS = {
     "parkedcar": "parkedVehicle",
     "emergencyvehicle": "priorityVehicle",
 }
+_MEASURE_WORDS = {"timetocollision": "ttc", "duration": "horizon", "trafficdensity": "density"}
 _ROAD_NET_WORDS = {"signal": "traffic_light", "trafficsignal": "traffic_light", "stopsign": "stop", "giveway": "yield"}
 
 
@@ -36,7 +37,13 @@ def feature_name(word: str) -> str:
     Raises:
         UnknownName: with the nearest features.
     """
-    return _name(word, FEATURES, {}, "feature", "describe_catalog lists the features")
+    return _name(word, [*FEATURES, *MEASURES], {}, "feature", "describe_catalog lists the features")
+
+
+def measure_name(word: str) -> str | None:
+    """A measure that features are compared by; None for any other word."""
+    key = _key(word)
+    return _MEASURE_WORDS.get(key, key if key in MEASURES else None)
 
 
 def road_net_name(word: str) -> str:

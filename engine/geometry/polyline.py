@@ -64,6 +64,19 @@ def project(points: Points, point: Points) -> tuple[float, float]:
     return station, float(math.copysign(distance[index], cross))
 
 
+def project_all(points: Points, others: Points) -> tuple[Values, Values]:
+    """As :func:`project` for many points of shape (m, 2) at once: stations (m,) and signed offsets (m,) in metres."""
+    start, step = points[:-1], np.diff(points, axis=0)
+    squared = np.maximum((step**2).sum(axis=1), 1e-12)
+    away = others[:, None, :] - start
+    along = np.clip((away * step).sum(axis=2) / squared, 0.0, 1.0)
+    distance = np.linalg.norm(away - step * along[:, :, None], axis=2)
+    rows, index = np.arange(len(others)), np.argmin(distance, axis=1)
+    cross = step[index, 0] * away[rows, index, 1] - step[index, 1] * away[rows, index, 0]
+    stations = arc_length(points)[index] + along[rows, index] * np.sqrt(squared[index])
+    return stations, np.copysign(distance[rows, index], cross)
+
+
 def wrap_angle(angle_rad: float) -> float:
     """The angle in [−π, π)."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi

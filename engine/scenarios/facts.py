@@ -6,17 +6,24 @@ Paper: Methodology, Framework Setup (location, roadside constructs, participants
 import math
 import re
 from collections import Counter
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
-from plannerforge.engine.scenarios.ego_route import EgoRoute, along, ego_route, lanelets_at
+from plannerforge.engine.scenarios.ego_route import along, ego_route, lanelets_at, path_ahead
 from plannerforge.engine.scenarios.features import features
 from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
+from plannerforge.engine.scenarios.recording import (
+    density_per_km,
+    look_ahead_m,
+    standing_tracks,
+    time_to_collision_s,
+)
 from plannerforge.engine.scenarios.road_facts import has_light, lanes_beside, limits_kmh, sign_keys, signs_of
-from plannerforge.engine.scenarios.tracks import last_recorded_step, recorded_tracks
+from plannerforge.engine.scenarios.tracks import Track, last_recorded_step, recorded_tracks
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.scenarios import (
     EgoFacts,
@@ -57,35 +64,47 @@ def facts_of(loaded: LoadedScenario) -> ScenarioFacts:
     scenario, network = loaded.scenario, loaded.scenario.lanelet_network
     country, place = parse_benchmark_id(loaded.benchmark_id)
     _refuse_wild_numbers(loaded)
-    graph = LaneletGraph.of(network)
+    graph, tracks = LaneletGraph.of(network), recorded_tracks(scenario)
     problems = [problem for _, problem in sorted(loaded.planning_problems.planning_problem_dict.items())]
-    routes = [ego_route(network, graph, problem) for problem in problems]
-    egos = tuple(_ego(scenario, problem, route) for problem, route in zip(problems, routes, strict=True))
-    under = egos[0].lanelets if egos else ()
-    computed = features(network, graph, recorded_tracks(scenario), egos[0], routes[0]) if egos else ()
+    recorded = last_recorded_step(scenario)
+    scene = _Scene(scenario, graph, tracks, {**tracks, **standing_tracks(scenario, recorded)}, recorded)
+    egos = tuple(_ego(scene, problem) for problem in problems)
+    first = egos[0] if egos else None
     last_goal = max((ego.goal_last_step or 0 for ego in egos), default=0)
     return ScenarioFacts(
         scenario_id=loaded.benchmark_id,
         format_version=str(scenario.scenario_id.scenario_version),
         step_s=loaded.step_s,
-        horizon_steps=max(last_recorded_step(scenario), last_goal),
+        horizon_steps=max(recorded, last_goal),
         location=_location(country, place, scenario),
         tags=tuple(sorted({_tag(tag.value) for tag in scenario.tags or ()})),
-        features=computed,
+        features=first.features if first else (),
         roads=RoadFacts(
             lanelets=len(network.lanelets),
-            signs_ego=sign_keys(signs_of(network, under)),
+            signs_ego=first.signs if first else (),
             signs_map=sign_keys(network.traffic_signs),
-            traffic_light_ego=has_light(network, under),
+            traffic_light_ego=first.traffic_light if first else False,
             traffic_lights_map=len(network.traffic_lights),
-            limits_ego_kmh=limits_kmh(signs_of(network, under)),
+            limits_ego_kmh=first.limits_kmh if first else (),
             limits_map_kmh=limits_kmh(network.traffic_signs),
         ),
         participants=ParticipantFacts(
             dynamic=_counts(scenario.dynamic_obstacles), static=_counts(scenario.static_obstacles)
         ),
         egos=egos,
+        density_per_km=density_per_km(graph, tracks.values(), recorded),
     )
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What the facts of every ego are read from; ``bodies`` are the tracks and whoever stands."""
+
+    scenario: "Scenario"
+    graph: LaneletGraph
+    tracks: dict[int, Track]
+    bodies: dict[int, Track]
+    last_step: int
 
 
 def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
@@ -104,27 +123,46 @@ def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
     return match[1], match[2]
 
 
-def _ego(scenario: "Scenario", problem: "PlanningProblem", route: EgoRoute | None) -> EgoFacts:
-    network, state = scenario.lanelet_network, problem.initial_state
+def _ego(scene: _Scene, problem: "PlanningProblem") -> EgoFacts:
+    network, state = scene.scenario.lanelet_network, problem.initial_state
+    route = ego_route(network, scene.graph, problem)
     point = np.asarray(state.position, dtype=float)
     under = lanelets_at(network, point)
+    ahead = along(network, under, point, float(state.orientation))
     steps = [goal.time_step for goal in problem.goal.state_list if getattr(goal, "time_step", None) is not None]
     first = [int(getattr(step, "start", step)) for step in steps]
     last = [int(getattr(step, "end", step)) for step in steps]
-    return EgoFacts(
+    lanelets = ahead + tuple(key for key in under if key not in ahead)
+    signs = signs_of(network, lanelets)
+    ego = EgoFacts(
         problem_id=int(problem.planning_problem_id),
         speed_mps=float(state.velocity),
         x_m=float(point[0]),
         y_m=float(point[1]),
         heading_rad=float(state.orientation),
         lanes=max((lanes_beside(network, key) for key in under), default=0),
-        lanelets=along(network, under, point, float(state.orientation))
-        + tuple(k for k in under if k not in along(network, under, point, float(state.orientation))),
+        lanelets=lanelets,
         goal_forms=_goal_forms(problem),
         goal_first_step=min(first, default=None),
         goal_last_step=max(last, default=None),
         route=route.lanelets if route else (),
+        signs=sign_keys(signs),
+        traffic_light=has_light(network, lanelets),
+        limits_kmh=limits_kmh(signs),
     )
+    computed = features(network, scene.graph, scene.tracks, ego, route)
+    meeting_s = _time_to_collision_s(scene, ego, int(state.time_step))
+    return ego.model_copy(update={"features": computed, "time_to_collision_s": meeting_s})
+
+
+def _time_to_collision_s(scene: _Scene, ego: EgoFacts, start_step: int) -> float | None:
+    start = (ego.route or ego.lanelets or (None,))[0]
+    if start is None or not scene.bodies:
+        return None
+    step_s = float(scene.scenario.dt)
+    look_m = look_ahead_m(ego, scene.last_step * step_s)
+    line, _ = path_ahead(scene.scenario.lanelet_network, scene.graph, start, ego.route, look_m)
+    return time_to_collision_s(line, ego, scene.bodies.values(), step_s, start_step) if len(line) > 1 else None
 
 
 def _goal_forms(problem: "PlanningProblem") -> tuple[GoalForm, ...]:

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import Points, arc_length, headings, project, wrap_angles
+from plannerforge.engine.geometry.polyline import Points, arc_length, headings, project, project_all, wrap_angles
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.scenarios.ego_route import EgoRoute, center_line, path_ahead
+from plannerforge.engine.scenarios.ramp import has_ramp
 from plannerforge.engine.scenarios.roundabout import has_roundabout
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.scenarios import EgoFacts
@@ -21,15 +22,19 @@ STANDING_MPS = 0.5
 CROSSING_RAD = math.radians(25.0)
 ONCOMING_RAD = math.radians(135.0)
 ONCOMING_BESIDE_M = 12.0
+MOVING_MPS = 1.0
 
 
 def features(
     network: "LaneletNetwork", graph: LaneletGraph, tracks: dict[int, Track], ego: EgoFacts, route: EgoRoute | None
 ) -> tuple[str, ...]:
     """The features of the vocabulary that hold for this ego, sorted."""
+    place = np.array([ego.x_m, ego.y_m])
+    crossing, circle = has_crossing(network, graph, place, ego.route), has_roundabout(network, graph)
     found = {
-        "intersection": has_crossing(network, graph, np.array([ego.x_m, ego.y_m]), ego.route),
-        "roundabout": has_roundabout(network, graph),
+        "intersection": crossing,
+        "roundabout": circle,
+        "ramp": not crossing and not circle and has_ramp(network, graph, place, ego.route),
         "multi_lane": ego.lanes >= 2,
         "single_lane": ego.lanes == 1,
         "ego_stands_at_start": ego.speed_mps < STANDING_MPS,
@@ -43,7 +48,7 @@ def features(
     if start is not None:
         line, _ = path_ahead(network, graph, start, ego.route, NEAR_M)
         if len(line) > 1:
-            here = project(line, np.array([ego.x_m, ego.y_m]))[0]
+            here = project(line, place)[0]
             found["oncoming_traffic"] = has_oncoming(line, here, tracks)
             found["lead_vehicle"] = has_lead(line, here, tracks)
     return tuple(sorted(name for name, holds in found.items() if holds))
@@ -77,18 +82,17 @@ def has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points, 
 
 def has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
     """Whether a recorded vehicle moves against the line's direction within 12 m beside it, ahead of the ego."""
-    stations, turned = arc_length(line), headings(line)
+    ends, turned = arc_length(line), headings(line)
     for track in tracks.values():
-        for index in range(0, len(track.positions), 5):
-            if track.speeds_mps[index] < 1.0:
-                continue
-            station, beside = project(line, track.positions[index])
-            if not (here_m < station < stations[-1] - 0.1) or abs(beside) > ONCOMING_BESIDE_M:
-                continue
-            segment = min(int(np.searchsorted(stations, station, side="right")) - 1, len(turned) - 1)
-            angle = wrap_angles(np.array([track.headings_rad[index] - turned[segment]]))[0]
-            if abs(angle) > ONCOMING_RAD:
-                return True
+        moving = track.speeds_mps[::5] >= MOVING_MPS
+        if not moving.any():
+            continue
+        stations, beside = project_all(line, track.positions[::5][moving])
+        segments = np.clip(np.searchsorted(ends, stations, side="right") - 1, 0, len(turned) - 1)
+        against = np.abs(wrap_angles(track.headings_rad[::5][moving] - turned[segments])) > ONCOMING_RAD
+        on_the_way = (here_m < stations) & (stations < ends[-1] - 0.1) & (np.abs(beside) <= ONCOMING_BESIDE_M)
+        if np.any(against & on_the_way):
+            return True
     return False
 
 

@@ -23,7 +23,8 @@ class XmlLimits:
 
     size_bytes: int = 100_000_000
     depth: int = 64
-    elements: int = 3_000_000
+    elements: int = 1_500_000
+    lanelets: int = 50_000
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ class _Scan:
     def __init__(self, name: str, limits: XmlLimits) -> None:
         self.name, self.limits, self.root = name, limits, ""
         self.attributes: dict[str, str] = {}
-        self.depth = self.elements = 0
+        self.depth = self.elements = self.lanelets = 0
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
@@ -123,10 +124,13 @@ class _Scan:
             self.root, self.attributes = tag, attributes
         self.depth += 1
         self.elements += 1
+        self.lanelets += tag == "lanelet"
         if self.depth > self.limits.depth:
             raise UnsafeInput(f"{self.name} nests elements deeper than {self.limits.depth} levels")
         if self.elements > self.limits.elements:
             raise UnsafeInput(f"{self.name} holds more than {self.limits.elements:,} elements")
+        if self.lanelets > self.limits.lanelets:
+            raise UnsafeInput(f"{self.name} holds more than {self.limits.lanelets:,} lanelets")
 
     def _end(self, tag: str) -> None:
         del tag

@@ -1,10 +1,11 @@
 """Import, search and describe through a real client session."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import town_road
+from builders import Problem, town_road
 from mcp import Client
 from support import Connect
 
@@ -53,13 +54,61 @@ async def test_a_folder_goes_in_without_what_is_refused(connect: Connect, bare: 
         assert "30 m ahead, same lane" in text
 
 
-async def test_other_content_under_a_known_id_is_refused(connect: Connect, bare: Settings, folder: Path) -> None:
+async def test_a_changed_file_is_a_new_version_and_takes_the_place_of_the_old(
+    connect: Connect, bare: Settings, folder: Path
+) -> None:
     async with connect(bare) as client:
-        await call(client, "import_files", path=str(folder / "good.xml"))
+        _, _, first = await call(client, "import_files", path=str(folder / "good.xml"))
         town_road().with_vehicles().write(folder / "good.xml")
-        failed, text, _ = await call(client, "import_files", path=str(folder / "good.xml"))
-        assert failed
-        assert "other content" in text
+        _, text, second = await call(client, "import_files", path=str(folder / "good.xml"))
+        old, new = (answer["items"][0]["artifact_id"] for answer in (first, second))
+        assert old != new
+        assert f"new version of {old}" in text
+        _, _, found = await call(client, "find_scenarios")
+        assert [match["scenario_id"] for match in found["matches"]] == [new]
+        _, _, again = await call(client, "import_files", path=str(folder / "good.xml"))
+        assert (again["added"], again["items"][0]["artifact_id"]) == (0, new)
+        failed, text, _ = await call(client, "describe_scenario", scenario_id=old)
+        assert not failed, text
+
+
+async def test_duplicates_of_one_folder_are_refused_and_name_each_other(
+    connect: Connect, bare: Settings, folder: Path
+) -> None:
+    town_road().write(folder / "same.xml")
+    town_road().with_vehicles().write(folder / "same_id.xml")
+    async with connect(bare) as client:
+        _, _, answer = await call(client, "import_files", path=str(folder))
+        reasons = {item["file"]: item["reason"] for item in answer["refusals"]}
+        assert "same content as good.xml" in reasons["same.xml"]
+        assert "good.xml has the id" in reasons["same_id.xml"]
+        assert answer["added"] == 1
+
+
+async def test_every_planning_problem_is_an_entry(connect: Connect, bare: Settings, tmp_path: Path) -> None:
+    problems = (Problem(), Problem(problem_id=200, start=(40.0, 3.5, 0.0, 25.0)))
+    path = replace(town_road(), problems=problems).write(tmp_path / "two.xml")
+    async with connect(bare) as client:
+        await call(client, "import_files", path=str(path))
+        _, _, found = await call(client, "find_scenarios", ego_speed="25m/s")
+        assert [match["scenario_id"] for match in found["matches"]] == ["ZAM_Builder-1_1_T-1#200"]
+
+
+async def test_measures_are_compared_and_sorted_by(connect: Connect, settings: Settings) -> None:
+    async with connect(settings) as client:
+        _, _, found = await call(client, "find_scenarios", features=["ttc<=20s"], sort="criticality", limit=50)
+        assert 1 < found["total"] < found["catalogue"]
+        times = [float(match["satisfied"][0].split()[1]) for match in found["matches"]]
+        assert times == sorted(times)
+
+
+async def test_a_diverse_choice_says_what_it_covers(connect: Connect, settings: Settings) -> None:
+    async with connect(settings) as client:
+        _, text, found = await call(client, "find_scenarios", diverse=3)
+        assert len(found["matches"]) == 3
+        assert "They cover" in text
+        covered = {one["dimension"]: one["covered"] for one in found["coverage"]}
+        assert len(covered["obstacles"]) >= 4
 
 
 async def test_a_weight_file_becomes_a_configuration(connect: Connect, bare: Settings, folder: Path) -> None:

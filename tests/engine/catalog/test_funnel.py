@@ -106,14 +106,14 @@ def test_the_filter_finds_what_plain_python_finds(made: list[ScenarioFacts], ask
 def test_stages_only_shrink_and_relaxations_satisfy_the_rest(made: list[ScenarioFacts], asked: list[Condition]) -> None:
     slots = {slot: [one.text for one in asked if one.slot == slot] for slot in ("tags", "obstacles", "road_net")}
     one = funnel(catalogue(made), FindScenariosArguments(**slots))
-    counts = [len(stage.numbers) for stage in one.stages()]
+    counts = [len(stage.numbers) for stage in one.stages]
     assert counts == sorted(counts, reverse=True)
     assert (one.emptied_by() is not None) == (not one.matches)
     if not one.matches:
         for dropped in one.relaxations():
             kept = [constraint for constraint in one.constraints if constraint not in dropped.constraints]
             assert dropped.numbers
-            assert all(dropped.numbers <= one.holds[constraint] for constraint in kept)
+            assert all(dropped.numbers <= one.holds(constraint) for constraint in kept)
 
 
 @given(st.floats(0, 40), st.floats(0, 40))

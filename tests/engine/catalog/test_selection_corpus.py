@@ -27,6 +27,6 @@ def test_the_funnel_finds_exactly_the_corpus_s_ids(shared_data: Path) -> None:
             continue
         one = funnel(connection, arguments_of(truth))
         assert sorted(ids[number] for number in one.matches) == truth["matching_ids"], line["id"]
-        assert {stage.stage: len(stage.numbers) for stage in one.stages()} == truth["n_after_stage"], line["id"]
+        assert {stage.stage: len(stage.numbers) for stage in one.stages} == truth["n_after_stage"], line["id"]
         compared += 1
     assert compared >= 10

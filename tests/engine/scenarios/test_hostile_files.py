@@ -49,3 +49,14 @@ def test_a_file_of_zeros_is_refused_by_its_size(tmp_path: Path) -> None:
         stream.truncate(500_000_000)
     with pytest.raises(UnsafeInput, match="bytes"):
         read_facts(ReadFactsRequest(path=path), silent)
+
+
+def test_a_million_lanelets_are_refused_while_they_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "million.xml"
+    with path.open("w", encoding="utf-8") as stream:
+        stream.write(HEAD + "<commonRoad>")
+        for block in range(1000):
+            stream.write("".join(f'<lanelet id="{block * 1000 + index}"/>' for index in range(1000)))
+        stream.write("</commonRoad>")
+    with pytest.raises(UnsafeInput, match="lanelets"):
+        read_facts(ReadFactsRequest(path=path), silent)
