@@ -9,7 +9,7 @@ DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 
 .PHONY: help demo test check lint types layers bench bench-server bench-planners bench-faults bench-reactive \
-	bench-responsibility starter format clean
+	bench-responsibility bench-weights starter format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -67,6 +67,9 @@ bench-reactive: $(DEV_STAMP)
 
 bench-responsibility: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_responsibility
+
+bench-weights: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_weights
 
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.draw_library

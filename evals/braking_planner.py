@@ -3,7 +3,7 @@
 import numpy as np
 
 from plannerforge.engine.geometry.polyline import arc_length, interpolate, point_at, project
-from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
+from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
 BRAKING_MPS2 = 6.0
 HORIZON_S = 3.0
@@ -42,3 +42,30 @@ class BrakingPlanner:
             ),
             candidates=1,
         )
+
+
+class BrakingFrom:
+    """Drives as another planner does, and brakes to a stand from a time on.
+
+    Args:
+        planner: who drives first.
+        after_s: time from the start of the run at which the ego begins to brake.
+    """
+
+    def __init__(self, planner: Planner, after_s: float) -> None:
+        self._planner, self._after_s, self._braking = planner, after_s, BrakingPlanner()
+        self._brake_step: int | None = None
+        self._step_s = 0.0
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare both planners."""
+        self._planner.reset(task)
+        self._braking.reset(task)
+        self._brake_step, self._step_s = None, task.step_s
+
+    def plan(self, observation: Observation) -> Plan:
+        """The plan of the planner whose time it is."""
+        step = observation.ego.step
+        if self._brake_step is None:
+            self._brake_step = step + round(self._after_s / self._step_s)
+        return (self._planner if step < self._brake_step else self._braking).plan(observation)

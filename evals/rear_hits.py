@@ -1,0 +1,102 @@
+"""Who runs into an ego that brakes to a stand in front of a follower, with recorded and with reactive traffic?"""
+
+import math
+import multiprocessing
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.geometry.polyline import wrap_angle
+from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.registry import PLANNERS, make_planner
+from plannerforge.engine.planners.simulation import DrivenRun, initial_ego, simulate
+from plannerforge.engine.planners.traffic_modes import open_traffic
+from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
+from plannerforge.engine.scenarios.tracks import recorded_tracks
+from plannerforge.engine.tuning.configurations import named_configuration
+from plannerforge.evals.braking_planner import BrakingFrom
+from plannerforge.schemas.runs import Traffic
+
+MODES: tuple[Traffic, ...] = ("recorded", "reactive")
+BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
+"""Who drives before the ego brakes, and for how long."""
+BEHIND_M, BESIDE_M, ALIKE_RAD = 60.0, 1.75, 0.5
+
+
+@dataclass(frozen=True)
+class BrakedRun:
+    """A run of an ego that braked: ``hit`` tells by whom it was hit from behind, where it was."""
+
+    scenario_id: str
+    planner: str
+    traffic: Traffic
+    outcome: str
+    hit: str | None
+    step_ms: float
+
+
+def braked_runs(files: Sequence[Path], processes: int) -> list[BrakedRun]:
+    """The runs of all planners in all traffic modes on the scenarios that have a follower."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=spawn) as pool:
+        return [run for runs in pool.map(braked_runs_of, files) for run in runs]
+
+
+def braked_runs_of(file: Path) -> list[BrakedRun]:
+    """The runs on one scenario; none where nobody follows the ego."""
+    loaded = read_scenario(file)
+    if not has_follower(loaded, initial_ego(loaded.problem().initial_state)):
+        return []
+    return [_braked(loaded, planner, traffic) for planner in BRAKES_AFTER_S for traffic in MODES]
+
+
+def has_follower(loaded: LoadedScenario, ego: EgoState) -> bool:
+    """Whether somebody drives behind a moving ego in its lane at its first step."""
+    for other in recorded_tracks(loaded.scenario).values():
+        index = other.index_at(ego.step)
+        if index is None or other.speeds_mps[index] < 1.0 or ego.speed_mps < 1.0:
+            continue
+        behind, left = place_behind(ego, *other.positions[index])
+        alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < ALIKE_RAD
+        if 0.0 < behind < BEHIND_M and abs(left) < BESIDE_M and alike:
+            return True
+    return False
+
+
+def place_behind(ego: EgoState, x_m: float, y_m: float) -> tuple[float, float]:
+    """How far a point lies behind the ego, and to its left, in m."""
+    cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+    dx, dy = x_m - float(ego.position[0]), y_m - float(ego.position[1])
+    return -(dx * cos + dy * sin), dy * cos - dx * sin
+
+
+def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> BrakedRun:
+    configuration = named_configuration(name if name in PLANNERS else "frenetix")
+    if configuration is None:
+        raise RuntimeError("the built-in configuration is gone")
+    planner = BrakingFrom(make_planner(configuration.planner), BRAKES_AFTER_S[name])
+    began, problem = time.perf_counter(), loaded.problem()
+    with open_traffic(traffic, loaded, problem, BMW_320I, seed=0) as others:
+        run = simulate(loaded.scenario, problem, configuration, planner, "constant_velocity", silent, others)
+    step_ms = 1000 * (time.perf_counter() - began - sum(run.plan_s)) / len(run.states)
+    return BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, _hit_from_behind(run), step_ms)
+
+
+def _hit_from_behind(run: DrivenRun) -> str | None:
+    """Who ran into the ego from behind."""
+    hit = run.final.collision
+    if hit is None or hit.obstacle_id is None:
+        return None
+    ego = run.states[-1]
+    other = next(one for one in (*run.traffic.moving, *run.traffic.standing) if one.obstacle_id == hit.obstacle_id)
+    index = other.index_at(ego.step) or 0
+    behind, _ = place_behind(ego, *other.positions[index])
+    alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < ALIKE_RAD
+    if not (behind > 0.0 and alike):
+        return None
+    driven = "driven" if any(one.obstacle_id == hit.obstacle_id for one in run.traffic.driven) else "on its recording"
+    return f"{hit.kind} {hit.obstacle_id} ({driven}) at {hit.time_s:.1f} s, ego {ego.speed_mps:.1f} m/s"
