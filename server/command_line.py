@@ -1,4 +1,4 @@
-"""The server's part of the command line: ``plannerforge serve | call | tools``.
+"""The server's part of the command line: ``plannerforge serve | call | tools | check``.
 
 The demo, a client, joins it in ``agent/command_line.py``.
 
@@ -81,6 +81,17 @@ def list_tools(
     from plannerforge.server.tool_costs import print_costs
 
     print_costs(_settings(tools="essential" if essential else None))
+
+
+@application.command()
+def check(
+    files: Annotated[list[Path], typer.Argument(help="CommonRoad files.", exists=True, dir_okay=False)],
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+) -> None:
+    """Check the road networks of CommonRoad files; exit code 1 where one has errors."""
+    from plannerforge.server.check_command import check_files
+
+    raise typer.Exit(check_files(files, as_json=as_json))
 
 
 def _settings(**flags: Any) -> Settings:

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.edits.behaviours import PARAMETERS, presets
+from plannerforge.engine.network.rules.registry import NAMES as RULES
 from plannerforge.schemas.errors import error_classes
 from plannerforge.schemas.modification import ARGUMENTS_OF
 from plannerforge.server.settings import Settings
@@ -24,9 +25,10 @@ def names_in(page: str) -> set[str]:
         ("README.md", [spec.name for spec in TOOLS]),
         ("README.md", list(Settings.model_fields)),
         ("docs/errors.md", list(error_classes())),
+        ("docs/rules.md", list(RULES)),
         ("docs/edits.md", [*ARGUMENTS_OF, *presets(), *PARAMETERS]),
     ],
-    ids=["tools", "settings", "errors", "edits"],
+    ids=["tools", "settings", "errors", "rules", "edits"],
 )
 def test_every_name_has_its_entry(page: str, names: list[str]) -> None:
     assert set(names) - names_in(page) == set()

@@ -1,0 +1,24 @@
+"""Running all rules on a network."""
+
+from pathlib import Path
+
+from plannerforge.engine.network.road_document import RoadDocument
+from plannerforge.engine.network.road_document_reader import read_road_document
+from plannerforge.engine.network.rules.registry import all_rules
+from plannerforge.schemas.errors import UnsafeInput
+from plannerforge.schemas.network_rules import CheckedFile, RuleFinding
+
+
+def check_file(path: Path) -> CheckedFile:
+    """Run all rules on a CommonRoad file; one that cannot be read is reported, not raised."""
+    try:
+        document = read_road_document(path)
+    except UnsafeInput as error:
+        return CheckedFile(file=str(path), unreadable=error.message)
+    return CheckedFile(file=str(path), findings=check_network(document))
+
+
+def check_network(document: RoadDocument) -> tuple[RuleFinding, ...]:
+    """What the rules find in a network, errors before warnings, otherwise in the order of the rules."""
+    found = [finding for rule in all_rules() for finding in rule.check(document)]
+    return tuple(sorted(found, key=lambda finding: finding.severity))

@@ -1,0 +1,47 @@
+"""What a rule is, and what it finds."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.network.road_document import RoadDocument
+from plannerforge.schemas.network_rules import RuleFinding, Severity
+
+
+@dataclass(frozen=True)
+class Defect:
+    """A place where a rule is broken: what is wrong, the ids concerned (the lanelet first), a point (2,) in m."""
+
+    message: str
+    elements: tuple[int, ...]
+    where: Points | None = None
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule with its description.
+
+    ``severity``: an *error* makes the network unusable or ambiguous for a reader or a planner; a *warning* is unusual
+    and may be meant. ``meaning`` says what a defect is, ``why`` what it does.
+    """
+
+    rule_id: str
+    severity: Severity
+    meaning: str
+    why: str
+    find: Callable[[RoadDocument], Iterator[Defect]]
+
+    def check(self, document: RoadDocument) -> list[RuleFinding]:
+        """All defects of one network."""
+        return [
+            RuleFinding(
+                rule=self.rule_id,
+                severity=self.severity,
+                elements=defect.elements,
+                where=None
+                if defect.where is None
+                else (round(float(defect.where[0]), 2), round(float(defect.where[1]), 2)),
+                message=defect.message,
+            )
+            for defect in self.find(document)
+        ]
