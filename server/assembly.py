@@ -33,23 +33,33 @@ def create_server(settings: Settings, start_folder: Path | None = None) -> Plann
     )
 
     @asynccontextmanager
-    async def open_services() -> AsyncIterator[Services]:
-        limits = settings.limits(folder)
-        workspace = Workspace(workspace_root)
+    async def services() -> AsyncIterator[Services]:
         try:
-            log = workspace_root / "logs" / "workers.log"
-            async with WorkerPool.open(limits, log) as workers, anyio.create_task_group() as tasks:
-                jobs, claims = JobRunner(JobStore(workspace.database), tasks), Claims(workspace.database)
-                if settings.warm_up:
-                    tasks.start_soon(_warm_up, workers)
-                yield Services(workspace, workers, jobs, claims, limits, settings.map_folders, settings.starter)
-                tasks.cancel_scope.cancel()
+            async with open_services(settings, folder) as opened:
+                yield opened
         finally:
-            workspace.close()
             if journal is not None:
                 journal.close()
 
-    return PlannerForgeServer(offered_tools(settings), open_services, journal)
+    return PlannerForgeServer(offered_tools(settings), services, journal)
+
+
+@asynccontextmanager
+async def open_services(settings: Settings, start_folder: Path) -> AsyncIterator[Services]:
+    """What tools work with: the workspace, the workers, the jobs and the bounds, closed at the end."""
+    workspace_root = settings.workspace.expanduser().resolve()
+    limits = settings.limits(start_folder)
+    workspace = Workspace(workspace_root)
+    try:
+        log = workspace_root / "logs" / "workers.log"
+        async with WorkerPool.open(limits, log) as workers, anyio.create_task_group() as tasks:
+            jobs, claims = JobRunner(JobStore(workspace.database), tasks), Claims(workspace.database)
+            if settings.warm_up:
+                tasks.start_soon(_warm_up, workers)
+            yield Services(workspace, workers, jobs, claims, limits, settings.map_folders, settings.starter)
+            tasks.cancel_scope.cancel()
+    finally:
+        workspace.close()
 
 
 def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:

@@ -1,4 +1,4 @@
-"""The server's part of the command line: ``plannerforge serve | call | tools | check``.
+"""The server's part of the command line: ``plannerforge serve | call | tools | maps | check``.
 
 The demo, a client, joins it in ``agent/command_line.py``.
 
@@ -6,13 +6,12 @@ Commands import what they need when they run, so that ``serve`` answers fast.
 """
 
 import signal
-import tomllib
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from plannerforge.server.settings import Settings, settings_file
+from plannerforge.server.catalog_commands import catalog
+from plannerforge.server.flags import MapFolders, Roots, Workers, Workspace, settings_from
 
 application = typer.Typer(
     name="plannerforge",
@@ -22,10 +21,7 @@ application = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-Workspace = Annotated[Path | None, typer.Option(help="Folder for everything that is made.")]
-Roots = Annotated[list[Path] | None, typer.Option("--roots", help="Folder that may be read and written; repeatable.")]
-MapFolders = Annotated[list[Path] | None, typer.Option("--map-folders", help="Folder with .osm maps; repeatable.")]
-Workers = Annotated[int | None, typer.Option(help="Worker processes for simulation and planning.")]
+application.add_typer(catalog)
 
 
 @application.command()
@@ -42,7 +38,7 @@ def serve(
     """Serve MCP over standard input and output."""
     from plannerforge.server.assembly import create_server
 
-    settings = _settings(
+    settings = settings_from(
         workspace=workspace,
         roots=roots,
         map_folders=map_folders,
@@ -69,7 +65,7 @@ def call(
     """Make one tool call, the same that an MCP client makes."""
     from plannerforge.server.one_call import make_call
 
-    settings = _settings(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, warm_up=False)
+    settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, warm_up=False)
     raise typer.Exit(make_call(settings, tool, arguments, as_json=as_json))
 
 
@@ -80,7 +76,34 @@ def list_tools(
     """List the tools with what they cost in tokens."""
     from plannerforge.server.tool_costs import print_costs
 
-    print_costs(_settings(tools="essential" if essential else None))
+    print_costs(settings_from(tools="essential" if essential else None))
+
+
+maps_application = typer.Typer(no_args_is_help=True, help="The maps that scenarios are made from.")
+application.add_typer(maps_application, name="maps")
+
+
+@maps_application.command("add")
+def add_maps(
+    files: Annotated[
+        list[Path], typer.Argument(help="OpenStreetMap extracts: .osm, .osm.gz, .osm.bz2.", exists=True, dir_okay=False)
+    ],
+    place: Annotated[str | None, typer.Option(help="The place's name; left out: as the file says.")] = None,
+    country: Annotated[str | None, typer.Option(help="Code or name; left out: from addresses or borders.")] = None,
+    workspace: Workspace = None,
+) -> None:
+    """Take maps into the workspace's library."""
+    from plannerforge.server.maps_command import add_maps as add
+
+    raise typer.Exit(add(settings_from(workspace=workspace, warm_up=False), files, place=place, country=country))
+
+
+@maps_application.command("list")
+def list_maps(workspace: Workspace = None, map_folders: MapFolders = None) -> None:
+    """List the maps at hand with what sites they hold."""
+    from plannerforge.server.maps_command import list_maps as show
+
+    raise typer.Exit(show(settings_from(workspace=workspace, map_folders=map_folders, warm_up=False)))
 
 
 @application.command()
@@ -92,18 +115,3 @@ def check(
     from plannerforge.server.check_command import check_files
 
     raise typer.Exit(check_files(files, as_json=as_json))
-
-
-def _settings(**flags: Any) -> Settings:
-    """Settings with the flags that were given; a wrong one ends the program with one line."""
-    from pydantic import ValidationError
-
-    try:
-        return Settings(**{name: value for name, value in flags.items() if value is not None})
-    except ValidationError as error:
-        problems = "; ".join(f"{detail['loc'][0]}: {detail['msg']}" for detail in error.errors(include_url=False))
-        typer.echo(f"plannerforge: {problems}", err=True)
-        raise typer.Exit(2) from None
-    except (OSError, tomllib.TOMLDecodeError) as error:
-        typer.echo(f"plannerforge: {settings_file()} cannot be read: {error}", err=True)
-        raise typer.Exit(2) from None

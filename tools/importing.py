@@ -13,7 +13,14 @@ from plannerforge.tools.importing_kinds import import_configuration, import_map
 from plannerforge.tools.importing_scenarios import OnDone, import_scenarios
 
 ImportKind = Literal["scenario", "map", "config"]
-SUFFIXES: dict[str, ImportKind] = {".xml": "scenario", ".osm": "map", ".yaml": "config", ".yml": "config"}
+SUFFIXES: dict[str, ImportKind] = {
+    ".xml": "scenario",
+    ".osm": "map",
+    ".osm.gz": "map",
+    ".osm.bz2": "map",
+    ".yaml": "config",
+    ".yml": "config",
+}
 MOST_FILES = 5000
 SHOWN = 20
 TELL_EVERY_S = 0.5
@@ -77,7 +84,7 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
     if path.is_file():
         return [(path, _kind(path, arguments.kind))]
     wanted = [suffix for suffix, kind in SUFFIXES.items() if arguments.kind in ("auto", kind)]
-    found = sorted(entry for entry in path.rglob("*") if entry.suffix.lower() in wanted and entry.is_file())
+    found = sorted(entry for entry in path.rglob("*") if entry.name.lower().endswith(tuple(wanted)) and entry.is_file())
     found = [entry for entry in found if not entry.name.endswith(".net.xml")]
     if not found:
         raise InvalidRequest(f"'{arguments.path}' holds no file to import", valid=[f"*{end}" for end in wanted])
@@ -90,7 +97,7 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
 
 
 def _kind(path: Path, wanted: str) -> ImportKind:
-    known = SUFFIXES.get(path.suffix.lower())
+    known = next((kind for ending, kind in SUFFIXES.items() if path.name.lower().endswith(ending)), None)
     if known is None or path.name.endswith(".net.xml"):
         raise InvalidRequest(f"{path.name} is of no kind that can be imported", valid=[f"*{end}" for end in SUFFIXES])
     if wanted not in ("auto", known):

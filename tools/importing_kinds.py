@@ -2,10 +2,14 @@
 
 from pathlib import Path
 
+import anyio
+
+from plannerforge.engine.maps.unpacking import unpacked
 from plannerforge.engine.planners.registry import known_planner
 from plannerforge.engine.tuning.configurations import changed_configuration, preset_configuration
 from plannerforge.engine.tuning.planner_tuning import tuning_of
 from plannerforge.engine.tuning.weight_file import read_weight_file
+from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest
 from plannerforge.schemas.importing import ImportedItem
@@ -16,29 +20,33 @@ from plannerforge.tools.storing import content_digest
 READ_MAP_TIMEOUT_S = 120.0
 
 
-async def import_map(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
-    """Store an OpenStreetMap file with what it shows."""
-    recipe = _recipe(path, name)
-    before = call.workspace.find_by_recipe("map", recipe)
-    if before is None:
-        facts = await call.run(
-            "plannerforge.engine.maps.facts:read_map",
-            ReadMapRequest(path=str(path), map_id=f"map_{recipe.digest}", place=name),
-            MapFacts,
-            timeout_s=READ_MAP_TIMEOUT_S,
-        )
-        artifact = call.workspace.put(
-            "map", facts.map_id, recipe=recipe, record=facts, files={"map.osm": path}, name=facts.place
-        )
-    else:
-        artifact, facts = before, before.read(MapFacts)
+async def import_map(call: ToolCall, path: Path, name: str | None, country: str | None = None) -> ImportedItem:
+    """Store an OpenStreetMap file, unpacked, with what it shows; name and country (ISO alpha-3) win over the file's."""
+    with call.workspace.scratch() as folder:
+        plain = await anyio.to_thread.run_sync(unpacked, path, folder)
+        recipe = _recipe(plain, name, country)
+        before = call.workspace.find_by_recipe("map", recipe)
+        artifact = before or await _store_map(call, plain, recipe, name, country)
+    facts = artifact.read(MapFacts)
     sites = ", ".join(f"{count} {kind}" for kind, count in sorted(facts.sites.items()) if count) or "no sites"
     return ImportedItem(
         file=path.name,
         kind="map",
         artifact_id=artifact.artifact_id,
-        summary=f"{facts.place}: {facts.road_km:.1f} km of roads, {sites}",
+        summary=f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}",
         reused=before is not None,
+    )
+
+
+async def _store_map(call: ToolCall, path: Path, recipe: Recipe, name: str | None, country: str | None) -> Artifact:
+    facts = await call.run(
+        "plannerforge.engine.maps.facts:read_map",
+        ReadMapRequest(path=str(path), map_id=f"map_{recipe.digest}", place=name, country=country),
+        MapFacts,
+        timeout_s=READ_MAP_TIMEOUT_S,
+    )
+    return call.workspace.put(
+        "map", facts.map_id, recipe=recipe, record=facts, files={"map.osm": path}, name=facts.place
     )
 
 
@@ -60,6 +68,7 @@ async def import_configuration(call: ToolCall, path: Path, name: str | None) -> 
     )
 
 
-def _recipe(path: Path, name: str | None = None) -> Recipe:
-    arguments = {"content": content_digest(path)} | ({"name": name} if name else {})
+def _recipe(path: Path, name: str | None = None, country: str | None = None) -> Recipe:
+    arguments = {"content": content_digest(path)}
+    arguments |= ({"name": name} if name else {}) | ({"country": country} if country else {})
     return Recipe(tool="import_files", arguments=arguments)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from plannerforge.engine.catalog.places import country_code, fold
 from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.maps.borders import country_of
 from plannerforge.engine.maps.osm_reader import OsmMap, distance_m, read_osm
 from plannerforge.engine.maps.road_classes import LINKS, ROADS
 from plannerforge.engine.maps.sites import SiteFinder
@@ -20,8 +21,8 @@ MOST_PLACES = 40
 def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     """Read an OpenStreetMap extract and say what is in it; place and country are never guessed.
 
-    A place is known from place nodes and addresses in the file, or from the caller; a country from addresses
-    (``addr:country``) or from the caller.
+    A place is known from place nodes and addresses in the file, or from the caller; a country from the caller, from
+    addresses (``addr:country``), or from where the map lies (``borders.py``).
 
     Raises:
         UnsafeInput: the file is broken, hostile or no map.
@@ -39,7 +40,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
         file_name=path.name,
         place=names[0] if names else path.name.split(".")[0],
         places=tuple(names[:MOST_PLACES]),
-        country=request.country or _country(osm),
+        country=request.country or _country(osm) or country_of(osm.bounds),
         south=south,
         west=west,
         north=north,

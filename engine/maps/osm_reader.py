@@ -9,10 +9,12 @@ from typing import Any
 from lxml import etree
 
 from plannerforge.engine.maps.road_classes import LINKS, ROADS, THROUGH_ROADS
+from plannerforge.engine.maps.unpacking import LARGEST_BYTES
 from plannerforge.engine.scenarios.reader import XmlLimits, scan_xml
 from plannerforge.schemas.errors import UnsafeInput
 
-LIMITS = XmlLimits(size_bytes=60_000_000, depth=8, elements=4_000_000)
+LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
+SHOWN_CLASSES = 5
 EARTH_RADIUS_M = 6_371_008.8
 
 
@@ -76,8 +78,8 @@ class OsmMap:
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(south, west, north, east) in degrees: as declared, otherwise around the nodes of all roads."""
-        if self.declared_bounds is not None:
+        """(south, west, north, east) in degrees: as declared, otherwise (or where that is no area) around all roads."""
+        if self.declared_bounds is not None and _is_area(self.declared_bounds):
             return self.declared_bounds
         used = [self.nodes[key] for way in self.roads(frozenset((*ROADS, *LINKS))) for key in way.node_ids]
         found = used or list(self.nodes.values())
@@ -109,7 +111,11 @@ def read_osm(path: Path) -> OsmMap:
     except (etree.LxmlError, ValueError, KeyError) as error:
         raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
     if not found.roads(frozenset((*ROADS, *LINKS))):
-        raise UnsafeInput(f"{path.name} holds no road", next_step="use an extract with highway=* ways")
+        others = sorted({way.road_class for way in found.ways if way.road_class})[:SHOWN_CLASSES]
+        only = f", only {', '.join(others)}" if others else ""
+        raise UnsafeInput(
+            f"{path.name} holds no road for vehicles{only}", next_step="use an extract with streets in it"
+        )
     return found
 
 
@@ -124,6 +130,11 @@ def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -
     north = math.radians(second[0] - first[0])
     east = math.radians(second[1] - first[1]) * math.cos(middle)
     return EARTH_RADIUS_M * math.hypot(north, east)
+
+
+def _is_area(bounds: tuple[float, float, float, float]) -> bool:
+    south, west, north, east = bounds
+    return -90 <= south < north <= 90 and -180 <= west < east <= 180
 
 
 def _tags(element: Any) -> dict[str, str]:

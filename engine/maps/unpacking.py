@@ -1,0 +1,42 @@
+"""Maps that come compressed (.osm.gz, .osm.bz2): unpacked into a file, never into more than may be read."""
+
+import bz2
+import gzip
+import zlib
+from pathlib import Path
+
+from plannerforge.schemas.errors import UnsafeInput
+
+MAP_ENDINGS = (".osm", ".osm.gz", ".osm.bz2")
+LARGEST_BYTES = 60_000_000
+CHUNK_BYTES = 1 << 20
+
+
+def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path:
+    """The map as plain .osm: the file itself, or its content unpacked into the folder.
+
+    Raises:
+        UnsafeInput: the content is larger than the limit (a few bytes can hold gigabytes), or the file is broken.
+    """
+    ending = path.suffix.lower()
+    if ending not in (".gz", ".bz2"):
+        return path
+    target, size = folder / path.stem, 0
+    opened = gzip.open if ending == ".gz" else bz2.open
+    try:
+        with opened(path, "rb") as source, target.open("wb") as sink:
+            while chunk := source.read(CHUNK_BYTES):
+                size += len(chunk)
+                if size > limit_bytes:
+                    raise UnsafeInput(
+                        f"{path.name} unpacks to more than {limit_bytes:,} bytes", next_step="use a smaller extract"
+                    )
+                sink.write(chunk)
+    except (EOFError, OSError, zlib.error) as error:
+        raise UnsafeInput(f"{path.name} cannot be unpacked: {error}") from error
+    return target
+
+
+def is_map(path: Path) -> bool:
+    """Whether a file is a map by its name."""
+    return path.name.lower().endswith(MAP_ENDINGS)

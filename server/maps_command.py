@@ -1,0 +1,92 @@
+"""``plannerforge maps``: take maps into the library, and list what is there."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import anyio
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from plannerforge.engine.catalog.places import country_code
+from plannerforge.engine.maps.index import MapEntry
+from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError
+from plannerforge.schemas.importing import ImportedItem
+from plannerforge.server.assembly import open_services
+from plannerforge.server.settings import Settings
+from plannerforge.tools.call import ToolCall
+from plannerforge.tools.importing_kinds import import_map
+from plannerforge.tools.maps import maps_at_hand
+
+SHOWN_STREETS = 3
+
+
+def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, country: str | None) -> int:
+    """Take map files in; 0, or 1 where one was refused."""
+    console, errors = Console(), Console(stderr=True)
+    refused = 0
+    try:
+        code = _country(country)
+    except InvalidRequest as error:
+        errors.print(escape(error.text), style="red", highlight=False, soft_wrap=True)
+        return 2
+    for path, item in anyio.run(_add, settings, paths, place, code):
+        if isinstance(item, ImportedItem):
+            known = " (known already)" if item.reused else ""
+            console.print(
+                escape(f"{path.name} → {item.artifact_id}: {item.summary}{known}"), highlight=False, soft_wrap=True
+            )
+        else:
+            refused += 1
+            errors.print(escape(f"{path.name}: {item.text}"), style="red", highlight=False, soft_wrap=True)
+    return 1 if refused else 0
+
+
+def list_maps(settings: Settings) -> int:
+    """A table of all maps at hand: where they lie and what sites they hold."""
+    try:
+        entries = anyio.run(_all, settings)
+    except PlannerForgeError as error:
+        Console(stderr=True).print(escape(error.text), style="red", highlight=False, soft_wrap=True)
+        return 1
+    table = Table("id", "place", "country", "south, west, north, east", "road km", "sites", "streets", title="Maps")
+    for facts in (entry.facts for entry in entries):
+        box = ", ".join(f"{value:.4f}" for value in (facts.south, facts.west, facts.north, facts.east))
+        sites = ", ".join(f"{count} {kind}" for kind, count in sorted(facts.sites.items()))
+        roads = ", ".join((*facts.streets, *facts.refs)[:SHOWN_STREETS])
+        cells = (facts.map_id, facts.place, facts.country or "unknown", box, f"{facts.road_km:.1f}", sites, roads)
+        table.add_row(*(escape(cell) for cell in cells))
+    Console().print(table)
+    return 0
+
+
+def _country(text: str | None) -> str | None:
+    if text is None:
+        return None
+    code = country_code(text)
+    if code is None:
+        raise InvalidRequest(f"there is no country {text!r}", valid=["DEU", "Germany", "de"])
+    return code
+
+
+async def _add(
+    settings: Settings, paths: Sequence[Path], place: str | None, country: str | None
+) -> list[tuple[Path, ImportedItem | PlannerForgeError]]:
+    found: list[tuple[Path, ImportedItem | PlannerForgeError]] = []
+    async with open_services(settings, Path.cwd()) as services:
+        call = ToolCall(services, _silent)
+        for path in paths:
+            try:
+                found.append((path, await import_map(call, path, place, country)))
+            except PlannerForgeError as error:
+                found.append((path, error))
+    return found
+
+
+async def _all(settings: Settings) -> list[MapEntry]:
+    async with open_services(settings, Path.cwd()) as services:
+        return await maps_at_hand(ToolCall(services, _silent))
+
+
+async def _silent(share: float, message: str) -> None:
+    del share, message

@@ -1,0 +1,48 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.maps.borders import country_of
+
+
+def around(latitude: float, longitude: float) -> tuple[float, float, float, float]:
+    return latitude - 0.005, longitude - 0.005, latitude + 0.005, longitude + 0.005
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude", "country"),
+    [
+        (48.14, 11.57, "DEU"),
+        (48.86, 2.35, "FRA"),
+        (-31.95, 115.86, "AUS"),
+        (-17.79, 177.95, "FJI"),
+        (1.30, 103.83, "SGP"),
+        (53.80, -1.55, "GBR"),
+    ],
+)
+def test_a_place_inside_a_country_lies_in_it(latitude: float, longitude: float, country: str) -> None:
+    assert country_of(around(latitude, longitude)) == country
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude"),
+    [(54.6, 5.2), (47.56, 7.59), (43.94, 12.45), (47.14, 9.52), (42.66, 21.16), (-80.0, 20.0)],
+    ids=["sea", "Basel", "San Marino", "Vaduz", "Kosovo", "Antarctica"],
+)
+def test_at_sea_near_a_border_and_where_countries_disagree_nothing_is_guessed(
+    latitude: float, longitude: float
+) -> None:
+    assert country_of(around(latitude, longitude)) in (None, "ATA")
+
+
+def test_a_box_over_two_countries_lies_in_neither() -> None:
+    assert country_of((45.0, 5.0, 50.0, 12.0)) is None
+
+
+def test_no_real_extract_is_given_a_wrong_country(shared_data: Path) -> None:
+    places = json.loads((shared_data / "data" / "osm" / "places.json").read_text(encoding="utf-8"))
+    found = {name: (country_of(tuple(entry["bbox"])), entry["country"]) for name, entry in places.items()}
+    unknown = [name for name, (country, _) in found.items() if country is None]
+    assert unknown == ["liechtenstein.osm.pbf", "monaco.osm"]
+    assert [name for name, (country, true) in found.items() if country not in (None, true)] == []
