@@ -1,8 +1,9 @@
 """Frenetix: the sampling planner of TUM, its C++ core driven by our own loop.
 
 Candidates end at sampled durations, speeds and lateral offsets (quartic along, quintic across the reference path).
-They are tested in the order of their cost against the predicted obstacles and the edge of the road; the first that
-passes is driven. Where none passes: standing still under 0.1 m/s, else the feasible candidate that stops soonest.
+They are tested in the order of their cost against the limits of the vehicle, the predicted obstacles and the edge of
+the road; the first that passes is driven. Where none passes: standing still under 0.1 m/s, else the drivable candidate
+that stops soonest.
 """
 
 from collections import Counter
@@ -18,6 +19,7 @@ from plannerforge.engine.planners.candidate_batch import CandidateBatch
 from plannerforge.engine.planners.candidate_choice import cheapest_first, first_without_objection
 from plannerforge.engine.planners.cost_terms import own_terms
 from plannerforge.engine.planners.desired_speed import DesiredSpeed
+from plannerforge.engine.planners.drivability import Limit, undrivable
 from plannerforge.engine.planners.frenet_costs import (
     CONSTRAINTS,
     StepInputs,
@@ -102,7 +104,8 @@ class Frenetix:
         safety = SafetyCheck(task, observation)
 
         def objection(sample: "frenetix.TrajectorySample") -> str | None:
-            return safety.objection(copied_trajectory(sample, frame, ego, task.vehicle))
+            trajectory = copied_trajectory(sample, frame, ego, task.vehicle)
+            return undrivable(trajectory, task.vehicle, task.step_s) or safety.objection(trajectory)
 
         chosen = first_without_objection(self._ranked(feasible, inputs, step), objection, step.rejected)
         if chosen is not None:
@@ -195,14 +198,21 @@ class Frenetix:
             self._driven = None
             still = standstill(step.ego, round(self._settings.horizon_s / self._task.step_s))
             return Plan(still, {}, dict(step.rejected), step.candidates, "standstill", step.core_s)
-        if not feasible:
-            return Plan(None, {}, dict(step.rejected), step.candidates, core_s=step.core_s)
 
         def how_soon(sample: "frenetix.TrajectorySample") -> tuple[float, float, float, float]:
             end = end_state(sample)
             return end.speed_mps, end.duration_s, abs(end.offset_m - offset_m), end.offset_m
 
-        return self._drive(min(feasible, key=how_soon), "stopping", step)
+        soonest = (sample for sample in sorted(feasible, key=how_soon) if self._limit(sample, step) is None)
+        chosen = next(soonest, None)
+        if chosen is None:
+            return Plan(None, {}, dict(step.rejected), step.candidates, core_s=step.core_s)
+        return self._drive(chosen, "stopping", step)
+
+    def _limit(self, sample: "frenetix.TrajectorySample", step: _Step) -> Limit | None:
+        """The limit of the vehicle that a candidate breaks."""
+        vehicle = self._task.vehicle
+        return undrivable(copied_trajectory(sample, step.frame, step.ego, vehicle), vehicle, self._task.step_s)
 
     def _drive(self, sample: "frenetix.TrajectorySample", kind: PlanKind, step: _Step) -> Plan:
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)

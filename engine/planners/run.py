@@ -62,7 +62,7 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
         core_step_median_ms=_core_step_median_ms(driven),
         steps=len(driven.plan_s),
     )
-    return RunResponse(record=record, steps=_steps(driven), timing=timing)
+    return RunResponse(record=record, steps=run_steps(driven), timing=timing)
 
 
 def _core_step_median_ms(driven: DrivenRun) -> float | None:
@@ -78,7 +78,7 @@ def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> Ru
     return run_metrics(driven.states, driven.traffic, vehicle, step_s, totals)
 
 
-def _steps(driven: DrivenRun) -> RunSteps:
+def run_steps(driven: DrivenRun) -> RunSteps:
     """The driven states; a term that a planning step did not have counts 0 there."""
     states = driven.states
     terms = sorted({name for plan in driven.plans for name in plan.costs})

@@ -1,0 +1,136 @@
+"""What the ego drives can be driven: its heading is the motion of its rear axle, and its tyres and wheels suffice."""
+
+import math
+from typing import Any
+
+import frenetix
+import numpy as np
+import pytest
+from builders_planning import drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
+from commonroad.geometry.shape import Rectangle
+from frenetix.trajectory_functions import FillCoordinates
+from frenetix.trajectory_functions.feasability_functions import CheckCurvatureConstraint
+
+from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.planners import frenet_frame
+from plannerforge.engine.planners import frenetix as planner_module
+from plannerforge.engine.planners.drivability import undrivable
+from plannerforge.engine.planners.frenet_frame import FrenetFrame
+from plannerforge.engine.planners.frenet_memory import copied_trajectory
+from plannerforge.engine.planners.frenet_sampling import CurvilinearState, EndState, SamplingSettings, sampling_matrix
+from plannerforge.engine.planners.interface import EgoState, PlannedTrajectory
+from plannerforge.engine.planners.simulation import DrivenRun
+from plannerforge.engine.planners.vehicle import BMW_320I, rear_axle
+
+STEP_S = 0.1
+STRAIGHT = np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1)
+
+
+def around_the_corner(radius_m: float, speed_mps: float, last_step: int = 150) -> DrivenRun:
+    """A run over 60 m straight on, a left turn by 90°, and 60 m straight on."""
+    turn = np.linspace(0.0, math.pi / 2, 60)
+    straight = np.arange(-60.0, 0.0)
+    corner = radius_m * np.stack([np.sin(turn), 1.0 - np.cos(turn)], axis=1)
+    after = np.stack([np.full(60, radius_m), radius_m + np.arange(1.0, 61.0)], axis=1)
+    center = np.concatenate([np.stack([straight, np.zeros(60)], axis=1), corner, after])
+    goal = goal_state(
+        (40, last_step), Rectangle(12.0, 3.5, center=np.array([radius_m, radius_m + 30.0]), orientation=1.57)
+    )
+    problem = problem_for(goal, speed_mps=speed_mps, position=(-50.0, 0.0))
+    return drive(scenario_on(network_of(lanelet_along(center, 1))), problem)
+
+
+def aside_of_the_motion(run: DrivenRun) -> float:
+    """Largest angle in rad between the ego's heading and the motion of its rear axle, while it moves."""
+    rear = np.array([rear_axle(state.position, state.heading_rad, BMW_320I) for state in run.states])
+    moved = np.diff(rear, axis=0)
+    heading = np.unwrap([state.heading_rad for state in run.states])
+    middle = 0.5 * (heading[1:] + heading[:-1])
+    turned = np.remainder(np.arctan2(moved[:, 1], moved[:, 0]) - middle + math.pi, math.tau) - math.pi
+    return float(np.abs(turned[np.linalg.norm(moved, axis=1) > 0.1]).max())
+
+
+def strongest(run: DrivenRun) -> float:
+    """Largest acceleration of a run, along and across together, in m/s²."""
+    speed = np.array([state.speed_mps for state in run.states])
+    turned = np.diff(np.unwrap([state.heading_rad for state in run.states])) / STEP_S
+    return float(np.hypot(np.diff(speed) / STEP_S, 0.5 * (speed[1:] + speed[:-1]) * turned).max())
+
+
+def test_the_heading_in_a_bend_is_the_motion_of_the_rear_axle() -> None:
+    run = around_the_corner(13.0, 6.0)
+    assert run.final.outcome == "goal_reached"
+    assert aside_of_the_motion(run) < 0.015
+
+
+def test_with_the_cores_own_headings_it_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frenet_frame, "tangents", lambda segments: segments)
+    assert aside_of_the_motion(around_the_corner(13.0, 6.0)) > 0.03
+
+
+def test_the_headings_at_the_vertices_of_a_circle_are_its_tangents() -> None:
+    angles = np.arange(0.0, 3.0, 1.0 / 13.0)
+    system = FrenetFrame.of(13.0 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1), 0.0).system
+    vertices = np.array(system.ref_line)[4:-4]  # the core lengthens the line by points of its own at both ends
+    tangents = np.arctan2(vertices[:, 0], 13.0 - vertices[:, 1])
+    assert np.array(system.ref_theta)[4:-4] == pytest.approx(tangents, abs=1e-9)
+
+
+def test_a_fast_ego_slows_down_for_a_corner_as_far_as_its_tyres_demand() -> None:
+    run = around_the_corner(8.0, 17.0, last_step=60)
+    assert run.rejected["friction"] > 0
+    assert strongest(run) <= BMW_320I.maximum_acceleration_mps2
+
+
+def test_by_the_cores_checks_alone_it_would_slide_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planner_module, "undrivable", lambda *_: None)
+    assert strongest(around_the_corner(8.0, 17.0, last_step=60)) > 1.2 * BMW_320I.maximum_acceleration_mps2
+
+
+def circling(radius_m: float, speed_mps: float, braking_mps2: float = 0.0) -> PlannedTrajectory:
+    """One second on a circle."""
+    speed = speed_mps - braking_mps2 * STEP_S * np.arange(11)
+    headings = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * STEP_S / radius_m)])
+    return PlannedTrajectory(np.zeros((11, 2)), headings, speed, np.full(11, -braking_mps2))
+
+
+@pytest.mark.parametrize(
+    ("trajectory", "limit"),
+    [
+        (circling(20.0, 15.0), None),  # 11.25 m/s² across
+        (circling(20.0, 15.3), "friction"),  # 11.70 m/s² across
+        (circling(20.0, 13.0, 7.0), None),  # 8.45 across and 7 along: 10.97 m/s²
+        (circling(20.0, 13.0, 9.0), "friction"),  # 12.3 m/s²
+        (circling(1.5, 2.0), None),  # tan(1.066 rad) / 2.579 m is one over 1.43 m
+        (circling(1.4, 2.0), "curvature"),
+        (circling(-1.4, 2.0), "curvature"),
+        (circling(0.5, 0.3), None),  # too slow to tell
+    ],
+)
+def test_the_limits_of_the_vehicle(trajectory: PlannedTrajectory, limit: str | None) -> None:
+    assert undrivable(trajectory, BMW_320I, STEP_S) == limit
+
+
+def swerving(end: EndState, speed_mps: float) -> Any:
+    """The core's sample, with its own check of the curvature."""
+    state = CurvilinearState(np.array([50.0, speed_mps, 0.0]), np.zeros(3), low_speed=False)
+    handler = frenetix.TrajectoryHandler(STEP_S)
+    system = FrenetFrame.of(STRAIGHT, 0.0).system
+    handler.add_function(FillCoordinates(False, 0.0, system, 3.0))
+    handler.add_feasability_function(
+        CheckCurvatureConstraint(BMW_320I.maximum_steering_rad, BMW_320I.wheelbase_m, False)
+    )
+    matrix: Points = sampling_matrix(state, speed_mps, SamplingSettings(), BMW_320I, end)[-1:]
+    handler.generate_trajectories(matrix, False)
+    handler.evaluate_all_current_functions(False)
+    return next(iter(handler.get_sorted_trajectories())), handler
+
+
+def test_the_core_lets_a_swerve_pass_that_is_twice_as_tight_as_it_takes_it_for() -> None:
+    sample, _handler = swerving(EndState(1.1, 3.2, 2.0), 3.2)
+    ego = EgoState(0, np.array([51.4227, 0.0]), 0.0, 3.2)
+    trajectory = copied_trajectory(sample, FrenetFrame.of(STRAIGHT, 0.0), ego, BMW_320I)
+    true = np.abs(np.diff(trajectory.headings_rad) / STEP_S / trajectory.speeds_mps[1:]).max()
+    assert np.abs(np.array(sample.cartesian.kappa)).max() == pytest.approx(true / 2, rel=0.1)
+    assert sample.feasible
+    assert undrivable(trajectory, BMW_320I, STEP_S) == "curvature"
