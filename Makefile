@@ -8,7 +8,7 @@ STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 
-.PHONY: help demo test check lint types layers bench bench-server bench-planners bench-faults bench-reactive \
+.PHONY: help demo test check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights starter format clean
 
 help:
@@ -56,6 +56,9 @@ bench: bench-server
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_server
 
+bench-selection: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_selection
+
 bench-planners: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_planners
 
@@ -70,6 +73,9 @@ bench-responsibility: $(DEV_STAMP)
 
 bench-weights: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_weights
+
+bench-generation: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_generation
 
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.draw_library

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 SIGNAL_REACH_M = 45.0
 MERGE_M = 60.0
-RURAL_CLEAR_M = 120.0
+RURAL_CLEAR_M, TOWN_CLEAR_M = 120.0, 400.0
+TOWN_JUNCTIONS_PER_KM = 5.0
+RAMP_CLASSES = frozenset({"motorway_link", "trunk_link"})
 SPACING_M = 400.0
 RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
 BUILT_UP_ROADS = frozenset({"residential", "living_street"})
@@ -71,22 +73,14 @@ class SiteFinder:
         return through or self.osm.roads(frozenset(ROADS))
 
     @cached_property
-    def ways_at(self) -> dict[int, list[OsmWay]]:
-        """Roads by node."""
-        found: dict[int, list[OsmWay]] = {}
-        for way in self.roads:
-            for key in dict.fromkeys(way.node_ids):
-                found.setdefault(key, []).append(way)
-        return found
+    def streets(self) -> "Crossings":
+        """Where the roads that lead somewhere meet."""
+        return Crossings(self.roads)
 
     @cached_property
-    def junctions(self) -> list[int]:
-        """Nodes at which at least three arms of roads meet."""
-        arms: dict[int, int] = {}
-        for way in self.roads:
-            for index, key in enumerate(way.node_ids):
-                arms[key] = arms.get(key, 0) + (index > 0) + (index < len(way.node_ids) - 1)
-        return [key for key, count in arms.items() if count >= 3]
+    def everywhere(self) -> "Crossings":
+        """Where roads meet, driveways and tracks included."""
+        return Crossings(self.osm.roads(frozenset((*ROADS, *LINKS))))
 
     def _site(self, kind: SiteType, node: OsmNode, ways: list[OsmWay], mark: int) -> Site:
         streets = {name for way in ways for name in (way.tags.get("name"), way.tags.get("ref")) if name}
@@ -99,46 +93,45 @@ class SiteFinder:
             if way.tags.get("junction") in ("roundabout", "circular"):
                 nodes = [self.osm.nodes[key] for key in way.node_ids]
                 middle = _middle(nodes)
-                arms = [other for key in way.node_ids for other in self.ways_at[key]]
+                arms = [other for key in way.node_ids for other in self.streets.ways_at[key]]
                 found.append(self._site("roundabout", middle, arms, way.way_id))
         return found
 
     def _signalised(self) -> list[Site]:
         """Junctions with a traffic signal at them or within reach; a signal alone may be a pedestrian crossing."""
+        return self._lit(self.streets) or self._lit(self.everywhere)
+
+    def _lit(self, crossings: "Crossings") -> list[Site]:
         signals = [
-            n for k, n in self.osm.nodes.items() if n.tags.get("highway") == "traffic_signals" and k in self.ways_at
+            node
+            for key, node in self.osm.nodes.items()
+            if node.tags.get("highway") == "traffic_signals" and key in crossings.ways_at
         ]
         found = []
-        for key in self.junctions:
+        for key in crossings.of_streets() if signals else ():
             node = self.osm.nodes[key]
-            lit = any(distance_m(node, signal) < SIGNAL_REACH_M for signal in signals)
-            if lit and self._crosses(key) and not self._only_motorway(key):
-                found.append(self._site("signalised_intersection", node, self.ways_at[key], key))
+            if any(distance_m(node, signal) < SIGNAL_REACH_M for signal in signals):
+                found.append(self._site("signalised_intersection", node, crossings.ways_at[key], key))
         return found
 
-    def _crosses(self, key: int) -> bool:
-        """Whether two different streets meet here (not one road that parts in two)."""
-        names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at[key]}
-        return len(names) > 1 or len(self.ways_at[key]) > 3
-
-    def _only_motorway(self, key: int) -> bool:
-        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at[key])
-
     def _crossings(self) -> list[Site]:
+        """Junctions of streets; those with driveways and tracks only where there is no other."""
+        return self._junctions_of(self.streets) or self._junctions_of(self.everywhere)
+
+    def _junctions_of(self, crossings: "Crossings") -> list[Site]:
         return [
-            self._site("intersection", self.osm.nodes[key], self.ways_at[key], key)
-            for key in self.junctions
-            if self._crosses(key) and not self._only_motorway(key)
+            self._site("intersection", self.osm.nodes[key], crossings.ways_at[key], key)
+            for key in crossings.of_streets()
         ]
 
     def _ramps(self) -> list[Site]:
-        """Where a link road leaves or joins the road that it belongs to; motorways' ramps first."""
-        for family in ("motorway", "trunk", "primary", "secondary", "tertiary"):
+        """Where a link leaves or joins a motorway, or a trunk road where there is no motorway."""
+        for family in ("motorway", "trunk"):
             found = []
-            for key in self.junctions:
-                ways = self.ways_at[key]
+            for key in self.streets.junctions:
+                ways = self.streets.ways_at[key]
                 classes = {way.road_class for way in ways}
-                if family in classes and f"{family}_link" in classes:
+                if family in classes and classes & RAMP_CLASSES:
                     found.append(self._site("ramp", self.osm.nodes[key], ways, key))
             if found:
                 return found
@@ -153,17 +146,24 @@ class SiteFinder:
         return []
 
     def _rural(self) -> list[Site]:
-        """Stretches of main roads away from houses, or signed with 70 km/h and more; below 60 km/h is a town."""
+        """Stretches of main roads away from houses; pavements, and limits below 60 km/h, tell of a town."""
         found = []
         for way in self.roads:
             if way.road_class not in RURAL_CLASSES or way.tags.get("junction"):
                 continue
-            fast = (way.maxspeed_kmh or 0) >= 70 and way.road_class != "trunk"
-            slow = 0 < (way.maxspeed_kmh or 0) < 60
+            slow = 0 < (way.maxspeed_kmh or 0) < 60 or way.tags.get("sidewalk", "no") not in ("no", "none")
             if self._length_m(way) > 60 and not slow:
-                points = [point for point in self._along(way) if fast or self._far_from_houses(point)]
+                points = [point for point in self._along(way) if self._far_from_houses(point, self._clear_m)]
                 found += [self._site("rural", point, [way], way.way_id) for point in points]
         return found
+
+    @cached_property
+    def _clear_m(self) -> float:
+        """How far houses have to be: farther on the map of a town, at whose edge houses may just not be drawn."""
+        road_km = sum(self._length_m(way) for way in self.roads) / 1000
+        dense = len(self.streets.junctions) > TOWN_JUNCTIONS_PER_KM * road_km
+        lit = any(node.tags.get("highway") == "traffic_signals" for node in self.osm.nodes.values())
+        return TOWN_CLEAR_M if dense or lit else RURAL_CLEAR_M
 
     def _urban(self) -> list[Site]:
         """Junctions of streets with houses or residential streets around."""
@@ -173,10 +173,10 @@ class SiteFinder:
             if not self._far_from_houses(self.osm.nodes[site.mark])
         ]
 
-    def _far_from_houses(self, node: OsmNode) -> bool:
+    def _far_from_houses(self, node: OsmNode, clear_m: float = RURAL_CLEAR_M) -> bool:
         from shapely import Point
 
-        return len(self._built_up.query(Point(*self._metres(node)), "dwithin", RURAL_CLEAR_M)) == 0
+        return len(self._built_up.query(Point(*self._metres(node)), "dwithin", clear_m)) == 0
 
     @cached_property
     def _built_up(self) -> "STRtree":
@@ -219,6 +219,31 @@ class SiteFinder:
                 found.append(OsmNode(0, latitude, longitude, {}))
             gone += step
         return found
+
+
+class Crossings:
+    """Where roads meet: the roads by node, and the nodes at which at least three arms do."""
+
+    def __init__(self, roads: list[OsmWay]) -> None:
+        self.ways_at: dict[int, list[OsmWay]] = {}
+        arms: dict[int, int] = {}
+        for way in roads:
+            for key in dict.fromkeys(way.node_ids):
+                self.ways_at.setdefault(key, []).append(way)
+            for index, key in enumerate(way.node_ids):
+                arms[key] = arms.get(key, 0) + (index > 0) + (index < len(way.node_ids) - 1)
+        self.junctions = [key for key, count in arms.items() if count >= 3]
+
+    def of_streets(self) -> list[int]:
+        """Junctions of different streets: not one road that parts in two, and not only motorways."""
+        return [key for key in self.junctions if self._crosses(key) and not self._only_motorway(key)]
+
+    def _crosses(self, key: int) -> bool:
+        names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at[key]}
+        return len(names) > 1 or len(self.ways_at[key]) > 3
+
+    def _only_motorway(self, key: int) -> bool:
+        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at[key])
 
 
 def _is_expressway(way: OsmWay) -> bool:

@@ -64,7 +64,7 @@ def build_place(
     report(0.05, "cutting out the site")
     cut_map(osm, (site.latitude, site.longitude), radius, _road_classes(request, site), cut)
     report(0.1, "running netconvert")
-    conversion, notes = _convert(cut, net_path, lefthand=request.country in LEFT_HAND_COUNTRIES)
+    conversion, notes = convert_map(cut, net_path, lefthand=request.country in LEFT_HAND_COUNTRIES)
     report(0.15, "building the lanelets")
     network = _network(net_path, step_s)
     if len(network.dropped_lanes) > MANY_HAIRPINS:
@@ -86,7 +86,7 @@ def _network(net_path: Path, step_s: float) -> RoadNetwork:
     return build_road_network(read_net(net_path), step_s=step_s, elapsed_s=WARM_UP_S)
 
 
-def _convert(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversion, list[str]]:
+def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversion, list[str]]:
     """The net with the mildest settings that give one on which cars can drive, and notes on what had to be changed."""
     conversion = convert_osm(cut, net_path, lefthand=lefthand)
     if read_net(net_path).drivable_edges("passenger"):

@@ -1,0 +1,131 @@
+"""What came out of ``make bench-generation``: verdicts on single scenarios, and their table."""
+
+import os
+import statistics
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from plannerforge.engine.analysis.intervals import rate
+from plannerforge.evals.bench_output import print_figures
+from plannerforge.evals.generation_motion import MotionFigures
+from plannerforge.evals.generation_requests import BenchRequest
+
+READING = ("reading the map",)
+PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
+
+
+@dataclass
+class Stages:
+    """Processor seconds by stage, read off the progress of a generation: its messages name the stages."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    _began: float = field(default_factory=lambda: _processor_s())
+    _stage: str = ""
+
+    def __call__(self, share: float, message: str = "") -> None:
+        """A new stage begins."""
+        del share
+        now = _processor_s()
+        if self._stage:
+            self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + now - self._began
+        self._began, self._stage = now, message
+
+    @property
+    def without_reading_s(self) -> float:
+        """All stages but the reading of the map."""
+        return sum(seconds for stage, seconds in self.seconds.items() if stage not in READING)
+
+
+def _processor_s() -> float:
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+@dataclass(frozen=True)
+class Made:
+    """One scenario that was asked for and the verdicts on it; ``fault`` where none came."""
+
+    request: BenchRequest
+    fault: str = ""
+    executable: bool = False
+    outcome: str = ""
+    road_type: bool = False
+    vehicles: bool = False
+    place: bool = False
+    motion: MotionFigures | None = None
+    stages: Stages | None = None
+
+
+def print_generation(
+    converted: Mapping[str, str], requests: int, made: Sequence[Made], refusals: Mapping[str, str]
+) -> None:
+    """Print every fault, the table and the figures; ``converted`` and ``refusals`` hold faults by name, or empty."""
+    whole = [one for one in made if not one.fault]
+    motions = [one.motion for one in whole if one.motion is not None]
+    for name, fault in converted.items():
+        _tell(f"map {name}", fault)
+    for one in made:
+        wrong = [key for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
+        overlapping = one.motion is not None and one.motion.overlapping_pairs > 0
+        drawn = one.fault or ", ".join([*wrong, *(["overlaps"] if overlapping else [])])
+        _tell(f"{one.request.name} {one.request.map_name} {one.request.arguments.scenario_type}", drawn)
+    for name, fault in refusals.items():
+        _tell(f"to be refused {name}", fault)
+    for motion in motions:
+        for name in motion.infeasible_names:
+            _tell(name, "cannot be driven")
+    outcomes = Counter(one.outcome for one in whole)
+    collisions = rate(outcomes["collision"], len(whole))
+    figures: dict[str, float | int | str] = {
+        "maps": len(converted),
+        "maps_converted": sum(not fault for fault in converted.values()),
+        "requests": requests,
+        **{
+            key: _share(sum(bool(getattr(one, key)) for one in made), len(made))
+            for key in ("executable", "road_type", "vehicles", "place")
+        },
+        "refused_right": _share(sum(not fault for fault in refusals.values()), len(refusals)),
+        "feasible": _share(sum(m.feasible for m in motions), sum(m.checked for m in motions)),
+        "inside_lanelets": _share(sum(m.inside for m in motions), sum(m.positions for m in motions)),
+        "overlaps": sum(m.overlapping_pairs for m in motions),
+        "median_low_s": _median(whole, "low"),
+        "median_high_s": _median(whole, "high"),
+    }
+    rows = [(key, str(value)) for key, value in figures.items()]
+    rows += [("scenarios", str(len(made))), ("tracks checked", str(sum(m.checked for m in motions)))]
+    rows += [(f"outcome {name}", str(count)) for name, count in outcomes.most_common()]
+    told = (
+        "-" if collisions.share is None else f"{collisions.share:.1%} ({collisions.low:.1%} to {collisions.high:.1%})"
+    )
+    rows += [("the default planner collides", f"{told}; paper {PAPER_COLLISIONS:.1%}, SF 2.0 {FACTORY_COLLISIONS:.1%}")]
+    for density in ("low", "high"):
+        rows += [(f"{density}: {stage}", f"{seconds:.3f} s") for stage, seconds in _stages(whole, density)]
+    print_figures("Generation", rows, figures)
+
+
+def _tell(what: str, fault: str) -> None:
+    if fault:
+        sys.stderr.write(f"{what}: {fault}\n")
+
+
+def _share(part: int, whole: int) -> float:
+    return round(part / whole, 4) if whole else 0.0
+
+
+def _timed(made: Sequence[Made], density: str) -> list[Stages]:
+    fitting = (one for one in made if one.request.arguments.density == density)
+    return [one.stages for one in fitting if one.stages is not None and one.request.arguments.duration_s == 20]
+
+
+def _median(made: Sequence[Made], density: str) -> float:
+    times = [stages.without_reading_s for stages in _timed(made, density)]
+    return round(statistics.median(times), 3) if times else 0.0
+
+
+def _stages(made: Sequence[Made], density: str) -> list[tuple[str, float]]:
+    """The mean of every stage, in the order in which they first came."""
+    timed = _timed(made, density)
+    names = dict.fromkeys(name for stages in timed for name in stages.seconds)
+    return [(name, sum(stages.seconds.get(name, 0.0) for stages in timed) / len(timed)) for name in names]

@@ -1,0 +1,49 @@
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.maps.osm_reader import read_osm
+from plannerforge.engine.maps.sites import SiteFinder
+from plannerforge.engine.maps.sketch import Sketch
+
+
+def finder(folder: Path, sketch: Sketch) -> SiteFinder:
+    path = folder / "map.osm"
+    sketch.write(path)
+    return SiteFinder(read_osm(path))
+
+
+def crossing(side: str, **tags: str) -> Sketch:
+    """A main road of 2 km with a side road in its middle."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-1000, 0), (0, 0), (500, 0), (1000, 0)], "primary", "Main Road", **tags)
+    sketch.road([(0, 0), (0, 150)], side, "Side Road")
+    return sketch
+
+
+def test_a_ramp_joins_a_motorway_a_slip_lane_does_not(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "motorway", "", oneway="yes")
+    sketch.road([(0, 0), (200, -30)], "motorway_link", "", oneway="yes")
+    assert finder(tmp_path, sketch).kinds()["ramp"] == 1
+    assert "ramp" not in finder(tmp_path, crossing("primary_link")).kinds()
+
+
+def test_driveways_make_a_crossing_only_where_no_streets_meet(tmp_path: Path) -> None:
+    assert finder(tmp_path, crossing("service")).kinds()["intersection"] == 1
+    both = crossing("service")
+    both.road([(500, 0), (500, 150)], "residential", "Other Road")
+    assert [site.streets for site in finder(tmp_path, both).find("intersection")] == [("Main Road", "Other Road")]
+
+
+@pytest.mark.parametrize("tags", [{"sidewalk": "both"}, {"maxspeed": "50"}])
+def test_pavements_and_low_limits_are_not_rural(tmp_path: Path, tags: dict[str, str]) -> None:
+    assert finder(tmp_path, crossing("service")).kinds()["rural"] > 1
+    assert "rural" not in finder(tmp_path, crossing("service", **tags)).kinds()
+
+
+def test_a_fast_road_among_houses_is_not_rural(tmp_path: Path) -> None:
+    sketch = crossing("service", maxspeed="70")
+    for x in range(-1000, 1001, 200):
+        sketch.road([(x, 100), (x + 150, 100)], "residential", f"Lane {x}")
+    assert "rural" not in finder(tmp_path, sketch).kinds()
