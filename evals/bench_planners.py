@@ -1,8 +1,8 @@
 """``make bench-planners``: how the planners fare on every scenario of a folder, and what the loop costs.
 
 Keys: ``runs``, ``lost`` (cells without a run), ``solvable`` (not invalid), ``success_<preset>_<prediction>``
-(share of the solvable problems that reach the goal), ``trap_infeasible`` (runs that a heading wrap stopped at their
-first step: all candidates rejected by the yaw rate), ``step_over_core`` (planning step ÷ its time in the core, median),
+(share of the solvable problems that reach the goal), ``trap_infeasible`` (infeasible runs that look like a heading
+wrap: the yaw rate rejected the most candidates), ``step_over_core`` (planning step ÷ its time in the core, median),
 ``run_median_s`` (a run in a single warm worker, nothing else at work: the median wall time of the runs with which the
 throughput of one worker is measured), ``two_worker_speedup``, ``weights_acting``, ``rear_scenarios`` (scenarios with a
 follower), ``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were hit from behind, over all planners;
@@ -131,9 +131,16 @@ def _of(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunReco
     return [run for run in runs if run.config_name == CONFIGS[preset] and run.prediction == PREDICTIONS[prediction]]
 
 
-def _trapped(run: RunRecord) -> bool:
-    at_first_step = run.metrics is not None and run.metrics.duration_s == 0.0
-    return run.outcome == "infeasible" and at_first_step and set(run.rejected_candidates) == {"yaw_rate"}
+def trapped(run: RunRecord) -> bool:
+    """Whether a run looks as if a heading wrap had made it infeasible: the yaw rate rejected more than all else did.
+
+    At a wrap the heading leaps by 2π, which only the check of the yaw rate sees as such. Where a bend is too tight, the
+    curvature rate or the acceleration rejects more; on the way to a wrap the yaw rate still leads.
+    """
+    counts = run.rejected_candidates
+    return run.outcome == "infeasible" and counts.get("yaw_rate", 0) > max(
+        (count for name, count in counts.items() if name != "yaw_rate"), default=0
+    )
 
 
 def _print_outcomes(runs: Sequence[RunRecord]) -> dict[str, float]:
@@ -177,7 +184,7 @@ def _print(found: Measured) -> None:
             "lost": found.lost,
             "solvable": sum(run.outcome != "invalid" for run in _of(found.runs, "default", "gt")),
             **success,
-            "trap_infeasible": sum(_trapped(run) for run in found.runs),
+            "trap_infeasible": sum(trapped(run) for run in found.runs),
             "step_over_core": round(statistics.median(ratios), 3) if ratios else 0.0,
             "run_median_s": round(statistics.median(found.wall_s), 3),
             "two_worker_speedup": round(found.speedup, 3),

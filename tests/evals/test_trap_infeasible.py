@@ -1,0 +1,74 @@
+"""The bench sees the heading wrap of the core: with the cure none of its runs is a trap, without it they are."""
+
+import math
+from pathlib import Path
+
+import pytest
+from builders import Lane, Problem, ScenarioBuilder, arc, line
+from builders_planning import configuration
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.planners.frenet_frame import FrameKeeper, FrenetFrame
+from plannerforge.engine.planners.run import run
+from plannerforge.evals.bench_planners import trapped
+from plannerforge.schemas.planning import RunRequest
+from plannerforge.schemas.runs import RunRecord
+
+RADIUS_M = 120.0
+
+
+def record_of(scenario: ScenarioBuilder, folder: Path) -> RunRecord:
+    path = scenario.write(folder / "scenario.xml")
+    request = RunRequest(
+        run_id="run_0",
+        scenario_path=str(path),
+        scenario_id="ZAM_Builder-1_1_T-1",
+        configuration=configuration("frenetix:Default"),
+        prediction="ground_truth",
+    )
+    return run(request, silent).record
+
+
+def westward_bend(speed_mps: float) -> ScenarioBuilder:
+    """A left bend whose heading crosses π right where the ego begins."""
+    quarter, goal = math.pi / 2, math.pi / 2 + 0.35
+    lane = Lane(1, arc((0.0, -RADIUS_M), RADIUS_M, quarter - 0.5, quarter + 0.5, 60))
+    area = (RADIUS_M * math.cos(goal), RADIUS_M * math.sin(goal) - RADIUS_M, 10.0, 6.0)
+    problem = Problem(start=(0.0, 0.0, math.pi, speed_mps), goal=area, steps=(20, 90))
+    return ScenarioBuilder((lane,), problems=(problem,))
+
+
+def headings_as_they_come(self: FrameKeeper, station_m: float, ahead_m: float) -> FrenetFrame:
+    """The core's frame in the world's own directions."""
+    del station_m, ahead_m
+    return FrenetFrame.of(self._path, 0.0)
+
+
+@pytest.mark.parametrize("speed_mps", [5.0, 10.0, 15.0])
+def test_the_bench_counts_a_heading_wrap_only_where_its_cure_is_off(
+    speed_mps: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cured = record_of(westward_bend(speed_mps), tmp_path)
+    assert (cured.outcome, trapped(cured)) == ("goal_reached", False)
+    monkeypatch.setattr(FrameKeeper, "frame_for", headings_as_they_come)
+    uncured = record_of(westward_bend(speed_mps), tmp_path)
+    assert (uncured.outcome, trapped(uncured)) == ("infeasible", True)
+
+
+def test_a_corner_that_nobody_can_take_at_such_a_speed_is_no_trap(tmp_path: Path) -> None:
+    """Infeasible for a reason: from 25 m/s into a bend of 6 m, 10 m ahead."""
+    lanes = (
+        Lane(1, line((0.0, 0.0), (40.0, 0.0)), successors=(2,)),
+        Lane(2, arc((40.0, 6.0), 6.0, -math.pi / 2, 0.0, 21), successors=(3,), predecessors=(1,)),
+        Lane(3, line((46.0, 6.0), (46.0, 100.0)), predecessors=(2,)),
+    )
+    problem = Problem(start=(30.0, 0.0, 0.0, 25.0), goal=(46.0, 60.0, 4.0, 10.0), steps=(20, 90))
+    record = record_of(ScenarioBuilder(lanes, problems=(problem,)), tmp_path)
+    assert (record.outcome, trapped(record)) == ("infeasible", False)
+
+
+def test_runs_that_are_not_infeasible_are_no_traps(tmp_path: Path) -> None:
+    record = record_of(westward_bend(10.0), tmp_path)
+    turned = record.model_copy(update={"rejected_candidates": {"yaw_rate": 9999}})
+    assert not trapped(turned)
+    assert trapped(turned.model_copy(update={"outcome": "infeasible"}))
