@@ -6,12 +6,14 @@ Commands import what they need when they run, so that ``serve`` answers fast.
 """
 
 import signal
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from plannerforge.server.catalog_commands import catalog
 from plannerforge.server.flags import MapFolders, Roots, Workers, Workspace, settings_from
+from plannerforge.server.maps_commands import maps
 
 application = typer.Typer(
     name="plannerforge",
@@ -22,6 +24,7 @@ application = typer.Typer(
 )
 
 application.add_typer(catalog)
+application.add_typer(maps)
 
 
 @application.command()
@@ -77,33 +80,6 @@ def list_tools(
     from plannerforge.server.tool_costs import print_costs
 
     print_costs(settings_from(tools="essential" if essential else None))
-
-
-maps_application = typer.Typer(no_args_is_help=True, help="The maps that scenarios are made from.")
-application.add_typer(maps_application, name="maps")
-
-
-@maps_application.command("add")
-def add_maps(
-    files: Annotated[
-        list[Path], typer.Argument(help="OpenStreetMap extracts: .osm, .osm.gz, .osm.bz2.", exists=True, dir_okay=False)
-    ],
-    place: Annotated[str | None, typer.Option(help="The place's name; left out: as the file says.")] = None,
-    country: Annotated[str | None, typer.Option(help="Code or name; left out: from addresses or borders.")] = None,
-    workspace: Workspace = None,
-) -> None:
-    """Take maps into the workspace's library."""
-    from plannerforge.server.maps_command import add_maps as add
-
-    raise typer.Exit(add(settings_from(workspace=workspace, warm_up=False), files, place=place, country=country))
-
-
-@maps_application.command("list")
-def list_maps(workspace: Workspace = None, map_folders: MapFolders = None) -> None:
-    """List the maps at hand with what sites they hold."""
-    from plannerforge.server.maps_command import list_maps as show
-
-    raise typer.Exit(show(settings_from(workspace=workspace, map_folders=map_folders, warm_up=False)))
 
 
 @application.command()

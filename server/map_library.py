@@ -1,4 +1,4 @@
-"""``plannerforge maps``: take maps into the library, and list what is there."""
+"""The library of maps from the command line: taking maps in, and listing what is there."""
 
 from collections.abc import Sequence
 from pathlib import Path
