@@ -5,8 +5,9 @@ a posted limit matches within 0.5 km/h. Features computed from the geometry belo
 """
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from plannerforge.engine.catalog.vocabulary_words import (
     NameOf,
@@ -17,7 +18,7 @@ from plannerforge.engine.catalog.vocabulary_words import (
     tag_name,
 )
 from plannerforge.schemas.catalog import FindScenariosArguments, Stage
-from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.schemas.grammar import Comparison, Interval, parse_comparison, parse_interval
 
 SPEED_TOLERANCE_MPS = 2.0
@@ -54,24 +55,45 @@ class Constraint:
         else:
             holes = ", ".join("?" * len(among))
             rows = connection.execute(f"{self.query} AND number IN ({holes})", (*self.values, *among))
-        return frozenset(row[0] for row in rows)
+        return frozenset(chain.from_iterable(rows))
 
 
 def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constraint]) -> tuple[Constraint, ...]:
     """All conditions in the paper's order of stages; ``location`` comes from :mod:`.locations`.
 
     Raises:
-        UnknownName: a tag, feature, key or obstacle outside the vocabulary; all wrong names of a slot at once.
+        UnknownName: a tag, feature, key or obstacle outside the vocabulary; all wrong names at once.
         InvalidRequest: a malformed condition, or a speed without a unit.
     """
-    found = list(location)
-    found += [_word_constraint("tag", text, tag_name) for text in arguments.tags]
-    found += [_feature(text) for text in arguments.features]
-    found += [_road_net(text) for text in arguments.road_net]
-    found += [_obstacles(text) for text in arguments.obstacles]
+    makers: list[tuple[Callable[[str], Constraint], str]] = [
+        *((_tag, text) for text in arguments.tags),
+        *((_feature, text) for text in arguments.features),
+        *((_road_net, text) for text in arguments.road_net),
+        *((_obstacles, text) for text in arguments.obstacles),
+    ]
+    found, unknown = list(location), list[UnknownName]()
+    for make, text in makers:
+        try:
+            found.append(make(text))
+        except UnknownName as error:
+            unknown.append(error)
+    if unknown:
+        raise _together(unknown)
     if arguments.ego_speed is not None:
         found.append(_ego_speed(arguments.ego_speed))
     return tuple(found)
+
+
+def _together(errors: list[UnknownName]) -> UnknownName:
+    """One refusal that names every unknown word, each with its nearest valid ones."""
+    if len(errors) == 1:
+        return errors[0]
+    named = [f"{error.message} (nearest: {', '.join(str(word) for word in error.valid[:4])})" for error in errors]
+    return UnknownName("; ".join(named), valid=errors[0].valid, next_step=errors[0].next_step)
+
+
+def _tag(text: str) -> Constraint:
+    return _word_constraint("tag", text, tag_name)
 
 
 def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:

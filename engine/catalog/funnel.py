@@ -1,20 +1,22 @@
 """The strict filter: stage after stage, what is left, which condition emptied it, and what giving it up would give."""
 
+import math
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from heapq import nsmallest
-from itertools import combinations
+from itertools import chain, combinations
 
 from plannerforge.engine.catalog.constraints import Constraint
 from plannerforge.schemas.catalog import STAGES, Stage
 
 MOST_DROPPED = 3
-FEW = 400
+FEW = 2000
 """Up to so many entries a condition is looked up one by one."""
 
-WEIGHTS: dict[Stage, int] = {"location": 8, "obstacles": 4, "road_net": 3, "velocity": 3, "tags": 1}
+WEIGHTS: dict[Stage, float] = {"location": 8.0, "obstacles": 4.0, "road_net": 3.0, "velocity": 1.5, "tags": 1.0}
+"""What a satisfied condition counts for in a fallback, before its rarity is added."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class Funnel:
         """Numbers of all entries that are searched."""
         if self._within is not None:
             return self._within
-        return frozenset(row[0] for row in self._connection.execute("SELECT number FROM catalog_scenarios"))
+        return frozenset(chain.from_iterable(self._connection.execute("SELECT number FROM catalog_scenarios")))
 
     @cached_property
     def size(self) -> int:
@@ -88,7 +90,7 @@ class Funnel:
             own = tuple(one for one in self.constraints if one.stage == stage)
             if not own:
                 continue
-            for one in own:
+            for one in reversed(own):  # the city before its country: the less is left, the less is looked up
                 left = self.holds(one) if left is None else self._among(one, left)
             found.append(StageLeft(stage, own, left or frozenset()))
             if not left:
@@ -138,24 +140,30 @@ class Funnel:
         """The conditions that this entry satisfies, in their order."""
         return tuple(one for one in self.constraints if self._among(one, frozenset({number})))
 
-    def nearness(self, number: int) -> int:
+    def nearness(self, number: int) -> float:
         """The weight of the conditions that this entry satisfies."""
-        return sum(WEIGHTS[one.stage] for one in self.satisfied_by(number))
+        return round(sum(self._weight(one) for one in self.satisfied_by(number)), 6)
 
     def nearest(self, limit: int) -> list[int]:
         """Entries that satisfy some conditions and not all, nearest first.
 
-        What is nearest is weighed by stage: requests name places and counts deliberately, and over-predict tags
-        (Results, Slot-level extraction). Ties: more conditions, then the older entry.
+        What is nearest is weighed by stage, since requests name places and counts deliberately and over-predict tags
+        (Results, Slot-level extraction), and by rarity: what few entries have is seldom met by chance. Ties: the older.
         """
-        weights: dict[int, int] = {}
+        weights: dict[int, float] = {}
         counts: dict[int, int] = {}
         for one in self.constraints:
+            weight = self._weight(one)
             for number in self.holds(one):
-                weights[number] = weights.get(number, 0) + WEIGHTS[one.stage]
+                weights[number] = weights.get(number, 0.0) + weight
                 counts[number] = counts.get(number, 0) + 1
         near = [number for number, count in counts.items() if count < len(self.constraints)]
-        return nsmallest(limit, near, key=lambda number: (-weights[number], -counts[number], number))
+        return nsmallest(limit, near, key=lambda number: (-round(weights[number], 6), number))
+
+    def _weight(self, one: Constraint) -> float:
+        """The weight of a condition: its stage's, and the tenth logarithm of how rare it is."""
+        held = len(self.holds(one))
+        return WEIGHTS[one.stage] + (math.log10(self.size / held) if held else 0.0)
 
     def _among(self, one: Constraint, left: frozenset[int]) -> frozenset[int]:
         if len(left) > FEW or one in self._held:

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 from builders_catalog import catalogue, funnel
-from builders_selection_corpus import arguments_of
 
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.scenarios.facts import read_facts
+from plannerforge.evals.selection_corpus import arguments_of
 from plannerforge.schemas.scenarios import ReadFactsRequest
 
 COUNTRIES = ("ARG", "ZAM", "ITA", "FRA")
