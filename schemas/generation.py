@@ -141,7 +141,8 @@ class DensityFacts(Model):
 class Checks(Model):
     """What was checked on the written file.
 
-    ``centers_on_lanelets`` and ``feasible_share`` are shares in [0, 1] over all recorded positions and all tracks.
+    ``centers_on_lanelets`` and ``feasible_share`` are shares in [0, 1] over all recorded positions and all tracks;
+    ``network_errors`` and ``network_warnings`` are the broken rules for road networks, with the first place of each.
     """
 
     schema_valid: bool
@@ -152,6 +153,8 @@ class Checks(Model):
     centers_on_lanelets: float
     feasible_share: float
     infeasible_vehicles: tuple[int, ...]
+    network_errors: tuple[str, ...] = ()
+    network_warnings: tuple[str, ...] = ()
 
 
 class GeneratedScenario(Model):

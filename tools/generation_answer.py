@@ -14,6 +14,7 @@ def summarise(
     passed, failed = _verdicts(scenario.checks)
     warned = len(scenario.netconvert_warnings)
     warnings = [f"netconvert warned {warned} time(s): {scenario.netconvert_warnings[0]}"] if warned else []
+    unusual = [f"road network, {warning}" for warning in scenario.checks.network_warnings]
     return ScenarioSummary(
         scenario_id=scenario_id,
         reused=reused,
@@ -36,7 +37,7 @@ def summarise(
         feasible_share=scenario.checks.feasible_share,
         checks_passed=passed,
         checks_failed=failed,
-        notes=[*scenario.notes, *warnings],
+        notes=[*scenario.notes, *warnings, *unusual],
     )
 
 
@@ -55,5 +56,6 @@ def _verdicts(checks: Checks) -> tuple[list[str], list[str]]:
         "no collision at the start": checks.collisions_at_start == 0,
         "no vehicles overlap": checks.overlapping_pairs == 0,
         "recorded ego free of collisions": checks.recorded_ego_collision_free,
+        "no error in the road network": not checks.network_errors,
     }
     return [name for name, good in verdicts.items() if good], [name for name, good in verdicts.items() if not good]

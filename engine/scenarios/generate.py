@@ -190,6 +190,7 @@ def _faults(checks: Checks) -> tuple[list[str], list[str]]:
         "the goal cannot be reached": not checks.goal_reachable,
         "vehicles overlap": checks.overlapping_pairs > 0 or checks.collisions_at_start > 0,
         "the ego's recorded way meets another vehicle": not checks.recorded_ego_collision_free,
+        f"the road network is wrong: {'; '.join(checks.network_errors)}": bool(checks.network_errors),
     }
     weak = {
         f"{checks.feasible_share:.1%} of the tracks can be driven": checks.feasible_share < LEAST_FEASIBLE,

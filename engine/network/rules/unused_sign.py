@@ -15,7 +15,7 @@ def _find(document: RoadDocument) -> Iterator[Defect]:
 
 RULE = Rule(
     rule_id="unused_sign",
-    severity="warning",
+    severity="error",
     meaning="No lanelet refers to a traffic sign.",
     why="The sign has no effect on anybody; commonroad-io does not read such a file.",
     find=_find,

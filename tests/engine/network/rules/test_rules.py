@@ -73,7 +73,7 @@ def test_a_finding_names_the_lanelets_and_the_place(tmp_path: Path) -> None:
 
 def test_errors_come_before_warnings(tmp_path: Path) -> None:
     root = good_road()
-    DEFECTS["unused_sign"](root)
+    DEFECTS["gap_at_join"](root)
     DEFECTS["unknown_light"](root)
     found = check_file(write(root, tmp_path))
     assert [finding.severity for finding in found.findings] == ["error", "warning"]
