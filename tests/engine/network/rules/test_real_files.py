@@ -1,4 +1,4 @@
-"""What the rules find in 100 real files; every finding was looked at, and all of them are true."""
+"""What the rules find in 100 real files: a change of a rule shows in the counts."""
 
 from collections import Counter
 from pathlib import Path
