@@ -1,6 +1,7 @@
 """Operations that only tests run in worker processes: each misbehaves in one way."""
 
 import ctypes
+import gc
 import os
 import signal
 import subprocess
@@ -23,6 +24,10 @@ def echo(request: Words, report: ProgressReporter) -> Words:
 
 def tell_pid(request: Words, report: ProgressReporter) -> Words:
     return Words(number=os.getpid())
+
+
+def tell_frozen_objects(request: Words, report: ProgressReporter) -> Words:
+    return Words(number=gc.get_freeze_count())
 
 
 def tell_environment(request: Words, report: ProgressReporter) -> Words:

@@ -243,6 +243,13 @@ async def test_warm_up_starts_the_worker_that_the_first_call_gets(pool: WorkerPo
     assert pool.worker_pids == (pid,)
 
 
+async def test_what_was_imported_to_be_warm_is_left_out_of_later_collections(
+    pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(pool_module.PRELOAD, "compute", ("json",))
+    assert (await run(pool, "tell_frozen_objects")).number > 1000
+
+
 async def test_closed_pool_leaves_no_process(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(pool_module.PRELOAD, "compute", ())
     async with WorkerPool.open(Limits(roots=(tmp_path,)), log) as pool:
