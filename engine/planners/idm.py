@@ -3,8 +3,9 @@
 Longitudinal: Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic
 simulations", Physical Review E 62, 2000: acceleration a·[1 − (v/v0)⁴ − (s*/s)²] with the desired gap
 s* = s0 + max(0, v·T + v·Δv / (2·√(a·b))). Above the desired speed the free term is that of the improved model (Kesting,
-Treiber, Helbing 2010), which never brakes harder than b. Lateral: the ego's offset from the path fades out. It knows
-no cost terms, neither overtakes nor evades, and slows down neither for bends nor for the edge of the road.
+Treiber, Helbing 2010), which never brakes harder than b. Before a bend it brakes by at most b too, to the speed
+√(a_lateral / curvature) that its lateral acceleration allows there. Lateral: the ego's offset from the path fades out.
+It knows no cost terms, neither overtakes nor evades, and does not look at the edge of the road.
 """
 
 import math
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plannerforge.engine.geometry.polyline import Points, Values, arc_length, project, wrap_angle, wrap_angles
+from plannerforge.engine.planners.bend_speeds import bend_speeds_mps
 from plannerforge.engine.planners.desired_speed import DesiredSpeed
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import (
@@ -84,6 +86,12 @@ class IntelligentDriver:
         self._stations = arc_length(task.reference.points)
         along = np.gradient(task.reference.points, axis=0)
         self._headings = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+        self._bend_mps = bend_speeds_mps(
+            self._stations,
+            self._headings,
+            self._weights["lateral_acceleration_mps2"],
+            self._weights["deceleration_mps2"],
+        )
         self._goal_m = self._goal.stations_on(task.reference.points) if self._goal.has_position else None
         self._fade: _Fade | None = None
         self._desired_mps: float | None = None
@@ -114,6 +122,7 @@ class IntelligentDriver:
             if leaders:
                 rear, leader_speed = min(leaders)
                 acceleration -= self._interaction(speed, rear - front, speed - leader_speed)
+            acceleration = min(acceleration, self._before_bend(speed, float(stations[i]) + speed * step_s))
             strongest = min(EMERGENCY_MPS2, vehicle.maximum_acceleration_mps2)
             acceleration = float(np.clip(acceleration, -strongest, vehicle.maximum_acceleration_mps2))
             speeds[i + 1] = max(speed + acceleration * step_s, 0.0)
@@ -141,6 +150,11 @@ class IntelligentDriver:
         headway = speed * self._weights["time_headway_s"] + speed * closing_mps / (2.0 * math.sqrt(a * b))
         wanted = self._weights["minimum_gap_m"] + max(0.0, headway)
         return float(a * (wanted / max(gap_m, SMALLEST_GAP_M)) ** 2)
+
+    def _before_bend(self, speed: float, following: float) -> float:
+        """The acceleration to the speed that the bends allow at the following station, braking at most comfortably."""
+        allowed = float(np.interp(following, self._stations, self._bend_mps))
+        return max((allowed - speed) / self._task.step_s, -self._weights["deceleration_mps2"])
 
     def _allowed(self, station: float) -> float:
         """The speed from which the comfortable deceleration reaches the goal's speed where the goal begins."""

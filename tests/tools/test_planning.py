@@ -85,7 +85,7 @@ async def test_a_chain_of_configurations(call: Call) -> None:
 
 async def test_the_baseline_and_settings_go_the_whole_way(call: Call) -> None:
     listed = await call("list_planners", planner="idm")
-    assert (listed["config_name"], len(listed["weights"])) == ("idm:Default", 4)
+    assert (listed["config_name"], len(listed["weights"])) == ("idm:Default", 5)
     assert "sampling_level" not in [item["name"] for item in listed["settings"]]
     made = await call("configure_planner", planner="idm", preset="Sporty", settings=["vehicle=1", "replan_steps=1"])
     assert {c["name"] for c in made["changes"]} >= {"time_headway_s", "vehicle", "length_m", "replan_steps"}
