@@ -7,20 +7,45 @@ from pydantic import Field
 
 from plannerforge.schemas.base import Arguments, Model, Result
 
-Operation = Literal["reroute", "set_behaviour", "add_vehicle", "remove_vehicle", "set_goal"]
+Operation = Literal[
+    "reroute",
+    "change_lane",
+    "set_speed",
+    "shift_time",
+    "set_behaviour",
+    "add_vehicle",
+    "remove_vehicle",
+    "set_goal",
+    "set_ego",
+]
 Letter = Literal["T", "B", "P", "G"]
 """The paper's kinds of edits: trajectory, behaviour, population, goal."""
 
+TrafficAfterEdits = Literal["recorded", "reactive"]
+"""Whether vehicles that no edit names stay as recorded, or are driven anew from their first state on."""
+
+CheckedBy = Literal["closed_form", "drivability_checker"]
+
+EditDetail = Literal["brief", "checks"]
+"""``checks``: touched motions are judged by the drivability checker too, which takes up to a second each."""
+
 LETTERS: Final[dict[Operation, Letter]] = {
     "reroute": "T",
+    "change_lane": "T",
+    "set_speed": "T",
+    "shift_time": "T",
     "set_behaviour": "B",
     "add_vehicle": "P",
     "remove_vehicle": "P",
     "set_goal": "G",
+    "set_ego": "G",
 }
 
 ARGUMENTS_OF: Final[dict[Operation, tuple[str, ...]]] = {
-    "reroute": ("vehicles", "to", "turn"),
+    "reroute": ("vehicles", "to", "via", "turn"),
+    "change_lane": ("vehicles", "lane", "time_s"),
+    "set_speed": ("vehicles", "speed", "time_s"),
+    "shift_time": ("vehicles", "time_s"),
     "set_behaviour": ("vehicles", "preset", "params"),
     "add_vehicle": (
         *("vehicle_class", "count", "spacing_m", "at", "lane", "offset_m", "position", "speed", "time_s", "to"),
@@ -28,6 +53,7 @@ ARGUMENTS_OF: Final[dict[Operation, tuple[str, ...]]] = {
     ),
     "remove_vehicle": ("vehicles",),
     "set_goal": ("to", "position", "rectangle_m", "goal_time", "goal_speed"),
+    "set_ego": ("vehicles", "at", "lane", "offset_m", "position", "speed", "former_ego"),
 }
 """Which arguments belong to which operation; any other is refused."""
 
@@ -38,29 +64,31 @@ class Edit(Arguments):
     op: Operation
     vehicles: list[str] = Field(
         default=[],
-        description="ids, or all (never the ego), one:truck ('the truck'), class:truck (all of them), nearest:3, "
-        "farthest, lead, follow, fastest, slowest, standing, new:0 (added by edit 0); '!id' excludes",
+        description="ids, all (never the ego), one:truck ('the truck'), class:truck (all of them), nearest:3, "
+        "farthest, lead, follow, fastest, slowest, standing, leftmost, rightmost, new:0 (added by edit 0); "
+        "'!id' excludes",
     )
     to: list[str] = Field(
         default=[],
-        description="lanelet or edge: goal, any end of a reroute, destination of an added vehicle; lanelet_of:lead",
+        description="lanelet or edge: goal, any end of a reroute, destination when adding; lanelet_of:lead",
     )
-    turn: Literal["left", "right", "straight"] | None = Field(None, description="reroute at the next fork")
+    via: list[str] = Field([], description="reroute through these in order")
+    turn: Literal["left", "right", "straight"] | None = Field(None, description="at the next fork")
     preset: str | None = Field(None, description="aggressive, cautious, emergency (urgent), eco, balanced, speeder")
     params: list[str] = Field([], description="SUMO names: 'tau=0.7', 'minGap=1'")
     vehicle_class: str | None = None
     count: int | None = Field(None, ge=1, le=20)
     spacing_m: float | None = Field(None, gt=0)
-    at: str | None = Field(None, description="where to add: lanelet or edge id, ego, vehicle:ID")
-    lane: Literal["same", "left", "right"] | None = None
-    offset_m: float | None = Field(None, description="from at, centre to centre along the lane; + ahead, - behind")
+    at: str | None = Field(None, description="where to put: lanelet, edge, ego, vehicle:ID")
+    lane: Literal["same", "left", "right", "oncoming"] | None = None
+    offset_m: float | None = Field(None, description="from at, between centres along the lane; - behind")
     position: str | None = Field(
         None,
-        description="on the lanelet: beginning, quarter, middle, three_quarter, final (a goal's default), "
-        "a fraction 0.66 or '35m'",
+        description="on the lanelet: beginning, quarter, middle, three_quarter, final (a goal's default), 0.66, '35m'",
     )
     speed: str | None = Field(None, description="'30km/h', '8m/s'")
-    time_s: float | None = Field(None, ge=0, description="departure of an added vehicle")
+    time_s: float | None = Field(None, description="from when on; shift_time: later by, - earlier")
+    former_ego: Literal["vanish", "traffic"] | None = None
     rectangle_m: list[float] | None = Field(None, description="goal [length, width]")
     goal_time: str | None = Field(None, description="'8..12s', '<=90steps'")
     goal_speed: str | None = None
@@ -80,6 +108,8 @@ class ModifyScenarioArguments(Arguments):
     scenario_id: str = "latest"
     edits: list[Edit] = Field(min_length=1, max_length=50)
     on_conflict: Literal["report", "refuse"] = "report"
+    traffic: TrafficAfterEdits = Field("recorded", description="reactive: all vehicles driven anew")
+    detail: EditDetail = "brief"
     dry_run: bool = False
     seed: int = 0
 
@@ -115,15 +145,26 @@ class EditCollision(Model):
     time_s: float
 
 
+class EgoDanger(Model):
+    """The most critical figures of an ego that drives like an ordinary driver; None where nobody came near it.
+
+    ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions).
+    """
+
+    minimum_distance_m: float | None
+    minimum_time_to_collision_s: float | None
+    risk_score: int | None
+
+
 class TouchedVehicle(Model):
-    """A vehicle whose motion was computed anew, and what a closed form of the kinematic check says of it.
+    """A vehicle whose motion was computed anew, and whether a car can drive it (judged as ``checked_by`` says).
 
     ``handover_*``: differences between the recorded state at the hand-over and the first new step, beyond what the
     speed explains; None for vehicles that were not recorded.
     """
 
     vehicle_id: int
-    cause: Literal["edited", "added", "handed_over"]
+    cause: Literal["edited", "added", "shifted", "handed_over"]
     from_time_s: float
     until_time_s: float
     leaves_network: bool
@@ -145,6 +186,8 @@ class ModificationRequest(Model):
     output: Path
     earlier: int = 0
     on_conflict: Literal["report", "refuse"] = "report"
+    traffic: TrafficAfterEdits = "recorded"
+    detail: EditDetail = "brief"
     dry_run: bool = False
     seed: int = 0
 
@@ -158,13 +201,16 @@ class ModificationOutcome(Model):
     touched: tuple[TouchedVehicle, ...] = ()
     removed: tuple[int, ...] = ()
     collisions: tuple[EditCollision, ...] = ()
-    checked_by: Literal["closed_form"] = "closed_form"
+    ego_before: EgoDanger | None = None
+    ego_after: EgoDanger | None = None
+    checked_by: CheckedBy = "closed_form"
+    checkers_agree: int | None = Field(None, description="touched motions that both checks judge alike")
     untouched: int = Field(0, description="vehicles that stay exactly as recorded")
     warnings: tuple[str, ...] = ()
 
     @property
     def handed_over(self) -> tuple[int, ...]:
-        """Vehicles that no edit names, driven anew because they would have hit one that an edit moved."""
+        """Vehicles that no edit names: they would have hit one that an edit moved, or all traffic reacts."""
         return tuple(vehicle.vehicle_id for vehicle in self.touched if vehicle.cause == "handed_over")
 
 
@@ -179,7 +225,10 @@ class ModifyScenarioResult(Result):
     removed: tuple[int, ...]
     handed_over: tuple[int, ...]
     collisions: tuple[EditCollision, ...]
-    checked_by: Literal["closed_form"]
+    ego_before: EgoDanger | None
+    ego_after: EgoDanger | None
+    checked_by: CheckedBy
+    checkers_agree: int | None
     untouched: int
     warnings: tuple[str, ...]
 
@@ -202,6 +251,12 @@ class ModifyScenarioResult(Result):
         hits = [f"{hit.vehicles[0]} with {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
         lines.append(f"collisions caused: {'; '.join(hits) if hits else 'none'}")
         lines.append(f"{self.untouched} vehicles exactly as recorded")
+        lines += _danger_text(self.ego_before, self.ego_after)
+        if self.checkers_agree is not None:
+            lines.append(
+                f"judged by the drivability checker; the closed form agrees on {self.checkers_agree} of "
+                f"{len(self.touched)}"
+            )
         lines += [f"note: {warning}" for warning in self.warnings]
         return "\n".join(lines)
 
@@ -210,6 +265,24 @@ def _route_text(route: VehicleRoute) -> str:
     way = " → ".join(str(key) for key in route.lanelets[:12]) + (" …" if len(route.lanelets) > 12 else "")
     arrives = {None: "", True: ", arrives", False: f", does not arrive: {route.reason}"}[route.arrives]
     return f"{route.vehicle_id}: lanelets {way}{arrives}"
+
+
+def _danger_text(before: EgoDanger | None, after: EgoDanger | None) -> list[str]:
+    if before is None or after is None:
+        return []
+    figures = [
+        f"{name} {_figure(getattr(before, field), unit)} → {_figure(getattr(after, field), unit)}"
+        for name, field, unit in (
+            ("minimum distance", "minimum_distance_m", " m"),
+            ("time to collision", "minimum_time_to_collision_s", " s"),
+            ("risk score", "risk_score", ""),
+        )
+    ]
+    return [f"to an ego that drives ordinarily: {', '.join(figures)} (0 collision … 5 negligible)"]
+
+
+def _figure(value: float | None, unit: str) -> str:
+    return "none" if value is None else f"{value:.3g}{unit}"
 
 
 def _touched_text(vehicle: TouchedVehicle) -> str:

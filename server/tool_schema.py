@@ -8,6 +8,8 @@ from pydantic import BaseModel
 
 from plannerforge.tools.registry import ToolSpec
 
+LENGTHS = ("minItems", "maxItems")
+
 
 @cache
 def tool_description(spec: ToolSpec) -> Tool:
@@ -29,7 +31,10 @@ def tool_description(spec: ToolSpec) -> Tool:
 
 
 def input_schema(model: type[BaseModel]) -> dict[str, Any]:
-    """The schema without titles, references and null arms: fewer tokens, and small models understand it."""
+    """The schema without titles, references, null arms and lengths of lists, which a refusal names.
+
+    Fewer tokens, and small models understand it.
+    """
     schema = model.model_json_schema(mode="validation")
     lean = _lean(schema, schema.get("$defs", {}))
     lean.pop("description", None)
@@ -61,6 +66,8 @@ def _lean(schema: Any, definitions: dict[str, Any]) -> Any:
         if len(arms) == 1:
             return _lean({**arms[0], **kept}, definitions)
         kept["anyOf"] = arms
+    for bound in LENGTHS:
+        kept.pop(bound, None)
     if kept.get("default", "") in (None, []):  # what is left out anyway
         del kept["default"]
     if "properties" in kept:

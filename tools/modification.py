@@ -12,6 +12,7 @@ from plannerforge.schemas.modification import (
     ModificationRequest,
     ModifyScenarioArguments,
     ModifyScenarioResult,
+    TrafficAfterEdits,
 )
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.storing import store_scenario
@@ -27,9 +28,11 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
     base_id, earlier = _base_and_edits(given)
     edits = (*earlier, *numbered_after(arguments.edits, len(earlier)))
     seed = arguments.seed if "seed" in arguments.model_fields_set or not earlier else given.recipe.seed
+    traffic = _traffic(arguments, given)
     recipe = Recipe(
         tool=TOOL,
-        arguments={"base": base_id, "edits": [edit.model_dump(mode="json", exclude_defaults=True) for edit in edits]},
+        arguments={"base": base_id, "edits": [edit.model_dump(mode="json", exclude_defaults=True) for edit in edits]}
+        | ({} if traffic == "recorded" else {"traffic": traffic}),
         parents=(base_id,),
         seed=seed,
         versions=versions_of("libsumo"),
@@ -44,6 +47,8 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
             output=folder,
             earlier=len(earlier),
             on_conflict=arguments.on_conflict,
+            traffic=traffic,
+            detail=arguments.detail,
             dry_run=arguments.dry_run,
             seed=seed,
         )
@@ -65,10 +70,20 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
         removed=outcome.removed,
         handed_over=outcome.handed_over,
         collisions=outcome.collisions,
+        ego_before=outcome.ego_before,
+        ego_after=outcome.ego_after,
         checked_by=outcome.checked_by,
+        checkers_agree=outcome.checkers_agree,
         untouched=outcome.untouched,
         warnings=outcome.warnings,
     )
+
+
+def _traffic(arguments: ModifyScenarioArguments, given: Artifact) -> TrafficAfterEdits:
+    """The traffic that was asked for, or that the scenario was edited with before."""
+    if "traffic" in arguments.model_fields_set or given.recipe.tool != TOOL:
+        return arguments.traffic
+    return "reactive" if given.recipe.arguments.get("traffic") == "reactive" else "recorded"
 
 
 def _base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:

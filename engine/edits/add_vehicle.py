@@ -10,7 +10,9 @@ from plannerforge.engine.edits.entry_speed import entry_speed
 from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets
 from plannerforge.engine.edits.occupancy import free_places, occupant
 from plannerforge.engine.edits.placing import Place, ahead, first_place
+from plannerforge.engine.edits.road_users import check_allowed
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.walkers import add_walker
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
@@ -27,8 +29,11 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         UnknownName: no such class, lanelet or vehicle.
         NotPossible: the place is taken (the nearest free ones are named), or there is no such lane.
     """
+    if edit.vehicle_class is not None and edit.vehicle_class.strip().lower() == "pedestrian":
+        return add_walker(edit, scene, changes)
     vehicle_class = _class(edit.vehicle_class)
     place = first_place(edit, scene, changes, vehicle_class.length_m)
+    check_allowed(vehicle_class.name, place.lanelet_id, scene)
     count = edit.count or 1
     spacing = edit.spacing_m if edit.spacing_m is not None else max(USUAL_SPACING_M, 2 * vehicle_class.length_m)
     added: list[int] = []
@@ -42,15 +47,18 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         f"{vehicle_class.name} {', '.join(map(str, added))} on lanelet {place.lanelet_id} at {place.station_m:.1f} m, "
         f"{speed:.1f} m/s, from {departs:.1f} s on"
     )
-    return EditStep(changes, tuple(added), what)
+    aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
+    return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
 
 
 def _class(word: str | None) -> VehicleClass:
     classes = vehicle_classes()
     if word is None:
-        raise InvalidRequest("add_vehicle needs a vehicle_class", valid=classes)
+        raise InvalidRequest("add_vehicle needs a vehicle_class", valid=[*classes, "pedestrian"])
     if word.strip().lower() not in classes:
-        raise UnknownName(f"there is no vehicle class '{word}' that can be added", valid=closest(word, classes))
+        raise UnknownName(
+            f"there is no vehicle class '{word}' that can be added", valid=closest(word, [*classes, "pedestrian"])
+        )
     return classes[word.strip().lower()]
 
 
@@ -81,7 +89,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
     """The step at which the vehicle enters: at once, or as soon after a named departure as there is room."""
     size = (vehicle_class.length_m, vehicle_class.width_m)
     first = round((edit.time_s or 0.0) / scene.step_s)
-    if first >= scene.last_step:
+    if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {edit.time_s} s is not before the scenario's end",
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],

@@ -3,19 +3,24 @@
 import tempfile
 from pathlib import Path
 
-from plannerforge.engine.edits.cascade import Resimulated, resimulate_until_clear
+from plannerforge.engine.edits.altered_scene import altered
+from plannerforge.engine.edits.cascade import Resimulated, resimulate_until_clear, tracks_after
 from plannerforge.engine.edits.changes import Changes, EditStep
+from plannerforge.engine.edits.danger import danger_to
 from plannerforge.engine.edits.edit_report import edit_reports, reported_collisions, touched_vehicles
+from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
+from plannerforge.engine.edits.kept_scene import scene_of
 from plannerforge.engine.edits.operations import resolve_edits
+from plannerforge.engine.edits.ordinary_ego import EgoDrives, ego_drives, ego_participant
 from plannerforge.engine.edits.resimulation import SimulationSetup
 from plannerforge.engine.edits.scenario_document import ScenarioDocument
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.state_elements import added_obstacle, write_goal, write_touched
 from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.network.sumo_net_writer import write_sumo_net
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.engine.traffic.drivability import check_drivability
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.modification import ModificationOutcome, ModificationRequest
+from plannerforge.schemas.modification import EgoDanger, ModificationOutcome, ModificationRequest, TouchedVehicle
 
 SCENARIO_FILE, NET_FILE = "scenario.xml", "scenario.net.xml"
 
@@ -29,28 +34,35 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         UnsafeInput: the file is not readable.
     """
     report(0.0, "reading the scenario")
-    scene = Scene.of(read_scenario(request.xml))
+    base = scene_of(request.xml)
     document = ScenarioDocument.read(request.xml)
     report(0.3, "resolving the edits")
-    changes, steps = resolve_edits(request.edits, scene, document.highest_id + 1, request.earlier)
+    changes, steps = resolve_edits(request.edits, base, document.highest_id + 1, request.earlier)
+    scene = altered(base, changes)
     with tempfile.TemporaryDirectory() as folder:
         net = Path(folder) / NET_FILE
-        write_sumo_net(scene.layout, scene.lane_speeds_mps, net)
+        net.write_text(base.sumo_net, encoding="utf-8")
         report(0.4, "simulating")
-        result = _simulated(request, scene, changes, net)
+        setup = SimulationSetup(net, net.parent, scene.step_s, scene.last_step, request.seed)
+        drives = ego_drives(base, scene, changes, setup)
+        result = _simulated(request, scene, changes, setup, drives.after)
         _check(request, scene, changes, result)
         report(0.8, "writing")
         notes = _write_changes(document, scene, changes, result)
         files = (None, None) if request.dry_run else _write_files(request, document, net)
-    return _outcome(request, scene, changes, steps, result, files, notes)
+    return _outcome(request, base, scene, changes, steps, result, drives, files, notes)
 
 
-def _simulated(request: ModificationRequest, scene: Scene, changes: Changes, net: Path) -> Resimulated:
+def _simulated(
+    request: ModificationRequest, scene: Scene, changes: Changes, setup: SimulationSetup, ego: Track | None
+) -> Resimulated:
     """Re-simulate if anything is driven; removals and goals alone leave all recordings as they are."""
-    if not changes.driven:
+    everybody = request.traffic == "reactive"
+    if not changes.driven and not changes.replays and not everybody:
         return Resimulated({}, {}, (), ())
-    setup = SimulationSetup(net, net.parent, scene.step_s, scene.last_step, request.seed)
-    return resimulate_until_clear(scene, changes, setup)
+    seen_ego = None if ego is None else ego_participant(scene, ego)
+    shown = () if seen_ego is None else (seen_ego,)
+    return resimulate_until_clear(scene, changes, setup, shown, everybody=everybody)
 
 
 def _check(request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated) -> None:
@@ -74,6 +86,8 @@ def _check(request: ModificationRequest, scene: Scene, changes: Changes, result:
 def _write_changes(document: ScenarioDocument, scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
     for key in sorted(changes.removed):
         document.remove(document.obstacle(key))
+    for replay in changes.replays.values():
+        write_replay(document, replay, scene.step_s)
     for key, track in result.tracks.items():
         plan = result.plans[key]
         if plan.cause == "added":
@@ -81,6 +95,8 @@ def _write_changes(document: ScenarioDocument, scene: Scene, changes: Changes, r
             document.add_obstacle(element)
         else:
             write_touched(document, track, scene.step_s)
+    if changes.ego is not None:
+        write_ego_start(document, changes.ego)
     return [] if changes.goal is None else write_goal(document, changes.goal)
 
 
@@ -94,29 +110,59 @@ def _write_files(request: ModificationRequest, document: ScenarioDocument, net: 
 
 def _outcome(
     request: ModificationRequest,
+    base: Scene,
     scene: Scene,
     changes: Changes,
     steps: tuple[EditStep, ...],
     result: Resimulated,
+    drives: EgoDrives,
     files: tuple[Path | None, Path | None],
     notes: list[str],
 ) -> ModificationOutcome:
-    recorded = set(scene.tracks) - set(result.tracks) - changes.removed
+    recorded = set(scene.tracks) - set(result.tracks) - changes.removed - set(changes.replays)
+    before, after = _dangers(base, scene, changes, result, drives)
+    touched, agree = _judged(request, scene, changes, result)
     return ModificationOutcome(
         xml=files[0],
         net=files[1],
         edits=edit_reports(request, scene, steps, result),
-        touched=touched_vehicles(scene, result),
+        touched=touched,
         removed=tuple(sorted(changes.removed)),
         collisions=reported_collisions(scene, result),
+        ego_before=before,
+        ego_after=after,
+        checked_by="closed_form" if agree is None else "drivability_checker",
+        checkers_agree=agree,
         untouched=len(recorded),
-        warnings=(*notes, *_warnings(scene, result)),
+        warnings=(*notes, *_warnings(scene, changes, result)),
     )
 
 
-def _warnings(scene: Scene, result: Resimulated) -> list[str]:
+def _dangers(
+    base: Scene, scene: Scene, changes: Changes, result: Resimulated, drives: EgoDrives
+) -> tuple[EgoDanger | None, EgoDanger | None]:
+    recorded = (base.tracks | base.standing).values()
+    return (
+        None if drives.before is None else danger_to(drives.before, recorded),
+        None if drives.after is None else danger_to(drives.after, tracks_after(scene, changes, result)),
+    )
+
+
+def _judged(
+    request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated
+) -> tuple[tuple[TouchedVehicle, ...], int | None]:
+    """The touched vehicles, and on how many of them both checks agree where both were asked for."""
+    screened = touched_vehicles(scene, changes, result)
+    if request.detail == "brief":
+        return screened, None
+    checked = touched_vehicles(scene, changes, result, check_drivability)
+    return checked, sum(one.feasible == other.feasible for one, other in zip(screened, checked, strict=True))
+
+
+def _warnings(scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
     late = [key for key, plan in result.plans.items() if plan.cause == "added" and plan.from_step > 0]
-    unseen = sorted(key for key in scene.tracks if key not in scene.matches)
+    late += [key for key, replay in changes.replays.items() if replay.track.first_step > 0]
+    unseen = sorted(key for key in scene.tracks if key not in scene.matches and not changes.is_added(key))
     found = []
     if late:
         found.append(

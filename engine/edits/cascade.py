@@ -3,13 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from plannerforge.engine.edits.changes import Changes, DrivePlan, not_drivable, recorded_plan
+from plannerforge.engine.edits.changes import Changes, DrivePlan, drivable_ids, not_drivable, recorded_plan
 from plannerforge.engine.edits.collisions import Overlap, body_of_touched, body_of_track, new_overlaps
 from plannerforge.engine.edits.handover import TouchedTrack, touched_track
-from plannerforge.engine.edits.participants import participants
+from plannerforge.engine.edits.participants import Participant, participants
 from plannerforge.engine.edits.resimulation import DrivenTrack, SimulationSetup, front_of, resimulate
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.geometry.polyline import project
+from plannerforge.engine.scenarios.tracks import Track
 
 ROUNDS = 3
 END_M = 0.5
@@ -27,30 +28,66 @@ class Resimulated:
     missing: tuple[int, ...]
 
 
-def resimulate_until_clear(scene: Scene, changes: Changes, setup: SimulationSetup) -> Resimulated:
-    """Simulate, hand over whom a driven vehicle hits, and simulate again, at most three rounds more."""
-    plans: dict[int, DrivePlan] = dict(changes.driven)
-    result = _round(scene, changes, setup, plans)
+def resimulate_until_clear(
+    scene: Scene,
+    changes: Changes,
+    setup: SimulationSetup,
+    shown: tuple[Participant, ...] = (),
+    *,
+    everybody: bool = False,
+) -> Resimulated:
+    """Simulate, hand over whom a driven vehicle hits, and simulate again, at most three rounds more.
+
+    Args:
+        shown: further replayed road users that the driven ones see, but that collide with nobody (the ego).
+        everybody: hand over all vehicles at their first step, so that everybody reacts.
+    """
+    plans: dict[int, DrivePlan] = {**(_everybody(scene, changes) if everybody else {}), **changes.driven}
+    plans = dict(sorted(plans.items()))
+    result = _round(scene, changes, setup, plans, shown)
     for _ in range(ROUNDS):
         more = _handed_over(scene, plans, result.overlaps)
         if not more:
             break
         plans = dict(sorted({**plans, **more}.items()))
-        result = _round(scene, changes, setup, plans)
+        result = _round(scene, changes, setup, plans, shown)
     return result
 
 
-def _round(scene: Scene, changes: Changes, setup: SimulationSetup, plans: Mapping[int, DrivePlan]) -> Resimulated:
-    driven = resimulate(setup, participants(scene, changes, plans))
+def tracks_after(scene: Scene, changes: Changes, result: Resimulated) -> tuple[Track, ...]:
+    """Everybody as the edits leave them: recorded, standing and driven road users, by ascending id."""
+    recorded = {key: track for key, track in (scene.tracks | scene.standing).items() if key not in changes.removed}
+    driven = {key: track.whole(result.plans[key].start) for key, track in result.tracks.items()}
+    return tuple(track for _, track in sorted((recorded | driven).items()))
+
+
+def _everybody(scene: Scene, changes: Changes) -> dict[int, DrivePlan]:
+    return {
+        key: recorded_plan(scene, key, "handed_over", scene.tracks[key].first_step)
+        for key in drivable_ids(scene)
+        if key not in changes.removed
+    }
+
+
+def _round(
+    scene: Scene,
+    changes: Changes,
+    setup: SimulationSetup,
+    plans: Mapping[int, DrivePlan],
+    shown: tuple[Participant, ...],
+) -> Resimulated:
+    driven = resimulate(setup, (*participants(scene, changes, plans), *shown))
     tracks: dict[int, TouchedTrack] = {}
     for key, plan in plans.items():
         seen = driven.get(key) or _gone_at_once(scene, plan)
         made = None if seen is None else touched_track(plan.start, seen, scene.step_s, scene.last_step)
         if made is not None:
             tracks[key] = made
-    recorded = {key: body_of_track(track) for key, track in (scene.tracks | scene.standing).items()}
+    bodies = {key: body_of_track(track) for key, track in (scene.tracks | scene.standing).items()}
+    moved = [bodies[key] for key in changes.replays if key not in tracks]
+    recorded = {key: body for key, body in bodies.items() if key not in changes.replays}
     others = [body for key, body in recorded.items() if key not in tracks and key not in changes.removed]
-    overlaps = new_overlaps([body_of_touched(track) for track in tracks.values()], others, recorded)
+    overlaps = new_overlaps([*moved, *(body_of_touched(track) for track in tracks.values())], others, recorded)
     return Resimulated(plans, tracks, overlaps, tuple(key for key in plans if key not in tracks))
 
 

@@ -1,10 +1,13 @@
 """What a list of edits comes to, before anything is simulated: an immutable value that each edit makes anew."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from plannerforge.engine.edits.behaviours import Behaviour, usual_behaviour
-from plannerforge.engine.edits.scene import NOT_DRIVEN, Scene
+from plannerforge.engine.edits.lane_matching import LaneMatch
+from plannerforge.engine.edits.manoeuvring import Manoeuvre
+from plannerforge.engine.edits.scene import NOT_DRIVEN, Ego, Scene
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
@@ -18,7 +21,8 @@ class DrivePlan:
     """A vehicle that SUMO drives from ``from_step`` on.
 
     ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: the way it is meant to
-    drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target).
+    drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
+    ``through``: lanelets on the way that it has to use; ``manoeuvres``: what it is told, in the order of their steps.
     """
 
     start: Track
@@ -29,6 +33,21 @@ class DrivePlan:
     targets: frozenset[int]
     behaviour: Behaviour
     vehicle_class: VehicleClass
+    manoeuvres: tuple[Manoeuvre, ...] = ()
+    through: frozenset[int] = frozenset()
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A road user that moves by a given track and not by SUMO: a recording moved in time, or somebody who walks.
+
+    ``recording``: what was moved by ``shifted_steps`` (later positive); None for an added walker.
+    """
+
+    track: Track
+    match: LaneMatch | None
+    recording: Track | None = None
+    shifted_steps: int = 0
 
 
 @dataclass(frozen=True)
@@ -49,6 +68,7 @@ class Changes:
     """Everything that the edits so far ask for.
 
     ``added_by_edit``: ids that each edit added, by its index. ``next_id``: the id that the next added vehicle gets.
+    ``replays``: tracks that stand for the recorded ones, and added walkers. ``ego``: another start of the ego.
     """
 
     next_id: int
@@ -56,6 +76,8 @@ class Changes:
     removed: frozenset[int] = frozenset()
     goal: GoalChange | None = None
     added_by_edit: tuple[tuple[int, ...], ...] = ()
+    replays: Mapping[int, Replay] = field(default_factory=dict)
+    ego: Ego | None = None
 
     def with_plan(self, plan: DrivePlan) -> "Changes":
         """The changes with one more driven vehicle, or another plan for it; ids stay in ascending order."""
@@ -65,18 +87,37 @@ class Changes:
     def without(self, vehicle_id: int) -> "Changes":
         """The changes after a vehicle was removed; an added one is simply not there any more."""
         driven = {key: plan for key, plan in self.driven.items() if key != vehicle_id}
-        was_added = vehicle_id in self.driven and self.driven[vehicle_id].cause == "added"
-        removed = self.removed if was_added else self.removed | {vehicle_id}
-        return replace(self, driven=driven, removed=removed)
+        replays = {key: replay for key, replay in self.replays.items() if key != vehicle_id}
+        removed = self.removed if self.is_added(vehicle_id) else self.removed | {vehicle_id}
+        return replace(self, driven=driven, replays=replays, removed=removed)
+
+    def with_replay(self, replay: Replay) -> "Changes":
+        """The changes with one more given track; ids stay in ascending order."""
+        replays = {**self.replays, replay.track.obstacle_id: replay}
+        return replace(self, replays=dict(sorted(replays.items())))
+
+    def is_added(self, vehicle_id: int) -> bool:
+        """Whether an edit put the road user in."""
+        plan, replay = self.driven.get(vehicle_id), self.replays.get(vehicle_id)
+        return (plan is not None and plan.cause == "added") or (replay is not None and replay.recording is None)
 
 
 @dataclass(frozen=True)
 class EditStep:
-    """What one edit did to the changes: which vehicles, and the sentence for its report."""
+    """What one edit did to the changes: which vehicles, and the sentence for its report.
+
+    ``added``: those of them that it put in. ``aims``: sets of lanelets, of each of which it wants a vehicle on any.
+    ``since``: the step from which on aims count. ``speeds``: the speed in m/s that a vehicle is to reach, and from
+    which step on.
+    """
 
     changes: Changes
     vehicles: tuple[int, ...]
     what: str
+    added: tuple[int, ...] = ()
+    aims: Mapping[int, tuple[frozenset[int], ...]] = field(default_factory=dict)
+    since: Mapping[int, int] = field(default_factory=dict)
+    speeds: Mapping[int, tuple[float, int]] = field(default_factory=dict)
 
 
 def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
@@ -85,9 +126,10 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
     Raises:
         NotPossible: the vehicle cannot be driven (a pedestrian, an obstacle off the lanes, or an occupancy set).
     """
-    if vehicle_id in changes.driven:
-        return changes.driven[vehicle_id]
     first = scene.tracks[vehicle_id].first_step if vehicle_id in scene.tracks else 0
+    if vehicle_id in changes.driven:
+        plan = changes.driven[vehicle_id]
+        return plan if plan.cause == "added" else replace(plan, from_step=first)
     return recorded_plan(scene, vehicle_id, "edited", first)
 
 

@@ -1,12 +1,17 @@
 """What is said about edits that were carried out: routes, arrival, feasibility, collisions."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from plannerforge.engine.edits.cascade import Resimulated
-from plannerforge.engine.edits.changes import DrivePlan, EditStep
+from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, Replay
 from plannerforge.engine.edits.handover import TouchedTrack
+from plannerforge.engine.edits.missed_aims import speeds_reached, why_not
+from plannerforge.engine.edits.moved_elements import replayed_motion
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.traffic.feasibility import check_kinematics
+from plannerforge.engine.traffic.feasibility import Feasibility, check_kinematics
+from plannerforge.engine.traffic.smoothing import Motion
 from plannerforge.schemas.modification import (
     LETTERS,
     EditCollision,
@@ -25,14 +30,15 @@ def edit_reports(
     for index in range(request.earlier, len(request.edits)):
         edit, step = request.edits[index], steps[index]
         driven = [key for key in step.vehicles if key in result.tracks]
-        routes = tuple(vehicle_route(scene, result.plans[key], result.tracks[key]) for key in driven)
+        routes = tuple(vehicle_route(scene, step, result.plans[key], result.tracks[key]) for key in driven)
+        speeds = speeds_reached(scene, step, result)
         found.append(
             EditReport(
                 index=index - request.earlier,
                 op=edit.op,
                 letter=LETTERS[edit.op],
                 done=True,
-                what=step.what,
+                what="; ".join([step.what, *speeds]),
                 vehicles=step.vehicles,
                 routes=routes,
             )
@@ -40,30 +46,47 @@ def edit_reports(
     return tuple(found)
 
 
-def vehicle_route(scene: Scene, plan: DrivePlan, track: TouchedTrack) -> VehicleRoute:
-    """The lanelets that a vehicle drives, as simulated, and whether it gets where it is sent."""
-    driven = driven_lanelets(scene, track, plan)
-    if not plan.targets:
-        return VehicleRoute(vehicle_id=track.vehicle_id, lanelets=driven)
-    arrives = bool(plan.targets & set(driven))
-    reason = "" if arrives else _why_not(scene, plan, track, driven)
-    way = driven if arrives else plan.lanelets
-    return VehicleRoute(vehicle_id=track.vehicle_id, lanelets=way, arrives=arrives, reason=reason)
+def vehicle_route(scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedTrack) -> VehicleRoute:
+    """The lanelets that a vehicle drives, as simulated, and whether it gets to one lanelet of each aim of an edit."""
+    key = track.vehicle_id
+    driven, aims = driven_lanelets(scene, track, plan), step.aims.get(key, ())
+    if not aims:
+        return VehicleRoute(vehicle_id=key, lanelets=driven)
+    begin = max(step.since[key] - track.first_step, 0) if key in step.since else None
+    later = driven if begin is None else [on for lane in track.lanes[begin:] for on in _lanelets_of(scene, lane)]
+    missed = [targets for targets in aims if not targets & set(later)]
+    reason = why_not(scene, plan, track, driven, missed[0]) if missed else ""
+    way = plan.lanelets if missed else driven
+    return VehicleRoute(vehicle_id=key, lanelets=way, arrives=not missed, reason=reason)
 
 
 def driven_lanelets(scene: Scene, track: TouchedTrack, plan: DrivePlan) -> tuple[int, ...]:
     """Lanelets under the front bumper of the driven part, in order, as SUMO assigns its lanes."""
     found = list(plan.lanelets[:1]) if track.first_step == plan.start.first_step else []
     for lane in track.lanes:
-        for key in scene.layout.lanelets_of_lane.get(lane, ()):
+        for key in _lanelets_of(scene, lane):
             if key not in found[-4:]:
                 found.append(key)
     return tuple(found)
 
 
-def touched_vehicles(scene: Scene, result: Resimulated) -> tuple[TouchedVehicle, ...]:
-    """Feasibility and hand-over of every touched vehicle."""
-    return tuple(_touched(scene, result.plans[key], track) for key, track in result.tracks.items())
+def _lanelets_of(scene: Scene, lane: str) -> tuple[int, ...]:
+    return scene.layout.lanelets_of_lane.get(lane, ())
+
+
+def touched_vehicles(
+    scene: Scene,
+    changes: Changes,
+    result: Resimulated,
+    check: Callable[[Motion, float], Feasibility] = check_kinematics,
+) -> tuple[TouchedVehicle, ...]:
+    """Feasibility (by a check) and hand-over of every touched vehicle, by ascending id."""
+    driven = {
+        key: _touched(scene, result.plans[key], track, check(track.motion, scene.step_s))
+        for key, track in result.tracks.items()
+    }
+    given = {key: _given(scene, replay, check) for key, replay in changes.replays.items() if key not in driven}
+    return tuple(vehicle for _, vehicle in sorted((driven | given).items()))
 
 
 def reported_collisions(scene: Scene, result: Resimulated) -> tuple[EditCollision, ...]:
@@ -74,8 +97,21 @@ def reported_collisions(scene: Scene, result: Resimulated) -> tuple[EditCollisio
     )
 
 
-def _touched(scene: Scene, plan: DrivePlan, track: TouchedTrack) -> TouchedVehicle:
-    verdict = check_kinematics(track.motion, scene.step_s)
+def _given(scene: Scene, replay: Replay, check: Callable[[Motion, float], Feasibility]) -> TouchedVehicle:
+    """A road user that moves by a given track; people on foot are not held to what vehicles can do."""
+    verdict = None if replay.recording is None else check(replayed_motion(replay, scene.step_s), scene.step_s)
+    return TouchedVehicle(
+        vehicle_id=replay.track.obstacle_id,
+        cause="added" if verdict is None else "shifted",
+        from_time_s=round(replay.track.first_step * scene.step_s, 3),
+        until_time_s=round(replay.track.last_step * scene.step_s, 3),
+        leaves_network=False,
+        feasible=verdict is None or verdict.feasible,
+        feasible_share=1.0 if verdict is None else round(verdict.share_of_steps, 4),
+    )
+
+
+def _touched(scene: Scene, plan: DrivePlan, track: TouchedTrack, verdict: Feasibility) -> TouchedVehicle:
     speeds, positions = track.motion.speeds_mps, track.motion.positions
     moved = np.linalg.norm(np.diff(positions[:2], axis=0), axis=1)[0]
     recorded = plan.cause != "added"
@@ -90,16 +126,3 @@ def _touched(scene: Scene, plan: DrivePlan, track: TouchedTrack) -> TouchedVehic
         handover_jump_m=round(max(float(moved) - float(speeds[:2].max()) * scene.step_s, 0.0), 4) if recorded else None,
         handover_speed_step_mps=round(abs(float(speeds[1] - speeds[0])), 4) if recorded else None,
     )
-
-
-def _why_not(scene: Scene, plan: DrivePlan, track: TouchedTrack, driven: tuple[int, ...]) -> str:
-    target = next((key for key in plan.lanelets if key in plan.targets), plan.lanelets[-1])
-    if track.leaves:
-        return f"it leaves the network on lanelet {driven[-1] if driven else plan.lanelets[0]} before lanelet {target}"
-    lane = scene.layout.lane_of.get(target)
-    speed = float(track.motion.speeds_mps[-1])
-    if lane and track.lanes and track.lanes[-1].rpartition("_")[0] == lane[0]:
-        return f"no room to change into lanelet {target} before the end at {scene.last_step * scene.step_s:.1f} s"
-    if speed < 0.1:
-        return f"it stands on lanelet {driven[-1] if driven else plan.lanelets[0]} when the scenario ends"
-    return f"the scenario ends at {scene.last_step * scene.step_s:.1f} s while it is on its way to lanelet {target}"

@@ -64,6 +64,21 @@ def reach(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str)
     return route
 
 
+def way_through(
+    scene: Scene, start: int, via: Sequence[str], targets: frozenset[int], changes: Changes, who: str
+) -> tuple[int, ...]:
+    """Lanelets from a start to the nearest target, through the given lanelets or edges in their order.
+
+    Raises:
+        UnknownName: a lanelet or edge that does not exist.
+        NotPossible: one of the legs cannot be driven.
+    """
+    way: tuple[int, ...] = (start,)
+    for wanted in (*(target_lanelets([text], scene, changes) for text in via), targets):
+        way += reach(scene, way[-1:], wanted, who)[1:]
+    return way
+
+
 def reachable_lanelets(scene: Scene, starts: Sequence[int]) -> list[int]:
     """Lanelets outside junctions that can be reached, the fewest lanelets away first, without the starts."""
     order: list[int] = list(starts)

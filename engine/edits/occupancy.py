@@ -16,6 +16,13 @@ SEARCH_STEP_M = 1.0
 def occupant(scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int) -> str:
     """Who stands where a vehicle (length, width) would be put at a step; empty if the place is free."""
     center, heading = place.pose(scene)
+    return occupant_at(scene, changes, center, heading, size_m, step)
+
+
+def occupant_at(
+    scene: Scene, changes: Changes, center: Points, heading: float, size_m: tuple[float, float], step: int
+) -> str:
+    """The same for a centre (2,) in m and a heading in rad."""
     mine = oriented_rectangle(center, heading, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
     for name, position, corners in _bodies(scene, changes, step):
         if float(np.abs(position - center).max()) < 40.0 and rectangles_overlap(mine, corners):

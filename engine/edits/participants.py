@@ -7,7 +7,9 @@ from xml.sax.saxutils import quoteattr
 from plannerforge.engine.edits.behaviours import Behaviour, usual_behaviour
 from plannerforge.engine.edits.changes import Changes, DrivePlan, class_of
 from plannerforge.engine.edits.lane_matching import LaneMatch
+from plannerforge.engine.edits.manoeuvring import Manoeuvre
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.walker_shadows import walker_shadows
 from plannerforge.engine.scenarios.tracks import Track
 
 EMERGENCY_DECELERATION_MPS2 = 9.0
@@ -21,8 +23,9 @@ class Participant:
     """A road user of the re-simulation.
 
     ``drive_from``: the step whose pose is still the recorded one and after which SUMO drives; None: replayed to the
-    end. ``target``: the lane that a driven vehicle changes to when it is on its edge. ``keep_to_route``: its
-    poses are put onto its route's lanes, because SUMO took the recorded ones for another road.
+    end. ``target``, ``through``: lanes that a driven vehicle changes to when on their edge. ``keep_to_route``: its
+    poses are put onto its route's lanes, because SUMO took the recorded ones for another road. ``manoeuvres``: what it
+    is told while it is driven.
     """
 
     track: Track
@@ -33,6 +36,8 @@ class Participant:
     keep_to_route: bool
     behaviour: Behaviour
     sumo_class: str
+    manoeuvres: tuple[Manoeuvre, ...] = ()
+    through: tuple[Hint, ...] = ()
 
     @property
     def key(self) -> str:
@@ -61,14 +66,19 @@ class Participant:
 
 def participants(scene: Scene, changes: Changes, plans: Mapping[int, DrivePlan]) -> tuple[Participant, ...]:
     """All road users near a lane, by ascending id; ``plans`` are the driven ones, handed over ones included."""
-    found = [_driven(scene, plan) for plan in plans.values()]
+    found = [driven_participant(scene, plan) for plan in plans.values()]
     for key, track in (scene.tracks | scene.standing).items():
         if key not in plans and key not in changes.removed and key in scene.matches:
-            found.append(_replayed(scene, track, scene.matches[key]))
+            found.append(replayed_participant(scene, track, scene.matches[key]))
+    for replay in changes.replays.values():
+        if replay.recording is None:
+            shadows = walker_shadows(scene, replay.track)
+            found += [replayed_participant(scene, shadow, LaneMatch((0,), (key,))) for shadow, key in shadows]
     return tuple(sorted(found, key=lambda one: one.track.obstacle_id))
 
 
-def _driven(scene: Scene, plan: DrivePlan) -> Participant:
+def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
+    """A road user that SUMO drives by a plan."""
     match = scene.matches.get(plan.start.obstacle_id)
     if plan.cause == "added" or match is None:
         match = LaneMatch((0,), plan.lanelets[:1])
@@ -83,10 +93,13 @@ def _driven(scene: Scene, plan: DrivePlan) -> Participant:
         keep_to_route=False,
         behaviour=plan.behaviour,
         sumo_class=plan.vehicle_class.sumo_class,
+        manoeuvres=plan.manoeuvres,
+        through=tuple(lane_of[key] for key in plan.lanelets if key in plan.through and key in lane_of),
     )
 
 
-def _replayed(scene: Scene, track: Track, match: LaneMatch) -> Participant:
+def replayed_participant(scene: Scene, track: Track, match: LaneMatch) -> Participant:
+    """A road user that moves by its track and that the driven ones see."""
     route = scene.edge_graph.route(match.sequence) or scene.edge_graph.route(match.sequence[:1])
     edges = route or next(iter(scene.layout.edges.items()))[:1]
     vehicle_class = class_of(track.kind)

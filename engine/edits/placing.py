@@ -1,5 +1,6 @@
 """Where an added vehicle is put."""
 
+import math
 from dataclasses import dataclass
 
 from plannerforge.engine.edits.changes import Changes
@@ -8,9 +9,13 @@ from plannerforge.engine.edits.lanelet_targets import known_lanelet
 from plannerforge.engine.edits.positions import VALID, station_m
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import EGO_WORDS, select
-from plannerforge.engine.geometry.polyline import Points, point_at, project
+from plannerforge.engine.geometry.polyline import Points, point_at, project, wrap_angle
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.modification import Edit
+
+ONCOMING_RAD = math.radians(135.0)
+ONCOMING_REACH_M = 15.0
+"""How far beside its own lane a vehicle's oncoming lane may lie."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,8 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
     if edit.position is not None:
         raise InvalidRequest(f"position is for lanelets; '{edit.at}' is none", valid=["lane", "offset_m", *VALID])
     reference = _reference(edit.at, scene, changes)
+    if edit.lane == "oncoming":
+        return _oncoming(reference, edit.offset_m or 0.0, scene)
     lane = _lane_beside(reference, edit.lane or "same", scene)
     station, _ = project(scene.layout.table.lanes[lane].center, reference.position)
     return ahead(scene, Place(lane, station), edit.offset_m or 0.0)
@@ -116,6 +123,25 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
     track, match = scene.tracks[found[0]], scene.matches[found[0]]
     index = track.index_at(scene.ego.step if scene.ego else 0) or 0
     return _Reference(f"vehicle {found[0]}", match.at(index), track.positions[index])
+
+
+def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
+    """The nearest lane of the other direction beside a point so far along the reference's own lane."""
+    station, _ = project(scene.layout.table.lanes[reference.lanelet_id].center, reference.position)
+    point, heading = ahead(scene, Place(reference.lanelet_id, station), offset_m).pose(scene)
+    found = []
+    for key, lane in scene.layout.table.lanes.items():
+        station, beside = project(lane.center, point)
+        against = abs(wrap_angle(point_at(lane.center, station)[1] - heading)) > ONCOMING_RAD
+        if against and abs(beside) <= ONCOMING_REACH_M and 0.0 < station < lane.length_m:
+            found.append((abs(beside), key, station))
+    if not found:
+        raise NotPossible(
+            f"{reference.name} has no oncoming lane beside its own {offset_m:+.1f} m along it",
+            valid=["lane=same, left or right", "another offset_m"],
+            next_step="choose another place",
+        )
+    return Place(min(found)[1], min(found)[2])
 
 
 def _lane_beside(reference: _Reference, side: str, scene: Scene) -> int:

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, plan_of
 from plannerforge.engine.edits.forks import branch_for
-from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets
+from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets, way_through
+from plannerforge.engine.edits.manoeuvre_plans import named
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import select
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
@@ -18,14 +19,20 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         InvalidRequest: neither or both of ``to`` and ``turn``.
         NotPossible: a vehicle cannot get there, or cannot be driven.
     """
-    if bool(edit.to) == bool(edit.turn):
-        raise InvalidRequest("reroute takes either 'to' or 'turn'", valid=["to=[lanelet]", "turn=left|right|straight"])
+    if bool(edit.to or edit.via) == bool(edit.turn):
+        raise InvalidRequest(
+            "reroute takes either 'to' or 'turn', and 'via' with 'to'",
+            valid=["to=[lanelet]", "via=[lanelet] to=[lanelet]", "turn=left|right|straight"],
+        )
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
         plan = plan_of(scene, changes, vehicle_id)
         changes = changes.with_plan(_rerouted(edit, scene, changes, plan))
-    where = f"turn {edit.turn} at the next fork" if edit.turn else f"to {' or '.join(edit.to)}"
-    return EditStep(changes, vehicles, f"{_names(vehicles)} rerouted {where}")
+    where = f"turn {edit.turn} at the next fork" if edit.turn else f"to {' or '.join(edit.to or edit.via[-1:])}"
+    through = f" through {', then '.join(edit.via)}" if edit.via and edit.to else ""
+    legs = tuple(target_lanelets([text], scene, changes) for text in edit.via)
+    aims = {key: (*legs, changes.driven[key].targets) for key in vehicles}
+    return EditStep(changes, vehicles, f"{named(vehicles)} rerouted {where}{through}", aims=aims)
 
 
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
@@ -34,8 +41,8 @@ def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> Dr
         targets = frozenset(branch_for(scene, start, edit.turn, who).lanelets)
         way = reach(scene, [start], [_last_of_branch(scene, start, edit.turn, who)], who)
     else:
-        targets = target_lanelets(edit.to, scene, changes)
-        way = reach(scene, [start], targets, who)
+        targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
+        way = way_through(scene, start, edit.via, targets, changes, who)
     return drive_along(scene, plan, way, targets)
 
 
@@ -56,8 +63,3 @@ def drive_along(scene: Scene, plan: DrivePlan, way: tuple[int, ...], targets: fr
 
 def _last_of_branch(scene: Scene, start: int, turn: str, who: str) -> int:
     return branch_for(scene, start, turn, who).lanelets[-1]
-
-
-def _names(vehicles: tuple[int, ...]) -> str:
-    shown = ", ".join(str(key) for key in vehicles[:8]) + (" …" if len(vehicles) > 8 else "")
-    return f"vehicle{'s' if len(vehicles) > 1 else ''} {shown}"

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from plannerforge.engine.edits.manoeuvring import LANE_CHANGE_S, Manoeuvring
 from plannerforge.engine.edits.participants import Participant
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scenarios.tracks import Track
@@ -25,7 +26,6 @@ KEEP_ROUTE, KEEP_POSE = 1, 2
 """SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
 
 MATCH_REACH_M = 20.0
-LANE_CHANGE_S = 2.5
 LANE_CHANGES_LAST = ("--lanechange.duration", LANE_CHANGE_S)
 """SUMO's usual lane change is a leap; the alternative to a duration is to divide the lanes into sublanes."""
 
@@ -41,6 +41,15 @@ class DrivenTrack:
     front: Points
     lanes: tuple[str, ...]
     leaves: bool
+
+
+@dataclass(frozen=True)
+class ShownState:
+    """What SUMO shows of a vehicle: its front bumper (x, y) in m, degrees clockwise from north, and speed."""
+
+    front: tuple[float, float]
+    angle_deg: float
+    speed_mps: float
 
 
 @dataclass(frozen=True)
@@ -76,6 +85,25 @@ def resimulate(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> di
         kept = tuple(replace(one, keep_to_route=True) if one.key in astray else one for one in everybody)
         tracks, _ = _run(setup, kept)
     return tracks
+
+
+def replayed_states(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> dict[tuple[str, int], ShownState]:
+    """What SUMO shows of everybody after every step, by SUMO's id and step; who is not there has no entry.
+
+    Raises:
+        WorkerFailure: SUMO refused the network or a vehicle.
+    """
+    shown = {}
+    with sumo_running(setup, [one.vehicle_type() for one in everybody]) as sumo:
+        run, vehicle = _Run(sumo, everybody), sumo.vehicle
+        for step in range(setup.last_step + 1):
+            run.before(step)
+            sumo.simulationStep()
+            run.after(step)
+            for key in vehicle.getIDList():
+                x, y = vehicle.getPosition(key)
+                shown[key, step] = ShownState((x, y), vehicle.getAngle(key), vehicle.getSpeed(key))
+    return shown
 
 
 def _run(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> tuple[dict[int, DrivenTrack], frozenset[str]]:
@@ -133,6 +161,7 @@ class _Run:
 
     def __init__(self, sumo: Any, everybody: tuple[Participant, ...]) -> None:
         self.sumo, self.everybody = sumo, everybody
+        self.manoeuvring = Manoeuvring(sumo)
         self.present: set[str] = set()
         self.astray: set[str] = set()
         self.seen: dict[int, list[tuple[int, float, float, str]]] = {}
@@ -203,8 +232,10 @@ class _Run:
             if vehicle.getRoute(one.key)[-1] != one.edges[-1]:
                 self.astray.add(one.key)
         lane_id = vehicle.getLaneID(one.key)
-        if one.target and lane_id.rpartition("_")[0] == one.target[0] and lane_id != "_".join(map(str, one.target)):
-            vehicle.changeLane(one.key, one.target[1], LANE_CHANGE_S)
+        for edge, lane in (*one.through, *([one.target] if one.target else [])):
+            if lane_id.rpartition("_")[0] == edge and lane_id != f"{edge}_{lane}":
+                vehicle.changeLane(one.key, lane, LANE_CHANGE_S)
+        self.manoeuvring.act(one.key, one.manoeuvres, step)
         x, y = vehicle.getPosition(one.key)
         self.seen.setdefault(one.track.obstacle_id, []).append((step, x, y, lane_id))
 

@@ -1,12 +1,14 @@
 """States, obstacles and goals as CommonRoad elements."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from lxml import etree
 
 from plannerforge.engine.edits.changes import DrivePlan, GoalChange
 from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.scenario_document import ScenarioDocument
-from plannerforge.engine.geometry.polyline import wrap_angle
+from plannerforge.engine.geometry.polyline import Points, wrap_angle
 from plannerforge.engine.traffic.feasibility import steering_angles
 
 DECIMALS = 6
@@ -24,7 +26,7 @@ def write_touched(document: ScenarioDocument, track: TouchedTrack, step_s: float
         return
     states = trajectory.findall("state")
     fields = tuple(str(child.tag) for child in states[0])
-    later = [state for state in states if _step(state) > track.first_step]
+    later = [state for state in states if state_step(state) > track.first_step]
     new = state_elements(track, fields, step_s, first=1)
     if later:
         document.replace_children(trajectory, later, new)
@@ -53,10 +55,15 @@ def state_elements(track: TouchedTrack, fields: tuple[str, ...], step_s: float, 
 
 def added_obstacle(plan: DrivePlan, track: TouchedTrack, step_s: float, *, is_2018b: bool) -> Element:
     """The element of an added vehicle, its type and size those of its class."""
+    return obstacle_element(plan.vehicle_class.commonroad_type, track, step_s, is_2018b=is_2018b)
+
+
+def obstacle_element(kind: str, track: TouchedTrack, step_s: float, *, is_2018b: bool) -> Element:
+    """The element of a moving road user of a CommonRoad type."""
     obstacle = etree.Element("obstacle" if is_2018b else "dynamicObstacle", id=str(track.vehicle_id))
     if is_2018b:
         etree.SubElement(obstacle, "role").text = "dynamic"
-    etree.SubElement(obstacle, "type").text = plan.vehicle_class.commonroad_type
+    etree.SubElement(obstacle, "type").text = kind
     rectangle = etree.SubElement(etree.SubElement(obstacle, "shape"), "rectangle")
     etree.SubElement(rectangle, "length").text = _number(track.length_m)
     etree.SubElement(rectangle, "width").text = _number(track.width_m)
@@ -138,17 +145,32 @@ def _state(
     state = etree.Element(tag)
     for field in fields:
         if field == "position":
-            point = etree.SubElement(etree.SubElement(state, "position"), "point")
-            etree.SubElement(point, "x").text = _number(position[0])
-            etree.SubElement(point, "y").text = _number(position[1])
+            state.append(point_element(position))
         elif field == "time":
             etree.SubElement(etree.SubElement(state, "time"), "exact").text = str(step)
         elif field in values:
-            etree.SubElement(etree.SubElement(state, field), "exact").text = _number(values[field])
+            state.append(exact(field, values[field]))
     return state
 
 
-def _step(state: Element) -> int:
+def point_element(position: Sequence[float] | Points) -> Element:
+    """A ``<position>`` with one point."""
+    element = etree.Element("position")
+    point = etree.SubElement(element, "point")
+    etree.SubElement(point, "x").text = _number(float(position[0]))
+    etree.SubElement(point, "y").text = _number(float(position[1]))
+    return element
+
+
+def exact(name: str, value: float) -> Element:
+    """An element with one exact value."""
+    element = etree.Element(name)
+    etree.SubElement(element, "exact").text = _number(value)
+    return element
+
+
+def state_step(state: Element) -> int:
+    """The time step of a state; the first one of an interval."""
     exact = state.findtext("time/exact")
     return int(exact if exact is not None else state.findtext("time/intervalStart", "0"))
 

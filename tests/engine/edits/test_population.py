@@ -1,5 +1,8 @@
 """Edit P: adding and removing."""
 
+import math
+from dataclasses import replace
+
 import pytest
 from builders import Problem, driving, town_road
 from edit_support import Apply
@@ -95,7 +98,7 @@ def test_a_lane_that_is_not_there_is_refused(apply: Apply) -> None:
 def test_an_unknown_class_is_refused_with_those_there_are(apply: Apply) -> None:
     with pytest.raises(UnknownName, match="tank") as caught:
         apply({"op": "add_vehicle", "vehicle_class": "tank", "at": "3"})
-    assert set(caught.value.valid) <= set(vehicle_classes())
+    assert set(caught.value.valid) <= {*vehicle_classes(), "pedestrian"}
 
 
 def test_a_place_is_needed(apply: Apply) -> None:
@@ -117,7 +120,8 @@ def test_removed_vehicles_are_gone_and_the_others_stay(apply: Apply) -> None:
 
 
 def test_driven_vehicles_do_not_see_removed_ones(apply: Apply) -> None:
-    builder = town_road().with_vehicles(driving(32, (60, 0), 1.0, 151), driving(33, (30, 0), 5.0, 151))
+    far = replace(town_road(), problems=(Problem(start=(280.0, 7.0, math.pi, 10.0), goal=(50.0, 7.0, 8.0, 3.0)),))
+    builder = far.with_vehicles(driving(32, (60, 0), 1.0, 151), driving(33, (30, 0), 5.0, 151))
     behind = {
         "op": "set_behaviour",
         "vehicles": ["33"],
@@ -149,7 +153,5 @@ def test_a_scenario_without_vehicles_takes_one(apply: Apply) -> None:
 
 
 def test_the_ego_of_a_later_start_is_no_obstacle_before(apply: Apply) -> None:
-    from dataclasses import replace
-
     late = replace(town_road(), problems=(Problem(start_step=50),))
     assert apply(CAR | {"at": "ego"}, builder=late).outcome.edits[0].done

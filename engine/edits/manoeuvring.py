@@ -1,0 +1,67 @@
+"""Manoeuvres in a running simulation: a speed that is kept, and changes to the lane beside."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from plannerforge.engine.network.sumo_net_speeds import USUAL_SPEED_MPS
+
+LANE_CHANGE_S = 2.5
+ABOVE_THE_LIMIT = 95
+"""SUMO's speed mode with all checks (gaps, power, brakes, right of way, lights) but that of the speed limit."""
+
+ONLY_FOR_THE_ROUTE = 1537
+"""SUMO's lane change mode for a vehicle that was sent to its lane: it leaves it for its route alone, and safely."""
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """An order from a step on: drive at ``speed_mps``, or change ``lanes_left`` lanes (1 left, -1 right)."""
+
+    from_step: int
+    speed_mps: float | None = None
+    lanes_left: int = 0
+
+
+class Manoeuvring:
+    """Gives the orders of all driven vehicles, step by step, to one simulation.
+
+    A change of lane goes on until it is done: SUMO waits for a gap, and where the lane beside is not there yet (inside
+    a junction, say) it is asked for on the next edge.
+    """
+
+    def __init__(self, sumo: Any) -> None:
+        self._vehicle, self._edge, self._lane = sumo.vehicle, sumo.edge, sumo.lane
+        self._begun: dict[tuple[str, Manoeuvre], tuple[str, int]] = {}
+        self._done: set[tuple[str, Manoeuvre]] = set()
+
+    def act(self, key: str, manoeuvres: tuple[Manoeuvre, ...], step: int) -> None:
+        """Give the orders that hold at a step to a vehicle on the road; of several speeds, the latest holds."""
+        for one in manoeuvres:
+            if step < one.from_step:
+                continue
+            if one.speed_mps is None:
+                self._change_lane(key, one)
+            else:
+                self._hold(key, one.speed_mps)
+
+    def _hold(self, key: str, speed_mps: float) -> None:
+        """Keep a speed, faster than the limit too, but no faster through a bend than its lane says."""
+        limit = float(self._lane.getMaxSpeed(self._vehicle.getLaneID(key)))
+        self._vehicle.setSpeedMode(key, ABOVE_THE_LIMIT)
+        self._vehicle.setSpeed(key, min(speed_mps, limit) if limit < USUAL_SPEED_MPS else speed_mps)
+
+    def _change_lane(self, key: str, one: Manoeuvre) -> None:
+        edge, _, index = self._vehicle.getLaneID(key).rpartition("_")
+        if (key, one) in self._done or not edge or edge.startswith(":"):
+            return
+        if self._begun.get((key, one), ("", 0))[0] != edge:
+            wanted = int(index) + one.lanes_left
+            if not 0 <= wanted < self._edge.getLaneNumber(edge):
+                return
+            self._begun[key, one] = (edge, wanted)
+        wanted = self._begun[key, one][1]
+        if int(index) == wanted:
+            self._done.add((key, one))
+            self._vehicle.setLaneChangeMode(key, ONLY_FOR_THE_ROUTE)
+        else:
+            self._vehicle.changeLane(key, wanted, LANE_CHANGE_S)

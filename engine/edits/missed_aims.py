@@ -1,0 +1,68 @@
+"""Why a driven vehicle does not get where, or does not drive as fast as, an edit wants it to."""
+
+import numpy as np
+
+from plannerforge.engine.edits.cascade import Resimulated
+from plannerforge.engine.edits.changes import DrivePlan, EditStep
+from plannerforge.engine.edits.handover import TouchedTrack
+from plannerforge.engine.edits.scene import Scene
+
+SPEED_TOLERANCE_MPS = 0.3
+
+
+def why_not(
+    scene: Scene, plan: DrivePlan, track: TouchedTrack, driven: tuple[int, ...], targets: frozenset[int]
+) -> str:
+    """The reason for which a vehicle, which drives over these lanelets, gets to none of the targets."""
+    if not targets & (set(plan.lanelets) | _beside(scene, plan)):
+        return "a later edit sends it another way"
+    target = _first_target(plan, targets)
+    if track.leaves:
+        return f"it leaves the network on lanelet {driven[-1] if driven else plan.lanelets[0]} before lanelet {target}"
+    end = f"the scenario ends at {scene.last_step * scene.step_s:.1f} s"
+    edges = {scene.layout.lane_of[key][0] for key in targets if key in scene.layout.lane_of}
+    if track.lanes and track.lanes[-1].rpartition("_")[0] in edges:
+        return f"no room to change into lanelet {_beside_last(scene, track, targets)} before {end}"
+    if set(driven) & _beside_any(scene, targets):
+        return f"no room to change into lanelet {target} before its road ends"
+    if float(track.motion.speeds_mps[-1]) < 0.1:
+        return f"it stands on lanelet {driven[-1] if driven else plan.lanelets[0]} when {end}"
+    return f"{end} while it is on its way to lanelet {target}"
+
+
+def speeds_reached(scene: Scene, step: EditStep, result: Resimulated) -> list[str]:
+    """For each vehicle that is held to a speed, when it reaches it, or how close it comes."""
+    found = []
+    for key, (wanted, first) in step.speeds.items():
+        track = result.tracks.get(key)
+        if track is None:
+            continue
+        speeds = track.motion.speeds_mps[max(first - track.first_step, 0) :]
+        near = np.flatnonzero(np.abs(speeds - wanted) <= SPEED_TOLERANCE_MPS)
+        if len(near):
+            when = (max(first, track.first_step) + int(near[0])) * scene.step_s
+            found.append(f"{key} reaches it at {when:.1f} s")
+        elif len(speeds):
+            closest = float(speeds[np.argmin(np.abs(speeds - wanted))])
+            found.append(f"{key} does not reach it, {closest:.1f} m/s at best: the traffic, the road or the time")
+    return found
+
+
+def _beside(scene: Scene, plan: DrivePlan) -> set[int]:
+    """All lanelets side by side with those of the way."""
+    return _beside_any(scene, frozenset(plan.lanelets))
+
+
+def _beside_any(scene: Scene, lanelets: frozenset[int]) -> set[int]:
+    edges = {scene.layout.lane_of[key][0] for key in lanelets if key in scene.layout.lane_of}
+    return {key for edge in edges for key in scene.layout.edges[edge]}
+
+
+def _first_target(plan: DrivePlan, targets: frozenset[int]) -> int:
+    return next((key for key in plan.lanelets if key in targets), min(targets))
+
+
+def _beside_last(scene: Scene, track: TouchedTrack, targets: frozenset[int]) -> int:
+    """The target on the edge where the vehicle is last."""
+    edge = track.lanes[-1].rpartition("_")[0]
+    return min(key for key in targets if scene.layout.lane_of.get(key, ("", 0))[0] == edge)

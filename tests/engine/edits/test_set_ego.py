@@ -1,0 +1,107 @@
+"""Edit G: set_ego."""
+
+import numpy as np
+import pytest
+from builders import town_road
+from edit_support import Applied, Apply, schema_errors
+
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+
+SHORT = town_road().cut(61)
+
+
+def problem(applied: Applied) -> object:
+    return read_scenario(applied.xml).problem(100)
+
+
+def test_a_recorded_car_becomes_the_ego_and_leaves_the_traffic(apply: Apply) -> None:
+    applied = apply({"op": "set_ego", "vehicles": ["35"]}, builder=SHORT)
+    state = problem(applied).initial_state  # type: ignore[attr-defined]
+    assert state.position == pytest.approx((165.0, 0.0))
+    assert (state.velocity, state.orientation) == pytest.approx((8.0, 0.0))
+    assert 35 not in applied.tracks()
+    assert applied.outcome.removed == (35,)
+    assert applied.changed_elements() == {"35", "100"}
+
+
+def test_its_goal_is_where_its_recording_ends(apply: Apply) -> None:
+    applied = apply({"op": "set_ego", "vehicles": ["35"]}, builder=SHORT)
+    goal = problem(applied).goal.state_list[0]  # type: ignore[attr-defined]
+    assert goal.position.center == pytest.approx((165.0 + 8.0 * 6.0, 0.0))
+    assert goal.time_step.start <= 60 <= goal.time_step.end
+    assert "lanelet 11" in applied.outcome.edits[0].what
+
+
+def test_a_goal_named_afterwards_holds(apply: Apply) -> None:
+    goal = {"op": "set_goal", "to": ["13"], "goal_time": "<=15s"}
+    applied = apply({"op": "set_ego", "vehicles": ["35"]}, goal, builder=SHORT)
+    assert problem(applied).goal.state_list[0].position.center == pytest.approx((220.0, -100.0))  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("former", ["vanish", None])
+def test_the_former_ego_vanishes_unless_asked(apply: Apply, former: str | None) -> None:
+    applied = apply({"op": "set_ego", "vehicles": ["35"], "former_ego": former}, builder=SHORT)
+    assert max(applied.tracks()) < 100
+
+
+def test_the_former_ego_becomes_a_car_that_starts_where_it_stood(apply: Apply) -> None:
+    applied = apply({"op": "set_ego", "vehicles": ["35"], "former_ego": "traffic"}, builder=SHORT)
+    track = applied.tracks()[101]
+    assert track.positions[0] == pytest.approx((40.0, 0.0))
+    assert track.speeds_mps[0] == pytest.approx(10.0)
+    assert track.positions[-1][0] > 80.0
+    assert applied.outcome.edits[0].vehicles == (101,)
+
+
+def test_the_former_ego_can_be_edited_as_new(apply: Apply) -> None:
+    swap = {"op": "set_ego", "vehicles": ["35"], "former_ego": "traffic"}
+    tracks = apply(swap, {"op": "set_speed", "vehicles": ["new:0"], "speed": "2m/s"}, builder=SHORT).tracks()
+    assert tracks[101].speeds_mps[-1] == pytest.approx(2.0, abs=0.2)
+
+
+def test_another_start_keeps_goal_and_traffic(apply: Apply) -> None:
+    applied = apply({"op": "set_ego", "at": "2", "position": "80m", "speed": "36km/h"}, builder=SHORT)
+    state = problem(applied).initial_state  # type: ignore[attr-defined]
+    assert state.position == pytest.approx((80.0, 3.5))
+    assert state.velocity == pytest.approx(10.0)
+    assert applied.changed_elements() == {"100"}
+    assert schema_errors(applied.xml) <= schema_errors(applied.base)
+
+
+def test_words_about_the_ego_are_about_the_new_one(apply: Apply) -> None:
+    swap = {"op": "set_ego", "vehicles": ["31"]}
+    applied = apply(swap, {"op": "remove_vehicle", "vehicles": ["lead"]}, builder=SHORT)
+    assert applied.outcome.edits[1].vehicles == (35,)
+
+
+def test_a_start_from_which_the_goal_cannot_be_reached_is_refused(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="goal on lanelet 1 cannot be reached"):
+        apply({"op": "set_ego", "at": "3", "position": "middle"}, builder=SHORT)
+    goal = {"op": "set_goal", "to": ["3"]}
+    assert apply({"op": "set_ego", "at": "3", "position": "middle"}, goal, builder=SHORT).outcome.edits[1].done
+
+
+def test_a_taken_start_is_refused_with_a_free_one(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="taken by vehicle 31") as caught:
+        apply({"op": "set_ego", "at": "1", "position": "70m"}, builder=SHORT)
+    assert caught.value.valid[0].startswith("at=1 position=")
+
+
+@pytest.mark.parametrize("vehicles", [["33"], ["31", "35"], ["34"]])
+def test_only_one_recorded_car_can_be_the_ego(apply: Apply, vehicles: list[str]) -> None:
+    with pytest.raises(NotPossible, match="cannot become the ego") as caught:
+        apply({"op": "set_ego", "vehicles": vehicles}, builder=SHORT)
+    assert caught.value.valid == ("31", "32", "35")
+
+
+@pytest.mark.parametrize("edit", [{}, {"vehicles": ["31"], "speed": "3m/s"}])
+def test_either_a_car_or_a_start_is_needed(apply: Apply, edit: dict[str, object]) -> None:
+    with pytest.raises(InvalidRequest, match="either a car"):
+        apply({"op": "set_ego", **edit}, builder=SHORT)
+
+
+def test_untouched_recordings_stay(apply: Apply) -> None:
+    applied = apply({"op": "set_ego", "vehicles": ["35"]}, builder=SHORT)
+    old, new = applied.base_tracks(), applied.tracks()
+    assert all(np.array_equal(old[key].positions, new[key].positions) for key in new)

@@ -1,0 +1,56 @@
+"""Edit T: set_speed."""
+
+import numpy as np
+import pytest
+from builders import driving, town_road
+from edit_support import Apply
+
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
+
+ALONE = town_road().with_vehicles(driving(34, (280, 7), 10.0, 101, heading_rad=np.pi))
+
+
+def held(speed: str, **more: object) -> dict[str, object]:
+    return {"op": "set_speed", "vehicles": ["34"], "speed": speed, **more}
+
+
+@pytest.mark.parametrize(("speed", "expected"), [("0m/s", 0.0), ("18km/h", 5.0), ("20m/s", 20.0)])
+def test_a_speed_is_reached_and_kept_above_the_limit_too(apply: Apply, speed: str, expected: float) -> None:
+    applied = apply(held(speed), builder=ALONE)
+    track = applied.tracks()[34]
+    assert track.speeds_mps[80] == pytest.approx(expected, abs=0.1)
+    assert applied.outcome.touched[0].feasible
+    assert "34 reaches it at" in applied.outcome.edits[0].what
+
+
+def test_it_drives_as_recorded_until_then(apply: Apply) -> None:
+    applied = apply(held("3m/s", time_s=4.0), builder=ALONE)
+    old, new = applied.base_tracks()[34], applied.tracks()[34]
+    assert new.positions[:41] == pytest.approx(old.positions[:41])
+    assert new.speeds_mps[80] == pytest.approx(3.0, abs=0.1)
+
+
+def test_of_two_speeds_the_later_one_holds_from_its_time_on(apply: Apply) -> None:
+    track = apply(held("3m/s", time_s=5.0), held("12m/s"), builder=ALONE).tracks()[34]
+    assert track.speeds_mps[45] == pytest.approx(12.0, abs=0.2)
+    assert track.speeds_mps[90] == pytest.approx(3.0, abs=0.2)
+
+
+def test_traffic_ahead_is_not_run_into_and_the_report_says_how_close_it_came(apply: Apply) -> None:
+    slow = driving(32, (250, 7), 4.0, 101, heading_rad=np.pi)
+    applied = apply(held("20m/s"), builder=ALONE.with_vehicles(*ALONE.vehicles, slow))
+    assert not applied.outcome.collisions
+    assert "34 does not reach it" in applied.outcome.edits[0].what
+
+
+@pytest.mark.parametrize("speed", ["-1m/s", "90m/s"])
+def test_an_impossible_speed_is_refused(apply: Apply, speed: str) -> None:
+    with pytest.raises(InvalidRequest, match="does not drive"):
+        apply(held(speed), builder=ALONE)
+
+
+def test_a_speed_and_a_vehicle_are_needed(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest, match="set_speed needs a speed"):
+        apply({"op": "set_speed", "vehicles": ["34"]}, builder=ALONE)
+    with pytest.raises(UnknownName, match="no vehicle 99"):
+        apply(held("3m/s") | {"vehicles": ["99"]}, builder=ALONE)

@@ -1,0 +1,79 @@
+"""Edit T: shift_time."""
+
+import numpy as np
+import pytest
+from builders import ScenarioBuilder, driving, town_road
+from edit_support import Apply, schema_errors
+
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+
+ONCOMING = {"op": "shift_time", "vehicles": ["34"]}
+
+
+@pytest.mark.parametrize("version", ["2018b", "2020a"])
+@pytest.mark.parametrize("shift_s", [2.0, -2.0])
+def test_the_recording_is_driven_at_another_time(apply: Apply, shift_s: float, version: str) -> None:
+    from dataclasses import replace
+
+    applied = apply(ONCOMING | {"time_s": shift_s}, builder=replace(town_road(), version=version))
+    old, new = applied.base_tracks()[34], applied.tracks()[34]
+    steps = round(shift_s / 0.1)
+    for step in range(new.first_step, new.last_step + 1, 10):
+        assert new.positions[step - new.first_step] == pytest.approx(old.positions[step - steps])
+    assert (new.first_step, new.last_step) == ((20, 150) if steps > 0 else (0, 130))
+    assert applied.changed_elements() == {"34"}
+
+
+def test_the_file_keeps_to_the_schema(apply: Apply) -> None:
+    applied = apply(ONCOMING | {"time_s": -3})
+    assert schema_errors(applied.xml) <= schema_errors(applied.base)
+
+
+def test_two_shifts_add_up_and_lose_nothing(apply: Apply) -> None:
+    applied = apply(ONCOMING | {"time_s": -3}, ONCOMING | {"time_s": 3})
+    assert np.array_equal(applied.tracks()[34].positions, applied.base_tracks()[34].positions)
+
+
+def follower_and_leader() -> ScenarioBuilder:
+    west = np.pi
+    return town_road().with_vehicles(
+        driving(33, (260, 7), 10.0, 101, heading_rad=west), driving(32, (240, 7), 10.0, 101, heading_rad=west)
+    )
+
+
+def test_whoever_it_would_hit_reacts(apply: Apply) -> None:
+    applied = apply({"op": "shift_time", "vehicles": ["33"], "time_s": -2}, builder=follower_and_leader())
+    causes = {vehicle.vehicle_id: vehicle.cause for vehicle in applied.outcome.touched}
+    assert "handed_over" in causes.values() or applied.outcome.collisions
+    assert 33 in causes
+
+
+def test_a_shifted_vehicle_is_reported_and_no_longer_untouched(apply: Apply) -> None:
+    outcome = apply(ONCOMING | {"time_s": 1}).outcome
+    assert [(one.vehicle_id, one.cause, one.from_time_s) for one in outcome.touched] == [(34, "shifted", 1.0)]
+    assert outcome.untouched == 4
+
+
+def test_a_shifted_vehicle_can_be_edited_further(apply: Apply) -> None:
+    eco = {"op": "set_behaviour", "vehicles": ["34"], "preset": "eco"}
+    applied = apply(ONCOMING | {"time_s": 2}, eco)
+    track = applied.tracks()[34]
+    assert track.first_step == 20
+    assert track.positions[0] == pytest.approx(applied.base_tracks()[34].positions[0])
+
+
+def test_a_vehicle_that_drives_already_is_not_shifted(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="does not drive its recording any more"):
+        apply({"op": "set_behaviour", "vehicles": ["34"], "preset": "eco"}, ONCOMING | {"time_s": 2})
+
+
+def test_an_added_vehicle_is_not_shifted(apply: Apply) -> None:
+    add = {"op": "add_vehicle", "vehicle_class": "car", "at": "13"}
+    with pytest.raises(NotPossible, match="101 is not recorded"):
+        apply(add, {"op": "shift_time", "vehicles": ["new:0"], "time_s": 2})
+
+
+@pytest.mark.parametrize(("time_s", "reason"), [(40.0, "leave nothing"), (0.0, "needs a time_s"), (None, "needs")])
+def test_a_shift_that_leaves_nothing_is_refused(apply: Apply, time_s: float | None, reason: str) -> None:
+    with pytest.raises(InvalidRequest, match=reason):
+        apply(ONCOMING | {"time_s": time_s})

@@ -1,0 +1,75 @@
+"""Edit P: pedestrians, and where slow road users are allowed."""
+
+from dataclasses import replace
+
+import pytest
+from builders import driving, town_road
+from edit_support import Apply, schema_errors
+
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+
+QUIET = town_road().with_vehicles(driving(34, (280, 7), 11.0, 101, heading_rad=3.14159))
+WALKER = {"op": "add_vehicle", "vehicle_class": "pedestrian"}
+
+
+def test_a_pedestrian_crosses_the_whole_road_from_its_right(apply: Apply) -> None:
+    applied = apply(WALKER | {"at": "1", "position": "100m"}, builder=QUIET)
+    track = applied.tracks()[101]
+    assert track.kind == "pedestrian"
+    assert track.positions[0] == pytest.approx((100.0, -2.35), abs=0.01)
+    assert track.positions[-1] == pytest.approx((100.0, 9.35), abs=0.15)
+    assert schema_errors(applied.xml) <= schema_errors(applied.base)
+
+
+def test_a_departure_and_a_speed_hold(apply: Apply) -> None:
+    track = apply(WALKER | {"at": "1", "position": "100m", "speed": "2m/s", "time_s": 3.0}, builder=QUIET).tracks()[101]
+    assert track.first_step == 30
+    assert track.speeds_mps[0] == pytest.approx(2.0)
+
+
+def test_one_without_speed_stands_on_the_lane(apply: Apply) -> None:
+    track = apply(WALKER | {"at": "ego", "offset_m": 40, "speed": "0m/s"}, builder=QUIET).tracks()[101]
+    assert track.positions[0] == pytest.approx((80.0, 0.0))
+    assert track.positions[-1] == pytest.approx((80.0, 0.0))
+
+
+def test_driven_vehicles_brake_for_a_pedestrian_on_their_lane(apply: Apply) -> None:
+    drive = {"op": "set_behaviour", "vehicles": ["34"], "preset": "balanced"}
+    step_out = WALKER | {"at": "3", "position": "80m", "time_s": 3.0}
+    slowest = apply(drive, builder=QUIET).tracks()[34].speeds_mps.min()
+    braking = apply(step_out, drive, builder=QUIET)
+    assert braking.tracks()[34].speeds_mps.min() < slowest - 1.0
+    assert not braking.outcome.collisions
+
+
+def test_a_replayed_vehicle_that_would_hit_a_pedestrian_is_handed_over(apply: Apply) -> None:
+    outcome = apply(WALKER | {"at": "3", "position": "80m", "time_s": 3.5}, builder=QUIET).outcome
+    assert 34 in outcome.handed_over
+
+
+@pytest.mark.parametrize("name", ["pedestrian", "bicycle"])
+def test_motorways_are_not_open_to_the_slow(apply: Apply, name: str) -> None:
+    motorway = replace(QUIET, tags=("highway",))
+    with pytest.raises(NotPossible, match=f"a {name} is not allowed on lanelet 1: it belongs to a motorway"):
+        apply({"op": "add_vehicle", "vehicle_class": name, "at": "1"}, builder=motorway)
+
+
+@pytest.mark.parametrize("extra", [{"to": ["3"]}, {"count": 2}, {"preset": "eco"}])
+def test_what_only_vehicles_have_is_refused(apply: Apply, extra: dict[str, object]) -> None:
+    with pytest.raises(InvalidRequest, match="is for vehicles"):
+        apply(WALKER | {"at": "1"} | extra, builder=QUIET)
+
+
+def test_an_impossible_pace_is_refused(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest, match="does not walk 30km/h"):
+        apply(WALKER | {"at": "1", "speed": "30km/h"}, builder=QUIET)
+
+
+def test_nobody_drives_a_pedestrian(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="cannot be driven as a vehicle"):
+        apply(WALKER | {"at": "1"}, {"op": "set_behaviour", "vehicles": ["new:0"], "preset": "eco"}, builder=QUIET)
+
+
+def test_an_added_pedestrian_can_be_removed_again(apply: Apply) -> None:
+    applied = apply(WALKER | {"at": "1"}, {"op": "remove_vehicle", "vehicles": ["new:0"]}, builder=QUIET)
+    assert not applied.changed_elements()
