@@ -6,7 +6,8 @@ Everything here is copied.
 The core (0.4.0) evaluates its polynomials by Horner's scheme and leaves out the factor 2 of the second derivative:
 the accelerations of its samples, along and across the path, are half of the true ones. A plan that went on from them
 would begin with a jump in acceleration, so they are doubled here, and the acceleration of a trajectory is taken from
-its speeds.
+its speeds. What the vehicle can drive is judged anew (see ``drivability``). The core's cost terms ``acceleration`` and
+``jerk`` stay a quarter of the true integrals, because the weights of the presets were found with them.
 """
 
 from dataclasses import dataclass, replace

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import frenetix
+import frenetix.trajectory_functions.cost_functions as costs
 import numpy as np
 import pytest
 from builders_planning import (
@@ -27,7 +28,7 @@ from commonroad.scenario.obstacle import DynamicObstacle, ObstacleType
 
 from plannerforge.engine.geometry.polyline import headings
 from plannerforge.engine.planners.frenet_frame import SAFE_RANGE_RAD, FrameKeeper, FrenetFrame
-from plannerforge.engine.planners.frenet_memory import copied_curvilinear, copied_trajectory
+from plannerforge.engine.planners.frenet_memory import copied_curvilinear, copied_trajectory, initial_state
 from plannerforge.engine.planners.frenet_sampling import CurvilinearState, EndState, SamplingSettings, sampling_matrix
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.vehicle import BMW_320I
@@ -80,6 +81,15 @@ def test_a_turned_world_gives_the_same_run() -> None:
     assert np.allclose(along[0], along[1], atol=1e-6)
 
 
+def test_an_ego_against_the_direction_of_its_route_is_told_so_where_the_core_raises() -> None:
+    """Its lane and its route run the other way: the core has no curvilinear state for it."""
+    path = np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1)
+    frame = FrenetFrame.of(path, 0.0)
+    along, against = EgoState(0, np.array([50.0, 0.0]), 0.0, 10.0), EgoState(0, np.array([50.0, 0.0]), math.pi, 10.0)
+    assert initial_state(frame, along, BMW_320I, low_speed=False) is not None
+    assert initial_state(frame, against, BMW_320I, low_speed=False) is None
+
+
 def test_a_route_of_more_than_a_full_circle_gets_new_frames_on_the_way() -> None:
     path = arc_road(30.0, 0.0, 2.6 * math.pi, 250)
     keeper = FrameKeeper(path)
@@ -101,13 +111,14 @@ def test_copies_of_a_sample_outlive_the_cores_memory() -> None:
     handler.evaluate_all_current_functions(False)
     sample = next(iter(handler.get_sorted_trajectories()))
     kept, curvilinear = copied_trajectory(sample, frame, ego, BMW_320I), copied_curvilinear(sample)
-    before, before_curvilinear = kept.positions.copy(), curvilinear.copy()
+    arrays = (kept.positions, kept.headings_rad, kept.speeds_mps, kept.accelerations_mps2, curvilinear)
+    before = [array.copy() for array in arrays]
+    del sample  # as long as it is held, so is its memory
     for _ in range(20):
         handler.reset_Trajectories()
         handler.generate_trajectories(sampling_matrix(state, 30.0, SamplingSettings(), BMW_320I), False)
         handler.evaluate_all_current_functions(False)
-    assert np.array_equal(kept.positions, before)
-    assert np.array_equal(curvilinear, before_curvilinear)
+    assert all(np.array_equal(array, copied) for array, copied in zip(arrays, before, strict=True))
 
 
 def test_distance_to_obstacles_on_an_empty_road_costs_nothing_and_raises_nothing() -> None:
@@ -131,6 +142,7 @@ def test_a_plan_that_stops_in_time_is_not_lost_by_replanning() -> None:
     scenario = scenario_on(straight_road(), parked_car(7, (60.0, 0.0)))
     run = drive(scenario, problem_for(goal_state((60, 70), rectangle_at(100.0, 0.0))))
     assert run.final.outcome == "timeout"
+    assert run.plans[1].candidates == run.plans[0].candidates + 1
 
 
 def test_going_on_is_the_old_plan() -> None:
@@ -162,7 +174,7 @@ def test_candidates_of_a_fast_ego_at_the_end_of_the_map_stay_on_the_reference_pa
 def test_headings_written_beyond_pi_mean_the_same() -> None:
     goal = goal_state((35, 45), rectangle_at(40.0, 0.0), heading=(-0.2, 0.2))
     plain, turned = problem_for(goal), problem_for(goal)
-    turned.initial_state.orientation = 2 * math.pi
+    turned.initial_state.orientation = 6 * math.pi
     car = moving_car(5, (30.0, 0.0), (10.0, 0.0))
     car.initial_state.orientation = 4 * math.pi
     runs = [drive(scenario_on(straight_road(), car), problem) for problem in (plain, turned)]
@@ -182,6 +194,23 @@ def test_set_based_predictions_and_obstacles_without_one_run(prediction: Any) ->
     run = drive(scenario_on(straight_road(), region, lone), problem_for(goal), prediction=prediction)
     assert run.final.outcome in ("timeout", "goal_reached", "collision")
     assert run.states[min(30, len(run.states) - 1)].position[0] < 57.0
+
+
+def test_the_cores_costs_of_acceleration_are_a_quarter_as_the_weights_of_the_presets_expect() -> None:
+    """Halved accelerations, squared. The presets' weights were found with them, so the terms stay as they are."""
+    state = CurvilinearState(np.array([50.0, 10.0, 0.0]), np.zeros(3), low_speed=False)
+    frame = FrenetFrame.of(np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1), 0.0)
+    handler = frenetix.TrajectoryHandler(0.1)
+    handler.add_function(frenetix.trajectory_functions.FillCoordinates(False, 0.0, frame.system, 3.0))
+    handler.add_cost_function(costs.CalculateAccelerationCost("acceleration", 1.0))
+    handler.add_cost_function(costs.CalculateJerkCost("jerk", 1.0))
+    ending = EndState(3.0, 4.0, 0.0)
+    handler.generate_trajectories(sampling_matrix(state, 10.0, SamplingSettings(), BMW_320I, ending)[-1:], False)
+    handler.evaluate_all_current_functions(False)
+    found = next(iter(handler.get_sorted_trajectories())).costMap
+    # from 10 to 4 m/s in 3 s without acceleration at the ends: a = -12 u (1 - u) and jerk = -4 (1 - 2 u), u = t / 3
+    assert found["acceleration"][0] == pytest.approx(3.0 * 144.0 / 30.0 / 4, rel=0.02)
+    assert found["jerk"][0] == pytest.approx(3.0 * 16.0 / 3.0 / 4, rel=0.2)  # 30 coarse differences
 
 
 def test_uncertain_initial_values_count_by_their_middle() -> None:
