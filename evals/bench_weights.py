@@ -11,6 +11,7 @@ does in one and the same situation is held by a test. Keys: ``scenarios``, ``run
 """
 
 import argparse
+import math
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -60,6 +61,11 @@ def default_weights() -> dict[str, float]:
 def raised(value: float) -> float:
     """The weight that is compared with Default's."""
     return FACTOR * value or INSTEAD_OF_ZERO
+
+
+def difference(before: float, after: float) -> float:
+    """The change of a term; what is only rounding is none."""
+    return 0.0 if math.isclose(before, after, rel_tol=1e-9, abs_tol=1e-9) else after - before
 
 
 async def measure(workspace: Path, folder: Path, scenarios: int) -> None:
@@ -113,7 +119,7 @@ def _print(
             for scenario in batch.scenarios
             if (configs[""], scenario) in terms and (configs[name], scenario) in terms
         ]
-        differences = [after - before for before, after in both]
+        differences = [difference(before, after) for before, after in both]
         tests[name] = test = signed_rank(differences)
         before, after = fmean(pair[0] for pair in both), fmean(pair[1] for pair in both)
         shifts[f"shift_{name}"] = round(test.shift / before, 4) if before else 0.0

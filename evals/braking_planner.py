@@ -45,7 +45,7 @@ class BrakingPlanner:
 
 
 class BrakingFrom:
-    """Drives as another planner does, and brakes to a stand from a time on.
+    """Drives as another planner does, and brakes to a stand from a time on; ``brake_step`` is that time's step.
 
     Args:
         planner: who drives first.
@@ -53,19 +53,16 @@ class BrakingFrom:
     """
 
     def __init__(self, planner: Planner, after_s: float) -> None:
+        self.brake_step = 0
         self._planner, self._after_s, self._braking = planner, after_s, BrakingPlanner()
-        self._brake_step: int | None = None
-        self._step_s = 0.0
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare both planners."""
+        self.brake_step = int(task.problem.initial_state.time_step) + round(self._after_s / task.step_s)
         self._planner.reset(task)
         self._braking.reset(task)
-        self._brake_step, self._step_s = None, task.step_s
 
     def plan(self, observation: Observation) -> Plan:
         """The plan of the planner whose time it is."""
-        step = observation.ego.step
-        if self._brake_step is None:
-            self._brake_step = step + round(self._after_s / self._step_s)
-        return (self._planner if step < self._brake_step else self._braking).plan(observation)
+        planner = self._planner if observation.ego.step < self.brake_step else self._braking
+        return planner.plan(observation)

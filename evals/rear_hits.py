@@ -1,4 +1,8 @@
-"""Who runs into an ego that brakes to a stand in front of a follower, with recorded and with reactive traffic?"""
+"""Who runs into an ego that brakes to a stand in front of a follower, with recorded and with reactive traffic?
+
+A rear hit is one by somebody who followed the ego in its lane when it began to brake; not by somebody whom the ego cut
+in on while it braked, because its reference path changes the lane.
+"""
 
 import math
 import multiprocessing
@@ -16,7 +20,7 @@ from plannerforge.engine.planners.simulation import DrivenRun, initial_ego, simu
 from plannerforge.engine.planners.traffic_modes import open_traffic
 from plannerforge.engine.planners.vehicle import BMW_320I
 from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
-from plannerforge.engine.scenarios.tracks import recorded_tracks
+from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
 from plannerforge.engine.tuning.configurations import named_configuration
 from plannerforge.evals.braking_planner import BrakingFrom
 from plannerforge.schemas.runs import Traffic
@@ -24,7 +28,7 @@ from plannerforge.schemas.runs import Traffic
 MODES: tuple[Traffic, ...] = ("recorded", "reactive")
 BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
 """Who drives before the ego brakes, and for how long."""
-BEHIND_M, BESIDE_M, ALIKE_RAD = 60.0, 1.75, 0.5
+BEHIND_M, BESIDE_M, ALIKE_RAD, SLOWEST_MPS = 60.0, 1.75, 0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -56,15 +60,19 @@ def braked_runs_of(file: Path) -> list[BrakedRun]:
 
 def has_follower(loaded: LoadedScenario, ego: EgoState) -> bool:
     """Whether somebody drives behind a moving ego in its lane at its first step."""
-    for other in recorded_tracks(loaded.scenario).values():
-        index = other.index_at(ego.step)
-        if index is None or other.speeds_mps[index] < 1.0 or ego.speed_mps < 1.0:
-            continue
-        behind, left = place_behind(ego, *other.positions[index])
-        alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < ALIKE_RAD
-        if 0.0 < behind < BEHIND_M and abs(left) < BESIDE_M and alike:
-            return True
-    return False
+    return ego.speed_mps >= SLOWEST_MPS and any(
+        follows(other, ego) for other in recorded_tracks(loaded.scenario).values()
+    )
+
+
+def follows(other: Track, ego: EgoState) -> bool:
+    """Whether somebody drives behind the ego in its lane."""
+    index = other.index_at(ego.step)
+    if index is None or other.speeds_mps[index] < SLOWEST_MPS:
+        return False
+    behind, left = place_behind(ego, *other.positions[index])
+    alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < ALIKE_RAD
+    return 0.0 < behind < BEHIND_M and abs(left) < BESIDE_M and alike
 
 
 def place_behind(ego: EgoState, x_m: float, y_m: float) -> tuple[float, float]:
@@ -83,20 +91,20 @@ def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> BrakedRun:
     with open_traffic(traffic, loaded, problem, BMW_320I, seed=0) as others:
         run = simulate(loaded.scenario, problem, configuration, planner, "constant_velocity", silent, others)
     step_ms = 1000 * (time.perf_counter() - began - sum(run.plan_s)) / len(run.states)
-    return BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, _hit_from_behind(run), step_ms)
+    hit = _rear_hit(run, planner.brake_step)
+    return BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, hit, step_ms)
 
 
-def _hit_from_behind(run: DrivenRun) -> str | None:
-    """Who ran into the ego from behind."""
+def _rear_hit(run: DrivenRun, brake_step: int) -> str | None:
+    """Who ran into the ego from behind, if it followed the ego when that began to brake."""
     hit = run.final.collision
-    if hit is None or hit.obstacle_id is None:
+    begin = next((state for state in run.states if state.step in run.plan_steps and state.step >= brake_step), None)
+    if hit is None or hit.obstacle_id is None or begin is None:
         return None
     ego = run.states[-1]
     other = next(one for one in (*run.traffic.moving, *run.traffic.standing) if one.obstacle_id == hit.obstacle_id)
-    index = other.index_at(ego.step) or 0
-    behind, _ = place_behind(ego, *other.positions[index])
-    alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < ALIKE_RAD
-    if not (behind > 0.0 and alike):
+    behind, _ = place_behind(ego, *other.positions[other.index_at(ego.step) or 0])
+    if not (follows(other, begin) and behind > 0.0):
         return None
     driven = "driven" if any(one.obstacle_id == hit.obstacle_id for one in run.traffic.driven) else "on its recording"
     return f"{hit.kind} {hit.obstacle_id} ({driven}) at {hit.time_s:.1f} s, ego {ego.speed_mps:.1f} m/s"

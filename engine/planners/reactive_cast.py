@@ -30,6 +30,8 @@ EGO = "ego"
 REAR_M = 15.0
 AHEAD_M = 150.0
 EGO_DECELERATION_MPS2 = 8.0
+MERGING_COST = 0.5
+"""Lanelets under the ego whose matching costs differ by less lie on one another: they merge."""
 
 
 @dataclass(frozen=True)
@@ -97,9 +99,26 @@ class Cast:
         if len(found) > 1 and found[1] in table.successors[best]:
             found[0] = best
         while length_m < REAR_M and (before := [k for k in table.predecessors[found[0]] if k not in found]):
-            found.insert(0, min(before, key=lambda key: (under_ego.get(key, math.inf), key)))
+            found.insert(0, self._most_likely_before(before, under_ego, ego))
             length_m += table.lanes[found[0]].length_m
         return tuple(found)
+
+    def _most_likely_before(self, lanelets: list[int], under_ego: dict[int, float], ego: EgoState) -> int:
+        """The one that the ego fits best; of several that merge and fit as well, the one with the nearest vehicle.
+
+        A follower on a lane that the ego's rear does not stand on sees the ego as crossing traffic, and far too late.
+        """
+        costs = {key: under_ego.get(key, math.inf) for key in lanelets}
+        fitting = [key for key in lanelets if costs[key] <= min(costs.values()) + MERGING_COST]
+        return min(fitting, key=lambda key: (self._nearest_driven_m(key, ego), costs[key], key))
+
+    def _nearest_driven_m(self, lanelet: int, ego: EgoState) -> float:
+        gaps = [math.inf]
+        for one in self.driven:
+            index = one.track.index_at(ego.step)
+            if index is not None and self.scene.matches[one.track.obstacle_id].at(index) == lanelet:
+                gaps.append(float(np.linalg.norm(one.track.positions[index] - ego.position)))
+        return min(gaps)
 
     def ego_lane(self, position: Points, heading_rad: float, speed_mps: float) -> tuple[Hint, float]:
         """SUMO's edge and lane at a pose of the ego, ("", -1) off the lanes, and the lane's direction in rad."""

@@ -21,6 +21,9 @@ from plannerforge.engine.planners.vehicle import VehicleParameters
 from plannerforge.engine.scenarios.tracks import Track
 
 MOST_OBLIQUE_RAD = 0.8
+BESIDE_EGO_M = 0.3
+"""How much room beside the ego the others leave: SUMO knows neither how a vehicle turns while it moves to the side, nor
+an overlap with the next lane of less than a sublane."""
 
 
 class ReactiveTraffic:
@@ -108,7 +111,7 @@ class ReactiveTraffic:
         if turned > MOST_OBLIQUE_RAD:
             direction, turned = ego.heading_rad, 0.0
         width_m = self._ego_vehicle.width_m * math.cos(turned) + self._ego_vehicle.length_m * math.sin(turned)
-        self._vehicles.set_width(EGO, width_m)
+        self._vehicles.set_width(EGO, width_m + 2 * BESIDE_EGO_M)
         self._vehicles.place(EGO, ego.position, direction, self._ego_vehicle.length_m, hint)
 
     def _place_shown(self, step: int) -> None:

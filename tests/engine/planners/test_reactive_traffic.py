@@ -10,14 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import Problem, ScenarioBuilder, Vehicle, crossing, driving, town_road
+from builders import Lane, Problem, ScenarioBuilder, Vehicle, crossing, driving, line, town_road
 from builders_planning import configuration
 
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.reactive_cast import Cast
 from plannerforge.engine.planners.reactive_room import has_room
 from plannerforge.engine.planners.run import run
-from plannerforge.engine.planners.simulation import DrivenRun, simulate
+from plannerforge.engine.planners.simulation import DrivenRun, initial_ego, simulate
 from plannerforge.engine.planners.traffic import RecordedTraffic
 from plannerforge.engine.planners.traffic_modes import check_modes, open_traffic
 from plannerforge.engine.planners.vehicle import BMW_320I
@@ -92,6 +93,33 @@ def test_an_ego_across_the_line_is_seen_from_both_lanes(tmp_path: Path) -> None:
     run = braked(loaded(road(*trucks, problem=on_the_line), tmp_path), "reactive")
     assert run.final.collision is None
     assert all(track.positions[-1][0] < run.states[-1].position[0] for track in run.traffic.driven)
+
+
+@pytest.mark.parametrize("width_m", [2.5, 3.0])
+def test_who_passes_an_ego_near_the_line_leaves_room_beside_it(width_m: float, tmp_path: Path) -> None:
+    near_the_line = replace(FAR, start=(60.0, 1.2, 0.0, 10.0))
+    truck = driving(33, (28.0, 3.5), 10.0, 100, kind="truck", size_m=(8.0, width_m))
+    run = braked(loaded(road(truck, problem=near_the_line), tmp_path), "reactive")
+    driven, ego = run.traffic.driven[0], run.states[-1]
+    beside = np.abs(driven.positions[:, 0] - ego.position[0]) < 6.0
+    between_m = driven.positions[beside, 1] - width_m / 2 - (ego.position[1] + BMW_320I.width_m / 2)
+    assert (between_m > 0.3).all()
+
+
+@pytest.mark.parametrize("follower", [driving(32, (-20.0, 0.0), 8.0, 80), driving(32, (-20.0, -0.8), 8.0, 80)])
+def test_an_ego_where_lanes_merge_stands_on_the_lane_of_its_follower(follower: Vehicle, tmp_path: Path) -> None:
+    beside = ((-90.0, -6.0), (-45.0, -3.0), (-22.0, -1.0), (-10.0, -0.3), (0.0, 0.0))
+    lanes = (
+        Lane(1, line((-90, 0), (0, 0)), successors=(3,)),
+        Lane(2, beside, successors=(3,)),
+        Lane(3, line((0, 0), (2, 0)), predecessors=(1, 2), successors=(4,)),
+        Lane(4, line((2, 0), (100, 0)), predecessors=(3,)),
+    )
+    problem = Problem(start=(1.0, 0.0, 0.0, 3.0), goal=(60.0, 0.0, 4.0, 3.0), steps=(50, 60))
+    scenario = loaded(ScenarioBuilder(lanes, (follower,), problems=(problem,)), tmp_path)
+    ego = initial_ego(scenario.problem().initial_state)
+    cast = Cast.of(scenario, ego.step)
+    assert cast.ego_edges(scenario.problem(), ego)[0] == cast.driven[0].edges[0]
 
 
 def test_a_driven_vehicle_begins_at_its_recorded_state(tmp_path: Path) -> None:
