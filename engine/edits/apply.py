@@ -8,8 +8,8 @@ from plannerforge.engine.edits.cascade import Resimulated, resimulate_until_clea
 from plannerforge.engine.edits.changes import Changes, EditStep
 from plannerforge.engine.edits.danger import danger_to
 from plannerforge.engine.edits.edit_report import edit_reports, reported_collisions, touched_vehicles
-from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
 from plannerforge.engine.edits.kept_scene import scene_of
+from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
 from plannerforge.engine.edits.operations import resolve_edits
 from plannerforge.engine.edits.ordinary_ego import EgoDrives, ego_drives, ego_participant
 from plannerforge.engine.edits.resimulation import SimulationSetup

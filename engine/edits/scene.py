@@ -13,6 +13,7 @@ from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.network.sumo_net_layout import NetLayout
 from plannerforge.engine.network.sumo_net_signals import Signal, signals_of
 from plannerforge.engine.network.sumo_net_speeds import lane_speeds, posted_speeds
+from plannerforge.engine.network.sumo_net_writer import sumo_net
 from plannerforge.engine.scenarios.reader import LoadedScenario
 from plannerforge.engine.scenarios.tracks import Track, last_recorded_step, recorded_tracks, size_of
 
@@ -103,6 +104,11 @@ class Scene:
     def signals(self) -> tuple[Signal, ...]:
         """The traffic lights."""
         return signals_of(self.network, self.step_s)
+
+    @cached_property
+    def sumo_net(self) -> str:
+        """The text of SUMO's network over the lanelets."""
+        return sumo_net(self.layout, self.lane_speeds_mps, self.signals)
 
 
 def _ego(loaded: LoadedScenario, matcher: LaneMatcher) -> Ego | None:

@@ -34,7 +34,12 @@ def write_network(network: "LaneletNetwork", path: Path) -> NetLayout:
 def write_sumo_net(
     layout: NetLayout, speeds_mps: Mapping[int, float], path: Path, signals: tuple[Signal, ...] = ()
 ) -> None:
-    """Write the ``.net.xml`` of a layout with its traffic lights; the same input gives the same bytes."""
+    """Write the ``.net.xml`` of a layout with its traffic lights."""
+    path.write_text(sumo_net(layout, speeds_mps, signals), encoding="utf-8")
+
+
+def sumo_net(layout: NetLayout, speeds_mps: Mapping[int, float], signals: tuple[Signal, ...] = ()) -> str:
+    """The text of a ``.net.xml``; the same input gives the same text."""
     links = {
         index: Link(way, shape, direction_letter(shape))
         for index, way in enumerate(layout.paths)
@@ -59,7 +64,7 @@ def write_sumo_net(
     lines += _junctions(layout, links, rules, signalling.junctions(layout))
     lines += _connections(layout, links, yielding, signalling)
     lines.append("</net>\n")
-    path.write_text("\n".join(lines), encoding="utf-8")
+    return "\n".join(lines)
 
 
 def _path_shape(layout: NetLayout, path: JunctionPath) -> Points:

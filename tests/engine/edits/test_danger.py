@@ -1,0 +1,65 @@
+"""The ego is seen by the driven vehicles, and what an edit does to its danger is a number."""
+
+from dataclasses import replace
+
+import pytest
+from builders import Problem, driving, town_road
+from edit_support import Apply
+
+from plannerforge.schemas.errors import NotPossible
+
+EGO = Problem(start=(40.0, 0.0, 0.0, 10.0))
+SLOW = Problem(start=(40.0, 0.0, 0.0, 3.0))
+ONE_LANE = replace(town_road(), lanes=tuple(replace(lane, left=None) for lane in town_road().lanes))
+CHASED = replace(ONE_LANE.with_vehicles(driving(31, (20, 0), 13.0, 101)), problems=(SLOW,))
+FOLLOWED = replace(town_road().with_vehicles(driving(31, (10, 0), 14.0, 101)), problems=(EGO,))
+ALONE = replace(town_road().with_vehicles(driving(31, (150, 7), 8.0, 101)), problems=(EGO,))
+
+
+def test_a_driven_vehicle_keeps_clear_of_the_ego(apply: Apply) -> None:
+    applied = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "aggressive"}, builder=CHASED)
+    after = applied.outcome.ego_after
+    assert after is not None
+    assert after.minimum_distance_m is not None
+    assert after.minimum_distance_m > 0.5
+
+
+def test_a_slow_vehicle_ahead_makes_the_way_of_the_ego_more_dangerous(apply: Apply) -> None:
+    slow = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 12.0, "speed": "2m/s"}
+    outcome = apply(slow, builder=ALONE).outcome
+    assert outcome.ego_before is not None
+    assert outcome.ego_after is not None
+    assert outcome.ego_before.risk_score == 5
+    assert outcome.ego_after.risk_score is not None
+    assert outcome.ego_after.risk_score < 3
+
+
+def test_a_removed_vehicle_takes_its_danger_with_it(apply: Apply) -> None:
+    outcome = apply({"op": "remove_vehicle", "vehicles": ["31"]}, builder=FOLLOWED).outcome
+    assert outcome.ego_before is not None
+    assert outcome.ego_before.minimum_time_to_collision_s is not None
+    assert outcome.ego_after is not None
+    assert outcome.ego_after.minimum_distance_m is None
+
+
+def test_both_checks_are_asked_for_with_detail(apply: Apply) -> None:
+    outcome = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "eco"}, detail="checks").outcome
+    assert outcome.checked_by == "drivability_checker"
+    assert outcome.checkers_agree == len(outcome.touched) == 1
+
+
+def test_reactive_traffic_drives_everybody(apply: Apply) -> None:
+    edit = {"op": "set_behaviour", "vehicles": ["31"], "params": ["speedFactor=0.5"]}
+    outcome = apply(edit, traffic="reactive").outcome
+    assert outcome.untouched == 0
+    assert outcome.collisions == ()
+    assert {vehicle.vehicle_id for vehicle in outcome.touched} >= {31, 32, 34}
+    assert 31 not in outcome.handed_over
+
+
+def test_a_conflict_can_be_refused_in_reactive_traffic_too(apply: Apply) -> None:
+    walker = driving(36, (75, 0), 0.1, 101, kind="pedestrian", size_m=(0.6, 0.6))
+    rushing = town_road().with_vehicles(driving(31, (62, 3.5), 14.0, 101), walker)
+    into = {"op": "add_vehicle", "vehicle_class": "car", "at": "1", "position": "66m", "speed": "14m/s"}
+    with pytest.raises(NotPossible, match="101 with 36"):
+        apply(into, builder=rushing, on_conflict="refuse", traffic="reactive")

@@ -1,0 +1,36 @@
+"""A scenario that is edited again is not read again, unless its content is another."""
+
+from pathlib import Path
+
+import pytest
+from builders import driving, town_road
+from edit_support import apply_to
+
+from plannerforge.engine.edits.kept_scene import scene_of
+from plannerforge.schemas.errors import UnsafeInput
+
+EDIT = {"op": "set_behaviour", "vehicles": ["31"], "preset": "aggressive"}
+
+
+def test_the_same_content_is_read_once(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "base.xml")
+    assert scene_of(path) is scene_of(path)
+
+
+def test_other_content_under_the_same_name_is_read_anew(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "base.xml")
+    assert 31 in scene_of(path).tracks
+    town_road().with_vehicles(driving(77, (60, 0), 10.0, 101)).write(path)
+    assert list(scene_of(path).tracks) == [77]
+
+
+def test_an_edit_leaves_nothing_behind_in_the_kept_scene(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "base.xml")
+    first = apply_to(path, tmp_path / "one", EDIT).xml.read_bytes()
+    apply_to(path, tmp_path / "two", {"op": "remove_vehicle", "vehicles": ["all"]}, {"op": "set_goal", "to": ["11"]})
+    assert apply_to(path, tmp_path / "three", EDIT).xml.read_bytes() == first
+
+
+def test_a_missing_file_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(UnsafeInput, match=r"nothing\.xml"):
+        scene_of(tmp_path / "nothing.xml")
