@@ -1,0 +1,194 @@
+"""The paper's checks of an edited scenario, made on the file that was written and not on what was reported."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from lxml import etree
+
+from plannerforge.engine.edits.changes import Changes
+from plannerforge.engine.edits.participants import driven_participant
+from plannerforge.engine.edits.positions import POSITION_WORDS
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.geometry.polyline import point_at, project
+from plannerforge.engine.planners.time_to_collision import MovingRectangles, corners_of
+from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
+from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
+from plannerforge.engine.scenarios.validate import schema_errors
+from plannerforge.schemas.modification import EditReport, ModificationOutcome
+
+RELATIVE_TOLERANCE = 1e-3
+BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
+PLACE_TOLERANCE_M, GOAL_TOLERANCE_M = 2.0, 0.5
+DEEP_M = 0.05
+
+
+@dataclass(frozen=True)
+class Written:
+    """The base scene, what the edits resolve to, what was reported, and the file that came of it."""
+
+    base: Path
+    scene: Scene
+    changes: Changes
+    outcome: ModificationOutcome
+    xml: Path
+    new: LoadedScenario
+
+    @classmethod
+    def of(cls, base: Path, scene: Scene, changes: Changes, outcome: ModificationOutcome) -> "Written":
+        """Read the new file."""
+        if outcome.xml is None:
+            raise ValueError("a dry run wrote nothing to check")
+        return cls(base, scene, changes, outcome, outcome.xml, read_scenario(outcome.xml))
+
+    def tracks(self) -> dict[int, Track]:
+        """Trajectories of the new file."""
+        return recorded_tracks(self.new.scenario)
+
+
+def checks_of(written: Written, truth: dict[str, Any], report: EditReport) -> dict[str, bool]:
+    """The paper's checks of one edit by name; ``truth`` in the corpus's form."""
+    if truth["op"] == "reroute":
+        return _trajectory_checks(written, truth, report)
+    if truth["op"] == "set_behaviour":
+        return _behaviour_checks(written, truth, report)
+    if truth["op"] == "set_goal":
+        return _goal_checks(written, truth)
+    return _population_checks(written, truth, report)
+
+
+def is_valid(written: Written) -> bool:
+    """No schema error that the source does not have; the file was read by commonroad-io already."""
+    return not set(schema_errors(written.xml)) - set(schema_errors(written.base))
+
+
+def is_untouched_identical(written: Written) -> bool:
+    """Whether every element but those of touched road users and the edited problem has the bytes of the source."""
+    old, new = _elements(written.base), _elements(written.xml)
+    changed = {key for key in {*old, *new} if old.get(key) != new.get(key)}
+    allowed = {str(one.vehicle_id) for one in written.outcome.touched} | {str(k) for k in written.outcome.removed}
+    allowed |= {str(written.scene.ego.problem_id)} if written.changes.goal and written.scene.ego else set()
+    return changed <= allowed
+
+
+def unreported_collisions(written: Written) -> int:
+    """Pairs that overlap by more than 5 cm on either side, did not in the source, and are not in the report."""
+    base, new = written.scene.tracks, written.tracks()
+    standing = written.scene.standing
+    told = {frozenset(hit.vehicles) for hit in written.outcome.collisions}
+    found = set()
+    for key in sorted({one.vehicle_id for one in written.outcome.touched} & set(new)):
+        for other, track in (new | standing).items():
+            pair = frozenset((key, other))
+            if other != key and pair not in told and _overlap(new[key], track, DEEP_M):
+                both = [(base | standing).get(one) for one in (key, other)]
+                recorded = both[0] is not None and both[1] is not None and _overlap(both[0], both[1], 0.0)
+                found |= set() if recorded else {pair}
+    return len(found)
+
+
+def _trajectory_checks(written: Written, truth: dict[str, Any], report: EditReport) -> dict[str, bool]:
+    new, targets = written.tracks(), set(truth["target_lanelets"])
+    routes = {route.vehicle_id: route for route in report.routes}
+    ends = [bool(targets & set(route.lanelets)) and _follows(written, route.lanelets, new) for route in routes.values()]
+    return {"tgt": all(key in new for key in report.vehicles), "T_ends": bool(ends) and all(ends)}
+
+
+def _follows(written: Written, lanelets: tuple[int, ...], new: dict[int, Track]) -> bool:
+    """Whether the driven part lies on the lanelets of its route or on their neighbours of the same direction."""
+    route = next(route for edit in written.outcome.edits for route in edit.routes if route.lanelets == lanelets)
+    touched = next(one for one in written.outcome.touched if one.vehicle_id == route.vehicle_id)
+    track, network = new[route.vehicle_id], written.scene.network
+    lanes = written.scene.layout.table.lanes
+    beside = {lane for key in lanelets if key in lanes for lane in (lanes[key].left, lanes[key].right) if lane}
+    area = shapely.union_all(
+        [network.find_lanelet_by_id(key).polygon.shapely_object.buffer(BESIDE_M) for key in {*lanelets, *beside}]
+    )
+    first = max(round(touched.from_time_s / written.scene.step_s) - track.first_step, 0)
+    on = shapely.contains_xy(area, track.positions[first:, 0], track.positions[first:, 1])
+    return float(np.mean(on)) >= ON_ROUTE_SHARE
+
+
+def _behaviour_checks(written: Written, truth: dict[str, Any], report: EditReport) -> dict[str, bool]:
+    new, expected = written.tracks(), truth["expected_params"]
+    preset, kept = [], []
+    for key in report.vehicles:
+        plan = written.changes.driven.get(key)
+        if plan is None or key not in new:
+            preset.append(False)
+            continue
+        attributes = etree.fromstring(driven_participant(written.scene, plan).vehicle_type()).attrib
+        preset.append(
+            all(abs(float(attributes[n]) - v) <= RELATIVE_TOLERANCE * max(abs(v), 1e-9) for n, v in expected.items())
+        )
+        old = written.scene.tracks.get(key)
+        same = old is None or (old.kind, old.length_m, old.width_m) == (
+            new[key].kind,
+            new[key].length_m,
+            new[key].width_m,
+        )
+        kept.append(same and attributes["vClass"] == plan.vehicle_class.sumo_class)
+    return {"tgt": all(key in new for key in report.vehicles), "B_preset": all(preset), "vClass": all(kept)}
+
+
+def _population_checks(written: Written, truth: dict[str, Any], report: EditReport) -> dict[str, bool]:
+    new, old = written.tracks(), written.scene.tracks
+    others = (set(old) - set(written.outcome.removed)) <= set(new)
+    if truth["op"] == "remove_vehicle":
+        gone = all(key not in new for key in report.vehicles)
+        right = truth["vehicle_ids"] is None or sorted(truth["vehicle_ids"]) == sorted(report.vehicles)
+        return {"P_count": gone and right, "P_target": gone, "P_others": others}
+    added = [key for key in report.vehicles if key in new or key in written.outcome.removed]
+    placed = all(
+        _is_at(written, new[key], place) for key, place in zip(report.vehicles, truth.get("resolved", ()), strict=False)
+    )
+    counted = len(added) == truth["count"] and not set(report.vehicles) & set(old)
+    return {"P_count": counted, "P_target": placed, "P_others": others}
+
+
+def _is_at(written: Written, track: Track, place: dict[str, Any]) -> bool:
+    center = written.scene.network.find_lanelet_by_id(place["lanelet"]).center_vertices
+    away = float(np.linalg.norm(point_at(center, place["s_m"])[0] - track.positions[0]))
+    return away <= PLACE_TOLERANCE_M
+
+
+def _goal_checks(written: Written, truth: dict[str, Any]) -> dict[str, bool]:
+    state = written.new.problem().goal.state_list[0]
+    network, key = written.scene.network, int(truth["lanelet"])
+    center = np.asarray(state.position.center)
+    line = network.find_lanelet_by_id(key).center_vertices
+    share = POSITION_WORDS.get(str(truth.get("position") or "final"))
+    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    near = share is None or abs(project(line, center)[0] - share * length) <= GOAL_TOLERANCE_M
+    on = network.find_lanelet_by_id(key).polygon.shapely_object.buffer(0.2).contains(shapely.Point(center))
+    return {"G_edge": bool(on), "G_position": near, "G_lanelet": network.find_lanelet_by_id(key) is not None}
+
+
+def _elements(path: Path) -> dict[str, bytes]:
+    root = etree.parse(path).getroot()
+    return {
+        str(element.get("id") or element.tag): etree.tostring(element, with_tail=False)
+        for element in root
+        if isinstance(element.tag, str)
+    }
+
+
+def _overlap(one: Track, other: Track, depth_m: float) -> bool:
+    begin, end = max(one.first_step, other.first_step), min(one.last_step, other.last_step) + 1
+    if begin >= end:
+        return False
+    first, second = (_polygons(track, begin, end, depth_m) for track in (one, other))
+    return bool(shapely.intersects(first, second).any())
+
+
+def _polygons(track: Track, begin: int, end: int, depth_m: float) -> Any:
+    """The rectangles at the steps, smaller by a depth on every side."""
+    part = slice(begin - track.first_step, end - track.first_step)
+    size = np.maximum(np.array([track.length_m, track.width_m]) - 2 * depth_m, 0.01)
+    count = end - begin
+    bodies = MovingRectangles(
+        track.positions[part], track.headings_rad[part], np.tile(size, (count, 1)), np.zeros(count)
+    )
+    return shapely.polygons(corners_of(bodies))

@@ -1,0 +1,165 @@
+"""The paper's safety table: what a stated recipe of each kind of edit does to an ego's risk.
+
+Recipes. B: the three nearest vehicles become aggressive. T: the nearest vehicle that has another branch within reach
+takes it. P: a car is put 15 m ahead of the ego in its lane, at half its speed. G: the goal moves to the nearest other
+lanelet that can be reached. The risk score (0 collision … 5 negligible) is that of an ego that drives ordinarily, and
+where a planner was run, of the planner.
+"""
+
+import statistics
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from plannerforge.engine.edits.apply import apply_edits
+from plannerforge.engine.edits.changes import not_drivable
+from plannerforge.engine.edits.lanelet_targets import reachable_lanelets
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.planners.run import run
+from plannerforge.engine.tuning.configurations import named_configuration
+from plannerforge.schemas.errors import PlannerForgeError
+from plannerforge.schemas.modification import Edit, ModificationRequest
+from plannerforge.schemas.planning import RunRequest
+from plannerforge.schemas.runs import RunRecord
+
+PLANNER = "frenetix:Default"
+NEAREST, AHEAD_M = 3, 15.0
+RESAMPLES = 2000
+MOST_TRIES = 6
+NEGLIGIBLE = 5
+_NOT_DRIVEN = ("invalid", "infeasible")
+
+
+@dataclass(frozen=True)
+class Shift:
+    """Risk scores of one scenario before and after the recipe of a task, of an ordinary ego and of a planner."""
+
+    task: str
+    before: int
+    after: int
+    planner_before: int | None = None
+    planner_after: int | None = None
+
+
+def shifts_of(path: Path, scene: Scene, folder: Path, base: RunRecord | None) -> tuple[Shift, ...]:
+    """One shift for each recipe that the scenario allows; with a base run, of the planner too."""
+    recipes: tuple[tuple[str, Callable[[Scene], Iterator[Edit]]], ...] = (
+        ("B", _aggressive),
+        ("T", _other_branch),
+        ("P", _slow_car_ahead),
+        ("G", _other_goal),
+    )
+    found = [_shift(path, folder, task, recipe(scene), base) for task, recipe in recipes]
+    return tuple(one for one in found if one is not None)
+
+
+def executed(path: Path, base: RunRecord) -> bool | None:
+    """Whether the planner drives an edited file to some end; None where it does not drive its source either."""
+    return None if base.outcome in _NOT_DRIVEN else planner_run(path).outcome not in _NOT_DRIVEN
+
+
+def safety_rows(shifts: Sequence[Shift]) -> list[tuple[str, str]]:
+    """The table: mean score before → after with the interval of the mean difference, and new collisions."""
+    rows = []
+    for task in ("B", "T", "P", "G"):
+        mine = [one for one in shifts if one.task == task]
+        ordinary = [(one.before, one.after) for one in mine]
+        planner = [(one.planner_before, one.planner_after) for one in mine]
+        rows += [(f"risk {task}, ordinary ego", _row(ordinary)), (f"risk {task}, {PLANNER}", _row(planner))]
+    return rows
+
+
+def difference_interval(differences: Sequence[float], seed: int = 0) -> tuple[float, float]:
+    """95 % interval of a mean by the percentile bootstrap (Efron 1979)."""
+    drawn = np.random.default_rng(seed).choice(differences, size=(RESAMPLES, len(differences)))
+    low, high = np.quantile(drawn.mean(axis=1), [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _row(pairs: Sequence[tuple[int | None, int | None]]) -> str:
+    scored = [(before, after) for before, after in pairs if before is not None and after is not None]
+    if not scored:
+        return "not measured"
+    low, high = difference_interval([after - before for before, after in scored])
+    before, after = (statistics.fmean(values) for values in zip(*scored, strict=True))
+    hits = sum(after == 0 < before for before, after in scored)
+    more = sum(after < before for before, after in scored)
+    less = sum(after > before for before, after in scored)
+    return (
+        f"{before:.2f} → {after:.2f} (difference {low:+.2f} … {high:+.2f}), {hits} new collisions, "
+        f"{more} more and {less} less critical of {len(scored)}"
+    )
+
+
+def _shift(path: Path, folder: Path, task: str, edits: Iterator[Edit], base: RunRecord | None) -> Shift | None:
+    for edit in edits:
+        request = ModificationRequest(xml=path, edits=(edit,), benchmark_id="ZAM_Bench-1_1_T-2", output=folder)
+        try:
+            outcome = apply_edits(request, silent)
+        except PlannerForgeError:
+            continue
+        before, after = outcome.ego_before, outcome.ego_after
+        if outcome.xml is None or before is None or after is None:
+            return None
+        then = None if base is None else planner_run(outcome.xml)
+        return Shift(task, _score(before.risk_score), _score(after.risk_score), _risk(base), _risk(then))
+    return None
+
+
+def planner_run(path: Path) -> RunRecord:
+    """A run of the default planner among recorded traffic."""
+    configuration = named_configuration(PLANNER)
+    if configuration is None:
+        raise RuntimeError("the built-in configuration is gone")
+    request = RunRequest(
+        run_id="bench",
+        scenario_path=str(path),
+        scenario_id=path.stem,
+        configuration=configuration,
+        prediction="constant_velocity",
+    )
+    return run(request, silent).record
+
+
+def _risk(record: RunRecord | None) -> int | None:
+    return None if record is None or record.metrics is None else _score(record.metrics.risk_score)
+
+
+def _score(value: int | None) -> int:
+    """Nobody near is a negligible risk."""
+    return NEGLIGIBLE if value is None else value
+
+
+def _aggressive(scene: Scene) -> Iterator[Edit]:
+    for count in range(min(NEAREST, len(scene.tracks)), 0, -1):
+        yield Edit(op="set_behaviour", vehicles=[f"nearest:{count}"], preset="aggressive")
+
+
+def _other_branch(scene: Scene) -> Iterator[Edit]:
+    if scene.ego is None:
+        return
+    here = scene.ego.position
+    away = {
+        key: float(((track.positions[0] - here) ** 2).sum())
+        for key, track in scene.tracks.items()
+        if not not_drivable(scene, key) and track.first_step == scene.ego.step
+    }
+    for key in sorted(away, key=lambda one: (away[one], one))[:MOST_TRIES]:
+        way = scene.matches[key].sequence
+        near = [lanelet for lanelet in reachable_lanelets(scene, way[:1])[:MOST_TRIES] if lanelet not in way]
+        yield from (Edit(op="reroute", vehicles=[str(key)], to=[str(lanelet)]) for lanelet in near[:1])
+
+
+def _slow_car_ahead(scene: Scene) -> Iterator[Edit]:
+    if scene.ego is not None:
+        half = f"{scene.ego.speed_mps / 2:.2f}m/s"
+        yield Edit(op="add_vehicle", vehicle_class="car", at="ego", offset_m=AHEAD_M, speed=half)
+
+
+def _other_goal(scene: Scene) -> Iterator[Edit]:
+    if scene.ego is not None and scene.ego.lanelets:
+        for key in reachable_lanelets(scene, scene.ego.lanelets[:1])[1:MOST_TRIES]:
+            yield Edit(op="set_goal", to=[str(key)])
