@@ -27,8 +27,8 @@ never a planner's failure.
 """
 
 InvalidReason = Literal["no_goal_state", "initial_collision", "ego_off_road", "goal_unreachable", "goal_out_of_time"]
-"""Why a problem is invalid. ``goal_unreachable``: no route on the lanelet graph; ``goal_out_of_time``: not even the
-vehicle's largest acceleration brings the ego there in time."""
+"""Why a problem is invalid. ``goal_unreachable``: no route on the lanelet graph, or it lies behind the ego and no way
+leads back; ``goal_out_of_time``: not even the vehicle's largest acceleration brings the ego there in time."""
 
 Prediction = Literal["constant_velocity", "growing_covariance", "lane", "ground_truth"]
 Traffic = Literal["recorded", "reactive"]

@@ -68,6 +68,16 @@ class LaneletGraph:
                     waiting.append(following)
         return frozenset(found)
 
+    def beside(self, starts: Iterable[int]) -> frozenset[int]:
+        """The lanelets that lane changes alone lead to, the starts included."""
+        found = set(starts)
+        waiting = list(found)
+        while waiting:
+            new = set(self.neighbours.get(waiting.pop(), ())) - found
+            found |= new
+            waiting.extend(new)
+        return frozenset(found)
+
     def _steps(self, lanelet_id: int) -> list[tuple[int, float]]:
         onward = [(key, self.length_m[lanelet_id]) for key in self.successors.get(lanelet_id, ())]
         return onward + [(key, LANE_CHANGE_COST_M) for key in self.neighbours.get(lanelet_id, ())]

@@ -1,8 +1,20 @@
 """Whether a goal can be reached in its time at all, whatever the planner."""
 
+from typing import TYPE_CHECKING
+
+from plannerforge.engine.geometry.polyline import project, project_all
+from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.planners.goal import Goal, GoalCondition
 from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.reference_path import ReferencePath
+from plannerforge.engine.planners.route import start_lanelets
 from plannerforge.engine.planners.vehicle import VehicleParameters
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+BEHIND_M = 0.5
+"""A goal ends behind the ego when it does so by more than this."""
 
 
 def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> str | None:
@@ -15,6 +27,30 @@ def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: 
     """
     obstacles = [_obstacle(condition, ego, vehicle, step_s) for condition in goal.conditions]
     return None if any(obstacle is None for obstacle in obstacles) else next(iter(obstacles), None)
+
+
+def left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "LaneletNetwork") -> str | None:
+    """One sentence on why a goal behind the ego cannot be reached; None where it may be.
+
+    Nobody drives backwards: every corner of every goal area lies behind the ego along the reference path, and no
+    lanelet that an area touches can be reached from where the ego's lanelet and those beside it end.
+    """
+    import shapely
+
+    areas = [condition.area for condition in goal.conditions if condition.area is not None]
+    if len(areas) < len(goal.conditions):
+        return None
+    here = project(reference.points, ego.position)[0]
+    away = here - float(project_all(reference.points, shapely.get_coordinates(areas))[0].max())
+    if away <= BEHIND_M:
+        return None
+    graph = LaneletGraph.of(network)
+    beside = graph.beside(start_lanelets(network, ego.position, ego.heading_rad))
+    onward = graph.reachable(following for key in beside for following in graph.successors[key])
+    outlines = [network.find_lanelet_by_id(key).polygon.shapely_object for key in onward]
+    if any(area.intersects(outline) for outline in outlines for area in areas):
+        return None
+    return f"the goal ends {away:.1f} m behind the ego, and no way leads back to it"
 
 
 def farthest_m(speed_mps: float, duration_s: float, vehicle: VehicleParameters) -> float:

@@ -12,6 +12,7 @@ from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, Planner, PlanningTask
 from plannerforge.engine.planners.prediction import observe, off_the_lanes, predictor
+from plannerforge.engine.planners.reachability import left_behind
 from plannerforge.engine.planners.reference_path import BEYOND_GOAL_M, build_reference_path
 from plannerforge.engine.planners.road import build_road
 from plannerforge.engine.planners.route import find_route, start_lanelets
@@ -120,6 +121,9 @@ def _task(
         reference = build_reference_path(
             network, route, ego.position, ego.speed_mps, beyond_m=beyond_m, through=goal.center
         )
+    behind = left_behind(goal, ego, reference, network)
+    if behind is not None:
+        return invalid("goal_unreachable", behind)
     road = build_road(network, reference, beyond_m=beyond_m)
     return PlanningTask(scenario, problem, configuration, reference, road, vehicle_of(configuration.settings), step_s)
 

@@ -133,6 +133,32 @@ def test_a_goal_that_lies_on_lanes_without_a_way_there_is_unreachable() -> None:
     assert "no route leads from lanelet 1" in run.final.reason
 
 
+@pytest.mark.parametrize("lateral_m", [0.0, 3.5])
+def test_a_goal_behind_the_ego_without_a_way_back_is_unreachable(lateral_m: float) -> None:
+    goal = goal_state((35, 45), rectangle_at(-12.0, lateral_m, size=(8.0, 3.0)))
+    run = drive(scenario_on(straight_road(lanes=2)), problem_for(goal))
+    assert (run.final.outcome, run.final.invalid_reason) == ("invalid", "goal_unreachable")
+    assert "8.0 m behind the ego" in run.final.reason
+
+
+def test_a_goal_behind_the_ego_on_a_ring_road_is_tried() -> None:
+    angle = np.linspace(0.0, math.tau, 81)
+    ring = 30.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
+    halves = (
+        lanelet_along(ring[:41], 1, predecessor=[2], successor=[2]),
+        lanelet_along(ring[40:], 2, predecessor=[1], successor=[1]),
+    )
+    goal = goal_state((150, 300), rectangle_at(*ring[3], size=(4.0, 3.0)))
+    problem = problem_for(goal, position=ring[10])
+    problem.initial_state.orientation = float(angle[10])
+    assert drive(scenario_on(network_of(*halves)), problem).final.outcome != "invalid"
+
+
+def test_a_goal_that_the_ego_stands_in_is_not_behind_it() -> None:
+    goal = goal_state((35, 45), rectangle_at(-5.0, 0.0, size=(12.0, 3.5)))
+    assert drive(scenario_on(ROAD), problem_for(goal, speed_mps=0.0)).final.outcome != "invalid"
+
+
 def test_a_goal_that_one_state_can_still_reach_is_tried() -> None:
     run = cruise(goal_state((20, 21), rectangle_at(300.0, 0.0)), goal_state((35, 45), AT_40))
     assert run.final.outcome == "goal_reached"
