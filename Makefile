@@ -9,7 +9,7 @@ DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 
 .PHONY: help demo test check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
-	bench-responsibility bench-weights starter format clean
+	bench-responsibility bench-weights bench-generation bench-modification starter format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -76,6 +76,9 @@ bench-weights: $(DEV_STAMP)
 
 bench-generation: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_generation
+
+bench-modification: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_modification --workers $(WORKERS)
 
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.draw_library
