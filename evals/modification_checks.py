@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from lxml import etree
 
+from plannerforge.engine.edits.behaviours import own_minimum_gap_m
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.participants import driven_participant
 from plannerforge.engine.edits.positions import POSITION_WORDS
@@ -120,8 +121,11 @@ def _behaviour_checks(written: Written, truth: dict[str, Any], report: EditRepor
             preset.append(False)
             continue
         attributes = etree.fromstring(driven_participant(written.scene, plan).vehicle_type()).attrib
+        own_gap_m = own_minimum_gap_m(plan.vehicle_class)
+        kept_gap = own_gap_m is not None and "minGap" not in truth.get("params", {})
+        wanted = expected | ({"minGap": own_gap_m} if kept_gap else {})
         preset.append(
-            all(abs(float(attributes[n]) - v) <= RELATIVE_TOLERANCE * max(abs(v), 1e-9) for n, v in expected.items())
+            all(abs(float(attributes[n]) - v) <= RELATIVE_TOLERANCE * max(abs(v), 1e-9) for n, v in wanted.items())
         )
         old = written.scene.tracks.get(key)
         same = old is None or (old.kind, old.length_m, old.width_m) == (

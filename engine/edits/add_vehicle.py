@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plannerforge.engine.edits.behaviours import behaviour_from, usual_behaviour
+from plannerforge.engine.edits.behaviours import behaviour_from, own_minimum_gap_m, usual_behaviour
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep
 from plannerforge.engine.edits.entry_speed import entry_speed
 from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets
@@ -64,7 +64,7 @@ def _class(word: str | None) -> VehicleClass:
 
 def _plan(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> DrivePlan:
     step = _free_step(edit, scene, changes, vehicle_class, place)
-    usual = behaviour_from(usual_behaviour(vehicle_class), edit.preset, edit.params)
+    usual = behaviour_from(usual_behaviour(vehicle_class), edit.preset, edit.params, own_minimum_gap_m(vehicle_class))
     targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
     who = f"the added {vehicle_class.name}"
     way = reach(scene, [place.lanelet_id], targets, who) if targets else (place.lanelet_id,)

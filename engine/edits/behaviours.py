@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from plannerforge.engine.traffic.vehicle_classes import VehicleClass
+from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
 from plannerforge.schemas.errors import InvalidRequest, UnknownName, closest
 from plannerforge.schemas.grammar import Assignment, parse_assignment
 
@@ -81,8 +81,16 @@ def usual_behaviour(vehicle_class: VehicleClass) -> Behaviour:
     return Behaviour("", values)
 
 
-def behaviour_from(base: Behaviour, preset: str | None, params: Sequence[str]) -> Behaviour:
-    """A preset (replacing all parameters) and then single parameters on top.
+def own_minimum_gap_m(vehicle_class: VehicleClass) -> float | None:
+    """The gap in m that a class keeps by its nature, whatever the preset; None for classes that stand like cars."""
+    usual = vehicle_classes()["car"].minimum_gap_m
+    return None if vehicle_class.minimum_gap_m == usual else vehicle_class.minimum_gap_m
+
+
+def behaviour_from(
+    base: Behaviour, preset: str | None, params: Sequence[str], own_gap_m: float | None = None
+) -> Behaviour:
+    """A preset (replacing all parameters but a class's own gap) and then single parameters on top.
 
     Raises:
         UnknownName: no such preset or parameter.
@@ -93,7 +101,7 @@ def behaviour_from(base: Behaviour, preset: str | None, params: Sequence[str]) -
         name = preset.strip().lower()
         if name not in _PRESET_VALUES:
             raise UnknownName(f"there is no behaviour preset '{preset}'", valid=closest(preset, _PRESET_VALUES))
-        values = presets()[name]
+        values = presets()[name] | ({} if own_gap_m is None else {"minGap": own_gap_m})
     assignments = [parse_assignment(text) for text in params]
     twice = sorted({one.name for one in assignments if sum(other.name == one.name for other in assignments) > 1})
     if twice:

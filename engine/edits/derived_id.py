@@ -31,6 +31,7 @@ def numbered_after(edits: "list[Edit] | tuple[Edit, ...]", earlier: int) -> tupl
             update={
                 "vehicles": [_moved(text, earlier) for text in edit.vehicles],
                 "to": [_moved(text, earlier) for text in edit.to],
+                "via": [_moved(text, earlier) for text in edit.via],
                 "at": None if edit.at is None else _moved(edit.at, earlier),
             }
         )

@@ -11,6 +11,7 @@ from plannerforge.engine.geometry.polyline import Points, oriented_rectangle, re
 
 CLEARANCE_M = 0.3
 SEARCH_STEP_M = 1.0
+FREE_PLACES_NAMED = 3
 
 
 def occupant(scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int) -> str:
@@ -31,15 +32,32 @@ def occupant_at(
 
 
 def free_places(scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int) -> list[str]:
-    """The nearest free places on the same lanelet, as ``at`` and ``position``, nearest first."""
-    length = scene.layout.table.lanes[place.lanelet_id].length_m
-    stations = np.arange(size_m[0] / 2, length - size_m[0] / 2 + 1e-6, SEARCH_STEP_M)
-    ordered = sorted(stations.tolist(), key=lambda station: (abs(station - place.station_m), station))
+    """The nearest free places, as ``at`` and ``position``, nearest first: in the lane, else in those next to it."""
+    lane, table = scene.layout.table.lanes[place.lanelet_id], scene.layout.table
+    beside = [key for key in (lane.left, lane.right) if key is not None and key in table.lanes]
+    next_to_it = [*table.successors[place.lanelet_id], *table.predecessors[place.lanelet_id], *beside]
+    for lanelets in ([place.lanelet_id], next_to_it):
+        found = _free_on(lanelets, scene, changes, place, size_m, step)
+        if found:
+            return found
+    return []
+
+
+def _free_on(
+    lanelets: list[int], scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int
+) -> list[str]:
+    """Up to three free places on lanelets, the nearest to a place (as the crow flies) first."""
+    wanted, lanes = place.pose(scene)[0], scene.layout.table.lanes
+    tried = []
+    for key in lanelets:
+        for station in np.arange(size_m[0] / 2, lanes[key].length_m - size_m[0] / 2 + 1e-6, SEARCH_STEP_M).tolist():
+            other = Place(key, station)
+            tried.append((float(np.linalg.norm(other.pose(scene)[0] - wanted)), key, station))
     found: list[str] = []
-    for station in ordered:
-        if not occupant(scene, changes, Place(place.lanelet_id, station), size_m, step):
-            found.append(f"at={place.lanelet_id} position='{station:.1f}m'")
-        if len(found) == 3:
+    for _, key, station in sorted(tried):
+        if not occupant(scene, changes, Place(key, station), size_m, step):
+            found.append(f"at={key} position='{station:.1f}m'")
+        if len(found) == FREE_PLACES_NAMED:
             break
     return found
 

@@ -118,6 +118,9 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
     found = select([body.removeprefix("vehicle:")], scene, changes)
     if len(found) != 1:
         raise NotPossible(f"'{text}' means {len(found)} vehicles", valid=found, next_step="name one by its id")
+    if changes.is_added(found[0]) and found[0] in changes.driven:
+        added = changes.driven[found[0]]
+        return _Reference(f"vehicle {found[0]}", added.lanelets[0], added.start.positions[0])
     if found[0] not in scene.tracks or found[0] not in scene.matches:
         raise NotPossible(f"vehicle {found[0]} is recorded on no lanelet", next_step="name a lanelet")
     track, match = scene.tracks[found[0]], scene.matches[found[0]]

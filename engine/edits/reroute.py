@@ -8,6 +8,7 @@ from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets, wa
 from plannerforge.engine.edits.manoeuvre_plans import named
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import select
+from plannerforge.engine.edits.turn_speed import check_bends
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.modification import Edit
 
@@ -17,7 +18,7 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
     Raises:
         InvalidRequest: neither or both of ``to`` and ``turn``.
-        NotPossible: a vehicle cannot get there, or cannot be driven.
+        NotPossible: a vehicle cannot get there, comes to a bend too fast, or cannot be driven.
     """
     if bool(edit.to or edit.via) == bool(edit.turn):
         raise InvalidRequest(
@@ -43,7 +44,9 @@ def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> Dr
     else:
         targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
         way = way_through(scene, start, edit.via, targets, changes, who)
-    return drive_along(scene, plan, way, targets)
+    check_bends(scene, plan, way, who)
+    through = {key for text in edit.via for key in target_lanelets([text], scene, changes)}
+    return replace(drive_along(scene, plan, way, targets), through=frozenset(through & set(way)))
 
 
 def drive_along(scene: Scene, plan: DrivePlan, way: tuple[int, ...], targets: frozenset[int]) -> DrivePlan:
@@ -58,7 +61,9 @@ def drive_along(scene: Scene, plan: DrivePlan, way: tuple[int, ...], targets: fr
             f"vehicle {plan.start.obstacle_id} cannot drive from lanelet {way[0]} to {way[-1]}: lanes do not connect",
             next_step="choose another lanelet",
         )
-    return replace(plan, lanelets=way, targets=targets, edges=scene.edge_graph.extended(edges, way[-1]))
+    return replace(
+        plan, through=frozenset(), lanelets=way, targets=targets, edges=scene.edge_graph.extended(edges, way[-1])
+    )
 
 
 def _last_of_branch(scene: Scene, start: int, turn: str, who: str) -> int:

@@ -164,6 +164,7 @@ class _Run:
         self.manoeuvring = Manoeuvring(sumo)
         self.present: set[str] = set()
         self.astray: set[str] = set()
+        self.used: set[tuple[str, str]] = set()
         self.seen: dict[int, list[tuple[int, float, float, str]]] = {}
 
     def before(self, step: int) -> None:
@@ -232,9 +233,11 @@ class _Run:
             if vehicle.getRoute(one.key)[-1] != one.edges[-1]:
                 self.astray.add(one.key)
         lane_id = vehicle.getLaneID(one.key)
-        for edge, lane in (*one.through, *([one.target] if one.target else [])):
-            if lane_id.rpartition("_")[0] == edge and lane_id != f"{edge}_{lane}":
-                vehicle.changeLane(one.key, lane, LANE_CHANGE_S)
+        self.used.add((one.key, lane_id))
+        through = [hint for hint in one.through if (one.key, f"{hint[0]}_{hint[1]}") not in self.used]
+        here = [hint for hint in (*through, one.target) if hint and hint[0] == lane_id.rpartition("_")[0]]
+        if here and lane_id != f"{here[0][0]}_{here[0][1]}":
+            vehicle.changeLane(one.key, here[0][1], LANE_CHANGE_S)
         self.manoeuvring.act(one.key, one.manoeuvres, step)
         x, y = vehicle.getPosition(one.key)
         self.seen.setdefault(one.track.obstacle_id, []).append((step, x, y, lane_id))

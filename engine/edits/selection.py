@@ -13,6 +13,9 @@ from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 from plannerforge.schemas.grammar import SELECTORS, Selector, parse_selector
 
 STANDING_MPS = 0.1
+TIE = 1e-3
+"""Speeds in m/s or distances in m that differ by less are the same to whoever describes a vehicle by them."""
+
 EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
@@ -155,13 +158,13 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
         return _fitting("stands at the start", [key for key in there if _speed(there[key], step) < STANDING_MPS], scene)
     if selector.kind in ("fastest", "slowest"):
         sign = -1.0 if selector.kind == "fastest" else 1.0
-        return _first(there, 1, lambda track: sign * _speed(track, step))
+        return _first(selector, there, 1, lambda track: sign * _speed(track, step))
     ego = _ego(scene, selector)
     if selector.kind in ("lead", "follow"):
         found = leader_and_follower(scene, ego)[selector.kind == "follow"]
         return _fitting(f"is the ego's {selector.kind}", [] if found is None else [found], scene)
     sign, count = (-1.0, 1) if selector.kind == "farthest" else (1.0, max(1, int(selector.argument)))
-    return _first(there, count, lambda track: sign * _distance(track, step, ego))
+    return _first(selector, there, count, lambda track: sign * _distance(track, step, ego))
 
 
 def _fitting(what: str, found: Sequence[int], scene: Scene) -> tuple[int, ...]:
@@ -170,8 +173,18 @@ def _fitting(what: str, found: Sequence[int], scene: Scene) -> tuple[int, ...]:
     return tuple(found)
 
 
-def _first(tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
-    return tuple(sorted(tracks, key=lambda key: (rank(tracks[key]), key))[:count])
+def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
+    """The first vehicles by a rank, of which the last must not be as good as the next one."""
+    order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
+    chosen, bound = order[:count], rank(tracks[order[:count][-1]])
+    alike = [key for key in order if abs(rank(tracks[key]) - bound) < TIE]
+    if not set(alike) <= set(chosen):
+        raise NotPossible(
+            f"'{selector}' is ambiguous: {len(alike)} vehicles are alike",
+            valid=[_name(tracks[key]) for key in alike],
+            next_step="name one by its id",
+        )
+    return tuple(chosen)
 
 
 def _ego(scene: Scene, selector: Selector) -> Ego:

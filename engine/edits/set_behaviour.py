@@ -2,18 +2,21 @@
 
 from dataclasses import replace
 
-from plannerforge.engine.edits.behaviours import behaviour_from, presets
+from plannerforge.engine.edits.behaviours import behaviour_from, own_minimum_gap_m, presets
 from plannerforge.engine.edits.changes import Changes, EditStep, plan_of
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import select
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.modification import Edit
 
+MOST_KEPT_NAMED = 8
+
 
 def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Give the selected vehicles a preset, single parameters, or a preset with single parameters on top.
 
-    Class, length and width of a vehicle stay.
+    Class, length and width of a vehicle stay, and so does the minimum gap of a class that has its own, where no
+    parameter sets it.
 
     Raises:
         InvalidRequest: neither preset nor parameters, or a value out of range.
@@ -22,10 +25,15 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     if edit.preset is None and not edit.params:
         raise InvalidRequest("set_behaviour needs a preset or params", valid=[*presets(), "params=['tau=0.7']"])
     vehicles = select(edit.vehicles, scene, changes)
+    kept: list[str] = []
     for vehicle_id in vehicles:
         plan = plan_of(scene, changes, vehicle_id)
-        behaviour = behaviour_from(plan.behaviour, edit.preset, edit.params)
+        own_gap_m = own_minimum_gap_m(plan.vehicle_class)
+        behaviour = behaviour_from(plan.behaviour, edit.preset, edit.params, own_gap_m)
+        if edit.preset and own_gap_m is not None and behaviour.values["minGap"] == own_gap_m:
+            kept.append(f"{plan.vehicle_class.name} {vehicle_id} keeps its own minGap of {own_gap_m:g} m")
         changes = changes.with_plan(replace(plan, behaviour=behaviour))
     words = [edit.preset.strip().lower()] if edit.preset else []
     shown = ", ".join(str(key) for key in vehicles[:8]) + (" …" if len(vehicles) > 8 else "")
-    return EditStep(changes, vehicles, f"{' '.join([*words, *edit.params])} for {shown}")
+    what = f"{' '.join([*words, *edit.params])} for {shown}"
+    return EditStep(changes, vehicles, "; ".join([what, *kept[:MOST_KEPT_NAMED]]))

@@ -155,3 +155,30 @@ def test_a_scenario_without_vehicles_takes_one(apply: Apply) -> None:
 def test_the_ego_of_a_later_start_is_no_obstacle_before(apply: Apply) -> None:
     late = replace(town_road(), problems=(Problem(start_step=50),))
     assert apply(CAR | {"at": "ego"}, builder=late).outcome.edits[0].done
+
+
+@pytest.mark.parametrize(
+    ("place", "expected"),
+    [
+        ({"at": "ego", "lane": "oncoming", "offset_m": 60}, (100.0, 7.0)),
+        ({"at": "vehicle:33", "lane": "oncoming"}, (60.0, 7.0)),
+        ({"at": "33", "lane": "right", "offset_m": -25}, (35.0, 0.0)),
+    ],
+)
+def test_places_relative_to_another_lane(apply: Apply, place: dict[str, object], expected: tuple[float, float]) -> None:
+    free = SHORT.with_vehicles(SHORT.vehicles[2])
+    ego_elsewhere = replace(free, problems=(Problem(start=(40.0, 3.5, 0.0, 10.0), goal=(150.0, 3.5, 8.0, 3.0)),))
+    assert apply(CAR | place, builder=ego_elsewhere).tracks()[101].positions[0] == pytest.approx(expected, abs=0.01)
+
+
+def test_no_oncoming_lane_is_refused(apply: Apply) -> None:
+    one_way = Problem(start=(220.0, -60.0, -math.pi / 2, 10.0), goal=(220.0, -90.0, 8.0, 3.0))
+    with pytest.raises(NotPossible, match="the ego has no oncoming lane") as caught:
+        apply(CAR | {"at": "ego", "lane": "oncoming"}, builder=replace(SHORT, problems=(one_way,)))
+    assert caught.value.valid
+
+
+def test_a_place_beside_a_vehicle_that_was_just_added(apply: Apply) -> None:
+    behind = CAR | {"at": "vehicle:new:0", "offset_m": -20}
+    tracks = apply(CAR | {"at": "13", "position": "60m"}, behind, builder=SHORT).tracks()
+    assert tracks[102].positions[0] == pytest.approx((220.0, -60.0), abs=0.01)

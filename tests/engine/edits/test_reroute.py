@@ -75,3 +75,34 @@ def test_either_a_target_or_a_turn_is_needed(apply: Apply, edit: dict[str, objec
 def test_all_vehicles_or_none(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="vehicle 34"):
         apply({"op": "reroute", "vehicles": ["35", "34"], "to": ["13"]})
+
+
+def test_lanelets_on_the_way_are_driven_through_in_order(apply: Apply) -> None:
+    alone = town_road().with_vehicles(driving(31, (20, 0), 10.0, 281))
+    route = apply({"op": "reroute", "vehicles": ["31"], "via": ["2"], "to": ["11"]}, builder=alone)
+    (driven,) = route.outcome.edits[0].routes
+    assert driven.arrives
+    assert driven.lanelets[:2] == (1, 2)
+    assert 11 in driven.lanelets
+
+
+def test_a_lanelet_on_the_way_that_leads_nowhere_is_refused(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="11 cannot be reached by vehicle 31 from lanelet 13"):
+        apply({"op": "reroute", "vehicles": ["31"], "via": ["13"], "to": ["11"]})
+
+
+def test_an_edge_stands_for_all_its_lanes(apply: Apply) -> None:
+    assert apply({"op": "reroute", "vehicles": ["31"], "to": ["e13"]}).outcome.edits[0].routes[0].arrives
+
+
+def test_a_bend_that_the_vehicle_comes_to_too_fast_is_refused(apply: Apply) -> None:
+    racing = town_road().with_vehicles(driving(36, (150, 0), 38.0, 30))
+    with pytest.raises(NotPossible, match=r"38\.0 m/s 50 m before lanelet 12.*cannot brake enough"):
+        apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=racing)
+
+
+def test_a_bend_that_it_can_brake_for_is_driven(apply: Apply) -> None:
+    fast = town_road().with_vehicles(driving(36, (50, 0), 30.0, 60))
+    applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=fast)
+    assert applied.outcome.edits[0].routes[0].arrives
+    assert applied.outcome.touched[0].feasible

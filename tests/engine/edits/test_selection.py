@@ -94,3 +94,11 @@ def test_nobody_named_and_only_exclusions_are_refused(apply: Apply) -> None:
 def test_new_refers_to_an_earlier_edit_that_adds(apply: Apply) -> None:
     with pytest.raises(UnknownName, match="of the same call"):
         meant(apply, "new:0")
+
+
+@pytest.mark.parametrize("word", ["fastest", "slowest"])
+def test_two_that_fit_alike_are_refused_with_both(apply: Apply, word: str) -> None:
+    builder = town_road().with_vehicles(driving(31, (90, 0), 5.0, 11), driving(32, (60, 3.5), 5.0, 11))
+    with pytest.raises(NotPossible, match=f"'{word}' is ambiguous: 2 vehicles are alike") as caught:
+        meant(apply, word, builder=builder)
+    assert caught.value.valid == ("31 (car)", "32 (car)")

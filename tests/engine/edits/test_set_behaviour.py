@@ -1,6 +1,7 @@
 """Edit B."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,6 +73,27 @@ def test_the_eagerness_to_change_lanes_for_the_route_acts(apply: Apply) -> None:
         beside.append(apply(away, manner, builder=IN_THE_LEFT_LANE).tracks()[31].positions[60][1])
     assert beside[0] > 3.0
     assert beside[1] < 0.5
+
+
+def test_willingness_to_cooperate_lets_another_vehicle_in(apply: Apply) -> None:
+    merging = replace(
+        town_road().with_vehicles(driving(31, (60, 0), 8.0, 151), driving(33, (58, 3.5), 10.0, 151)), problems=()
+    )
+    away = {"op": "reroute", "vehicles": ["33"], "to": ["13"]}
+    arrives = {}
+    for value in (0, 1):
+        params = [f"lcCooperative={value}", "lcKeepRight=0", "lcSpeedGain=0"]
+        applied = apply(away, {"op": "set_behaviour", "vehicles": ["31"], "params": params}, builder=merging)
+        arrives[value] = applied.outcome.edits[0].routes[0].arrives
+    assert arrives == {0: False, 1: True}
+
+
+def test_a_class_with_a_gap_of_its_own_keeps_it_and_the_report_says_so(apply: Apply) -> None:
+    applied = apply({"op": "set_behaviour", "vehicles": ["34"], "preset": "cautious"})
+    assert "motorcycle 34 keeps its own minGap of 2 m" in applied.outcome.edits[0].what
+    usual = usual_behaviour(vehicle_classes()["motorcycle"])
+    assert behaviour_from(usual, "cautious", [], 2.0).values["minGap"] == 2.0
+    assert behaviour_from(usual, "cautious", ["minGap=5"], 2.0).values["minGap"] == 5.0
 
 
 def test_class_and_size_stay(apply: Apply) -> None:
