@@ -12,7 +12,7 @@ from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.walker_shadows import walker_shadows
 from plannerforge.engine.scenarios.tracks import Track
 
-EMERGENCY_DECELERATION_MPS2 = 9.0
+EMERGENCY_DECELERATION_MPS2 = 8.0
 
 Hint = tuple[str, int]
 """SUMO edge and lane index where a recorded pose lies; ("", -1) where nobody knows."""

@@ -86,6 +86,9 @@ def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
 
 def _steps(edit: Edit, scene: Scene, ego: Ego, distance_m: float) -> tuple[int, int] | None:
     if edit.goal_time is None:
+        kept = _kept_last_step(scene, ego)
+        if kept is not None:
+            _check_in_reach(scene, ego, distance_m, kept)
         return None
     interval = parse_interval(edit.goal_time, "s", step_s=scene.step_s)
     last = scene.last_step if interval.high is None else math.floor(interval.high / scene.step_s + 1e-6)
@@ -94,7 +97,17 @@ def _steps(edit: Edit, scene: Scene, ego: Ego, distance_m: float) -> tuple[int, 
         first = last = round((interval.high or 0.0) / scene.step_s)
     if not 0 <= first <= last or last <= ego.step:
         raise InvalidRequest(f"goal_time '{edit.goal_time}' does not lie after the start", valid=["'8..12s'", "'<=9s'"])
-    available = (last - ego.step) * scene.step_s
+    _check_in_reach(scene, ego, distance_m, last)
+    return first, last
+
+
+def _check_in_reach(scene: Scene, ego: Ego, distance_m: float, last_step: int) -> None:
+    """Refuse a goal that no car reaches by a step.
+
+    Raises:
+        NotPossible: naming the shortest time.
+    """
+    available = max(last_step - ego.step, 0) * scene.step_s
     farthest = min(
         ego.speed_mps * available + LARGEST_ACCELERATION_MPS2 * available**2 / 2, LARGEST_SPEED_MPS * available
     )
@@ -103,7 +116,6 @@ def _steps(edit: Edit, scene: Scene, ego: Ego, distance_m: float) -> tuple[int, 
             f"{distance_m:.1f} m within {available:.1f} s is out of reach of any car from {ego.speed_mps:.1f} m/s",
             valid=[f"goal_time of at least {_shortest_time(ego.speed_mps, distance_m):.1f} s"],
         )
-    return first, last
 
 
 def _needed_speed(scene: Scene, ego: Ego, goal: GoalChange, distance_m: float) -> float | None:

@@ -102,7 +102,7 @@ def test_a_bend_that_the_vehicle_comes_to_too_fast_is_refused(apply: Apply) -> N
 
 
 def test_a_bend_that_it_can_brake_for_is_driven(apply: Apply) -> None:
-    fast = town_road().with_vehicles(driving(36, (50, 0), 30.0, 60))
-    applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=fast)
+    fast = town_road().with_vehicles(driving(36, (50, 0), 25.0, 101))
+    applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["12"]}, builder=fast)
     assert applied.outcome.edits[0].routes[0].arrives
     assert applied.outcome.touched[0].feasible

@@ -88,3 +88,12 @@ def test_without_a_lanelet_those_the_ego_reaches_are_named(apply: Apply) -> None
     with pytest.raises(InvalidRequest, match="needs a lanelet") as caught:
         apply({"op": "set_goal"})
     assert {"11", "13"} <= set(caught.value.valid)
+
+
+def test_a_goal_too_far_for_the_time_that_it_keeps_is_refused_with_the_shortest_time(apply: Apply) -> None:
+    hurried = replace(town_road(), problems=(Problem(steps=(10, 20)),))
+    with pytest.raises(NotPossible, match="out of reach of any car") as caught:
+        apply({"op": "set_goal", "to": ["11"]}, builder=hurried)
+    assert "goal_time of at least" in str(caught.value.text)
+    applied = apply({"op": "set_goal", "to": ["11"], "goal_time": "10..15s"}, builder=hurried)
+    assert applied.outcome.edits[0].done
