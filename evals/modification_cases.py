@@ -67,6 +67,7 @@ class Case:
     speed_step_mps: float = 0.0
     physical: tuple[Physical, ...] = ()
     edit_s: float = 0.0
+    edit_cpu_s: float = 0.0
     executed: bool | None = None
     in_several_calls_equal: bool | None = None
 
@@ -128,20 +129,22 @@ def _first_possible(
     reason = ""
     for one in asked:
         try:
-            outcome, seconds = _edited(path, one, folder)
+            outcome, wall_s, cpu_s = _edited(path, one, folder)
         except PlannerForgeError as error:
             reason = error.text
             continue
         case = _checked(path, scene, one, outcome, name or path.stem, check_drivable=check_drivable)
-        return replace(case, edit_s=seconds, executed=None if base is None else executed(folder / SCENARIO_FILE, base))
+        ran = None if base is None else executed(folder / SCENARIO_FILE, base)
+        return replace(case, edit_s=wall_s, edit_cpu_s=cpu_s, executed=ran)
     return Case(asked[0].task, name or path.stem, reason)
 
 
-def _edited(path: Path, asked: Asked, folder: Path, earlier: int = 0) -> tuple[ModificationOutcome, float]:
+def _edited(path: Path, asked: Asked, folder: Path, earlier: int = 0) -> tuple[ModificationOutcome, float, float]:
+    """The outcome, and the wall and processor seconds that it took."""
     request = ModificationRequest(xml=path, edits=asked.edits, benchmark_id=NEW_ID, output=folder, earlier=earlier)
-    began = time.perf_counter()
+    wall_s, cpu_s = time.perf_counter(), time.process_time()
     outcome = apply_edits(request, silent)
-    return outcome, time.perf_counter() - began
+    return outcome, time.perf_counter() - wall_s, time.process_time() - cpu_s
 
 
 def _checked(
@@ -199,7 +202,7 @@ def _motion(track: Track, begin: int, end: int) -> Motion:
 def _in_several_calls(path: Path, asked: Asked, xml: Path) -> bool:
     """Whether the last of several calls, one for each edit, writes the same bytes."""
     with TemporaryDirectory() as folder:
-        outcome, _ = _edited(path, asked, Path(folder), earlier=len(asked.edits) - 1)
+        outcome, _, _ = _edited(path, asked, Path(folder), earlier=len(asked.edits) - 1)
         return outcome.xml is not None and outcome.xml.read_bytes() == xml.read_bytes()
 
 

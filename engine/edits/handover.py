@@ -12,7 +12,7 @@ from plannerforge.engine.traffic.smoothing import REAR_AXLE_BEHIND_CENTER_M, Mot
 
 HISTORY_STEPS = 15
 FEWEST_STATES = 5
-POSE_DECAY_S, SPEED_DECAY_S = 1.5, 0.6
+POSE_DECAY_S, SPEED_DECAY_S = 1.5, 0.8
 LANE_S = 3.0
 """A vehicle recorded beside its lane is led into it in so long, as in a lane change; SUMO puts it there at once."""
 
