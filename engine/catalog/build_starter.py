@@ -53,6 +53,20 @@ PLANS = (
     Plan("Quadratstadt", "urban", "high", ("truck", "bicycle"), 8, 16),
     Plan("Landmoor", "rural", "low", ("truck",), 12, 17),
     Plan("Landmoor", "rural", "low", ("bus", "motorcycle"), 12, 18, "distance_m:100"),
+    Plan("Musterstadt", "signalised_intersection", "high", ("taxi", "coach"), 10, 19),
+    Plan("Musterstadt", "urban", "low", ("delivery", "moped"), 12, 20, "distance_m:60"),
+    Plan("Fahrhausen", "intersection", "medium", ("motorcycle",), 12, 21),
+    Plan("Fahrhausen", "urban", "high", ("bicycle", "moped"), 10, 22),
+    Plan("Kreiselheim", "roundabout", "high", ("coach",), 10, 23),
+    Plan("Kreiselheim", "intersection", "low", ("emergency",), 12, 24),
+    Plan("Neuland", "highway", "high", ("trailer", "truck"), 10, 25),
+    Plan("Neuland", "highway", "low", ("emergency", "motorcycle"), 15, 26, "distance_m:200"),
+    Plan("Neuland", "ramp", "high", ("truck", "delivery"), 10, 27),
+    Plan("Neuland", "rural", "medium", ("trailer",), 12, 28),
+    Plan("Quadratstadt", "intersection", "medium", ("bus",), 12, 29, "steps:70"),
+    Plan("Quadratstadt", "signalised_intersection", "low", ("delivery", "bicycle"), 12, 30),
+    Plan("Landmoor", "rural", "medium", ("trailer", "coach"), 12, 31),
+    Plan("Landmoor", "intersection", "low", ("truck",), 12, 32),
 )
 
 

@@ -43,7 +43,10 @@ class Ribbon:
 
 
 def draw_ribbons(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, Ribbon], tuple[str, ...]]:
-    """The ribbons of all lanes of the graph, and the internal lanes for which none can be drawn (hairpins)."""
+    """The ribbons of all lanes of the graph, and the internal lanes for which none can be drawn (hairpins).
+
+    A ribbon that leads against its own bounds counts as one that cannot be drawn.
+    """
     ribbons: dict[str, Ribbon] = {}
     for edge in net.edges.values():
         lanes = sorted((graph.lanes[key] for key in edge.lane_ids if key in graph.lanes), key=lambda lane: lane.index)
@@ -60,11 +63,20 @@ def draw_ribbons(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, Ribbon], tup
         _share_again(ribbon)
     for key, ribbon in ribbons.items():
         _close_joint(key, ribbon, ribbons, graph)
-    dropped = tuple(key for key, ribbon in ribbons.items() if not _repair(ribbon) and ribbon.lane.internal)
+    dropped = tuple(
+        key for key, ribbon in ribbons.items() if not (_repair(ribbon) and _leads_on(ribbon)) and ribbon.lane.internal
+    )
     for key in dropped:
         ribbons.pop(key).part()
     _find_oncoming(net, ribbons)
     return ribbons, dropped
+
+
+def _leads_on(ribbon: Ribbon) -> bool:
+    """Whether the left bound lies on the left, seen along the ribbon."""
+    ahead, across = np.diff((ribbon.left + ribbon.right) / 2, axis=0), ribbon.left - ribbon.right
+    between = (across[:-1] + across[1:]) / 2
+    return float((ahead[:, 0] * between[:, 1] - ahead[:, 1] * between[:, 0]).sum()) >= 0.0
 
 
 def _parallel_groups(lanes: list[NetLane]) -> list[list[NetLane]]:

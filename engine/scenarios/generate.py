@@ -26,7 +26,7 @@ from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import Checks, GeneratedScenario, GenerationRequest, VehicleDemand
 
 STEP_S = 0.1
-MOST_TRIES = 4
+MOST_TRIES = 5
 LEAST_FEASIBLE = 0.97
 LEAST_ON_LANELETS = 0.985
 
@@ -79,6 +79,8 @@ def _generate(request: GenerationRequest, report: ProgressReporter) -> Generated
     refusals: list[NotPossible] = []
     with tempfile.TemporaryDirectory(dir=request.folder) as scratch:
         for number, (site, round_number) in enumerate(_candidates(sites, request)):
+            if round_number and any(attempt.scenario.checks.network_errors for attempt in tried):
+                continue  # other traffic does not mend the road network
             folder = Path(scratch) / str(number)
             folder.mkdir()
             try:

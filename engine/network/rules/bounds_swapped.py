@@ -7,10 +7,15 @@ import numpy as np
 from plannerforge.engine.network.road_document import RoadDocument
 from plannerforge.engine.network.rules.rule import Defect, Rule
 
+SHORTEST_M = 0.2
+"""Shorter lanelets have no direction to speak of; another rule names them."""
+
 
 def _find(document: RoadDocument) -> Iterator[Defect]:
     for lanelet in document.drawn:
         ahead = np.diff(lanelet.center, axis=0)
+        if np.linalg.norm(ahead, axis=1).sum() < SHORTEST_M:
+            continue
         across = ((lanelet.left - lanelet.right)[:-1] + (lanelet.left - lanelet.right)[1:]) / 2
         turned = ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]
         if turned.sum() < 0 and (turned < 0).mean() > 0.5:
