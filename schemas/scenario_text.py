@@ -54,7 +54,7 @@ def _lanelet(lanelet: "DescribedLanelet") -> str:
     beside = [f"left {lanelet.left}"] if lanelet.left is not None else []
     beside += [f"right {lanelet.right}"] if lanelet.right is not None else []
     beside += [f"opposite {lanelet.opposite}"] if lanelet.opposite is not None else []
-    parts = [f"{lanelet.length_m:.0f} m"]
+    parts = [f"{lanelet.length_m:.0f} m", *([f"edge {lanelet.edge}"] if lanelet.edge else [])]
     parts += [lanelet.role] if lanelet.role else []
     parts += [f"leads {', '.join(lanelet.successors)}" if lanelet.successors else "leads nowhere"]
     parts += [f"beside {', '.join(beside)}"] if beside else []

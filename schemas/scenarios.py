@@ -207,9 +207,10 @@ class DescribedVehicle(Model):
 
 
 class DescribedLanelet(Model):
-    """A lanelet: what follows it by direction, its neighbours of the same direction, and who stands on it at first."""
+    """A lanelet: its edge, what follows by direction, neighbours of its direction, and who stands on it at first."""
 
     lanelet_id: int
+    edge: str | None = Field(description="SUMO's edge; None inside junctions and where nobody drives")
     length_m: float
     role: str
     successors: tuple[str, ...] = Field(description="direction and id: 'left 12'")

@@ -40,7 +40,7 @@ PARAMETERS: Mapping[str, ParameterRange] = {
     "speedFactor": ParameterRange("desired speed over the lane's speed", 0.0, 5.0, above=True),
     "impatience": ParameterRange("willingness to impede others at junctions", 0.0, 1.0),
     "lcStrategic": ParameterRange("eagerness to change lanes for the route", 0.0, 100.0),
-    "lcCooperative": ParameterRange("willingness to change lanes for others", 0.0, 1.0),
+    "lcCooperative": ParameterRange("willingness to let others change into its lane", 0.0, 1.0),
     "lcSpeedGain": ParameterRange("eagerness to change lanes for speed", 0.0, 100.0),
     "lcKeepRight": ParameterRange("eagerness to keep right", 0.0, 100.0),
 }

@@ -31,7 +31,7 @@ def _named(text: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
 
 
 def known_lanelet(text: str, scene: Scene) -> int:
-    """The drivable lanelet with this id.
+    """The drivable lanelet with this id, or under this lane of SUMO's (edge, underscore, index).
 
     Raises:
         UnknownName: no such lanelet or edge; the nearest ids are named.
@@ -39,6 +39,8 @@ def known_lanelet(text: str, scene: Scene) -> int:
     lanes = scene.layout.table.lanes
     if text.isdigit() and int(text) in lanes:
         return int(text)
+    if len(scene.layout.lanelets_of_lane.get(text, ())) == 1:
+        return scene.layout.lanelets_of_lane[text][0]
     if text.isdigit():
         every = {lanelet.lanelet_id for lanelet in scene.network.lanelets}
         what = "is no lanelet that vehicles drive on" if int(text) in every else "is no lanelet of the scenario"

@@ -104,6 +104,8 @@ def _lanelet(text: str, scene: Scene) -> int | None:
     body = text.strip()
     if body in scene.layout.edges:
         return scene.layout.edges[body][0]
+    if body in scene.layout.lanelets_of_lane:
+        return known_lanelet(body, scene)
     if body.isdigit() and int(body) not in scene.tracks and int(body) not in scene.standing:
         return known_lanelet(body, scene)
     return None

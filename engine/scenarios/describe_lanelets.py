@@ -33,6 +33,7 @@ def _lanelet(scene: Scene, ego: DescribedEgo | None, key: int, vehicles: tuple[i
     opposite = lanelet.adj_left if lanelet.adj_left is not None and not lanelet.adj_left_same_direction else None
     return DescribedLanelet(
         lanelet_id=key,
+        edge=scene.layout.lane_of.get(key, (None, 0))[0],
         length_m=round(graph.length_m[key], 1),
         role=_role(ego, key),
         successors=tuple(f"{_direction(scene, following)} {following}" for following in graph.successors[key]),

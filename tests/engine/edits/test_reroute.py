@@ -91,8 +91,9 @@ def test_a_lanelet_on_the_way_that_leads_nowhere_is_refused(apply: Apply) -> Non
         apply({"op": "reroute", "vehicles": ["31"], "via": ["13"], "to": ["11"]})
 
 
-def test_an_edge_stands_for_all_its_lanes(apply: Apply) -> None:
-    assert apply({"op": "reroute", "vehicles": ["31"], "to": ["e13"]}).outcome.edits[0].routes[0].arrives
+@pytest.mark.parametrize("target", ["13", "e13", "e13_0"])
+def test_lanelets_edges_and_lanes_are_all_understood(apply: Apply, target: str) -> None:
+    assert apply({"op": "reroute", "vehicles": ["31"], "to": [target]}).outcome.edits[0].routes[0].arrives
 
 
 def test_a_bend_that_the_vehicle_comes_to_too_fast_is_refused(apply: Apply) -> None:

@@ -48,6 +48,7 @@ def test_lanelets_say_where_they_lead_and_what_lies_beside(town: Path) -> None:
     lanelets = {lanelet.lanelet_id: lanelet for lanelet in described(town, "lanelets").lanelets}
     assert set(lanelets[1].successors) == {"straight 11", "right 12"}
     assert lanelets[1].left == 2
+    assert (lanelets[1].edge, lanelets[2].edge, lanelets[13].edge) == ("e1", "e1", "e13")
     assert lanelets[2].opposite == 3
     assert "ego starts here" in lanelets[1].role
     assert lanelets[1].vehicles == (31, 32, 35)
