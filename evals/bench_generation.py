@@ -30,7 +30,7 @@ from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
 from plannerforge.engine.scenarios.site_choice import count_sites
 from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.engine.tuning.configurations import named_configuration
-from plannerforge.evals.generation_figures import Made, Stages, print_generation
+from plannerforge.evals.generation_figures import Made, Stages, print_generation, tell
 from plannerforge.evals.generation_judge import MadeFiles, holds_vehicles, lies_at, shows_type
 from plannerforge.evals.generation_motion import measure_motion
 from plannerforge.evals.generation_requests import (
@@ -178,8 +178,11 @@ def measure(maps_folder: Path, corpus: Path, limit: int | None) -> None:
             wishes = asked_of(request, entries)
         except PlannerForgeError as error:
             made.append(Made(request, fault=f"{type(error).__name__}: {error.message}"))
+            tell(len(made), made[-1])
             continue
-        made += [make(request, wish, places, len(made) + index) for index, wish in enumerate(wishes)]
+        for wish in wishes:
+            made.append(make(request, wish, places, len(made)))
+            tell(len(made), made[-1])
     refusals = {request.name: refused_right(request, entries) for request in track(bad, description="refusals")}
     print_generation(converted, len(good), made, refusals)
 

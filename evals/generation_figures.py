@@ -66,16 +66,8 @@ def print_generation(
     motions = [one.motion for one in whole if one.motion is not None]
     for name, fault in converted.items():
         _tell(f"map {name}", fault)
-    for one in made:
-        wrong = [key for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
-        overlapping = one.motion is not None and one.motion.overlapping_pairs > 0
-        drawn = one.fault or ", ".join([*wrong, *(["overlaps"] if overlapping else [])])
-        _tell(f"{one.request.name} {one.request.map_name} {one.request.arguments.scenario_type}", drawn)
     for name, fault in refusals.items():
         _tell(f"to be refused {name}", fault)
-    for motion in motions:
-        for name in motion.infeasible_names:
-            _tell(name, "cannot be driven")
     outcomes = Counter(one.outcome for one in whole)
     collisions = rate(outcomes["collision"], len(whole))
     figures: dict[str, float | int | str] = {
@@ -103,6 +95,19 @@ def print_generation(
     for density in ("low", "high"):
         rows += [(f"{density}: {stage}", f"{seconds:.3f} s") for stage, seconds in _stages(whole, density)]
     print_figures("Generation", rows, figures)
+
+
+def tell(number: int, one: Made) -> None:
+    """Say at once what is wrong with a scenario, because a whole run takes long."""
+    wrong = [key for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
+    motion = one.motion
+    if motion is not None:
+        wrong += [f"{name} cannot be driven" for name in motion.infeasible_names]
+        wrong += ["overlaps"] if motion.overlapping_pairs else []
+    arguments = one.request.arguments
+    what = f"{number} {one.request.name} {one.request.map_name} {arguments.scenario_type} {arguments.density}"
+    sys.stderr.write(f"{what}: {one.fault or ', '.join(wrong) or one.outcome}\n")
+    sys.stderr.flush()
 
 
 def _tell(what: str, fault: str) -> None:
