@@ -167,7 +167,7 @@ def lies_at(made: MadeFiles, map_file: Path, bounds: list[float], street: str | 
     south, west, north, east = bounds
     if not (south - 0.01 <= made.latitude <= north + 0.01 and west - 0.01 <= made.longitude <= east + 0.01):
         return False
-    if street is None:
+    if street is None or any(same_street(edge.name, street) for edge in made.net.edges.values() if edge.name):
         return True
     root = etree.parse(map_file).getroot()
     places = {n.get("id"): (float(n.get("lat", "nan")), float(n.get("lon", "nan"))) for n in root.iterfind("node")}

@@ -8,6 +8,7 @@ from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.scene import Scene
 
 SPEED_TOLERANCE_MPS = 0.3
+STILL_CHANGING_MPS2 = 0.3
 
 
 def why_not(
@@ -44,8 +45,18 @@ def speeds_reached(scene: Scene, step: EditStep, result: Resimulated) -> list[st
             found.append(f"{key} reaches it at {when:.1f} s")
         elif len(speeds):
             closest = float(speeds[np.argmin(np.abs(speeds - wanted))])
-            found.append(f"{key} does not reach it, {closest:.1f} m/s at best: the traffic, the road or the time")
+            found.append(f"{key} does not reach it, {closest:.1f} m/s at best: {_held_back(scene, track, wanted)}")
     return found
+
+
+def _held_back(scene: Scene, track: TouchedTrack, wanted_mps: float) -> str:
+    """Why a speed is not reached: no time, or something in the way."""
+    missing = np.abs(track.motion.speeds_mps[-round(1.0 / scene.step_s) - 1 :] - wanted_mps)
+    if missing[0] - missing[-1] < STILL_CHANGING_MPS2:
+        return "traffic ahead, a junction or a bend holds it back"
+    if track.leaves:
+        return "it leaves the network before"
+    return f"the scenario ends at {scene.last_step * scene.step_s:.1f} s"
 
 
 def _beside(scene: Scene, plan: DrivePlan) -> set[int]:

@@ -18,6 +18,7 @@ SIGNAL_REACH_M = 45.0
 MERGE_M = 60.0
 RURAL_CLEAR_M, TOWN_CLEAR_M = 120.0, 400.0
 TOWN_JUNCTIONS_PER_KM = 5.0
+MOST_BEHIND = 30
 RAMP_CLASSES = frozenset({"motorway_link", "trunk_link"})
 SPACING_M = 400.0
 RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
@@ -132,10 +133,23 @@ class SiteFinder:
                 ways = self.streets.ways_at[key]
                 classes = {way.road_class for way in ways}
                 if family in classes and classes & RAMP_CLASSES:
-                    found.append(self._site("ramp", self.osm.nodes[key], ways, key))
+                    reached = self._roads_behind(ways)
+                    found.append(self._site("ramp", self.osm.nodes[key], [*ways, *reached], key))
             if found:
                 return found
         return []
+
+    def _roads_behind(self, ways: list[OsmWay]) -> list[OsmWay]:
+        """The roads to which the links among the ways lead: a ramp is called after them too."""
+        found: dict[int, OsmWay] = {}
+        waiting = [way for way in ways if way.road_class in LINKS]
+        while waiting:
+            for key in waiting.pop().node_ids:
+                for way in self.streets.ways_at[key]:
+                    if way.way_id not in found and len(found) < MOST_BEHIND:
+                        found[way.way_id] = way
+                        waiting += [way] if way.road_class in LINKS else []
+        return list(found.values())
 
     def _motorways(self) -> list[Site]:
         for family in ("motorway", "trunk"):

@@ -46,19 +46,24 @@ YIELDING = crossing().with_vehicles(
 )
 
 
-@pytest.mark.parametrize(
-    ("parameter", "low", "high", "builder"),
-    [
-        ("accel", 1.0, 3.0, ALONE),
-        ("speedFactor", 0.7, 1.2, ALONE),
-        ("sigma", 0.0, 1.0, ALONE),
-        ("decel", 2.0, 6.0, STANDING_AHEAD),
-        ("minGap", 1.0, 6.0, STANDING_AHEAD),
-        ("lcSpeedGain", 0.0, 10.0, SLOW_AHEAD),
-        ("lcKeepRight", 0.0, 10.0, IN_THE_LEFT_LANE),
-        ("impatience", 0.0, 1.0, YIELDING),
-    ],
-)
+ACTING = [
+    ("accel", 1.0, 3.0, ALONE),
+    ("speedFactor", 0.7, 1.2, ALONE),
+    ("sigma", 0.0, 1.0, ALONE),
+    ("decel", 2.0, 6.0, STANDING_AHEAD),
+    ("minGap", 1.0, 6.0, STANDING_AHEAD),
+    ("lcSpeedGain", 0.0, 10.0, SLOW_AHEAD),
+    ("lcKeepRight", 0.0, 10.0, IN_THE_LEFT_LANE),
+    ("impatience", 0.0, 1.0, YIELDING),
+]
+IN_TESTS_OF_THEIR_OWN = {"tau", "lcStrategic", "lcCooperative"}
+
+
+def test_every_parameter_is_shown_to_act() -> None:
+    assert {name for name, *_ in ACTING} | IN_TESTS_OF_THEIR_OWN == set(PARAMETERS)
+
+
+@pytest.mark.parametrize(("parameter", "low", "high", "builder"), ACTING)
 def test_a_parameter_acts(apply: Apply, parameter: str, low: float, high: float, builder: ScenarioBuilder) -> None:
     tracks = [driven(apply, 31, builder, params=[f"{parameter}={value}"]) for value in (low, high)]
     steps = min(len(track.positions) for track in tracks)

@@ -41,6 +41,12 @@ def test_traffic_ahead_is_not_run_into_and_the_report_says_how_close_it_came(app
     applied = apply(held("20m/s"), builder=ALONE.with_vehicles(*ALONE.vehicles, slow))
     assert not applied.outcome.collisions
     assert "34 does not reach it" in applied.outcome.edits[0].what
+    assert "traffic ahead, a junction or a bend holds it back" in applied.outcome.edits[0].what
+
+
+def test_a_speed_for_which_there_is_no_time_says_so(apply: Apply) -> None:
+    what = apply(held("30m/s", time_s=8.5), builder=ALONE).outcome.edits[0].what
+    assert "at best: the scenario ends at 10.0 s" in what
 
 
 @pytest.mark.parametrize("speed", ["-1m/s", "90m/s"])

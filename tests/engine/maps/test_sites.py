@@ -29,6 +29,14 @@ def test_a_ramp_joins_a_motorway_a_slip_lane_does_not(tmp_path: Path) -> None:
     assert "ramp" not in finder(tmp_path, crossing("primary_link")).kinds()
 
 
+def test_a_ramp_is_called_after_the_road_that_its_link_leads_to(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "motorway", "", ref="A 1", oneway="yes")
+    sketch.road([(0, 0), (200, -60)], "motorway_link", "", oneway="yes")
+    sketch.road([(200, -160), (200, -60), (200, 100)], "secondary", "Mill Road")
+    assert finder(tmp_path, sketch).find("ramp")[0].streets == ("A 1", "Mill Road")
+
+
 def test_driveways_make_a_crossing_only_where_no_streets_meet(tmp_path: Path) -> None:
     assert finder(tmp_path, crossing("service")).kinds()["intersection"] == 1
     both = crossing("service")

@@ -1,0 +1,51 @@
+import math
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import project
+from plannerforge.engine.traffic.motions import Participant, participants, sound
+from plannerforge.engine.traffic.simulation import RawTrack, RecordedTraffic
+from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+
+CLASSES = vehicle_classes()
+RADIUS_M = 15.0
+
+
+def standing(key: str, x_m: float, name: str = "car", *, feasible: bool = True) -> Participant:
+    still = np.zeros(5)
+    motion = Motion(np.tile([x_m, 0.0], (5, 1)), still, still, still)
+    return Participant(key, CLASSES[name], motion, feasible)
+
+
+def names(kept: tuple[Participant, ...]) -> set[str]:
+    return {vehicle.vehicle_id for vehicle in kept}
+
+
+def test_of_those_that_overlap_the_one_that_overlaps_most_goes() -> None:
+    row = [standing("a", 0), standing("b", 4), standing("c", 8), standing("d", 30)]
+    assert names(sound(row, {})) == {"a", "c", "d"}
+
+
+def test_a_class_that_was_asked_for_stays_and_the_car_beside_it_goes() -> None:
+    row = [standing("bus", 0, "bus"), standing("one", 7), standing("other", 30)]
+    assert names(sound(row, {"bus": 1})) == {"bus", "other"}
+
+
+def test_what_cannot_be_driven_goes_unless_its_class_was_asked_for() -> None:
+    row = [standing("a", 0, feasible=False), standing("b", 20), standing("bus", 50, "bus", feasible=False)]
+    assert names(sound(row, {"bus": 1, "car": 1})) == {"b", "bus"}
+
+
+def test_the_centre_of_a_long_vehicle_keeps_to_the_lane_in_a_bend() -> None:
+    """Straight on, a quarter turn of 15 m radius, straight on, with 7 m/s; the line is the lane's."""
+    turn = np.linspace(0, math.pi / 2, 34)
+    bend = np.stack([RADIUS_M * np.sin(turn), RADIUS_M * (1 - np.cos(turn))], axis=1)
+    straight = np.stack([0.7 * np.arange(1, 61), np.zeros(60)], axis=1)
+    before, after = -straight[::-1], straight[:, ::-1] + bend[-1]
+    line = np.concatenate([before, bend, after])
+    track = RawTrack("long", CLASSES["trailer"], line, 0.0, 20)
+    (made,) = participants(RecordedTraffic((track,), 0.1, 20.0))
+    aside = [abs(project(line, position)[1]) for position in made.motion.positions]
+    assert made.feasible
+    assert max(aside) < 0.8
