@@ -46,7 +46,9 @@ from plannerforge.server.assembly import create_server
 
 CONFIGS = {"default": "frenetix:Default", "safety": "frenetix:Safety-Conservative"}
 PREDICTIONS = {"gt": "ground_truth", "cv": "constant_velocity"}
-TIMED_RUNS = 24
+TIMED_RUNS = 72
+"""So many that the worker that is left alone with the last run hardly counts."""
+
 WORKERS = 2
 Content = TypeVar("Content", bound=Model)
 
