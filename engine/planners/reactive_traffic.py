@@ -15,6 +15,7 @@ from plannerforge.engine.planners.growing_track import GrowingTrack
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.reactive_cast import EGO, Cast, first_index
 from plannerforge.engine.planners.reactive_room import has_room
+from plannerforge.engine.planners.shown_vehicle import ShownVehicle
 from plannerforge.engine.planners.sumo_vehicles import SumoVehicles
 from plannerforge.engine.planners.traffic import RecordedTraffic, rectangle
 from plannerforge.engine.planners.vehicle import VehicleParameters
@@ -36,10 +37,9 @@ class ReactiveTraffic:
         self._tracks: dict[int, GrowingTrack] = {}
         self._waiting = list(cast.driven)
         self._at_work: list[Participant] = []
-        self._shown: set[str] = set()
+        self._shown: dict[str, ShownVehicle] = {}
         self._lost: list[Participant] = []
-        self._ego_is_there = True
-        self._vehicles.insert(EGO, ego_edges)
+        self._ego = ShownVehicle(vehicles, EGO, ego_edges)
         self._moving: tuple[Track, ...] = ()
         self._first_step = ego.step
         self.advance(ego)
@@ -73,13 +73,10 @@ class ReactiveTraffic:
             self._vehicles.insert(one.key, one.edges)
             self._vehicles.place_recorded(one, first_index(one))
         self._place_shown(ego.step)
-        if self._ego_is_there:
-            self._place_ego(ego)
+        self._place_ego(ego)
         there = self._vehicles.step()
-        self._ego_is_there = self._ego_is_there and EGO in there
-        if self._ego_is_there:
-            self._vehicles.set_speed(EGO, ego.speed_mps)
-        self._set_shown_speeds(ego.step, there)
+        self._ego.settle(ego.speed_mps, there)
+        self._settle_shown(ego.step, there)
         self._read(there)
         self._take_over(starting, ego.step, there)
         tracks = [*self._cast.replayed.moving, *self.driven]
@@ -111,27 +108,26 @@ class ReactiveTraffic:
         if turned > MOST_OBLIQUE_RAD:
             direction, turned = ego.heading_rad, 0.0
         width_m = self._ego_vehicle.width_m * math.cos(turned) + self._ego_vehicle.length_m * math.sin(turned)
-        self._vehicles.set_width(EGO, width_m + 2 * BESIDE_EGO_M)
-        self._vehicles.place(EGO, ego.position, direction, self._ego_vehicle.length_m, hint)
+        length_m, width_m = self._ego_vehicle.length_m, width_m + 2 * BESIDE_EGO_M
+        self._ego.place(ego.position, direction, length_m, hint, width_m)
 
     def _place_shown(self, step: int) -> None:
         for one in self._cast.shown:
             index = self._shown_index(one, step)
-            if index is None:
-                if one.key in self._shown:
-                    self._shown.discard(one.key)
-                    self._vehicles.remove(one.key)
-                continue
-            if one.key not in self._shown:
-                self._shown.add(one.key)
-                self._vehicles.insert(one.key, one.edges)
-            self._vehicles.place_recorded(one, index)
+            if index is not None:
+                if one.key not in self._shown:
+                    self._shown[one.key] = ShownVehicle(self._vehicles, one.key, one.edges)
+                track = one.track
+                heading_rad = float(track.headings_rad[index])
+                self._shown[one.key].place(track.positions[index], heading_rad, track.length_m, one.hint_at(index))
+            elif one.key in self._shown:
+                self._shown.pop(one.key).leave()
 
-    def _set_shown_speeds(self, step: int, there: frozenset[str]) -> None:
+    def _settle_shown(self, step: int, there: frozenset[str]) -> None:
         for one in self._cast.shown:
             index = self._shown_index(one, step)
-            if index is not None and one.key in self._shown and one.key in there:
-                self._vehicles.set_speed(one.key, float(one.track.speeds_mps[index]))
+            if index is not None:
+                self._shown[one.key].settle(float(one.track.speeds_mps[index]), there)
 
     def _shown_index(self, one: Participant, step: int) -> int | None:
         if one.track.obstacle_id in self._cast.scene.standing:

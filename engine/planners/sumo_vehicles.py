@@ -23,7 +23,6 @@ class SumoVehicles:
 
     def __init__(self, sumo: Any) -> None:
         self._sumo = sumo
-        self._held: set[str] = set()
 
     def step(self) -> frozenset[str]:
         """Simulate one step; the vehicles that are there after it.
@@ -35,8 +34,16 @@ class SumoVehicles:
 
     def insert(self, key: str, edges: tuple[str, ...]) -> None:
         """Add a vehicle of the type ``t<key>``; it must be placed before the next step."""
+        self.add_route(key, edges)
+        self.add(key, key)
+
+    def add_route(self, key: str, edges: tuple[str, ...]) -> None:
+        """Add the route that vehicles of the type ``t<key>`` take."""
         self._sumo.route.add(f"r{key}", edges)
-        self._sumo.vehicle.add(key, f"r{key}", f"t{key}", depart="now", departLane="0", departPos="0")
+
+    def add(self, name: str, key: str) -> None:
+        """Add one more vehicle of the type ``t<key>`` on that type's route; it must be placed before the next step."""
+        self._sumo.vehicle.add(name, f"r{key}", f"t{key}", depart="now", departLane="0", departPos="0")
 
     def remove(self, key: str) -> None:
         """Take a vehicle out, if it is still there."""
@@ -61,13 +68,14 @@ class SumoVehicles:
         """Change how wide a vehicle is."""
         self._sumo.vehicle.setWidth(key, width_m)
 
-    def set_speed(self, key: str, speed_mps: float) -> None:
-        """Tell the others the speed of a vehicle that is placed by hand, and keep SUMO from driving it."""
+    def show_speed(self, key: str, speed_mps: float) -> None:
+        """Tell the others the speed of a vehicle that is placed by hand."""
         self._sumo.vehicle.setPreviousSpeed(key, max(speed_mps, 0.0))
-        if key not in self._held:
-            self._held.add(key)
-            self._sumo.vehicle.setSpeedMode(key, REPLAYED_SPEED_MODE)
-            self._sumo.vehicle.setLaneChangeMode(key, REPLAYED_LANE_CHANGES)
+
+    def hold(self, key: str) -> None:
+        """Keep SUMO from driving a vehicle that is placed by hand."""
+        self._sumo.vehicle.setSpeedMode(key, REPLAYED_SPEED_MODE)
+        self._sumo.vehicle.setLaneChangeMode(key, REPLAYED_LANE_CHANGES)
 
     def let_drive(self, key: str, speed_mps: float) -> None:
         """SUMO drives from now on, beginning with this speed."""

@@ -106,6 +106,33 @@ def test_who_passes_an_ego_near_the_line_leaves_room_beside_it(width_m: float, t
     assert (between_m > 0.3).all()
 
 
+def moving_aside(step: int, from_x_m: float) -> tuple[float, float]:
+    """From the middle of lane 1 in two seconds to its left edge, and there it stands."""
+    share = min(step, 20) / 20
+    return from_x_m + 10.0 * share, 1.5 * share
+
+
+def test_an_ego_that_comes_over_the_line_is_seen_from_the_next_lane(tmp_path: Path) -> None:
+    truck = driving(33, (18.0, 3.5), 10.0, 100, kind="truck", size_m=(8.0, 3.0))
+    scenario = loaded(road(truck), tmp_path)
+    with open_traffic("reactive", scenario, scenario.problem(), BMW_320I, seed=0) as traffic:
+        for step in range(1, 80):
+            ego = EgoState(step, np.array(moving_aside(step, 60.0)), 0.0, 5.0 if step < 20 else 0.0)
+            traffic.advance(ego)
+            assert traffic.hit_by(ego, BMW_320I) is None
+    assert traffic.driven[0].positions[-1][0] + 4.0 < 70.0 - BMW_320I.length_m / 2
+
+
+def test_a_replayed_one_that_comes_over_the_line_is_seen_from_the_next_lane(tmp_path: Path) -> None:
+    truck = driving(33, (18.0, 3.5), 10.0, 100, kind="truck", size_m=(8.0, 3.0))
+    poses = tuple((*moving_aside(step, 70.0), 0.0, 5.0 if step < 20 else 0.0) for step in range(100))
+    walker = Vehicle(60, poses, kind="pedestrian", length_m=1.6, width_m=1.6)
+    behind = replace(FAR, start=(5.0, 0.0, 0.0, 0.5))
+    run = braked(loaded(road(walker, truck, problem=behind), tmp_path), "reactive")
+    assert run.traffic.on_recording == (60,)
+    assert run.traffic.driven[0].positions[-1][0] + 4.0 < 80.0 - 0.8
+
+
 @pytest.mark.parametrize("follower", [driving(32, (-20.0, 0.0), 8.0, 80), driving(32, (-20.0, -0.8), 8.0, 80)])
 def test_an_ego_where_lanes_merge_stands_on_the_lane_of_its_follower(follower: Vehicle, tmp_path: Path) -> None:
     beside = ((-90.0, -6.0), (-45.0, -3.0), (-22.0, -1.0), (-10.0, -0.3), (0.0, 0.0))
