@@ -15,7 +15,7 @@ from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.scenarios.ego_route import along, ego_route, lanelets_at, path_ahead
 from plannerforge.engine.scenarios.features import features
-from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
+from plannerforge.engine.scenarios.recorded_scenario import RecordedScenario, read_recorded
 from plannerforge.engine.scenarios.recording import (
     density_per_km,
     look_ahead_m,
@@ -23,7 +23,7 @@ from plannerforge.engine.scenarios.recording import (
     time_to_collision_s,
 )
 from plannerforge.engine.scenarios.road_facts import has_light, lanes_beside, limits_kmh, sign_keys, signs_of
-from plannerforge.engine.scenarios.tracks import Track, last_recorded_step, recorded_tracks
+from plannerforge.engine.scenarios.tracks import Track, last_recorded_step
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.scenarios import (
     EgoFacts,
@@ -50,21 +50,22 @@ def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioF
         UnsafeInput: the file is hostile, broken, no CommonRoad file, or holds coordinates that are not finite.
     """
     report(0.0, f"reading {request.path.name}")
-    loaded = read_scenario(request.path)
+    recorded = read_recorded(request.path)
     report(0.6, "looking at the geometry")
-    return facts_of(loaded)
+    return facts_of(recorded)
 
 
-def facts_of(loaded: LoadedScenario) -> ScenarioFacts:
+def facts_of(read: RecordedScenario) -> ScenarioFacts:
     """The facts of a scenario in memory.
 
     Raises:
         UnsafeInput: an id outside the naming rules, or coordinates that are not finite.
     """
+    loaded, tracks = read.loaded, read.tracks
     scenario, network = loaded.scenario, loaded.scenario.lanelet_network
     country, place = parse_benchmark_id(loaded.benchmark_id)
-    _refuse_wild_numbers(loaded)
-    graph, tracks = LaneletGraph.of(network), recorded_tracks(scenario)
+    _refuse_wild_numbers(read)
+    graph = LaneletGraph.of(network)
     problems = [problem for _, problem in sorted(loaded.planning_problems.planning_problem_dict.items())]
     recorded = last_recorded_step(scenario)
     scene = _Scene(scenario, graph, tracks, {**tracks, **standing_tracks(scenario, recorded)}, recorded)
@@ -205,11 +206,12 @@ def _counts(obstacles: list[Any]) -> dict[str, int]:
     return dict(sorted(counts.items()))
 
 
-def _refuse_wild_numbers(loaded: LoadedScenario) -> None:
+def _refuse_wild_numbers(read: RecordedScenario) -> None:
+    loaded = read.loaded
     for lanelet in loaded.scenario.lanelet_network.lanelets:
         if not _tame(lanelet.left_vertices) or not _tame(lanelet.right_vertices):
             raise UnsafeInput(f"lanelet {lanelet.lanelet_id} has coordinates that are not finite or beyond 1e8 m")
-    for track in recorded_tracks(loaded.scenario).values():
+    for track in read.tracks.values():
         if not (_tame(track.positions) and _tame(track.headings_rad) and _tame(track.speeds_mps)):
             raise UnsafeInput(f"obstacle {track.obstacle_id} has states that are not finite or beyond 1e8")
     for key, problem in sorted(loaded.planning_problems.planning_problem_dict.items()):

@@ -102,7 +102,7 @@ def scan_root(path: Path, limits: XmlLimits | None = None) -> XmlRoot:
     try:
         with path.open("rb") as stream:
             scan.parser.ParseFile(stream)
-    except (expat.ExpatError, UnicodeError, LookupError) as error:
+    except (expat.ExpatError, ValueError, LookupError) as error:
         raise UnsafeInput(f"{path.name} is not well-formed XML: {error}") from error
     return XmlRoot(scan.root, scan.attributes)
 

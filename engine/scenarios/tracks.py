@@ -1,11 +1,14 @@
 """Recorded motion of the traffic as arrays."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from plannerforge.engine.geometry.polyline import Points, Values
+from plannerforge.engine.scenarios.plain_states import PlainStates
+from plannerforge.schemas.errors import UnsafeInput
 
 if TYPE_CHECKING:
     from commonroad.scenario.obstacle import DynamicObstacle
@@ -39,13 +42,20 @@ class Track:
         return index if 0 <= index < len(self.positions) else None
 
 
-def recorded_tracks(scenario: "Scenario") -> dict[int, Track]:
+def recorded_tracks(scenario: "Scenario", states: Mapping[int, PlainStates] | None = None) -> dict[int, Track]:
     """Tracks of all dynamic obstacles that carry a trajectory, by id in ascending order.
 
     Set-based predictions have no trajectory and are left out; states that give a region instead of a point count by
     the region's centre, and a missing speed is the distance to the next position.
+
+    Args:
+        states: by obstacle id, states after the initial one that were read apart and stand for the trajectory's.
+
+    Raises:
+        UnsafeInput: a state says nowhere to be.
     """
-    found = [_track(obstacle, float(scenario.dt)) for obstacle in scenario.dynamic_obstacles]
+    known = states or {}
+    found = [_track(one, known.get(int(one.obstacle_id)), float(scenario.dt)) for one in scenario.dynamic_obstacles]
     return {track.obstacle_id: track for track in sorted((t for t in found if t), key=lambda t: t.obstacle_id)}
 
 
@@ -66,28 +76,39 @@ def size_of(shape: Any) -> tuple[float, float]:
     return float(extent[0]), float(extent[1])
 
 
-def _track(obstacle: "DynamicObstacle", step_s: float) -> Track | None:
+def _track(obstacle: "DynamicObstacle", states: PlainStates | None, step_s: float) -> Track | None:
     trajectory = getattr(obstacle.prediction, "trajectory", None)
     if trajectory is None:
         return None
-    states = [obstacle.initial_state, *trajectory.state_list]
-    positions = np.array([_center(state.position) for state in states], dtype=float)
-    given = np.array([_middle(getattr(state, "velocity", None)) for state in states], dtype=float)
+    if not all(hasattr(state, "position") for state in trajectory.state_list):
+        raise UnsafeInput(f"obstacle {obstacle.obstacle_id} has states without a position")
+    first, after = _states([obstacle.initial_state]), states or _states(trajectory.state_list)
+    positions = np.concatenate([first.positions, after.positions])
+    given = np.concatenate([first.speeds_mps, after.speeds_mps])
     length, width = size_of(obstacle.obstacle_shape)
     return Track(
         obstacle_id=int(obstacle.obstacle_id),
         kind=str(obstacle.obstacle_type.value),
         length_m=length,
         width_m=width,
-        first_step=int(states[0].time_step),
+        first_step=int(obstacle.initial_state.time_step),
         positions=positions,
+        headings_rad=np.concatenate([first.headings_rad, after.headings_rad]),
+        speeds_mps=np.where(np.isnan(given), _speeds(positions, step_s), given) if np.isnan(given).any() else given,
+    )
+
+
+def _states(states: list[Any]) -> PlainStates:
+    return PlainStates(
+        positions=np.array([_center(state.position) for state in states], dtype=float),
         headings_rad=np.array([_middle(getattr(state, "orientation", 0.0)) for state in states], dtype=float),
-        speeds_mps=np.where(np.isnan(given), _speeds(positions, step_s), given),
+        speeds_mps=np.array([_middle(getattr(state, "velocity", None)) for state in states], dtype=float),
     )
 
 
 def _center(position: Any) -> Any:
-    return position.center if hasattr(position, "center") else position
+    """A point's or region's centre without its height."""
+    return (position.center if hasattr(position, "center") else position)[:2]
 
 
 def _middle(value: Any) -> float:
@@ -99,5 +120,6 @@ def _middle(value: Any) -> float:
 def _speeds(positions: Points, step_s: float) -> Values:
     if len(positions) < 2:
         return np.zeros(len(positions))
-    speed = np.linalg.norm(np.diff(positions, axis=0), axis=1) / step_s
+    with np.errstate(invalid="ignore"):  # infinite coordinates: whoever reads files refuses them afterwards
+        speed = np.linalg.norm(np.diff(positions, axis=0), axis=1) / step_s
     return np.append(speed, speed[-1])

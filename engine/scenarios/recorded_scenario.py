@@ -1,0 +1,53 @@
+"""Reading a CommonRoad file for its facts: the road and the problems by commonroad-io, the recording as arrays."""
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree
+
+from commonroad.common.reader.file_reader_xml import XMLFileReader
+
+from plannerforge.engine.scenarios.plain_states import take_plain_states
+from plannerforge.engine.scenarios.reader import LoadedScenario
+from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
+from plannerforge.engine.scenarios.xml_document import parse_document
+from plannerforge.schemas.errors import UnsafeInput
+
+
+@dataclass(frozen=True)
+class RecordedScenario:
+    """A scenario with its recording; the obstacles of ``loaded`` keep the first and the last of their states only."""
+
+    loaded: LoadedScenario
+    tracks: dict[int, Track]
+
+
+def read_recorded(path: Path) -> RecordedScenario:
+    """Read a CommonRoad file (2018b or 2020a) as ``read_scenario`` does, in half of its time.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken or not a CommonRoad file.
+    """
+    root = parse_document(path)
+    if root.tag != "commonRoad":
+        raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{root.tag}>, not <commonRoad>")
+    states = take_plain_states(root)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            scenario, problems = _ParsedReader(path, root).open()
+    except Exception as error:
+        raise UnsafeInput(f"{path.name} is not readable as CommonRoad: {type(error).__name__}: {error}") from error
+    loaded = LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""))
+    return RecordedScenario(loaded, recorded_tracks(scenario, states))
+
+
+class _ParsedReader(XMLFileReader):  # type: ignore[misc]  # commonroad-io has no types
+    """commonroad-io's reader on a document that is parsed already."""
+
+    def __init__(self, path: Path, root: Element) -> None:
+        super().__init__(path)
+        self._root = root
+
+    def _parse_file(self) -> None:
+        self._tree = ElementTree(self._root)

@@ -1,0 +1,165 @@
+"""Reading a recording as arrays takes and refuses exactly what commonroad-io takes and refuses."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, fromstring
+
+import pytest
+from builders import ScenarioBuilder, town_road
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plannerforge.engine.scenarios.plain_states import take_plain_states
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.recorded_scenario import read_recorded
+from plannerforge.engine.scenarios.tracks import Track, last_recorded_step, recorded_tracks
+from plannerforge.schemas.errors import UnsafeInput
+
+STEPS = 6
+Change = Callable[[Element], None]
+Reading = Callable[[Path], tuple[int, dict[int, Track]]]
+
+
+def small(version: str = "2020a") -> ScenarioBuilder:
+    road = replace(town_road(), version=version)
+    return road.with_vehicles(*road.vehicles[:2]).cut(STEPS)
+
+
+def drop(tag: str) -> Change:
+    def change(state: Element) -> None:
+        for field in state.findall(tag):
+            state.remove(field)
+
+    return change
+
+
+def say(path: str, text: str | None) -> Change:
+    def change(state: Element) -> None:
+        for value in state.findall(path):
+            value.text = text
+
+    return change
+
+
+def add(xml: str) -> Change:
+    return lambda state: state.append(fromstring(xml))
+
+
+def fill(tag: str, xml: str) -> Change:
+    """Give a field other children in place of its own."""
+
+    def change(state: Element) -> None:
+        for field in state.findall(tag):
+            field[:] = fromstring(f"<all>{xml}</all>")
+
+    return change
+
+
+def rename(state: Element) -> None:
+    state.tag = "moment"
+
+
+INTERVAL = "<intervalStart>1</intervalStart><intervalEnd>2</intervalEnd>"
+RECTANGLE = "<rectangle><length>2</length><width>1</width><center><x>5</x><y>0</y></center></rectangle>"
+CHANGES: dict[str, Change] = {
+    "no velocity": drop("velocity"),
+    "no orientation": drop("orientation"),
+    "no time": drop("time"),
+    "no position": drop("position"),
+    "velocity no number": say("velocity/exact", "fast"),
+    "velocity NaN": say("velocity/exact", "nan"),
+    "velocity empty": say("velocity/exact", None),
+    "velocity with blanks": say("velocity/exact", " 3.5\n"),
+    "time no integer": say("time/exact", "2.0"),
+    "time negative": say("time/exact", "-2"),
+    "time another": say("time/exact", "40"),
+    "x no number": say("position/point/x", "here"),
+    "x infinite": say("position/point/x", "1e999"),
+    "field twice": add("<velocity><exact>3</exact></velocity>"),
+    "unknown field": add("<mood><exact>3</exact></mood>"),
+    "unknown field without value": add("<mood>3</mood>"),
+    "field called x": add("<x><exact>3</exact></x>"),
+    "acceleration": add("<acceleration><exact>0.5</exact></acceleration>"),
+    "velocity in another element": fill("velocity", "<about>3</about>"),
+    "velocity interval": fill("velocity", INTERVAL),
+    "time interval": fill("time", INTERVAL),
+    "point with height": fill("position", "<point><x>1</x><y>2</y><z>3</z></point>"),
+    "point the other way round": fill("position", "<point><y>2</y><x>1</x></point>"),
+    "region": fill("position", RECTANGLE),
+    "another element": rename,
+}
+
+
+def outcome(read: Reading, path: Path) -> tuple[int, list[tuple[object, ...]]] | str:
+    """What the reading gives, in a form that can be compared; ``refused`` where it refuses."""
+    try:
+        last, tracks = read(path)
+    except UnsafeInput:
+        return "refused"
+    return last, [(one.obstacle_id, one.kind, one.first_step, _bytes(one)) for one in tracks.values()]
+
+
+def _bytes(track: Track) -> bytes:
+    return b"".join(values.tobytes() for values in (track.positions, track.headings_rad, track.speeds_mps))
+
+
+def by_commonroad_io(path: Path) -> tuple[int, dict[int, Track]]:
+    scenario = read_scenario(path).scenario
+    return last_recorded_step(scenario), recorded_tracks(scenario)
+
+
+def as_arrays(path: Path) -> tuple[int, dict[int, Track]]:
+    found = read_recorded(path)
+    return last_recorded_step(found.loaded.scenario), found.tracks
+
+
+def agree(root: Element) -> str:
+    """Assert that both readings agree; gives ``refused`` or ``taken``."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scenario.xml"
+        ElementTree(root).write(path, encoding="UTF-8", xml_declaration=True)
+        expected = outcome(by_commonroad_io, path)
+        assert outcome(as_arrays, path) == expected
+    return expected if isinstance(expected, str) else "taken"
+
+
+@pytest.mark.parametrize(("version", "where"), [("2020a", 0), ("2020a", 2), ("2020a", STEPS - 2), ("2018b", 2)])
+@pytest.mark.parametrize("name", CHANGES)
+def test_one_unusual_state_is_judged_as_commonroad_io_judges_it(version: str, where: int, name: str) -> None:
+    root = fromstring(small(version).xml().encode())
+    CHANGES[name](root.findall(".//trajectory/state")[where])
+    agree(root)
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_whole_unusual_trajectory_is_judged_as_commonroad_io_judges_it(name: str) -> None:
+    root = fromstring(small().xml().encode())
+    for state in root.findall(".//trajectory/state"):
+        CHANGES[name](state)
+    agree(root)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(sorted(CHANGES)), st.integers(0, 2 * STEPS - 3)), min_size=2, max_size=5))
+def test_several_unusual_states_are_judged_as_commonroad_io_judges_them(changes: list[tuple[str, int]]) -> None:
+    root = fromstring(small().xml().encode())
+    states = root.findall(".//trajectory/state")
+    for name, where in changes:
+        CHANGES[name](states[where])
+    agree(root)
+
+
+def test_plain_trajectories_are_taken_out_and_the_others_stay_whole() -> None:
+    root = fromstring(small().xml().encode())
+    trajectories = root.findall(".//trajectory")
+    CHANGES["region"](trajectories[1][2])
+    before = len(trajectories[1])
+    assert list(take_plain_states(root)) == [31]
+    assert [len(one) for one in trajectories] == [2, before]
+
+
+def test_real_recordings_are_the_same_either_way(shared_data: Path) -> None:
+    files = sorted((shared_data / "data/commonroad").glob("*.xml"))[::40]
+    assert [outcome(as_arrays, path) for path in files] == [outcome(by_commonroad_io, path) for path in files]
