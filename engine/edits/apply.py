@@ -11,7 +11,7 @@ from plannerforge.engine.edits.edit_report import edit_reports, reported_collisi
 from plannerforge.engine.edits.kept_scene import scene_of
 from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
 from plannerforge.engine.edits.operations import resolve_edits
-from plannerforge.engine.edits.ordinary_ego import EgoDrives, ego_drives, ego_participant
+from plannerforge.engine.edits.ordinary_ego import drive_after, ego_participant
 from plannerforge.engine.edits.resimulation import SimulationSetup
 from plannerforge.engine.edits.scenario_document import ScenarioDocument
 from plannerforge.engine.edits.scene import Scene
@@ -34,7 +34,8 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         UnsafeInput: the file is not readable.
     """
     report(0.0, "reading the scenario")
-    base = scene_of(request.xml)
+    kept = scene_of(request.xml)
+    base = kept.scene
     document = ScenarioDocument.read(request.xml)
     report(0.3, "resolving the edits")
     changes, steps = resolve_edits(request.edits, base, document.highest_id + 1, request.earlier)
@@ -44,13 +45,16 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         net.write_text(base.sumo_net, encoding="utf-8")
         report(0.4, "simulating")
         setup = SimulationSetup(net, net.parent, scene.step_s, scene.last_step, request.seed)
-        drives = ego_drives(base, scene, changes, setup)
-        result = _simulated(request, scene, changes, setup, drives.after)
+        before = kept.ego_before(setup)
+        ego = drive_after(before, base, scene, changes, setup)
+        result = _simulated(request, scene, changes, setup, ego)
         _check(request, scene, changes, result)
         report(0.8, "writing")
         notes = _write_changes(document, scene, changes, result)
         files = (None, None) if request.dry_run else _write_files(request, document, net)
-    return _outcome(request, base, scene, changes, steps, result, drives, files, notes)
+    after = None if ego is None else danger_to(ego, tracks_after(scene, changes, result))
+    dangers = (None if before is None else before.danger, after)
+    return _outcome(request, scene, changes, steps, result, dangers, files, notes)
 
 
 def _simulated(
@@ -110,17 +114,15 @@ def _write_files(request: ModificationRequest, document: ScenarioDocument, net: 
 
 def _outcome(
     request: ModificationRequest,
-    base: Scene,
     scene: Scene,
     changes: Changes,
     steps: tuple[EditStep, ...],
     result: Resimulated,
-    drives: EgoDrives,
+    dangers: tuple[EgoDanger | None, EgoDanger | None],
     files: tuple[Path | None, Path | None],
     notes: list[str],
 ) -> ModificationOutcome:
     recorded = set(scene.tracks) - set(result.tracks) - changes.removed - set(changes.replays)
-    before, after = _dangers(base, scene, changes, result, drives)
     touched, agree = _judged(request, scene, changes, result)
     return ModificationOutcome(
         xml=files[0],
@@ -129,22 +131,12 @@ def _outcome(
         touched=touched,
         removed=tuple(sorted(changes.removed)),
         collisions=reported_collisions(scene, result),
-        ego_before=before,
-        ego_after=after,
+        ego_before=dangers[0],
+        ego_after=dangers[1],
         checked_by="closed_form" if agree is None else "drivability_checker",
         checkers_agree=agree,
         untouched=len(recorded),
         warnings=(*notes, *_warnings(scene, changes, result)),
-    )
-
-
-def _dangers(
-    base: Scene, scene: Scene, changes: Changes, result: Resimulated, drives: EgoDrives
-) -> tuple[EgoDanger | None, EgoDanger | None]:
-    recorded = (base.tracks | base.standing).values()
-    return (
-        None if drives.before is None else danger_to(drives.before, recorded),
-        None if drives.after is None else danger_to(drives.after, tracks_after(scene, changes, result)),
     )
 
 

@@ -1,16 +1,35 @@
 """Scenes that a worker keeps, because one scenario is edited again and again: reading it takes longer than an edit."""
 
 import hashlib
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
+from plannerforge.engine.edits.ordinary_ego import EgoDrive, base_drive
+from plannerforge.engine.edits.resimulation import SimulationSetup
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.scenarios.reader import read_scenario
 
 KEPT = 4
 
 
-def scene_of(path: Path) -> Scene:
+@dataclass(frozen=True)
+class KeptScene:
+    """A scene, and what its ego does in it before any edit: a simulation that does not depend on the edits."""
+
+    scene: Scene
+    _drives: dict[int, EgoDrive | None] = field(default_factory=dict)
+
+    def ego_before(self, setup: SimulationSetup) -> EgoDrive | None:
+        """The ego's ordinary drive among the recorded vehicles; simulated once for a seed, and the last one is kept."""
+        if setup.seed not in self._drives:
+            drive = base_drive(self.scene, setup)
+            self._drives.clear()
+            self._drives[setup.seed] = drive
+        return self._drives[setup.seed]
+
+
+def scene_of(path: Path) -> KeptScene:
     """The scene of a file with its lanes and SUMO network; made once for the same content, and never changed.
 
     Raises:
@@ -24,6 +43,6 @@ def scene_of(path: Path) -> Scene:
 
 
 @lru_cache(maxsize=KEPT)
-def _scene(path: Path, digest: str) -> Scene:
+def _scene(path: Path, digest: str) -> KeptScene:
     del digest
-    return Scene.of(read_scenario(path))
+    return KeptScene(Scene.of(read_scenario(path)))

@@ -34,6 +34,11 @@ class LaneMatch:
         place = int(np.searchsorted(self.indices, index, side="right")) - 1
         return self.lanelets[max(place, 0)]
 
+    def at_each(self, count: int) -> list[int]:
+        """The lanelets at the first ``count`` array indices of the track."""
+        places = np.searchsorted(self.indices, np.arange(count), side="right") - 1
+        return [self.lanelets[place] for place in np.maximum(places, 0).tolist()]
+
     @property
     def sequence(self) -> tuple[int, ...]:
         """The lanelets in order without repeats in a row."""

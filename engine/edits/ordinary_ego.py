@@ -12,6 +12,7 @@ import numpy as np
 
 from plannerforge.engine.edits.behaviours import usual_behaviour
 from plannerforge.engine.edits.changes import Changes, DrivePlan
+from plannerforge.engine.edits.danger import danger_to
 from plannerforge.engine.edits.handover import touched_track
 from plannerforge.engine.edits.participants import Participant, driven_participant, participants, replayed_participant
 from plannerforge.engine.edits.resimulation import SimulationSetup, resimulate
@@ -19,30 +20,37 @@ from plannerforge.engine.edits.scene import EGO_SIZE_M, Ego, Scene
 from plannerforge.engine.planners.route import goal_lanelets
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.schemas.modification import EgoDanger
 
 CLASS = "car"
 UNCHANGED = Changes(next_id=0, driven={})
 
 
 @dataclass(frozen=True)
-class EgoDrives:
-    """The ego's motion among the recorded vehicles, its planning problem's id as the track's; None without one.
+class EgoDrive:
+    """The ego's motion, its planning problem's id as the track's, and how dangerous it is among the recorded ones."""
 
-    ``after`` differs from ``before`` only where the edits give the ego another start or goal.
-    """
-
-    before: Track | None
-    after: Track | None
+    track: Track
+    danger: EgoDanger
 
 
-def ego_drives(base: Scene, scene: Scene, changes: Changes, setup: SimulationSetup) -> EgoDrives:
-    """The ego's motion in a base scenario and in the scene that the edits make of it."""
-    before = None if base.ego is None else ordinary_drive(base, base.ego, problem_goals(base, base.ego), setup)
+def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
+    """The ego's motion among the recorded vehicles of a base scenario; None without one."""
+    if base.ego is None:
+        return None
+    track = ordinary_drive(base, base.ego, problem_goals(base, base.ego), setup)
+    return None if track is None else EgoDrive(track, danger_to(track, (base.tracks | base.standing).values()))
+
+
+def drive_after(
+    before: EgoDrive | None, base: Scene, scene: Scene, changes: Changes, setup: SimulationSetup
+) -> Track | None:
+    """The ego's motion in the scene that edits make of a base scenario: another one where they change start or goal."""
     ego, goal = scene.ego, changes.goal
     if ego is None or (ego is base.ego and goal is None):
-        return EgoDrives(before, before)
+        return None if before is None else before.track
     goals = problem_goals(scene, ego) if goal is None else (goal.lanelet_id,)
-    return EgoDrives(before, ordinary_drive(scene, ego, goals, setup, changes))
+    return ordinary_drive(scene, ego, goals, setup, changes)
 
 
 def problem_goals(scene: Scene, ego: Ego) -> tuple[int, ...]:

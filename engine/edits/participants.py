@@ -1,7 +1,9 @@
 """Everybody in a hybrid re-simulation: who is replayed, who is driven, and from when on."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from xml.sax.saxutils import quoteattr
 
 from plannerforge.engine.edits.behaviours import Behaviour, usual_behaviour
@@ -13,6 +15,8 @@ from plannerforge.engine.edits.walker_shadows import walker_shadows
 from plannerforge.engine.scenarios.tracks import Track
 
 EMERGENCY_DECELERATION_MPS2 = 8.0
+SIDEWAYS_SHARE = 0.3
+"""A car steers into the lane beside at no more than 17°, so that slow ones take long and standing ones do not slide."""
 
 Hint = tuple[str, int]
 """SUMO edge and lane index where a recorded pose lies; ("", -1) where nobody knows."""
@@ -39,10 +43,19 @@ class Participant:
     manoeuvres: tuple[Manoeuvre, ...] = ()
     through: tuple[Hint, ...] = ()
 
-    @property
+    @cached_property
     def key(self) -> str:
         """SUMO's id of the vehicle."""
         return str(self.track.obstacle_id)
+
+    @cached_property
+    def poses(self) -> tuple[tuple[float, float, float], ...]:
+        """The front bumper (x, y) in m and degrees clockwise from north, as SUMO has them, for all of the track."""
+        ahead = self.track.length_m / 2
+        return tuple(
+            (x + ahead * math.cos(heading), y + ahead * math.sin(heading), (90.0 - math.degrees(heading)) % 360.0)
+            for (x, y), heading in zip(self.track.positions.tolist(), self.track.headings_rad.tolist(), strict=True)
+        )
 
     def hint_at(self, index: int) -> Hint:
         """The lane of the pose at an index of the track."""
@@ -57,6 +70,8 @@ class Participant:
             "width": f"{max(self.track.width_m, 0.3):.3f}",
             "maxSpeed": "70",
             "speedDev": "0",
+            "lcMaxSpeedLatStanding": "0",
+            "lcMaxSpeedLatFactor": f"{SIDEWAYS_SHARE:g}",
             "emergencyDecel": f"{max(EMERGENCY_DECELERATION_MPS2, self.behaviour.values['decel']):g}",
             "apparentDecel": f"{self.behaviour.values['decel']:g}",
         }
@@ -117,7 +132,7 @@ def replayed_participant(scene: Scene, track: Track, match: LaneMatch) -> Partic
 
 def _hints(scene: Scene, track: Track, match: LaneMatch, edges: tuple[str, ...]) -> tuple[Hint, ...]:
     by_lanelet = {key: _hint(scene, key, edges) for key in match.sequence}
-    return tuple(by_lanelet[match.at(index)] for index in range(len(track.positions)))
+    return tuple(by_lanelet[key] for key in match.at_each(len(track.positions)))
 
 
 def _hint(scene: Scene, lanelet_id: int, edges: tuple[str, ...]) -> Hint:

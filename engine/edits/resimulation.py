@@ -72,7 +72,7 @@ def front_of(track: Track, index: int) -> Points:
 
 
 def resimulate(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> dict[int, DrivenTrack]:
-    """Run all steps; the driven vehicles' tracks by id.
+    """Run as long as anybody is driven; the driven vehicles' tracks by id.
 
     Where a recorded pose lies or points off its lane, SUMO may take it for the road beside, and the vehicle would
     drive away there: such vehicles are kept to their route in a second run.
@@ -80,7 +80,9 @@ def resimulate(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> di
     Raises:
         WorkerFailure: SUMO refused the network or a vehicle.
     """
-    tracks, astray = _run(setup, everybody)
+    if all(one.drive_from is None for one in everybody):
+        return {}
+    tracks, astray = _run(setup, everybody, until_astray=True)
     if astray:
         kept = tuple(replace(one, keep_to_route=True) if one.key in astray else one for one in everybody)
         tracks, _ = _run(setup, kept)
@@ -106,8 +108,13 @@ def replayed_states(setup: SimulationSetup, everybody: tuple[Participant, ...]) 
     return shown
 
 
-def _run(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> tuple[dict[int, DrivenTrack], frozenset[str]]:
-    """One simulation: the tracks, and the vehicles that were on another route when they were handed over."""
+def _run(
+    setup: SimulationSetup, everybody: tuple[Participant, ...], *, until_astray: bool = False
+) -> tuple[dict[int, DrivenTrack], frozenset[str]]:
+    """One simulation: the tracks, and the vehicles that were on another route when they were handed over.
+
+    ``until_astray``: it ends once all such vehicles are known, because its tracks are not used then.
+    """
     with sumo_running(setup, [one.vehicle_type() for one in everybody]) as sumo:
         run = _Run(sumo, everybody)
         try:
@@ -115,6 +122,8 @@ def _run(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> tuple[di
                 run.before(step)
                 sumo.simulationStep()
                 run.after(step)
+                if run.all_have_left() or (until_astray and run.astray and run.all_are_driven(step)):
+                    break
         except (sumo.TraCIException, sumo.FatalTraCIError) as error:
             raise WorkerFailure(f"SUMO stopped: {error}") from error
         return run.tracks(setup.last_step), frozenset(run.astray)
@@ -166,6 +175,8 @@ class _Run:
         self.astray: set[str] = set()
         self.used: set[tuple[str, str]] = set()
         self.seen: dict[int, list[tuple[int, float, float, str]]] = {}
+        self.last_handover = max((one.drive_from for one in everybody if one.drive_from is not None), default=0)
+        self.on_their_way = {one.key for one in everybody if one.drive_from is not None}
 
     def before(self, step: int) -> None:
         """Insert, place and remove, so that all replayed vehicles stand right after the step."""
@@ -194,6 +205,15 @@ class _Run:
             if one.drive_from is not None and step >= one.drive_from:
                 self._drive(one, step)
 
+    def all_are_driven(self, step: int) -> bool:
+        """Whether the last hand-over is past."""
+        return step >= self.last_handover
+
+    def all_have_left(self) -> bool:
+        """Whether every driven vehicle reached the end of its route, so that nothing more is seen of any."""
+        self.on_their_way.difference_update(self.sumo.simulation.getArrivedIDList())
+        return not self.on_their_way
+
     def tracks(self, last_step: int) -> dict[int, DrivenTrack]:
         """The driven tracks so far."""
         found = {}
@@ -210,8 +230,7 @@ class _Run:
 
     def _place(self, one: Participant, index: int) -> None:
         edge, lane = one.hint_at(index)
-        x, y = front_of(one.track, index)
-        angle = (90.0 - math.degrees(float(one.track.headings_rad[index]))) % 360.0
+        x, y, angle = one.poses[index]
         keep = KEEP_ROUTE if one.keep_to_route else KEEP_POSE
         self.sumo.vehicle.moveToXY(one.key, edge, lane, x, y, angle, keep, MATCH_REACH_M)
 

@@ -7,6 +7,7 @@ copied. Formats: CommonRoad XML 2018b (``<obstacle>`` with ``<role>``) and 2020a
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 from lxml import etree
 
@@ -39,7 +40,7 @@ class ScenarioDocument:
     @property
     def highest_id(self) -> int:
         """The highest id of anything in the file."""
-        ids = (element.get("id", "") for element in self.root.iter() if isinstance(element.tag, str))
+        ids = cast("list[str]", self.tree.xpath("//@id"))
         return max((int(text) for text in ids if text.isdigit()), default=0)
 
     def obstacle(self, obstacle_id: int) -> "etree._Element":

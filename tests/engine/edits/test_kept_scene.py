@@ -7,6 +7,9 @@ from builders import driving, town_road
 from edit_support import apply_to
 
 from plannerforge.engine.edits.kept_scene import scene_of
+from plannerforge.engine.edits.ordinary_ego import EgoDrive, base_drive
+from plannerforge.engine.edits.resimulation import SimulationSetup
+from plannerforge.engine.edits.scene import Scene
 from plannerforge.schemas.errors import UnsafeInput
 
 EDIT = {"op": "set_behaviour", "vehicles": ["31"], "preset": "aggressive"}
@@ -19,9 +22,9 @@ def test_the_same_content_is_read_once(tmp_path: Path) -> None:
 
 def test_other_content_under_the_same_name_is_read_anew(tmp_path: Path) -> None:
     path = town_road().write(tmp_path / "base.xml")
-    assert 31 in scene_of(path).tracks
+    assert 31 in scene_of(path).scene.tracks
     town_road().with_vehicles(driving(77, (60, 0), 10.0, 101)).write(path)
-    assert list(scene_of(path).tracks) == [77]
+    assert list(scene_of(path).scene.tracks) == [77]
 
 
 def test_an_edit_leaves_nothing_behind_in_the_kept_scene(tmp_path: Path) -> None:
@@ -29,6 +32,25 @@ def test_an_edit_leaves_nothing_behind_in_the_kept_scene(tmp_path: Path) -> None
     first = apply_to(path, tmp_path / "one", EDIT).xml.read_bytes()
     apply_to(path, tmp_path / "two", {"op": "remove_vehicle", "vehicles": ["all"]}, {"op": "set_goal", "to": ["11"]})
     assert apply_to(path, tmp_path / "three", EDIT).xml.read_bytes() == first
+
+
+def test_the_ego_drives_before_the_edits_once_for_a_scene_and_a_seed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seeds = []
+
+    def counted(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
+        seeds.append(setup.seed)
+        return base_drive(base, setup)
+
+    monkeypatch.setattr("plannerforge.engine.edits.kept_scene.base_drive", counted)
+    path = town_road().write(tmp_path / "base.xml")
+    goal = {"op": "set_goal", "to": ["11"]}
+    dangers = [apply_to(path, tmp_path / "out", EDIT, seed=seed).outcome.ego_before for seed in (5, 5, 6)]
+    dangers.append(apply_to(path, tmp_path / "out", goal, seed=6).outcome.ego_before)
+    assert seeds == [5, 6]
+    assert dangers[0] == dangers[1]
+    assert dangers[2] == dangers[3]
 
 
 def test_a_missing_file_is_refused_by_name(tmp_path: Path) -> None:
