@@ -9,7 +9,7 @@ DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 
 .PHONY: help demo test check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
-	bench-responsibility bench-weights bench-generation bench-modification starter format clean
+	bench-responsibility bench-weights bench-routes bench-generation bench-modification starter format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -73,6 +73,9 @@ bench-responsibility: $(DEV_STAMP)
 
 bench-weights: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_weights
+
+bench-routes: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_routes
 
 bench-generation: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_generation
