@@ -9,14 +9,13 @@ from rich.markup import escape
 from rich.table import Table
 
 from plannerforge.engine.catalog.places import country_code
-from plannerforge.engine.maps.index import MapEntry
 from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError
 from plannerforge.schemas.importing import ImportedItem
 from plannerforge.server.assembly import open_services
 from plannerforge.server.settings import Settings
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.importing_kinds import import_map
-from plannerforge.tools.maps import maps_at_hand
+from plannerforge.tools.maps import MapsAtHand, maps_at_hand
 
 SHOWN_STREETS = 3
 
@@ -45,18 +44,20 @@ def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, co
 def list_maps(settings: Settings) -> int:
     """A table of all maps at hand: where they lie and what sites they hold."""
     try:
-        entries = anyio.run(_all, settings)
+        at_hand = anyio.run(_all, settings)
     except PlannerForgeError as error:
         Console(stderr=True).print(escape(error.text), style="red", highlight=False, soft_wrap=True)
         return 1
     table = Table("id", "place", "country", "south, west, north, east", "road km", "sites", "streets", title="Maps")
-    for facts in (entry.facts for entry in entries):
+    for facts in (entry.facts for entry in at_hand.entries):
         box = ", ".join(f"{value:.4f}" for value in (facts.south, facts.west, facts.north, facts.east))
         sites = ", ".join(f"{count} {kind}" for kind, count in sorted(facts.sites.items()))
         roads = ", ".join((*facts.streets, *facts.refs)[:SHOWN_STREETS])
         cells = (facts.map_id, facts.place, facts.country or "unknown", box, f"{facts.road_km:.1f}", sites, roads)
         table.add_row(*(escape(cell) for cell in cells))
     Console().print(table)
+    for note in at_hand.notes:
+        Console(stderr=True).print(escape(note), style="red", highlight=False, soft_wrap=True)
     return 0
 
 
@@ -83,7 +84,7 @@ async def _add(
     return found
 
 
-async def _all(settings: Settings) -> list[MapEntry]:
+async def _all(settings: Settings) -> MapsAtHand:
     async with open_services(settings, Path.cwd()) as services:
         return await maps_at_hand(ToolCall(services, _silent))
 

@@ -1,12 +1,11 @@
 """The facets that are not about scenarios: maps, behaviours of drivers, planners with their presets."""
 
 from plannerforge.engine.edits.behaviours import presets as behaviour_presets
-from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.planners.registry import PLANNERS
 from plannerforge.engine.tuning.planner_tuning import tuning_of
 from plannerforge.schemas.catalog import FacetCounts
-from plannerforge.schemas.generation import MapFacts
 from plannerforge.tools.call import ToolCall
+from plannerforge.tools.maps import maps_seen
 
 MAPS_SHOWN = 12
 
@@ -19,10 +18,14 @@ def other_facets(wanted: str, call: ToolCall) -> list[FacetCounts]:
 
 def _maps(call: ToolCall) -> FacetCounts:
     """The built-in maps and those that were imported, with the number of sites that can be cut from each."""
-    imported = [found.read(MapFacts) for found in call.workspace.newest(kind="map", limit=MAPS_SHOWN)]
-    facts = [*(entry.facts for entry in built_in_maps()), *imported]
-    counts = {one.place: sum(one.sites.values()) for one in facts[:MAPS_SHOWN]}
-    return FacetCounts(facet="maps", counts=counts, note="with their sites")
+    seen = maps_seen(call)
+    counts: dict[str, int] = {}
+    for facts in (entry.facts for entry in seen.entries[:MAPS_SHOWN]):
+        name = facts.place if facts.place not in counts else f"{facts.place} ({facts.map_id})"
+        counts[name] = sum(facts.sites.values())
+    more = len(seen.entries) - MAPS_SHOWN
+    notes = ["with their sites", *([f"{more} more maps"] if more > 0 else []), *seen.notes]
+    return FacetCounts(facet="maps", counts=counts, note="; ".join(notes))
 
 
 def _behaviours(call: ToolCall) -> FacetCounts:

@@ -25,13 +25,14 @@ REPORT = "generation.json"
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
     """Find the map, make each scenario in a worker, store it, and say what was asked beside what came out."""
-    plan = plan_maps(arguments, await maps_at_hand(call))
+    at_hand = await maps_at_hand(call)
+    plan = plan_maps(arguments, at_hand.entries)
     orders = await _orders(arguments, call, plan.matches)
     made: list[ScenarioSummary] = []
     for index, (match, site_index) in enumerate(orders):
         share = (index / len(orders), (index + 1) / len(orders))
         made.append(await _make(call, request_for(arguments, match, site_index, index), share))
-    notes = list(plan.notes)
+    notes = [*plan.notes, *at_hand.notes]
     if len(orders) < arguments.count:
         notes.append(f"only {len(orders)} different site(s) fit; {arguments.count} were asked for")
     used = {summary.map_id for summary in made}

@@ -11,6 +11,7 @@ from plannerforge.schemas.grammar import parse_comparison
 
 MOST_VEHICLES = 300
 """A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
+SHOWN_PLACES = 4
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,22 @@ def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -
     turn = arguments.seed % len(holding)
     unnamed = sorted({word for match in holding for word in match.unnamed})
     notes = [f"the map does not name {word!r}; its street was found" for word in unnamed]
+    if (box := box_of(arguments.bbox)) is not None:
+        notes += _beyond_the_maps(box, holding)
     return GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
+
+
+def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
+    """A note for a box that no map shows whole, such as that of a country: what of it was looked at."""
+    shown = [match.entry.facts for match in matches]
+    south, west, north, east = box
+    if any(f.south <= south and f.west <= west and north <= f.north and east <= f.east for f in shown):
+        return []
+    places = list(dict.fromkeys(facts.place for facts in shown))
+    named = ", ".join(places[:SHOWN_PLACES]) + (
+        f" and {len(places) - SHOWN_PLACES} more" * (len(places) > SHOWN_PLACES)
+    )
+    return [f"no map shows the whole bbox; sites were looked for where the maps lie in it: {named}"]
 
 
 def request_for(

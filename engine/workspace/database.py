@@ -27,6 +27,8 @@ CREATE TABLE IF NOT EXISTS artifacts (
     UNIQUE (kind, artifact_id)
 );
 CREATE INDEX IF NOT EXISTS artifacts_by_digest ON artifacts (kind, digest);
+CREATE INDEX IF NOT EXISTS artifacts_by_superseded ON artifacts (json_extract(record, '$.supersedes'))
+    WHERE kind = 'scenario';
 CREATE TABLE IF NOT EXISTS parents (
     artifact_id TEXT NOT NULL,
     parent_id TEXT NOT NULL,
@@ -53,6 +55,12 @@ CREATE TABLE IF NOT EXISTS claims (
     digest TEXT PRIMARY KEY,
     owner_pid INTEGER NOT NULL,
     made_at REAL NOT NULL
+) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS map_files (
+    path TEXT PRIMARY KEY,
+    stamp TEXT NOT NULL,
+    map_id TEXT NOT NULL,
+    refusal TEXT NOT NULL
 ) WITHOUT ROWID;
 """
 

@@ -10,8 +10,8 @@ from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.network.net_parser import SumoNet, read_net
 from plannerforge.engine.scenarios.generate import generate
-from plannerforge.engine.scenarios.realised_site import road_classes
 from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.realised_site import road_classes
 from plannerforge.schemas.generation import GenerationRequest
 
 
