@@ -8,7 +8,7 @@ from pathlib import Path
 from plannerforge.engine.edits.ordinary_ego import EgoDrive, base_drive
 from plannerforge.engine.edits.resimulation import SimulationSetup
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.recorded_scenario import read_recorded
 
 KEPT = 4
 
@@ -45,4 +45,5 @@ def scene_of(path: Path) -> KeptScene:
 @lru_cache(maxsize=KEPT)
 def _scene(path: Path, digest: str) -> KeptScene:
     del digest
-    return KeptScene(Scene.of(read_scenario(path)))
+    read = read_recorded(path)
+    return KeptScene(Scene.of(read.loaded, read.tracks))

@@ -57,12 +57,12 @@ class Scene:
     ego: Ego | None
 
     @classmethod
-    def of(cls, loaded: LoadedScenario) -> "Scene":
-        """Lay out the network and match every recorded vehicle."""
+    def of(cls, loaded: LoadedScenario, recorded: dict[int, Track] | None = None) -> "Scene":
+        """Lay out the network and match every recorded vehicle; ``recorded``: its tracks, where they are known."""
         network = loaded.scenario.lanelet_network
         layout = NetLayout.of(network)
         matcher = LaneMatcher.of(layout, network)
-        tracks = recorded_tracks(loaded.scenario)
+        tracks = recorded_tracks(loaded.scenario) if recorded is None else recorded
         last = last_recorded_step(loaded.scenario)
         standing = _standing(loaded, last)
         matches = {key: matcher.match(track) for key, track in (tracks | standing).items()}

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from plannerforge.engine.edits.changes import Changes
+from plannerforge.engine.edits.kept_scene import scene_of
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import select
 from plannerforge.engine.execution.progress import ProgressReporter
@@ -13,7 +14,6 @@ from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scenarios.describe_checks import checks_of
 from plannerforge.engine.scenarios.describe_ego import describe_ego
 from plannerforge.engine.scenarios.describe_lanelets import describe_lanelets
-from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.scenarios.where_words import EgoLane
 from plannerforge.schemas.errors import UnknownName, closest
@@ -31,7 +31,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
         UnsafeInput: the file is broken.
     """
     report(0.0, "reading the scenario")
-    scene = Scene.of(read_scenario(request.path))
+    scene = scene_of(request.path).scene
     ego = describe_ego(scene)
     center, name = _center(scene, request.focus)
     vehicles = _vehicles(scene, ego, center)

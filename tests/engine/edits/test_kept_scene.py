@@ -10,7 +10,11 @@ from plannerforge.engine.edits.kept_scene import scene_of
 from plannerforge.engine.edits.ordinary_ego import EgoDrive, base_drive
 from plannerforge.engine.edits.resimulation import SimulationSetup
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.scenarios.describe import describe
+from plannerforge.engine.scenarios.recorded_scenario import RecordedScenario
 from plannerforge.schemas.errors import UnsafeInput
+from plannerforge.schemas.scenarios import DescribeRequest
 
 EDIT = {"op": "set_behaviour", "vehicles": ["31"], "preset": "aggressive"}
 
@@ -18,6 +22,17 @@ EDIT = {"op": "set_behaviour", "vehicles": ["31"], "preset": "aggressive"}
 def test_the_same_content_is_read_once(tmp_path: Path) -> None:
     path = town_road().write(tmp_path / "base.xml")
     assert scene_of(path) is scene_of(path)
+
+
+def test_a_scenario_that_was_described_is_not_read_for_an_edit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = town_road().write(tmp_path / "base.xml")
+    describe(DescribeRequest(path=path, detail="brief", focus=None, radius_m=50.0), silent)
+
+    def read_again(path: Path) -> RecordedScenario:
+        raise AssertionError(f"{path.name} is read again")
+
+    monkeypatch.setattr("plannerforge.engine.edits.kept_scene.read_recorded", read_again)
+    assert apply_to(path, tmp_path / "out", EDIT).outcome.touched
 
 
 def test_other_content_under_the_same_name_is_read_anew(tmp_path: Path) -> None:
