@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from plannerforge.engine.catalog.embedding import embed
+from plannerforge.engine.catalog.embedding import EmbeddingModel
 from plannerforge.engine.catalog.rank import rank
 from plannerforge.engine.catalog.search import Ranking, Search
 from plannerforge.engine.execution.progress import silent
 from plannerforge.evals.selection_corpus import Request, arguments_of, refused_arguments
 from plannerforge.evals.selection_spoiling import spoiled
-from plannerforge.schemas.catalog import FindScenariosArguments, Method, RankRequest
+from plannerforge.schemas.catalog import PACKAGED_MODEL, FindScenariosArguments, Method, RankRequest
 from plannerforge.schemas.errors import UnknownName
 
 FIRST = 5
@@ -76,8 +76,9 @@ def _ranking(search: Search, database: Path, index: Path) -> Ranking:
 def _over_xml(requests: Sequence[Request], folder: Path) -> Ranked:
     """Embedding the files instead of descriptions; the model reads the first few hundred tokens of each."""
     paths = sorted(folder.glob("*.xml"))
-    vectors = embed([path.read_text(encoding="utf-8")[:XML_CHARACTERS] for path in paths])
-    asked = embed([request.text for request in requests])
+    model = EmbeddingModel.of(PACKAGED_MODEL)
+    vectors = model.embed([path.read_text(encoding="utf-8")[:XML_CHARACTERS] for path in paths])
+    asked = model.embed([request.text for request in requests])
     best = np.argsort(-(asked @ vectors.T), axis=1, kind="stable")
     return [(one, [paths[index].stem for index in row]) for one, row in zip(requests, best, strict=True)]
 

@@ -10,6 +10,9 @@ from plannerforge.schemas.base import Arguments, Model, Result
 Facet = Literal["all", "places", "tags", "features", "road_net", "obstacles", "maps", "behaviours", "planners"]
 Method = Literal["funnel", "semantic", "hybrid", "rrf", "bm25"]
 Stage = Literal["location", "tags", "road_net", "obstacles", "velocity"]
+PACKAGED_MODEL = "all-MiniLM-L6-v2"
+"""The embedding model that installs with the package."""
+
 STAGES: tuple[Stage, ...] = ("location", "tags", "road_net", "obstacles", "velocity")
 
 
@@ -188,6 +191,22 @@ class RankRequest(Model):
     candidates: tuple[str, ...] | None
     method: Literal["semantic", "bm25"]
     limit: int = Field(ge=1)
+    model: str = PACKAGED_MODEL
+
+
+class BuildIndexRequest(Model):
+    """Of which catalogue the text index is to be ready, and the model that embeds it."""
+
+    database: Path
+    index: Path
+    model: str = PACKAGED_MODEL
+
+
+class BuildIndexResponse(Model):
+    """How many descriptions the index holds, and whether it was built now."""
+
+    descriptions: int
+    built: bool
 
 
 class RankResponse(Model):

@@ -13,11 +13,16 @@ from plannerforge.engine.execution.job_runner import JobRunner
 from plannerforge.engine.execution.jobs import JobStore
 from plannerforge.engine.execution.pool import WorkerPool
 from plannerforge.engine.workspace.artifacts import Workspace
+from plannerforge.schemas.catalog import BuildIndexRequest, BuildIndexResponse
+from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.server.application import PlannerForgeServer
 from plannerforge.server.journal import Journal
 from plannerforge.server.settings import Settings
 from plannerforge.tools.call import Services
+from plannerforge.tools.catalog import FIRST_TEXT_SEARCH_TIMEOUT_S, INDEX_FOLDER
 from plannerforge.tools.registry import TOOLS, ToolSpec
+
+logger = logging.getLogger(__name__)
 
 WARM_UP_DELAY_S = 1.0
 """The first answers come before the first worker: both want the same cores."""
@@ -55,8 +60,17 @@ async def open_services(settings: Settings, start_folder: Path) -> AsyncIterator
         async with WorkerPool.open(limits, log) as workers, anyio.create_task_group() as tasks:
             jobs, claims = JobRunner(JobStore(workspace.database), tasks), Claims(workspace.database)
             if settings.warm_up:
-                tasks.start_soon(_warm_up, workers)
-            yield Services(workspace, workers, jobs, claims, limits, settings.map_folders, settings.starter)
+                tasks.start_soon(_warm_up, workers, workspace, settings.embedding_model)
+            yield Services(
+                workspace,
+                workers,
+                jobs,
+                claims,
+                limits,
+                settings.map_folders,
+                settings.starter,
+                settings.embedding_model,
+            )
             tasks.cancel_scope.cancel()
     finally:
         workspace.close()
@@ -71,7 +85,18 @@ def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
     )
 
 
-async def _warm_up(workers: WorkerPool) -> None:
+async def _warm_up(workers: WorkerPool, workspace: Workspace, model: str) -> None:
     await anyio.sleep(WARM_UP_DELAY_S)
     await workers.warm_up("compute")
     await workers.warm_up("retrieval")
+    request = BuildIndexRequest(database=workspace.database.path, index=workspace.root / INDEX_FOLDER, model=model)
+    try:
+        await workers.run(
+            "plannerforge.engine.catalog.rank:build_index",
+            request,
+            BuildIndexResponse,
+            timeout_s=FIRST_TEXT_SEARCH_TIMEOUT_S,
+            lane="retrieval",
+        )
+    except PlannerForgeError as error:  # nobody asked for it yet: whoever searches by text is told
+        logger.warning("the text index could not be made ready: %s", error.text)

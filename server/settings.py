@@ -1,6 +1,7 @@
 """Settings: by flag, by environment (``PLANNERFORGE_…``), by ``plannerforge.toml``, in this order."""
 
 import os
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,8 +16,10 @@ from pydantic_settings import (
 )
 
 from plannerforge.engine.execution.limits import Limits
+from plannerforge.schemas.catalog import PACKAGED_MODEL
 
 APPLICATION = "plannerforge"
+HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
 Folders = Annotated[tuple[Path, ...], NoDecode]
 """In a variable, folders are separated as in PATH."""
 
@@ -38,7 +41,10 @@ class Settings(BaseSettings):
     worker_memory_mb: int = Field(4096, ge=512, description="data memory of one worker process")
     operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit of one operation in a worker")
     file_mb: int = Field(100, ge=1, description="largest file that is read")
-    warm_up: bool = Field(True, description="start a worker before it is asked for")
+    embedding_model: str = Field(
+        PACKAGED_MODEL, description="what ranks by text: a folder or a hub name that sentence-transformers loads"
+    )
+    warm_up: bool = Field(True, description="start workers and make the text index ready before they are asked for")
     tools: Literal["all", "essential"] = Field("all", description="essential: the small set for small models")
     read_only: bool = Field(False, description="offer only tools that make nothing")
     journal: bool = Field(True, description="write one line per call into the workspace's journal")
@@ -49,6 +55,18 @@ class Settings(BaseSettings):
     @classmethod
     def _separated(cls, value: Any) -> Any:
         return [part for part in value.split(os.pathsep) if part] if isinstance(value, str) else value
+
+    @field_validator("embedding_model")
+    @classmethod
+    def _known_model(cls, value: str) -> str:
+        folder = Path(value).expanduser()
+        if (folder / "config.json").is_file():
+            return str(folder.resolve())
+        if value == PACKAGED_MODEL or (HUB_NAME.fullmatch(value) and not folder.exists()):
+            return value
+        raise ValueError(
+            f"'{value}' is neither {PACKAGED_MODEL}, nor a folder with a model, nor 'owner/model' on the hub"
+        )
 
     @classmethod
     def settings_customise_sources(

@@ -11,6 +11,7 @@ from plannerforge.engine.execution.job_runner import JobRunner
 from plannerforge.engine.execution.limits import Limits
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.base import Model
+from plannerforge.schemas.catalog import PACKAGED_MODEL
 
 Response = TypeVar("Response", bound=Model)
 SendProgress = Callable[[float, str], Awaitable[None]]
@@ -27,6 +28,7 @@ class Services:
     limits: Limits
     map_folders: tuple[Path, ...] = ()
     with_starter: bool = True
+    embedding_model: str = PACKAGED_MODEL
 
 
 class ToolCall:

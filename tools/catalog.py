@@ -20,6 +20,7 @@ from plannerforge.tools.call import ToolCall
 from plannerforge.tools.catalog_facets import other_facets
 
 FIRST_TEXT_SEARCH_TIMEOUT_S = 120.0
+INDEX_FOLDER = "index"
 
 
 async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) -> DescribeCatalogResult:
@@ -73,11 +74,12 @@ async def _ranking(search: Search, call: ToolCall) -> Ranking:
         text = f"{text} {descriptions(call.workspace.database.connection())[arguments.like]}".strip()
     request = RankRequest(
         database=call.workspace.database.path,
-        index=call.workspace.root / "index",
+        index=call.workspace.root / INDEX_FOLDER,
         text=text,
         candidates=candidates,
         method="bm25" if arguments.method == "bm25" else "semantic",
         limit=max(len(candidates), 1),
+        model=call.services.embedding_model,
     )
     response = await call.run(
         "plannerforge.engine.catalog.rank:rank",

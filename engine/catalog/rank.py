@@ -1,19 +1,20 @@
-"""Ranking scenarios by likeness to a text: the operation of the retrieval worker."""
+"""Ranking scenarios by likeness to a text: the operations of the retrieval worker."""
 
 import sqlite3
+from pathlib import Path
 
 from plannerforge.engine.catalog.bm25 import bm25_scores
 from plannerforge.engine.catalog.tables import descriptions, is_ready
 from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.schemas.catalog import RankRequest, RankResponse
+from plannerforge.schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
 
 
 def rank(request: RankRequest, report: ProgressReporter) -> RankResponse:
     """The candidates ordered by likeness of their descriptions to the text.
 
-    Semantic: cosine of MiniLM vectors; the index is built first where the catalogue has changed. BM25: shared words.
+    Semantic: cosine of the model's vectors; the index is built first where the catalogue has changed. BM25: words.
     """
-    texts = _descriptions(request)
+    texts = _descriptions(request.database)
     if request.method == "bm25":
         chosen = {key: texts[key] for key in request.candidates or texts if key in texts}
         scores = bm25_scores(request.text, chosen)
@@ -24,17 +25,36 @@ def rank(request: RankRequest, report: ProgressReporter) -> RankResponse:
     return _semantic(request, texts, report)
 
 
+def build_index(request: BuildIndexRequest, report: ProgressReporter) -> BuildIndexResponse:
+    """Load the model and have the text index ready before anybody waits for it.
+
+    Raises:
+        ResourceFailure: the model cannot be loaded, or the index not be written.
+    """
+    from plannerforge.engine.catalog.embedding import EmbeddingModel
+    from plannerforge.engine.catalog.vector_index import ensure_generation, query
+
+    model, texts = EmbeddingModel.of(request.model), _descriptions(request.database)
+    vector = model.embed(["a scenario"])[0]
+    if not texts:
+        return BuildIndexResponse(descriptions=0, built=False)
+    folder, built = ensure_generation(request.index, texts, model.identity, model.embed, report)
+    query(folder, vector, None, 1)
+    return BuildIndexResponse(descriptions=len(texts), built=built)
+
+
 def _semantic(request: RankRequest, texts: dict[str, str], report: ProgressReporter) -> RankResponse:
-    from plannerforge.engine.catalog.embedding import MODEL_NAME, embed
+    from plannerforge.engine.catalog.embedding import EmbeddingModel
     from plannerforge.engine.catalog.vector_index import ensure_generation, query
 
     if not texts:
         return RankResponse(scenario_ids=(), scores=(), built_index=False)
     report(0.1, "opening the text index")
-    folder, built = ensure_generation(request.index, texts, MODEL_NAME, embed)
-    report(0.8, "ranking by text")
+    model = EmbeddingModel.of(request.model)
+    folder, built = ensure_generation(request.index, texts, model.identity, model.embed, report)
+    report(0.9, "ranking by text")
     candidates = None if request.candidates is None else [key for key in request.candidates if key in texts]
-    found = query(folder, embed([request.text])[0], candidates, request.limit)
+    found = query(folder, model.embed([request.text])[0], candidates, request.limit)
     return RankResponse(
         scenario_ids=tuple(key for key, _ in found),
         scores=tuple(round(score, 4) for _, score in found),
@@ -42,8 +62,10 @@ def _semantic(request: RankRequest, texts: dict[str, str], report: ProgressRepor
     )
 
 
-def _descriptions(request: RankRequest) -> dict[str, str]:
-    connection = sqlite3.connect(f"{request.database.absolute().as_uri()}?mode=ro", uri=True, timeout=10.0)
+def _descriptions(database: Path) -> dict[str, str]:
+    if not database.is_file():
+        return {}
+    connection = sqlite3.connect(f"{database.absolute().as_uri()}?mode=ro", uri=True, timeout=10.0)
     try:
         return descriptions(connection) if is_ready(connection) else {}
     finally:

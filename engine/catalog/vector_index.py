@@ -13,12 +13,14 @@ import json
 import shutil
 import sqlite3
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from plannerforge.engine.catalog.embedding import Vectors
+from plannerforge.engine.catalog.embedding import Embed, Vectors
+from plannerforge.engine.execution.progress import ProgressReporter, silent
 from plannerforge.schemas.errors import ResourceFailure
 
 COLLECTION = "scenarios"
@@ -27,8 +29,7 @@ LOCK_TIMEOUT_S = 120.0
 GRACE_S = 3600.0
 """A generation that was opened less than an hour ago may still be read by another server."""
 _BATCH = 1000
-
-Embed = Callable[[Sequence[str]], Vectors]
+_EMBEDDED_AT_ONCE = 64
 
 
 def generation_name(texts: Mapping[str, str], model: str) -> str:
@@ -37,10 +38,13 @@ def generation_name(texts: Mapping[str, str], model: str) -> str:
     return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
-def ensure_generation(root: Path, texts: Mapping[str, str], model: str, embed: Embed) -> tuple[Path, bool]:
+def ensure_generation(
+    root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter = silent
+) -> tuple[Path, bool]:
     """The complete generation for these texts, built if it is not there; and whether it was built now.
 
-    Vectors of known texts come from a cache beside the generations, so that an import embeds only what is new.
+    Vectors of known texts come from a cache beside the generations, so that an import embeds only what is new; what
+    was embedded before an interruption stays in it.
 
     Raises:
         ResourceFailure: the folder cannot be written, or another process holds the lock for too long.
@@ -54,9 +58,10 @@ def ensure_generation(root: Path, texts: Mapping[str, str], model: str, embed: E
         with _lock(root):
             if (folder / COMPLETE).is_file():
                 return folder, False
+            _reader().close()  # what it holds open may be what is made anew
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir()
-            _fill(folder, texts, _vectors(root, texts, model, embed))
+            _fill(folder, texts, _vectors(root, texts, model, embed, report))
             (folder / COMPLETE).touch()
             _remove_old(root, folder)
     except (OSError, sqlite3.Error) as error:
@@ -77,28 +82,50 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
     """
     if candidates is not None and not candidates:
         return []
-    with _collection(folder) as collection:
-        count = collection.count()
-        wanted = min(limit, count if candidates is None else len(candidates))
-        if wanted == 0:
-            return []
-        found = collection.query(
-            query_embeddings=[vector.tolist()],
-            ids=None if candidates is None else list(candidates),
-            n_results=wanted,
-            include=["distances"],
-        )
+    collection = _reader().collection(folder)
+    count = collection.count()
+    wanted = min(limit, count if candidates is None else len(candidates))
+    if wanted == 0:
+        return []
+    found = collection.query(
+        query_embeddings=[vector.tolist()],
+        ids=None if candidates is None else list(candidates),
+        n_results=wanted,
+        include=["distances"],
+    )
     pairs = [(key, 1.0 - float(distance)) for key, distance in zip(found["ids"][0], found["distances"][0], strict=True)]
     return sorted(pairs, key=lambda pair: (-round(pair[1], 6), pair[0]))
 
 
-@contextmanager
-def _collection(folder: Path) -> Iterator[Any]:
-    client = _client(folder)
-    try:
-        yield client.get_collection(COLLECTION, embedding_function=None)
-    finally:
-        client.close()
+class _Reader:
+    """Keeps the generation that was read last open, since opening one takes longer than a search in it."""
+
+    def __init__(self) -> None:
+        self._opened: tuple[Path, int] | None = None
+        self._client: Any = None
+        self._collection: Any = None
+
+    def collection(self, folder: Path) -> Any:
+        """The collection of a complete generation; one that was built anew in the same place is opened anew."""
+        wanted = (folder, (folder / COMPLETE).stat().st_ino)
+        if self._opened != wanted:
+            self.close()
+            self._client = _client(folder)
+            self._collection = self._client.get_collection(COLLECTION, embedding_function=None)
+            self._opened = wanted
+        return self._collection
+
+    def close(self) -> None:
+        """Let go of what is open."""
+        self._opened = None
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+
+@cache
+def _reader() -> _Reader:
+    return _Reader()
 
 
 def _client(folder: Path) -> Any:
@@ -122,7 +149,7 @@ def _fill(folder: Path, texts: Mapping[str, str], vectors: Vectors) -> None:
         client.close()
 
 
-def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed) -> Vectors:
+def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter) -> Vectors:
     """Vectors in the alphabetical order of the ids."""
     import numpy as np
 
@@ -131,14 +158,17 @@ def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed) -> 
     try:
         connection.execute("CREATE TABLE IF NOT EXISTS vectors (digest TEXT PRIMARY KEY, vector BLOB NOT NULL)")
         known = {row[0]: row[1] for row in connection.execute("SELECT digest, vector FROM vectors")}
-        missing = {digests[key]: texts[key] for key in sorted(texts) if digests[key] not in known}
-        made = embed(list(missing.values())) if missing else ()
-        fresh = {digest: vector.tobytes() for digest, vector in zip(missing, made, strict=True)}
-        connection.executemany("INSERT OR IGNORE INTO vectors VALUES (?, ?)", sorted(fresh.items()))
-        connection.commit()
+        missing = sorted({digests[key]: texts[key] for key in texts if digests[key] not in known}.items())
+        for begin in range(0, len(missing), _EMBEDDED_AT_ONCE):
+            report(0.1 + 0.8 * begin / len(missing), f"embedding {len(missing) - begin} descriptions")
+            chosen = missing[begin : begin + _EMBEDDED_AT_ONCE]
+            made = embed([text for _, text in chosen])
+            fresh = [(digest, vector.tobytes()) for (digest, _), vector in zip(chosen, made, strict=True)]
+            connection.executemany("INSERT OR IGNORE INTO vectors VALUES (?, ?)", fresh)
+            connection.commit()
+            known.update(fresh)
     finally:
         connection.close()
-    known |= fresh
     return np.stack([np.frombuffer(known[digests[key]], dtype=np.float32) for key in sorted(texts)])
 
 

@@ -72,5 +72,16 @@ def test_limits_are_in_bytes_and_seconds(tmp_path: Path) -> None:
     assert (limits.operation_timeout_s, limits.worker_count) == (9, 3)
 
 
+def test_the_embedding_model_is_the_packaged_one_a_folder_or_a_name_on_the_hub(tmp_path: Path) -> None:
+    folder = tmp_path / "model"
+    folder.mkdir()
+    (folder / "config.json").write_text("{}")
+    for value in ("all-MiniLM-L6-v2", "intfloat/e5-small", str(folder)):
+        assert Settings(embedding_model=value).embedding_model == value
+    for wrong in ("all-MiniLM", str(tmp_path), "./nowhere"):
+        with pytest.raises(ValidationError, match="embedding_model"):
+            Settings(embedding_model=wrong)
+
+
 def test_every_setting_says_what_it_is_for() -> None:
     assert [name for name, field in Settings.model_fields.items() if not field.description] == []

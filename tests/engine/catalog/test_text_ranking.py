@@ -1,5 +1,6 @@
 """Ranking by text: BM25, fusion, and a real Chroma index in its generations."""
 
+import shutil
 import sqlite3
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,11 +12,17 @@ from builders_catalog import facts
 from plannerforge.engine.catalog import vector_index
 from plannerforge.engine.catalog.bm25 import bm25_scores, reciprocal_rank_fusion
 from plannerforge.engine.catalog.embedding import Vectors
-from plannerforge.engine.catalog.rank import rank
+from plannerforge.engine.catalog.rank import build_index, rank
 from plannerforge.engine.catalog.tables import add_facts, prepare
 from plannerforge.engine.catalog.vector_index import COMPLETE, ensure_generation, query
 from plannerforge.engine.execution.progress import silent
-from plannerforge.schemas.catalog import RankRequest
+from plannerforge.schemas.catalog import (
+    PACKAGED_MODEL,
+    BuildIndexRequest,
+    BuildIndexResponse,
+    RankRequest,
+    RankResponse,
+)
 
 TEXTS = {"one": "a truck on the motorway", "two": "bicycles in a village", "three": "a bus at a crossing"}
 
@@ -96,23 +103,71 @@ def test_collections_carry_no_embedding_function(tmp_path: Path) -> None:
     assert "onnx" not in stored
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_the_real_model_finds_the_description_that_means_the_same(tmp_path: Path) -> None:
-    database = tmp_path / "workspace.sqlite"
-    with sqlite3.connect(database) as connection:
+def test_a_generation_that_is_built_anew_while_it_is_open_is_read_anew(tmp_path: Path) -> None:
+    embed = CountingEmbedding()
+    folder, _ = ensure_generation(tmp_path, TEXTS, "letters", embed)
+    assert len(query(folder, embed(["bus"])[0], None, 5)) == 3
+    shutil.rmtree(folder)
+    again, built = ensure_generation(tmp_path, TEXTS, "letters", embed)
+    assert (again, built) == (folder, True)
+    assert len(query(folder, embed(["bus"])[0], None, 5)) == 3
+
+
+def test_what_was_embedded_before_an_interruption_is_not_embedded_again(tmp_path: Path) -> None:
+    class Interrupted(CountingEmbedding):
+        def __call__(self, texts: Sequence[str]) -> Vectors:
+            if self.asked:
+                raise KeyboardInterrupt
+            return super().__call__(texts)
+
+    many = {f"{number:03}": f"lane {chr(97 + number % 26)} {number}" for number in range(100)}
+    first, second = Interrupted(), CountingEmbedding()
+    with pytest.raises(KeyboardInterrupt):
+        ensure_generation(tmp_path, many, "letters", first)
+    ensure_generation(tmp_path, many, "letters", second)
+    assert 0 < len(first.asked) < 100
+    assert sorted(first.asked + second.asked) == sorted(many.values())
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Path:
+    """Heavy traffic on a motorway, and bicycles in a town."""
+    path = tmp_path / "workspace.sqlite"
+    connection = sqlite3.connect(path)
+    with connection:
         prepare(connection)
         add_facts(connection, 1, facts("DEU_Bonn-1_1_T-1", tags=["highway"], counts={"truck": 5}, speed_mps=30.0))
         add_facts(connection, 2, facts("DEU_Bonn-2_1_T-1", tags=["urban"], counts={"bicycle": 4}, speed_mps=5.0))
     connection.close()
+    return path
+
+
+def ranked(database: Path, model: str = PACKAGED_MODEL) -> RankResponse:
     request = RankRequest(
         database=database,
-        index=tmp_path / "index",
+        index=database.parent / "index",
         text="cyclists in the city",
         candidates=None,
         method="semantic",
         limit=2,
+        model=model,
     )
-    response = rank(request, silent)
+    return rank(request, silent)
+
+
+def test_the_packaged_model_finds_the_description_that_means_the_same(database: Path) -> None:
+    response = ranked(database)
     assert response.scenario_ids[0] == "DEU_Bonn-2_1_T-1"
     assert response.built_index
-    assert not rank(request, silent).built_index
+    assert not ranked(database).built_index
+
+
+def test_an_index_that_was_made_ready_is_not_built_by_the_first_search(database: Path) -> None:
+    request = BuildIndexRequest(database=database, index=database.parent / "index")
+    assert build_index(request, silent) == BuildIndexResponse(descriptions=2, built=True)
+    assert not ranked(database).built_index
+
+
+def test_an_index_of_no_catalogue_is_no_failure(tmp_path: Path) -> None:
+    request = BuildIndexRequest(database=tmp_path / "none.sqlite", index=tmp_path / "index")
+    assert build_index(request, silent).descriptions == 0
