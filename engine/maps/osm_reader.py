@@ -1,9 +1,11 @@
 """OpenStreetMap extracts (.osm) as plain values: nodes, roads, and what else helps to name and judge a place."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from lxml import etree
@@ -16,16 +18,18 @@ from plannerforge.schemas.errors import UnsafeInput
 LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
 SHOWN_CLASSES = 5
 EARTH_RADIUS_M = 6_371_008.8
+NO_TAGS: Mapping[str, str] = MappingProxyType({})
+"""One for all nodes that have none, which are most."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class OsmNode:
     """A point of the map in degrees (WGS 84) with its tags."""
 
     node_id: int
     latitude: float
     longitude: float
-    tags: dict[str, str]
+    tags: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class OsmWay:
 
     way_id: int
     node_ids: tuple[int, ...]
-    tags: dict[str, str]
+    tags: Mapping[str, str]
 
     @property
     def road_class(self) -> str:
@@ -56,7 +60,7 @@ class OsmRelation:
 
     relation_id: int
     members: tuple[tuple[str, int, str], ...]
-    tags: dict[str, str]
+    tags: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -87,27 +91,19 @@ class OsmMap:
         return min(latitudes), min(longitudes), max(latitudes), max(longitudes)
 
 
-def read_osm(path: Path) -> OsmMap:
+def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     """Scan and read an extract; references to nodes that it does not hold are left out.
 
+    The document is read element by element: of a million nodes only the values stay in memory.
+
     Raises:
-        UnsafeInput: the file is hostile, broken, not OpenStreetMap XML, or holds no road.
+        UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or holds no road.
     """
-    root_name = scan_xml(path, LIMITS)
+    root_name = scan_xml(path, limits)
     if root_name != "osm":
         raise UnsafeInput(f"{path.name} is no OpenStreetMap extract: its root element is <{root_name}>, not <osm>")
     try:
-        root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
-        nodes = {node.node_id: node for node in (_node(element) for element in root.iterfind("node"))}
-        ways = tuple(_way(element, nodes) for element in root.iterfind("way"))
-        relations = tuple(_relation(element) for element in root.iterfind("relation"))
-        found = OsmMap(
-            nodes,
-            tuple(way for way in ways if len(way.node_ids) > 1),
-            relations,
-            _bounds(root),
-            _own_attribution(root),
-        )
+        found = _read(path)
     except (etree.LxmlError, ValueError, KeyError) as error:
         raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
     if not found.roads(frozenset((*ROADS, *LINKS))):
@@ -117,6 +113,38 @@ def read_osm(path: Path) -> OsmMap:
             f"{path.name} holds no road for vehicles{only}", next_step="use an extract with streets in it"
         )
     return found
+
+
+def _read(path: Path) -> OsmMap:
+    nodes: dict[int, OsmNode] = {}
+    ways: list[OsmWay] = []
+    relations: list[OsmRelation] = []
+    bounds: tuple[float, float, float, float] | None = None
+    with path.open("rb") as stream:
+        document = etree.iterparse(
+            stream, events=("end",), tag=("node", "way", "relation", "bounds"), resolve_entities=False, no_network=True
+        )
+        for _, element in document:
+            if element.tag == "node":
+                node = _node(element)
+                nodes[node.node_id] = node
+            elif element.tag == "way":
+                ways.append(_way(element))
+            elif element.tag == "relation":
+                relations.append(_relation(element))
+            else:
+                bounds = bounds or _bounds(element)
+            _forget(element)
+    whole = (replace(way, node_ids=tuple(key for key in way.node_ids if key in nodes)) for way in ways)
+    ways = [way for way in whole if len(way.node_ids) > 1]
+    return OsmMap(nodes, tuple(ways), tuple(relations), bounds, _own_attribution(document.root))
+
+
+def _forget(element: Any) -> None:
+    """Free what has been read: the element's content, and all elements before it."""
+    element.clear()
+    while element.getprevious() is not None:
+        del element.getparent()[0]
 
 
 def distance_m(first: OsmNode, second: OsmNode) -> float:
@@ -137,8 +165,8 @@ def _is_area(bounds: tuple[float, float, float, float]) -> bool:
     return -90 <= south < north <= 90 and -180 <= west < east <= 180
 
 
-def _tags(element: Any) -> dict[str, str]:
-    return {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")}
+def _tags(element: Any) -> Mapping[str, str]:
+    return {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")} if len(element) else NO_TAGS
 
 
 def _node(element: Any) -> OsmNode:
@@ -148,9 +176,9 @@ def _node(element: Any) -> OsmNode:
     return OsmNode(int(element.attrib["id"]), latitude, longitude, _tags(element))
 
 
-def _way(element: Any, nodes: dict[int, OsmNode]) -> OsmWay:
-    references = (int(member.attrib["ref"]) for member in element.iterfind("nd"))
-    return OsmWay(int(element.attrib["id"]), tuple(key for key in references if key in nodes), _tags(element))
+def _way(element: Any) -> OsmWay:
+    references = tuple(int(member.attrib["ref"]) for member in element.iterfind("nd"))
+    return OsmWay(int(element.attrib["id"]), references, _tags(element))
 
 
 def _relation(element: Any) -> OsmRelation:
@@ -158,10 +186,7 @@ def _relation(element: Any) -> OsmRelation:
     return OsmRelation(int(element.attrib["id"]), members, _tags(element))
 
 
-def _bounds(root: Any) -> tuple[float, float, float, float] | None:
-    element = root.find("bounds")
-    if element is None:
-        return None
+def _bounds(element: Any) -> tuple[float, float, float, float]:
     south, west, north, east = (float(element.attrib[key]) for key in ("minlat", "minlon", "maxlat", "maxlon"))
     return south, west, north, east
 

@@ -1,6 +1,9 @@
 """Maps that cannot be used end in one clear error; unusual ones are read."""
 
-from collections.abc import Iterable
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,6 +11,7 @@ import pytest
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.maps.draw_library import LIBRARY
 from plannerforge.engine.maps.facts import read_map
+from plannerforge.engine.maps.osm_reader import LIMITS, read_osm
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest
 
@@ -61,10 +65,46 @@ def test_where_the_header_gives_no_box_the_roads_do(tmp_path: Path, bounds: str)
     assert facts.place == "some"
 
 
+def crowded(count: int) -> Iterator[str]:
+    """A map with many nodes beside its only road."""
+    yield f"<osm>{NODES}"
+    yield from (f'<node id="{n}" lat="48.0" lon="{11 + n * 1e-7:.7f}"/>' for n in range(3, count + 1))
+    yield f"{way('primary')}</osm>"
+
+
 def test_many_nodes_beside_the_roads_are_read(tmp_path: Path) -> None:
-    crowd = (f'<node id="{n}" lat="48.0" lon="{11 + n * 1e-7:.7f}"/>' for n in range(3, 100_000))
-    facts = read(tmp_path, ["<osm>", NODES, *crowd, way("primary"), "</osm>"])
-    assert facts.road_km == 0.19
+    assert read(tmp_path, crowded(100_000)).road_km == 0.19
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the most memory ever used is read from /proc")
+def test_a_map_of_many_nodes_is_read_without_keeping_the_document(tmp_path: Path) -> None:
+    (tmp_path / "many.osm").write_text("".join(crowded(150_000)))
+    code = (
+        "import re, sys\n"
+        "from pathlib import Path\n"
+        "from plannerforge.engine.maps.osm_reader import read_osm\n"
+        "def most_mb():\n"
+        "    return int(re.search(r'VmHWM:\\s+(\\d+)', Path('/proc/self/status').read_text())[1]) / 1024\n"
+        "before = most_mb()\n"
+        "print(len(read_osm(Path(sys.argv[1])).nodes), most_mb() - before)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "many.osm")], check=True, capture_output=True, text=True
+    )
+    count, growth_mb = done.stdout.split()
+    assert int(count) == 150_000
+    assert float(growth_mb) < 80
+
+
+def test_a_map_of_more_elements_than_are_read_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "many.osm"
+    path.write_text("".join(crowded(1_001)))
+    with pytest.raises(UnsafeInput, match="holds more than 1,000 elements"):
+        read_osm(path, replace(LIMITS, elements=1_000))
+
+
+def test_ways_may_stand_before_their_nodes(tmp_path: Path) -> None:
+    assert read(tmp_path, f"<osm>{way('primary')}{NODES}</osm>").road_km == 0.19
 
 
 def test_a_map_of_more_bytes_than_are_read_is_refused_by_its_size(tmp_path: Path) -> None:
