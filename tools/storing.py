@@ -50,9 +50,8 @@ def put_scenario(
     recipe: Recipe,
     origin: Origin,
     beside: Mapping[str, Path] | None = None,
-    supersedes: str | None = None,
 ) -> Artifact:
-    """Store a scenario whose facts are known; ``supersedes`` is the version that it takes the place of.
+    """Store a scenario whose facts are known.
 
     Raises:
         NotPossible: another scenario has this id already.
@@ -65,7 +64,7 @@ def put_scenario(
             next_step="give the file another benchmarkID",
         )
     files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {}) | dict(beside or {})
-    record = ScenarioRecord(facts=facts, origin=origin, content=content, supersedes=supersedes)
+    record = ScenarioRecord(facts=facts, origin=origin, content=content)
     artifact = call.workspace.put("scenario", facts.scenario_id, recipe=recipe, record=record, files=files)
     refresh(call.workspace.database)
     return artifact

@@ -12,7 +12,7 @@ from plannerforge.engine.catalog.describe_text import describe
 from plannerforge.engine.catalog.places import place_keys
 from plannerforge.schemas.scenarios import ScenarioFacts
 
-VERSION = 2
+VERSION = 3
 """Raised when tables or descriptions change: older tables are dropped and filled again."""
 
 MOST_ENTRIES = 1024
@@ -42,7 +42,7 @@ CREATE TABLE IF NOT EXISTS catalog_counts (
 CREATE INDEX IF NOT EXISTS catalog_by_count ON catalog_counts (obstacle, count, number);
 CREATE TABLE IF NOT EXISTS catalog_limits (
     scope TEXT NOT NULL, kmh REAL NOT NULL, number INTEGER NOT NULL, PRIMARY KEY (scope, kmh, number)) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS catalog_version (version INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS catalog_version (version INTEGER NOT NULL, last_entered INTEGER NOT NULL);
 """
 
 
@@ -63,7 +63,17 @@ def prepare(connection: sqlite3.Connection) -> None:
         connection.execute(f"DROP TABLE IF EXISTS {table}")
     for statement in _SCHEMA.split(";"):
         connection.execute(statement)
-    connection.execute("INSERT INTO catalog_version VALUES (?)", (VERSION,))
+    connection.execute("INSERT INTO catalog_version VALUES (?, 0)", (VERSION,))
+
+
+def last_entered(connection: sqlite3.Connection) -> int:
+    """The sequence of the artifact up to which all scenarios have been entered; 0 for new tables."""
+    return int(connection.execute("SELECT last_entered FROM catalog_version").fetchone()[0])
+
+
+def set_last_entered(connection: sqlite3.Connection, sequence: int) -> None:
+    """Remember how far the artifacts have been entered."""
+    connection.execute("UPDATE catalog_version SET last_entered = ?", (sequence,))
 
 
 def add_scenario(connection: sqlite3.Connection, sequence: int, facts: ScenarioFacts) -> None:

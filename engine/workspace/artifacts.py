@@ -1,22 +1,21 @@
 """Immutable artifacts: a record in SQLite and a folder of files, both there whole or not at all."""
 
 import json
-import os
 import re
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
 from plannerforge.engine.workspace.database import Database
 from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.engine.workspace.staging import ArtifactKind, NewArtifact, Staged, disk_failure, stage
 from plannerforge.schemas.base import Model
-from plannerforge.schemas.errors import ResourceFailure, UnknownName, closest
+from plannerforge.schemas.errors import UnknownName, closest
 
-ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map"]
 Record = TypeVar("Record", bound=Model)
 
 _ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
@@ -66,17 +65,41 @@ class Workspace:
         found = self.find(kind, artifact_id)
         if found is not None:
             return found
-        with self._copied(kind, artifact_id, files or {}) as copies, self.database.writing() as connection:
-            if self.find(kind, artifact_id) is None:  # another server may have stored it meanwhile
-                self._place(kind, artifact_id, copies)
+        new = NewArtifact(kind, artifact_id, recipe, record, files or {}, name)
+        if not new.files:
+            self.put_staged([Staged(new)])
+        else:
+            with self.scratch() as folder:
+                self.put_staged(stage([new], folder))
+        return self.get(artifact_id, kind)
+
+    def put_staged(self, all_staged: Sequence[Staged]) -> None:
+        """Store artifacts in one transaction, all or none; an id that is there already keeps the stored one.
+
+        Raises:
+            ResourceFailure: the database or a folder cannot be written.
+        """
+        with self.database.writing() as connection:
+            for staged in all_staged:
+                new = staged.artifact
+                if self.find(new.kind, new.artifact_id) is not None:  # another server may have stored it meanwhile
+                    continue
+                self._place(new.kind, new.artifact_id, staged.copies)
                 connection.execute(
                     "INSERT INTO artifacts (artifact_id, kind, name, digest, recipe, record) VALUES (?, ?, ?, ?, ?, ?)",
-                    (artifact_id, kind, name, recipe.digest, recipe.model_dump_json(), record.model_dump_json()),
+                    (
+                        new.artifact_id,
+                        new.kind,
+                        new.name,
+                        new.recipe.digest,
+                        new.recipe.model_dump_json(),
+                        new.record.model_dump_json(),
+                    ),
                 )
                 connection.executemany(
-                    "INSERT OR IGNORE INTO parents VALUES (?, ?)", [(artifact_id, parent) for parent in recipe.parents]
+                    "INSERT OR IGNORE INTO parents VALUES (?, ?)",
+                    [(new.artifact_id, parent) for parent in new.recipe.parents],
                 )
-        return self.get(artifact_id, kind)
 
     def find(self, kind: ArtifactKind, artifact_id: str) -> Artifact | None:
         """The artifact with this id, or None."""
@@ -178,7 +201,7 @@ class Workspace:
             parent.mkdir(parents=True, exist_ok=True)
             folder = Path(tempfile.mkdtemp(dir=parent))
         except OSError as error:
-            raise _disk_failure(parent, error) from error
+            raise disk_failure(parent, error) from error
         try:
             yield folder
         finally:
@@ -192,24 +215,6 @@ class Workspace:
         query = "SELECT artifact_id FROM artifacts WHERE ?1 IS NULL OR kind = ?1 ORDER BY sequence DESC LIMIT 5000"
         return self.database.connection().execute(query, (kind,)).fetchall()
 
-    @contextmanager
-    def _copied(self, kind: ArtifactKind, artifact_id: str, files: Mapping[str, Path]) -> Iterator[Path | None]:
-        """A folder with copies of the files that are safe on the disk, before anything is locked."""
-        target = self.folder(kind, artifact_id)
-        if not files:
-            yield None
-            return
-        with self.scratch() as folder:
-            copies = folder / "whole"
-            try:
-                copies.mkdir()
-                for name, source in sorted(files.items()):
-                    shutil.copyfile(source, copies / name)
-                    _flush(copies / name)
-            except OSError as error:
-                raise _disk_failure(target, error) from error
-            yield copies
-
     def _place(self, kind: ArtifactKind, artifact_id: str, copies: Path | None) -> None:
         """Give the copies their place; what lies there without a record was left by a server that died in between."""
         target = self.folder(kind, artifact_id)
@@ -220,7 +225,7 @@ class Workspace:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 copies.rename(target)
         except OSError as error:
-            raise _disk_failure(target, error) from error
+            raise disk_failure(target, error) from error
 
 
 _MAKERS: dict[ArtifactKind, str] = {
@@ -247,16 +252,4 @@ def _artifact(row: sqlite3.Row) -> Artifact:
         record=json.loads(row["record"]),
         sequence=row["sequence"],
         made_at=row["made_at"],
-    )
-
-
-def _flush(path: Path) -> None:
-    with path.open("rb") as stream:
-        os.fsync(stream.fileno())
-
-
-def _disk_failure(path: Path, error: OSError) -> ResourceFailure:
-    return ResourceFailure(
-        f"{path} cannot be written: {error.strerror or error}",
-        next_step="free disk space, or choose another --workspace",
     )

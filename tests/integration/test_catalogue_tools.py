@@ -72,6 +72,28 @@ async def test_a_changed_file_is_a_new_version_and_takes_the_place_of_the_old(
         assert not failed, text
 
 
+async def test_going_back_to_an_earlier_content_lists_it_again(connect: Connect, bare: Settings, folder: Path) -> None:
+    async with connect(bare) as client:
+
+        async def imported() -> dict[str, Any]:
+            _, _, answer = await call(client, "import_files", path=str(folder / "good.xml"))
+            _, _, found = await call(client, "find_scenarios")
+            assert [match["scenario_id"] for match in found["matches"]] == [answer["items"][0]["artifact_id"]]
+            return dict(answer["items"][0])
+
+        town_road().write(folder / "good.xml")
+        first = await imported()
+        town_road().with_vehicles().write(folder / "good.xml")
+        changed = await imported()
+        town_road().write(folder / "good.xml")
+        back = await imported()
+        assert (back["artifact_id"], back["reused"]) == (first["artifact_id"], True)
+        assert f"listed again in place of {changed['artifact_id']}" in back["summary"]
+        assert "listed again" not in (await imported())["summary"]
+        town_road().with_vehicles().write(folder / "good.xml")
+        assert (await imported())["artifact_id"] == changed["artifact_id"]
+
+
 async def test_duplicates_of_one_folder_are_refused_and_name_each_other(
     connect: Connect, bare: Settings, folder: Path
 ) -> None:
