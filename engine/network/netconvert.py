@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from plannerforge.engine.network.junction_curves import mend_corners
 from plannerforge.schemas.errors import NotPossible, WorkerTimeout
 
 TIME_LIMIT_S = 120.0
@@ -20,10 +21,20 @@ GEOMETRY_OPTIONS = (
     "10",
     "--junctions.corner-detail",
     "5",
+    "--junctions.small-radius",
+    "4",
+    "--junctions.scurve-stretch",
+    "1",
+    "--geometry.max-angle.fix",
+    "true",
     "--precision",
     "3",
 )
-"""Detail inside junctions makes smooth lanelets; turnarounds make hairpins that no lanelet can follow."""
+"""Detail inside junctions makes smooth lanelets; turnarounds make hairpins that no lanelet can follow.
+
+Junctions without conflicts get the radius of the others (1.5 m otherwise) and room for lanes that shift sideways, and
+roads that fold back at one point are straightened.
+"""
 
 OSM_OPTIONS = (
     "--geometry.remove",
@@ -95,7 +106,7 @@ def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int
 
 
 def run_netconvert(options: Sequence[str], net: Path) -> Conversion:
-    """Run netconvert with the options and those for good junction geometry.
+    """Run netconvert with the options and those for good junction geometry, and mend the corners that it leaves.
 
     Raises:
         NotPossible: it ended with an error.
@@ -122,4 +133,5 @@ def run_netconvert(options: Sequence[str], net: Path) -> Conversion:
         raise NotPossible(
             f"no road network can be made from this map: {reason}", next_step="choose another site or map"
         )
+    mend_corners(net)
     return Conversion(net, tuple(line.removeprefix("Warning:").strip() for line in lines if line.startswith("Warning")))
