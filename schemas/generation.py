@@ -179,16 +179,14 @@ class GeneratedScenario(Model):
 
 
 class GenerateScenariosArguments(Arguments):
-    """Make scenarios from a map; asked and realised are stated. Unknown places are refused with the known ones."""
+    """Make scenarios from a map; answers with asked and realised. Unknown places are refused."""
 
-    place: str | None = Field(
-        None, description="city, street, 'street A / street B', road number or map id; none: any map"
-    )
+    place: str | None = Field(None, description="city, street, 'street A / street B', road number or map id")
     country: str | None = Field(None, description="ISO alpha-3")
-    bbox: list[float] | None = Field(None, description="[south, west, north, east] degrees")
+    bbox: list[float] | None = Field(None, description="south, west, north, east")
     scenario_type: ScenarioType = "any"
     road_classes: list[str] | None = Field(
-        None, description="left out: roads, plus link for ramps. Else roads, link, all or OSM highway values"
+        None, description="roads, link, all or OSM highway values; left out: roads, and link for ramps"
     )
     density: Density = "low"
     vehicles: list[str] = Field(
@@ -202,13 +200,14 @@ class GenerateScenariosArguments(Arguments):
     ego: str = Field(
         "first",
         description=(
-            "first, index:N (cars, from 0) or type:CLASS; never refuse another class: the ego stays a car, "
-            "that class joins the traffic, the answer says so"
+            "first, index:N (cars, from 0) or type:CLASS; never refuse another class: it joins the traffic, the ego "
+            "stays a car"
         ),
     )
     goal: str = Field("steps:50", description="steps:N or distance_m:X ahead on the ego's track")
     count: int = Field(1, ge=1, le=50)
     seed: int = 0
+    trial_run: bool = Field(False, description="also run the default planner")
 
 
 class ScenarioSummary(Model):
@@ -232,6 +231,7 @@ class ScenarioSummary(Model):
     feasible_share: float
     checks_passed: list[str]
     checks_failed: list[str]
+    trial_run: str = Field("", description="outcome of the default planner, where asked")
     notes: list[str]
 
     def lines(self) -> list[str]:
@@ -249,7 +249,8 @@ class ScenarioSummary(Model):
         ego = f"  {self.recorded_s:g} s recorded; {self.ego}; goal {self.goal}"
         checks = f"  checks passed: {', '.join(self.checks_passed) or 'none'}{failed}"
         drivable = f"{self.feasible_share:.0%} of tracks drivable"
-        return [first, traffic, ego, f"{checks}; {drivable}", *(f"  note: {note}" for note in self.notes)]
+        driven = [f"  trial run: {self.trial_run}"] if self.trial_run else []
+        return [first, traffic, ego, f"{checks}; {drivable}", *driven, *(f"  note: {note}" for note in self.notes)]
 
 
 class GenerateScenariosResult(Result):

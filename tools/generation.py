@@ -17,6 +17,7 @@ from plannerforge.tools.generation_answer import summarise
 from plannerforge.tools.generation_plan import plan_maps, request_for
 from plannerforge.tools.maps import maps_at_hand
 from plannerforge.tools.storing import content_digest, store_scenario
+from plannerforge.tools.trial_run import with_trial_run
 
 GENERATE_TIMEOUT_S = 180.0
 REPORT = "generation.json"
@@ -31,7 +32,8 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     made: list[ScenarioSummary] = []
     for index, (match, site_index) in enumerate(orders):
         share = (index / len(orders), (index + 1) / len(orders))
-        made.append(await _make(call, request_for(arguments, match, site_index, index), share))
+        summary = await _make(call, request_for(arguments, match, site_index, index), share)
+        made.append(await with_trial_run(call, summary) if arguments.trial_run else summary)
     notes = [*plan.notes, *at_hand.notes]
     if len(orders) < arguments.count:
         notes.append(f"only {len(orders)} different site(s) fit; {arguments.count} were asked for")

@@ -56,3 +56,27 @@ async def test_what_cannot_be_made_is_refused_with_what_can(
         answer = await client.call_tool("generate_scenarios", wish)
         assert answer.is_error
         assert valid in str(answer.content)
+
+
+async def test_a_trial_run_tells_what_the_default_planner_makes_of_a_scenario(connect: Connect) -> None:
+    async with connect() as client:
+        wish = {"place": "Landmoor", "scenario_type": "rural", "duration_s": 8, "trial_run": True}
+        answer = await client.call_tool("generate_scenarios", wish)
+        assert answer.structured_content is not None
+        made = answer.structured_content["scenarios"][0]
+        assert "planner can run" in made["checks_passed"]
+        assert made["trial_run"].startswith("goal_reached (frenetix:Default, run_")
+        assert made["trial_run"] in str(answer.content)
+        ran = await client.call_tool(
+            "run_planner", {"scenarios": [made["scenario_id"]], "configs": ["frenetix:Default"]}
+        )
+        assert ran.structured_content is not None
+        assert ran.structured_content["runs"][0]["run_id"] in made["trial_run"]
+        assert ran.structured_content["reused"] == 1
+
+
+async def test_without_being_asked_no_planner_runs(connect: Connect) -> None:
+    async with connect() as client:
+        answer = await client.call_tool("generate_scenarios", {"place": "Landmoor", "duration_s": 5})
+        assert answer.structured_content is not None
+        assert answer.structured_content["scenarios"][0]["trial_run"] == ""
