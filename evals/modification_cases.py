@@ -25,12 +25,11 @@ from plannerforge.evals.modification_checks import (
     unreported_collisions,
 )
 from plannerforge.evals.modification_requests import Asked, drawn_requests, edit_of, refusals
-from plannerforge.evals.modification_safety import Shift, executed, planner_run, shifts_of
+from plannerforge.evals.modification_safety import Shift, executed, new_id, planner_run, shifts_of
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.modification import ModificationOutcome, ModificationRequest, TouchedVehicle
 from plannerforge.schemas.runs import RunRecord
 
-NEW_ID = "ZAM_Bench-1_1_T-1"
 POSITION_M, SPEED_MPS = 0.01, 0.01
 SETTLED_S = 1.0
 CHECKED_VEHICLES = 1
@@ -51,7 +50,10 @@ class Physical:
 
 @dataclass(frozen=True)
 class Case:
-    """What came of one request; ``refused`` holds the reason where nothing was made."""
+    """What came of one request; ``refused`` holds the reason where nothing was made.
+
+    ``is_first``: the scenario was not edited before, so that its file was read for this.
+    """
 
     task: str
     name: str
@@ -68,6 +70,7 @@ class Case:
     physical: tuple[Physical, ...] = ()
     edit_s: float = 0.0
     edit_cpu_s: float = 0.0
+    is_first: bool = False
     executed: bool | None = None
     in_several_calls_equal: bool | None = None
 
@@ -96,6 +99,7 @@ def measure_file(path: Path, *, run_planner: bool, check_drivable: bool) -> Meas
             for asked in drawn_requests(scene, path.stem)
             if asked
         ]
+        cases[:1] = [replace(case, is_first=True) for case in cases[:1]]
         refused = tuple((f"{path.stem}: {one.must_name}", _is_refused(path, scene, one)) for one in refusals(scene))
         return Measured(tuple(cases), refused, _round_trip_error(scene), shifts_of(path, scene, folder, base))
 
@@ -141,7 +145,9 @@ def _first_possible(
 
 def _edited(path: Path, asked: Asked, folder: Path, earlier: int = 0) -> tuple[ModificationOutcome, float, float]:
     """The outcome, and the wall and processor seconds that it took."""
-    request = ModificationRequest(xml=path, edits=asked.edits, benchmark_id=NEW_ID, output=folder, earlier=earlier)
+    request = ModificationRequest(
+        xml=path, edits=asked.edits, benchmark_id=new_id(path), output=folder, earlier=earlier
+    )
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     outcome = apply_edits(request, silent)
     return outcome, time.perf_counter() - wall_s, time.process_time() - cpu_s

@@ -15,6 +15,7 @@ import numpy as np
 
 from plannerforge.engine.edits.apply import apply_edits
 from plannerforge.engine.edits.changes import not_drivable
+from plannerforge.engine.edits.derived_id import derived_benchmark_id
 from plannerforge.engine.edits.lanelet_targets import reachable_lanelets
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.execution.progress import silent
@@ -29,6 +30,7 @@ PLANNER = "frenetix:Default"
 NEAREST, AHEAD_M = 3, 15.0
 RESAMPLES = 2000
 MOST_TRIES = 6
+DIGEST = "b"
 NEGLIGIBLE = 5
 _NOT_DRIVEN = ("invalid", "infeasible")
 
@@ -42,6 +44,11 @@ class Shift:
     after: int
     planner_before: int | None = None
     planner_after: int | None = None
+
+
+def new_id(path: Path) -> str:
+    """The id of an edited scenario: of its source's country, because a planner reads traffic signs by it."""
+    return derived_benchmark_id(path.stem, DIGEST)
 
 
 def shifts_of(path: Path, scene: Scene, folder: Path, base: RunRecord | None) -> tuple[Shift, ...]:
@@ -96,7 +103,7 @@ def _row(pairs: Sequence[tuple[int | None, int | None]]) -> str:
 
 def _shift(path: Path, folder: Path, task: str, edits: Iterator[Edit], base: RunRecord | None) -> Shift | None:
     for edit in edits:
-        request = ModificationRequest(xml=path, edits=(edit,), benchmark_id="ZAM_Bench-1_1_T-2", output=folder)
+        request = ModificationRequest(xml=path, edits=(edit,), benchmark_id=new_id(path), output=folder)
         try:
             outcome = apply_edits(request, silent)
         except PlannerForgeError:

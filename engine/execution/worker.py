@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 import traceback
+from collections.abc import Iterable
 from typing import BinaryIO
 
 from plannerforge.engine.execution.messages import Answer, Failure, Order, Progress
@@ -36,11 +37,16 @@ def main() -> None:
     while True:
         order = Order.read(orders.get())
         if order.entry_point == WARM_UP:
-            for module in order.request.split():
-                importlib.import_module(module)
-            gc.freeze()  # the modules stay, so no collection during an operation needs to walk through them
+            warm_up(order.request.split())
             continue
         reports.write(_carry_out(order, reports).line())
+
+
+def warm_up(modules: Iterable[str]) -> None:
+    """Import modules and leave them out of later garbage collections, which need not walk through what stays."""
+    for module in modules:
+        importlib.import_module(module)
+    gc.freeze()
 
 
 def _read_orders(orders_in: BinaryIO, orders: "queue.SimpleQueue[bytes]") -> None:

@@ -15,7 +15,7 @@ from plannerforge.evals.bench_modification import failures_of, figures_of
 from plannerforge.evals.modification_cases import Case, Measured, Physical
 from plannerforge.evals.modification_checks import Written, checks_of, is_untouched_identical, unreported_collisions
 from plannerforge.evals.modification_requests import Asked, drawn_requests, edit_of, refusals
-from plannerforge.evals.modification_safety import Shift, difference_interval, safety_rows
+from plannerforge.evals.modification_safety import Shift, difference_interval, new_id, safety_rows
 from plannerforge.schemas.modification import ModificationRequest
 
 TRUTHS: list[tuple[dict[str, Any], dict[str, Any]]] = [
@@ -112,17 +112,23 @@ def test_every_refusal_names_what_is_wrong(base: Path) -> None:
 
 def test_figures_count_refusals_as_failed_and_name_failures() -> None:
     good = Case("T", "one", checks={"T_ends": True}, valid=True, untouched_identical=True, touched=1, edit_s=0.1)
+    first = Case("T", "zero", checks={"T_ends": True}, valid=True, untouched_identical=True, edit_s=0.2, is_first=True)
     bad = Case("T", "two", refused="no")
     stuck = Case("B", "three", checks={"B_preset": False}, physical=(Physical(False, False, True, None),), edit_s=0.3)
-    measured = [Measured((good, bad, stuck), (("x", True), ("y", False)), ""), Measured(round_trip_error="off")]
+    measured = [Measured((good, bad, stuck, first), (("x", True), ("y", False)), ""), Measured(round_trip_error="off")]
     figures = figures_of(measured)
-    assert figures["T_ends"] == 0.5
+    assert figures["T_ends"] == pytest.approx(2 / 3, abs=1e-4)
     assert figures["checks_min"] == 0.0
     assert figures["refused_right"] == 0.5
     assert figures["round_trip"] == 0.5
     assert figures["physical_B"] == 0.0
     assert figures["edit_median_s"] == pytest.approx(0.2)
+    assert figures["edit_first_median_s"] == pytest.approx(0.2)
     assert len(failures_of(measured)) == 4
+
+
+def test_an_edited_file_of_the_bench_keeps_its_country_whose_signs_a_planner_reads() -> None:
+    assert new_id(Path("USA_Lanker-1_11_T-1.xml")).startswith("USA_Lanker-1_11_T-")
 
 
 def test_the_safety_table_gives_means_with_an_interval() -> None:
