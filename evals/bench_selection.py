@@ -36,7 +36,14 @@ async def import_folder(settings: Settings, folder: Path) -> tuple[int, float]:
     async with Client(create_server(settings, start_folder=folder)) as client:
         started = time.perf_counter()
         answer = (await client.call_tool("import_files", {"path": str(folder)})).structured_content or {}
-        return int(answer["added"]), time.perf_counter() - started
+        while answer.get("state") == "running":
+            waited = await client.call_tool("get_job", {"job_id": answer["job_id"], "wait_s": 50})
+            answer = waited.structured_content or {}
+        took_s = time.perf_counter() - started
+    database = Database(settings.workspace / "workspace.sqlite")
+    added = database.connection().execute("SELECT count(*) FROM artifacts WHERE kind = 'scenario'").fetchone()[0]
+    database.close()
+    return int(added), took_s
 
 
 def measure(shared: Path, scratch: Path) -> None:

@@ -9,7 +9,7 @@ from plannerforge.schemas.base import Arguments, Model, Result
 
 class ImportFilesArguments(Arguments):
     """Take in CommonRoad files or folders, maps (.osm) or cost YAML from inside an allowed root. Result: ids, what was
-    refused and why."""
+    refused and why; over 100 files: a job."""
 
     path: str
     kind: Literal["auto", "scenario", "map", "config"] = "auto"
@@ -34,20 +34,33 @@ class RefusedItem(Model):
 
 
 class ImportFilesResult(Result):
-    """What was added and what was refused."""
+    """What was added and what was refused; so far, where the job of a long import still runs."""
 
     added: int
     reused: int
     refused: int
     items: tuple[ImportedItem, ...] = Field(description="at most 20")
     refusals: tuple[RefusedItem, ...] = Field(description="at most 20")
+    job_id: str = ""
+    state: Literal["running", "done", "failed", "cancelled", "interrupted"] = "done"
+    note: str = Field("", description="why the job failed, or how far another server is with it")
 
     def to_text(self) -> str:
         """Counts first, then a line a file."""
         lines = [f"{self.added} added, {self.reused} known already, {self.refused} refused."]
+        if self.job_id and (self.state != "done" or self.note):
+            lines.append(f"{self.job_id}: {self.state}. {self.note}".rstrip())
         lines += [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
         lines += [f"- refused {item.file}: {item.reason}" for item in self.refusals]
         hidden = self.added + self.reused + self.refused - len(self.items) - len(self.refusals)
         if hidden:
             lines.append(f"… {hidden} more files; describe_catalog counts what is there.")
+        if self.state == "running":
+            lines.append("Next: get_job waits for the rest")
         return "\n".join(lines)
+
+    def to_line(self) -> str:
+        """Counts and refusals in one line, as the last word of a job."""
+        refused = "; ".join(f"{item.file}: {item.reason}" for item in self.refusals)
+        counts = f"{self.added} added, {self.reused} known already, {self.refused} refused"
+        return f"{counts}: {refused}" if refused else counts

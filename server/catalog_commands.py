@@ -56,7 +56,7 @@ def _import(folder: Path, workspace: Path | None, workers: int | None) -> int:
     path = folder.expanduser().resolve()
     root = path if path.is_dir() else path.parent
     settings = settings_from(workspace=workspace, workers=workers, roots=[root], warm_up=False)
-    return make_call(settings, "import_files", _json(path), as_json=False)
+    return make_call(settings, "import_files", _json(path), as_json=False, to_the_end=True)
 
 
 def _json(path: Path) -> str:

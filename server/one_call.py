@@ -13,8 +13,12 @@ from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
 
-def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool) -> int:
-    """Make the call, show its progress on stderr and its answer on stdout; 0, or 1 where it was refused."""
+def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool, to_the_end: bool = False) -> int:
+    """Make the call, show its progress on stderr and its answer on stdout; 0, or 1 where it was refused.
+
+    Args:
+        to_the_end: where the answer names a job that still runs, wait for its end and show that instead.
+    """
     errors = Console(stderr=True)
     try:
         parsed = json.loads(arguments)
@@ -24,7 +28,7 @@ def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool) -
     if not isinstance(parsed, dict):
         errors.print("The arguments are a JSON object, such as {}", style="red", highlight=False, markup=False)
         return 2
-    result = anyio.run(_call, settings, tool, parsed, errors)
+    result = anyio.run(_call, settings, tool, parsed, errors, to_the_end)
     if as_json and not result.is_error:
         sys.stdout.write(json.dumps(result.structured_content, indent=1, ensure_ascii=False) + "\n")
     else:
@@ -33,7 +37,9 @@ def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool) -
     return 1 if result.is_error else 0
 
 
-async def _call(settings: Settings, tool: str, arguments: dict[str, object], console: Console) -> CallToolResult:
+async def _call(
+    settings: Settings, tool: str, arguments: dict[str, object], console: Console, to_the_end: bool
+) -> CallToolResult:
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn())
     with Progress(*columns, console=console, transient=True) as bars:
         bar = bars.add_task(tool, total=1.0)
@@ -43,6 +49,15 @@ async def _call(settings: Settings, tool: str, arguments: dict[str, object], con
 
         async with Client(create_server(settings)) as client:
             try:
-                return await client.call_tool(tool, arguments, progress_callback=show)
+                result = await client.call_tool(tool, arguments, progress_callback=show)
+                while to_the_end and (job_id := _running_job(result)):
+                    result = await client.call_tool("get_job", {"job_id": job_id, "wait_s": 50}, progress_callback=show)
             except MCPError as error:
                 return CallToolResult(content=[TextContent(type="text", text=str(error))], is_error=True)
+            else:
+                return result
+
+
+def _running_job(result: CallToolResult) -> str | None:
+    answer = result.structured_content or {}
+    return str(answer["job_id"]) if answer.get("state") == "running" and answer.get("job_id") else None

@@ -12,6 +12,7 @@ _NEXT = {
     "cancelled": "the finished results stay; the same call takes up the rest",
     "interrupted": "its server ended; the same call takes up the rest, what is finished is reused",
 }
+_NEXT_AFTER_IMPORT = "search with find_scenarios, or list what came in with list_artifacts"
 
 
 async def get_job(arguments: GetJobArguments, call: ToolCall) -> JobResult:
@@ -45,5 +46,5 @@ def _result(job: Job) -> JobResult:
         remaining_s=None if job.remaining_s is None else round(job.remaining_s, 1),
         results=job.results,
         error=job.error,
-        next_step=_NEXT[job.state],
+        next_step=_NEXT_AFTER_IMPORT if (job.kind, job.state) == ("import", "done") else _NEXT[job.state],
     )

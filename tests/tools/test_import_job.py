@@ -1,0 +1,97 @@
+"""Many files are imported as a job that others can wait for, cancel and take up."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import anyio
+import pytest
+from builders import town_road
+from mcp import Client
+from support import Connect
+
+from plannerforge.server.one_call import make_call
+from plannerforge.server.settings import Settings
+from plannerforge.tools import import_job, importing
+
+pytestmark = pytest.mark.anyio
+FILES = 6
+
+
+@pytest.fixture
+def bare(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> Settings:
+    """No starter catalogue, and more than two files are many."""
+    monkeypatch.setattr(importing, "MOST_IN_THE_CALL", 2)
+    return settings.model_copy(update={"starter": False})
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    folder = tmp_path / "files"
+    folder.mkdir()
+    for index in range(1, FILES + 1):
+        replace(town_road().cut(4), benchmark_id=f"ZAM_Many-1_{index}_T-1").write(folder / f"{index}.xml")
+    (folder / "broken.xml").write_text("<commonRoad>", encoding="utf-8")
+    return folder
+
+
+async def ask(client: Client, tool: str, **arguments: Any) -> tuple[str, dict[str, Any]]:
+    result = await client.call_tool(tool, arguments)
+    text = str(result.content[0].text)  # type: ignore[union-attr]
+    assert not result.is_error, text
+    return text, result.structured_content or {}
+
+
+async def test_a_job_that_ends_in_time_answers_like_any_import(connect: Connect, bare: Settings, folder: Path) -> None:
+    async with connect(bare) as client:
+        text, answer = await ask(client, "import_files", path=str(folder))
+        assert (answer["state"], answer["added"], answer["refused"]) == ("done", FILES, 1)
+        assert text.startswith(f"{FILES} added, 0 known already, 1 refused.")
+        text, job = await ask(client, "get_job", job_id=answer["job_id"], wait_s=0)
+        assert (job["kind"], job["state"], job["share"]) == ("import", "done", 1)
+        assert f"{FILES} added, 0 known already, 1 refused: broken.xml: " in job["message"]
+        assert "find_scenarios" in text
+
+
+async def test_a_long_import_answers_early_and_goes_on(
+    connect: Connect, bare: Settings, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(import_job, "WAIT_S", 0.0)
+    async with connect(bare) as client:
+        text, answer = await ask(client, "import_files", path=str(folder))
+        assert answer["state"] == "running"
+        assert "get_job" in text
+        _, joined = await ask(client, "import_files", path=str(folder))
+        assert joined["job_id"] == answer["job_id"]
+        _, job = await ask(client, "get_job", job_id=answer["job_id"], wait_s=50)
+        assert job["state"] == "done"
+        _, found = await ask(client, "find_scenarios")
+        assert found["total"] == FILES
+
+
+async def test_a_cancelled_import_keeps_what_is_stored_and_is_taken_up(
+    connect: Connect, bare: Settings, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(import_job, "WAIT_S", 0.0)
+    async with connect(bare) as client:
+        _, answer = await ask(client, "import_files", path=str(folder))
+        await anyio.sleep(0.2)
+        _, job = await ask(client, "cancel_job", job_id=answer["job_id"])
+        assert job["state"] == "cancelled"
+        monkeypatch.setattr(import_job, "WAIT_S", 45.0)
+        _, again = await ask(client, "import_files", path=str(folder))
+        assert again["state"] == "done"
+        assert again["added"] + again["reused"] == FILES
+        _, found = await ask(client, "find_scenarios")
+        assert found["total"] == FILES
+
+
+def test_the_command_line_stays_until_the_job_has_ended(
+    bare: Settings, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(import_job, "WAIT_S", 0.0)
+    reachable = bare.model_copy(update={"roots": (folder,)})
+    code = make_call(reachable, "import_files", json.dumps({"path": str(folder)}), as_json=False, to_the_end=True)
+    assert code == 0
+    assert f"{FILES} added, 0 known already, 1 refused" in capsys.readouterr().out
