@@ -27,7 +27,8 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
     Raises:
         UnknownName: no such class, lanelet or vehicle.
-        NotPossible: the place is taken (the nearest free ones are named), or there is no such lane.
+        NotPossible: the place is taken (the nearest free ones are named), the vehicle behind cannot brake enough, or
+            there is no such lane.
     """
     if edit.vehicle_class is not None and edit.vehicle_class.strip().lower() == "pedestrian":
         return add_walker(edit, scene, changes)

@@ -12,7 +12,9 @@ from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.geometry.polyline import project
 from plannerforge.engine.scenarios.tracks import Track
 
-ROUNDS = 3
+ROUNDS = 8
+"""Each may reach one vehicle farther back in a queue."""
+
 END_M = 0.5
 REACTION_S = 4.0
 """A handed-over vehicle is driven from so long before the collision on."""
@@ -36,7 +38,7 @@ def resimulate_until_clear(
     *,
     everybody: bool = False,
 ) -> Resimulated:
-    """Simulate, hand over whom a driven vehicle hits, and simulate again, at most three rounds more.
+    """Simulate, hand over whom a driven vehicle hits, and simulate again, at most eight rounds more.
 
     Args:
         shown: further replayed road users that the driven ones see, but that collide with nobody (the ego).

@@ -6,6 +6,7 @@ import numpy as np
 
 from plannerforge.engine.edits.cascade import Resimulated
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, Replay
+from plannerforge.engine.edits.driven_way import driven_lanelets, lanelets_passed
 from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.missed_aims import speeds_reached, why_not
 from plannerforge.engine.edits.moved_elements import replayed_motion
@@ -53,25 +54,11 @@ def vehicle_route(scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedT
     if not aims:
         return VehicleRoute(vehicle_id=key, lanelets=driven)
     begin = max(step.since[key] - track.first_step, 0) if key in step.since else None
-    later = driven if begin is None else [on for lane in track.lanes[begin:] for on in _lanelets_of(scene, lane)]
+    later = driven if begin is None else lanelets_passed(scene, track.lanes[begin:])
     missed = [targets for targets in aims if not targets & set(later)]
     reason = why_not(scene, plan, track, driven, missed[0]) if missed else ""
     way = plan.lanelets if missed else driven
     return VehicleRoute(vehicle_id=key, lanelets=way, arrives=not missed, reason=reason)
-
-
-def driven_lanelets(scene: Scene, track: TouchedTrack, plan: DrivePlan) -> tuple[int, ...]:
-    """Lanelets under the front bumper of the driven part, in order, as SUMO assigns its lanes."""
-    found = list(plan.lanelets[:1]) if track.first_step == plan.start.first_step else []
-    for lane in track.lanes:
-        for key in _lanelets_of(scene, lane):
-            if key not in found[-4:]:
-                found.append(key)
-    return tuple(found)
-
-
-def _lanelets_of(scene: Scene, lane: str) -> tuple[int, ...]:
-    return scene.layout.lanelets_of_lane.get(lane, ())
 
 
 def touched_vehicles(

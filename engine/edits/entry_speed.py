@@ -1,38 +1,82 @@
-"""How fast an added vehicle enters when the request leaves it open: with the traffic around it, and able to stop."""
+"""How fast an added vehicle enters when the request leaves it open: with the traffic around it, able to brake."""
 
 import math
+from dataclasses import dataclass
 
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.placing import Place
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.turn_speed import HARDEST_BRAKING_MPS2
 from plannerforge.engine.geometry.polyline import project
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass
+from plannerforge.schemas.errors import NotPossible
 
 SHARE_OF_LANE_SPEED = 0.8
 LOOK_M = 60.0
+REACTION_S = 0.5
+"""The least time after which a driver brakes hard."""
+
+
+@dataclass(frozen=True)
+class _Neighbour:
+    """A vehicle in the lane: how far ahead of the place its centre is (behind negative), its speed, and its length."""
+
+    vehicle_id: int
+    distance_m: float
+    speed_mps: float
+    length_m: float
+
+    def gap_m(self, vehicle_class: VehicleClass) -> float:
+        """The room between the bumpers."""
+        return max(abs(self.distance_m) - (self.length_m + vehicle_class.length_m) / 2, 0.0)
 
 
 def entry_speed(scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int) -> float:
-    """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane, never too fast for the leader."""
-    limit = min(SHARE_OF_LANE_SPEED * scene.lane_speeds_mps[place.lanelet_id], vehicle_class.maximum_speed_mps)
+    """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane, never too fast for the leader.
+
+    Raises:
+        NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.
+    """
+    usual = min(SHARE_OF_LANE_SPEED * scene.lane_speeds_mps[place.lanelet_id], vehicle_class.maximum_speed_mps)
     neighbours = _same_lane(scene, changes, place, step)
     if not neighbours:
-        return limit
-    nearest = min(neighbours, key=lambda found: (abs(found[0]), found[0]))
-    speed = min(nearest[1], limit) if abs(nearest[0]) < LOOK_M else limit
-    leaders = [found for found in neighbours if found[0] > 0]
+        return usual
+    nearest = min(neighbours, key=lambda one: (abs(one.distance_m), one.distance_m))
+    is_near = abs(nearest.distance_m) < LOOK_M
+    speed = min(nearest.speed_mps, vehicle_class.maximum_speed_mps) if is_near else usual
+    leaders = [one for one in neighbours if one.distance_m > 0]
     if leaders:
-        gap, leader_speed, leader_length = min(leaders)
-        free = max(gap - (leader_length + vehicle_class.length_m) / 2 - vehicle_class.minimum_gap_m, 0.0)
-        speed = min(speed, math.sqrt(leader_speed**2 + 2 * vehicle_class.deceleration_mps2 * free))
+        leader = min(leaders, key=lambda one: one.distance_m)
+        free = max(leader.gap_m(vehicle_class) - vehicle_class.minimum_gap_m, 0.0)
+        speed = min(speed, math.sqrt(leader.speed_mps**2 + 2 * vehicle_class.deceleration_mps2 * free))
+    followers = [one for one in neighbours if one.distance_m <= 0]
+    if followers:
+        _check_follower(max(followers, key=lambda one: one.distance_m), vehicle_class, place, speed)
     return speed
 
 
-def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[tuple[float, float, float]]:
-    """Vehicles in the lane or right after it: distance along the lane (ahead positive), speed, length."""
+def _check_follower(follower: _Neighbour, vehicle_class: VehicleClass, place: Place, speed_mps: float) -> None:
+    closing = max(follower.speed_mps - speed_mps, 0.0)
+    gap = follower.gap_m(vehicle_class)
+    needed = closing * REACTION_S + closing**2 / (2 * HARDEST_BRAKING_MPS2)
+    if needed > gap:
+        raise NotPossible(
+            f"a {vehicle_class.name} that enters lanelet {place.lanelet_id} at {place.station_m:.1f} m with "
+            f"{speed_mps:.1f} m/s is hit by vehicle {follower.vehicle_id}, which comes {gap:.1f} m behind with "
+            f"{follower.speed_mps:.1f} m/s and cannot brake enough",
+            valid=[f"at least {needed:.0f} m before its front", "a speed, and the collision is reported"],
+            next_step="choose a place farther ahead of it or behind it, or name a speed",
+        )
+
+
+def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
+    """Vehicles in the lane, or in those right before and after it."""
     lanes = scene.layout.table.lanes
     starts = {place.lanelet_id: 0.0}
+    for before in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()):
+        if before in lanes:
+            starts[before] = -lanes[before].length_m
     for after in scene.layout.table.successors[place.lanelet_id]:
         starts[after] = lanes[place.lanelet_id].length_m
     found = []
@@ -44,5 +88,5 @@ def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[
         lanelet = match.at(index)
         station, _ = project(lanes[lanelet].center, track.positions[index])
         distance = starts[lanelet] + station - place.station_m
-        found.append((distance, float(track.speeds_mps[index]), track.length_m))
+        found.append(_Neighbour(key, distance, float(track.speeds_mps[index]), track.length_m))
     return found

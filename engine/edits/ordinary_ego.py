@@ -28,7 +28,7 @@ UNCHANGED = Changes(next_id=0, driven={})
 
 @dataclass(frozen=True)
 class EgoDrive:
-    """The ego's motion, its planning problem's id as the track's, and how dangerous it is among the recorded ones."""
+    """The ego's motion, and how dangerous it is among the recorded ones."""
 
     track: Track
     danger: EgoDanger
@@ -70,7 +70,7 @@ def ordinary_drive(
         return None
     recorded = participants(scene, replace(changes, driven={}), {})
     driven = resimulate(setup, (*recorded, driven_participant(scene, plan)))
-    seen = driven.get(ego.problem_id)
+    seen = driven.get(plan.start.obstacle_id)
     motion = None if seen is None else touched_track(plan.start, seen, scene.step_s, scene.last_step)
     return None if motion is None else motion.whole(plan.start)
 
@@ -92,7 +92,7 @@ def _plan(scene: Scene, ego: Ego, goals: Collection[int]) -> DrivePlan | None:
         return None
     vehicle_class = vehicle_classes()[CLASS]
     return DrivePlan(
-        start=_start(ego),
+        start=_start(scene, ego),
         cause="added",
         from_step=ego.step,
         lanelets=way,
@@ -103,9 +103,11 @@ def _plan(scene: Scene, ego: Ego, goals: Collection[int]) -> DrivePlan | None:
     )
 
 
-def _start(ego: Ego) -> Track:
+def _start(scene: Scene, ego: Ego) -> Track:
+    """The ego's first pose. Its id is below zero where a file gives its planning problem's to an obstacle as well."""
+    is_taken = ego.problem_id in scene.tracks or ego.problem_id in scene.standing
     return Track(
-        obstacle_id=ego.problem_id,
+        obstacle_id=-ego.problem_id if is_taken else ego.problem_id,
         kind=CLASS,
         length_m=EGO_SIZE_M[0],
         width_m=EGO_SIZE_M[1],

@@ -5,6 +5,7 @@ from dataclasses import replace
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, plan_of
 from plannerforge.engine.edits.forks import branch_for
 from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets, way_through
+from plannerforge.engine.edits.last_lane_change import check_lane_changes
 from plannerforge.engine.edits.manoeuvre_plans import named
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import select
@@ -18,7 +19,8 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
     Raises:
         InvalidRequest: neither or both of ``to`` and ``turn``.
-        NotPossible: a vehicle cannot get there, comes to a bend too fast, or cannot be driven.
+        NotPossible: a vehicle cannot get there, comes to a bend or the last place of a lane change too fast, or cannot
+            be driven.
     """
     if bool(edit.to or edit.via) == bool(edit.turn):
         raise InvalidRequest(
@@ -45,6 +47,7 @@ def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> Dr
         targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
         way = way_through(scene, start, edit.via, targets, changes, who)
     check_bends(scene, plan, way, who)
+    check_lane_changes(scene, plan, way, who)
     through = {key for text in edit.via for key in target_lanelets([text], scene, changes)}
     return replace(drive_along(scene, plan, way, targets), through=frozenset(through & set(way)))
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from dataclasses import replace
+from typing import Any
 
 from plannerforge.engine.edits.changes import Changes, EditStep, GoalChange
 from plannerforge.engine.edits.lanelet_targets import reach, reachable_lanelets, target_lanelets
@@ -85,6 +86,10 @@ def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
 
 
 def _steps(edit: Edit, scene: Scene, ego: Ego, distance_m: float) -> tuple[int, int] | None:
+    """First and last step of the goal; None keeps the one there is. A problem without any gets the whole scenario."""
+    if edit.goal_time is None and not _goal_states(scene, ego):
+        _check_in_reach(scene, ego, distance_m, scene.last_step)
+        return ego.step, scene.last_step
     if edit.goal_time is None:
         kept = _kept_last_step(scene, ego)
         if kept is not None:
@@ -125,9 +130,12 @@ def _needed_speed(scene: Scene, ego: Ego, goal: GoalChange, distance_m: float) -
 
 
 def _kept_last_step(scene: Scene, ego: Ego) -> int | None:
-    state = scene.loaded.problem(ego.problem_id).goal.state_list[0]
-    time = getattr(state, "time_step", None)
+    time = getattr(next(iter(_goal_states(scene, ego)), None), "time_step", None)
     return None if time is None else int(getattr(time, "end", time))
+
+
+def _goal_states(scene: Scene, ego: Ego) -> list[Any]:
+    return list(scene.loaded.problem(ego.problem_id).goal.state_list)
 
 
 def _shortest_time(speed_mps: float, distance_m: float) -> float:

@@ -82,7 +82,7 @@ def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
         Sentences on what else had to change.
     """
     problem = document.problem(goal.problem_id)
-    states = problem.findall("goalState")
+    states = problem.findall("goalState") or [_first_goal(problem)]
     notes = []
     if len(states) > 1:
         notes.append(f"the {len(states)} goal states of problem {goal.problem_id} became one")
@@ -104,6 +104,14 @@ def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
             new.append(element)
     document.replace_children(problem, [old], [new])
     return notes
+
+
+def _first_goal(problem: Element) -> Element:
+    """An empty goal state at the end of a problem that has none, indented like the others."""
+    before = problem[-1]
+    made = etree.SubElement(problem, "goalState")
+    before.tail, made.tail = problem.text, before.tail
+    return made
 
 
 def _goal_position(old: Element, goal: GoalChange) -> Element:

@@ -39,3 +39,10 @@ def test_overlaps_of_the_recording_are_nobody_s_fault(apply: Apply) -> None:
     overlapping = town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), driving(32, (58, 0), 10.0, 101))
     applied = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "balanced"}, builder=overlapping)
     assert applied.outcome.collisions == ()
+
+
+def test_a_queue_that_builds_up_behind_is_handed_over_to_its_end(apply: Apply) -> None:
+    queue = [driving(key, (130 - 12 * place, 0), 10.0, 60) for place, key in enumerate(range(31, 39))]
+    applied = apply(BRAKES, builder=town_road().with_vehicles(*queue))
+    assert applied.outcome.handed_over == (32, 33, 34, 35, 36, 37, 38)
+    assert applied.outcome.collisions == ()

@@ -182,3 +182,18 @@ def test_a_place_beside_a_vehicle_that_was_just_added(apply: Apply) -> None:
     behind = CAR | {"at": "vehicle:new:0", "offset_m": -20}
     tracks = apply(CAR | {"at": "13", "position": "60m"}, behind, builder=SHORT).tracks()
     assert tracks[102].positions[0] == pytest.approx((220.0, -60.0), abs=0.01)
+
+
+def test_it_enters_with_the_traffic_around_it_above_the_usual_speed_too(apply: Apply) -> None:
+    fast = SHORT.with_vehicles(driving(31, (100, 0), 25.0, 31))
+    applied = apply(CAR | {"at": "1", "position": "112m"}, builder=fast)
+    assert applied.tracks()[101].speeds_mps[0] == pytest.approx(25.0)
+    assert applied.outcome.collisions == ()
+
+
+def test_a_place_that_the_vehicle_behind_cannot_brake_for_is_refused_unless_a_speed_is_named(apply: Apply) -> None:
+    between = SHORT.with_vehicles(driving(31, (100, 0), 25.0, 31), driving(32, (121, 0), 0.0, 31))
+    place = CAR | {"at": "1", "position": "114m"}
+    with pytest.raises(NotPossible, match=r"hit by vehicle 31, which comes 9.5 m behind with 25.0 m/s"):
+        apply(place, builder=between)
+    assert apply(place | {"speed": "2m/s"}, builder=between).outcome.collisions

@@ -35,3 +35,26 @@ def test_touched_vehicles_change_and_nothing_else(shared_data: Path, tmp_path: P
         assert vehicle.handover_jump_m is not None
         assert vehicle.handover_jump_m <= 0.05
         assert tracks[vehicle.vehicle_id].positions[0] == pytest.approx(base[vehicle.vehicle_id].positions[0])
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(
+    ("name", "edit"),
+    [
+        ("CHN_Qingdao-12_9_T-1.xml", {"op": "reroute", "vehicles": ["30737"], "to": ["248"]}),
+        ("DEU_Arnstadt-83_1_T-4.xml", {"op": "reroute", "vehicles": ["20047"], "to": ["1778"]}),
+        ("CHN_Qingdao-38_3_T-1.xml", {"op": "add_vehicle", "vehicle_class": "bus", "at": "ego", "offset_m": 25.0}),
+    ],
+    ids=["who creeps across lanes is seen in both", "a queue of six behind", "a bus right before a fast car"],
+)
+def test_no_collision_is_left(shared_data: Path, tmp_path: Path, name: str, edit: dict[str, object]) -> None:
+    applied = apply_to(shared_data / "data" / "commonroad" / name, tmp_path / name, edit)
+    assert applied.outcome.collisions == ()
+
+
+@pytest.mark.shared_data
+def test_an_obstacle_may_have_the_number_of_the_planning_problem(shared_data: Path, tmp_path: Path) -> None:
+    source = shared_data / "data" / "commonroad" / "ZAM_OpenDrive-1.xml"
+    applied = apply_to(source, tmp_path, {"op": "set_behaviour", "vehicles": ["all"], "preset": "eco"})
+    assert [one.vehicle_id for one in applied.outcome.touched] == [256, 257]
+    assert applied.outcome.ego_after is not None

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from builders import driving, town_road
+from builders import Lane, ScenarioBuilder, driving, line, town_road
 from edit_support import Apply
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
@@ -107,3 +107,28 @@ def test_a_bend_that_it_can_brake_for_is_driven(apply: Apply) -> None:
     applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["12"]}, builder=fast)
     assert applied.outcome.edits[0].routes[0].arrives
     assert applied.outcome.touched[0].feasible
+
+
+def test_a_lane_change_whose_last_place_is_passed_before_it_can_be_made_is_refused(apply: Apply) -> None:
+    past = town_road().with_vehicles(driving(36, (199, 0), 10.0, 41))
+    with pytest.raises(NotPossible, match="lanelet 1, which it has to leave for 2, ends 0 m ahead of its front"):
+        apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=past)
+    later = apply({"op": "reroute", "vehicles": ["36"], "to": ["21"]}, builder=past)
+    assert later.outcome.edits[0].done
+
+
+def test_one_that_can_stop_before_waits_for_its_lane_change(apply: Apply) -> None:
+    slow = town_road().with_vehicles(driving(36, (190, 0), 3.0, 41))
+    assert apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=slow).outcome.edits[0].done
+
+
+def test_a_lanelet_too_short_to_be_seen_on_counts_as_driven(apply: Apply) -> None:
+    joint = (
+        Lane(1, line((0, 0), (100, 0)), successors=(2,)),
+        Lane(2, line((100, 0), (100.5, 0)), successors=(3,), predecessors=(1,)),
+        Lane(3, line((100.5, 0), (300, 0)), predecessors=(2,)),
+    )
+    builder = ScenarioBuilder(joint, (driving(36, (70, 0), 13.0, 41),))
+    (route,) = apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=builder).outcome.edits[0].routes
+    assert route.arrives
+    assert route.lanelets == (1, 2, 3)

@@ -1,10 +1,12 @@
 """Edit G."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from builders import Problem, town_road
-from edit_support import Applied, Apply
+from edit_support import Applied, Apply, apply_to
 
 from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
@@ -97,3 +99,12 @@ def test_a_goal_too_far_for_the_time_that_it_keeps_is_refused_with_the_shortest_
     assert "goal_time of at least" in str(caught.value.text)
     applied = apply({"op": "set_goal", "to": ["11"], "goal_time": "10..15s"}, builder=hurried)
     assert applied.outcome.edits[0].done
+
+
+def test_a_problem_without_a_goal_gets_one_for_the_whole_scenario(tmp_path: Path) -> None:
+    base = town_road().cut(61).write(tmp_path / "base.xml")
+    base.write_text(re.sub(r" *<goalState>.*</goalState>\n", "", base.read_text()), encoding="utf-8")
+    applied = apply_to(base, tmp_path / "out", {"op": "set_goal", "to": ["1"], "position": "final"})
+    made = goal(applied)
+    assert tuple(made.position.center) == pytest.approx((200.0, 0.0), abs=0.01)
+    assert (made.time_step.start, made.time_step.end) == (0, 60)
