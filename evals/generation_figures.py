@@ -97,16 +97,16 @@ def print_generation(
     print_figures("Generation", rows, figures)
 
 
-def tell(number: int, one: Made) -> None:
-    """Say at once what is wrong with a scenario, because a whole run takes long."""
-    wrong = [key for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
+def tell(number: str, one: Made) -> None:
+    """Say at once what came of a scenario, because a whole run takes long and may be broken off."""
+    wrong = [f"not {key}" for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
     motion = one.motion
     if motion is not None:
         wrong += [f"{name} cannot be driven" for name in motion.infeasible_names]
         wrong += ["overlaps"] if motion.overlapping_pairs else []
     arguments = one.request.arguments
     what = f"{number} {one.request.name} {one.request.map_name} {arguments.scenario_type} {arguments.density}"
-    sys.stderr.write(f"{what}: {one.fault or ', '.join(wrong) or one.outcome}\n")
+    sys.stderr.write(f"{what}: {one.fault or ', '.join([one.outcome, *wrong])}\n")
     sys.stderr.flush()
 
 

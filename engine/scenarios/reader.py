@@ -4,7 +4,10 @@ ElementTree, with which commonroad-io reads, takes 200,000 nesting levels and ex
 size, depth, element count and ``<!DOCTYPE`` are scanned before it sees the file.
 """
 
+import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +20,9 @@ if TYPE_CHECKING:
     from commonroad.scenario.scenario import Scenario
 
 
+_BLOCK_BYTES = 1 << 18
+
+
 @dataclass(frozen=True)
 class XmlLimits:
     """What an XML file may hold at most before any parser of a library sees it."""
@@ -24,6 +30,7 @@ class XmlLimits:
     size_bytes: int = 100_000_000
     depth: int = 64
     elements: int = 1_500_000
+    tag_bytes: int = 1_000_000
     lanelets: int = 50_000
 
 
@@ -101,7 +108,9 @@ def scan_root(path: Path, limits: XmlLimits | None = None) -> XmlRoot:
     scan = _Scan(path.name, limits)
     try:
         with path.open("rb") as stream:
-            scan.parser.ParseFile(stream)
+            while block := stream.read(_BLOCK_BYTES):
+                scan.feed(block)
+            scan.parser.Parse(b"", True)
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise UnsafeInput(f"{path.name} is not well-formed XML: {error}") from error
     return XmlRoot(scan.root, scan.attributes)
@@ -113,11 +122,18 @@ class _Scan:
     def __init__(self, name: str, limits: XmlLimits) -> None:
         self.name, self.limits, self.root = name, limits, ""
         self.attributes: dict[str, str] = {}
-        self.depth = self.elements = self.lanelets = 0
+        self.depth = self.elements = self.lanelets = self.fed_bytes = 0
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
         self.parser.StartDoctypeDeclHandler = self._doctype
+
+    def feed(self, block: bytes) -> None:
+        """Parse the next bytes; a tag that does not end is refused, since expat reads it anew with every block."""
+        self.parser.Parse(block, False)
+        self.fed_bytes += len(block)
+        if self.fed_bytes - self.parser.CurrentByteIndex > self.limits.tag_bytes + _BLOCK_BYTES:
+            raise UnsafeInput(f"{self.name} holds a tag or comment of more than {self.limits.tag_bytes:,} bytes")
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         if not self.root:
@@ -141,6 +157,23 @@ class _Scan:
         raise UnsafeInput(f"{self.name} declares a document type; entities are not read", next_step="remove <!DOCTYPE")
 
 
+@contextmanager
+def unsaid_remarks() -> Iterator[None]:
+    """commonroad-io's warnings are left unsaid meanwhile: on standard error nobody sees which file they are about.
+
+    They tell of what our own rules name (``rules/``), or of countries for which it knows no signs.
+    """
+    log = logging.getLogger("commonroad.common.reader.file_reader_xml")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.setLevel(level)
+
+
 def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario:
     """Scan and read a CommonRoad file (2018b or 2020a).
 
@@ -153,8 +186,7 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
     if root.name != "commonRoad":
         raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{root.name}>, not <commonRoad>")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with unsaid_remarks():
             scenario, problems = CommonRoadFileReader(path).open()
     except Exception as error:
         raise UnsafeInput(f"{path.name} is not readable as CommonRoad: {type(error).__name__}: {error}") from error

@@ -163,3 +163,13 @@ def test_plain_trajectories_are_taken_out_and_the_others_stay_whole() -> None:
 def test_real_recordings_are_the_same_either_way(shared_data: Path) -> None:
     files = sorted((shared_data / "data/commonroad").glob("*.xml"))[::40]
     assert [outcome(as_arrays, path) for path in files] == [outcome(by_commonroad_io, path) for path in files]
+
+
+@pytest.mark.parametrize("read", [read_scenario, read_recorded])
+def test_a_country_without_signs_of_its_own_is_read_without_a_word(
+    read: Callable[[Path], object], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "a.xml"
+    path.write_text(small().xml().replace("ZAM_Builder", "ALB_Builder"), encoding="utf-8")
+    read(path)
+    assert caplog.records == []

@@ -1,0 +1,130 @@
+"""Single jobs of ``make bench-generation``: a map converted whole, a request made and judged, a request refused."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.maps.index import MapEntry
+from plannerforge.engine.network.lanelet_builder import build_road_network
+from plannerforge.engine.network.net_parser import read_net
+from plannerforge.engine.planners.registry import make_planner
+from plannerforge.engine.planners.simulation import simulate
+from plannerforge.engine.scenarios.generate import generate
+from plannerforge.engine.scenarios.generate_place import convert_map
+from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
+from plannerforge.engine.scenarios.site_choice import count_sites
+from plannerforge.engine.scenarios.validate import schema_errors
+from plannerforge.engine.tuning.configurations import named_configuration
+from plannerforge.evals.generation_figures import Made, Stages
+from plannerforge.evals.generation_judge import MadeFiles, holds_vehicles, lies_at, shows_type
+from plannerforge.evals.generation_motion import measure_motion
+from plannerforge.evals.generation_requests import BenchRequest
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
+from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest
+from plannerforge.tools.generation_plan import plan_maps, request_for
+
+CHECKED_TRACKS = 3
+
+
+def convert_whole(path: Path) -> str:
+    """Convert a map without cutting; empty, or why it failed."""
+    with tempfile.TemporaryDirectory() as folder:
+        net_path = Path(folder) / "whole.net.xml"
+        try:
+            convert_map(path, net_path, lefthand=False)
+            network = build_road_network(read_net(net_path), step_s=0.1, elapsed_s=0.0)
+        except PlannerForgeError as error:
+            return error.message
+    return "" if network.lanelets else "no lanelets"
+
+
+def make_all(request: BenchRequest, maps: Sequence[MapEntry], places: Mapping[str, Any], seed: int) -> list[Made]:
+    """Make and judge all scenarios of a request; ``seed`` draws the tracks that are checked."""
+    try:
+        wishes = asked_of(request, maps)
+    except PlannerForgeError as error:
+        return [Made(request, fault=f"{type(error).__name__}: {error.message}")]
+    return [make(request, wish, places, seed + index) for index, wish in enumerate(wishes)]
+
+
+def asked_of(request: BenchRequest, maps: Sequence[MapEntry]) -> list[GenerationRequest]:
+    """What the tool asks of the engine for a request."""
+    match = plan_maps(request.arguments, maps).matches[0]
+    first = request_for(request.arguments, match, 0, 0)
+    count = request.arguments.count if request.arguments.count == 1 else count_sites(first, silent).count
+    indices = range(min(max(count, 1), request.arguments.count))
+    return [request_for(request.arguments, match, index, index) for index in indices]
+
+
+def make(request: BenchRequest, wish: GenerationRequest, places: Mapping[str, Any], seed: int) -> Made:
+    """Make one scenario and judge it."""
+    with tempfile.TemporaryDirectory() as text:
+        folder, stages = Path(text), Stages()
+        try:
+            report = generate(wish.model_copy(update={"folder": text}), stages)
+        except PlannerForgeError as error:
+            return Made(request, fault=f"{type(error).__name__}: {error.message}")
+        stages(1.0)
+        faults = schema_errors(folder / "scenario.xml")
+        if faults:
+            return Made(request, fault=f"breaks the schema: {faults[0]}")
+        loaded = read_scenario(folder / "scenario.xml")
+        files = MadeFiles.read(folder)
+        executable, outcome = drive(loaded)
+        return Made(
+            request,
+            executable=executable,
+            outcome=outcome,
+            road_type=shows_type(files, wish.scenario_type),
+            vehicles=holds_vehicles(files, wished_vehicles(wish)),
+            place=_place_is_right(request, wish, report, files, places),
+            motion=measure_motion(loaded, CHECKED_TRACKS, seed),
+            stages=stages,
+        )
+
+
+def wished_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int | None]]:
+    """(least, most) of every class that has to be there, that of a wished ego included."""
+    wished = {demand.vehicle_class: (demand.least, demand.most) for demand in request.vehicles}
+    other = request.ego.removeprefix("type:")
+    return wished | ({other: (1, None)} if request.ego.startswith("type:") and other not in (*wished, "car") else {})
+
+
+def drive(loaded: LoadedScenario) -> tuple[bool, str]:
+    """Whether Frenetix with its default weights finishes a trajectory, and the outcome."""
+    configuration = named_configuration("frenetix:Default")
+    if configuration is None:
+        raise RuntimeError("the built-in configuration is gone")
+    planner = make_planner("frenetix")
+    run = simulate(loaded.scenario, loaded.problem(), configuration, planner, "constant_velocity", silent)
+    return run.final.outcome not in ("invalid", "infeasible"), run.final.outcome
+
+
+def _place_is_right(
+    request: BenchRequest,
+    wish: GenerationRequest,
+    report: GeneratedScenario,
+    files: MadeFiles,
+    places: Mapping[str, Any],
+) -> bool:
+    """On the map meant, or on another one of the same place; in the country; near the street."""
+    path, country = Path(wish.map_path), request.arguments.country
+    meant = path.name == request.map_name or request.arguments.place in places[path.name]["places"]
+    there = lies_at(files, path, places[path.name]["bbox"], request.street)
+    return meant and there and country in (None, report.benchmark_id[:3])
+
+
+def refused_right(request: BenchRequest, maps: Sequence[MapEntry]) -> str:
+    """Empty where a request is refused for the right reason, otherwise what happened."""
+    try:
+        wish = asked_of(request, maps)[0]
+        with tempfile.TemporaryDirectory() as folder:
+            generate(wish.model_copy(update={"folder": folder}), silent)
+    except UnknownName as error:
+        return "" if request.refusal == "unknown_place" else error.message
+    except (NotPossible, InvalidRequest) as error:
+        right = request.refusal == "no_such_site" and ("holds no" in error.message or "is lost when" in error.message)
+        return "" if right else error.message
+    return f"was made in {wish.map_id}"
