@@ -177,13 +177,15 @@ class TouchedVehicle(Model):
 class ModificationRequest(Model):
     """What the worker needs: the base file, all edits since the base, and where to write.
 
-    ``earlier``: how many of the edits come from the scenario that is edited further; they are applied, not reported.
+    ``earlier``: how many of the edits come from the scenario that is edited further; they are applied, not reported;
+    ``problem_id``: the planning problem whose ego and goal the edits are about, None for the first.
     """
 
     xml: Path
     edits: tuple[Edit, ...]
     benchmark_id: str
     output: Path
+    problem_id: int | None = None
     earlier: int = 0
     on_conflict: Literal["report", "refuse"] = "report"
     traffic: TrafficAfterEdits = "recorded"

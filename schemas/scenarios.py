@@ -111,6 +111,10 @@ class ScenarioFacts(Model):
         """One per planning problem, that problem's ego first: the first under the id, the others as ``ID#problem``."""
         return (self, *(self._seen_from(ego) for ego in self.egos[1:]))
 
+    def seen_by(self, problem_id: int) -> "ScenarioFacts":
+        """The entry of this planning problem."""
+        return next(entry for entry in self.entries() if entry.egos[0].problem_id == problem_id)
+
     def _seen_from(self, ego: EgoFacts) -> "ScenarioFacts":
         roads = self.roads.model_copy(
             update={
@@ -147,9 +151,10 @@ class ScenarioRecord(Model):
 
 
 class ReadFactsRequest(Model):
-    """Which file to read the facts from."""
+    """Which file to read the facts from, and how large it may be."""
 
     path: Path
+    file_bytes: int = 100_000_000
 
 
 Detail = Literal["brief", "vehicles", "lanelets", "checks", "recipe"]
@@ -166,16 +171,17 @@ class DescribeScenarioArguments(Arguments):
 
 
 class DescribeRequest(Model):
-    """What the describing operation needs."""
+    """What the describing operation needs; ``problem_id`` None is the first planning problem."""
 
     path: Path
+    problem_id: int | None = None
     detail: Detail
     focus: str | None
     radius_m: float
 
 
 class DescribedEgo(Model):
-    """The first planning problem: start, goal in words, and the lanelets of the way to the goal."""
+    """A planning problem: start, goal in words, and the lanelets of the way to the goal."""
 
     problem_id: int
     speed_mps: float

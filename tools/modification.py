@@ -6,6 +6,7 @@ from plannerforge.engine.catalog.starter import open_catalogue
 from plannerforge.engine.edits.derived_id import derived_benchmark_id, numbered_after
 from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.engine.workspace.recipe import Recipe, versions_of
+from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.modification import (
     Edit,
     ModificationOutcome,
@@ -14,7 +15,9 @@ from plannerforge.schemas.modification import (
     ModifyScenarioResult,
     TrafficAfterEdits,
 )
+from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.tools.call import ToolCall
+from plannerforge.tools.scenario_choice import one_scenario
 from plannerforge.tools.storing import store_scenario
 
 TOOL = "modify_scenario"
@@ -24,15 +27,17 @@ TIMEOUT_S = 120.0
 async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
     """Edit a scenario; one that was edited before is made anew from its base with all edits, old and new."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
-    given = call.workspace.get(arguments.scenario_id, "scenario")
+    given, named_problem = one_scenario(arguments.scenario_id, call)
     base_id, earlier = _base_and_edits(given)
+    problem_id = _problem(given, named_problem)
     edits = (*earlier, *numbered_after(arguments.edits, len(earlier)))
     seed = arguments.seed if "seed" in arguments.model_fields_set or not earlier else given.recipe.seed
     traffic = _traffic(arguments, given)
     recipe = Recipe(
         tool=TOOL,
         arguments={"base": base_id, "edits": [edit.model_dump(mode="json", exclude_defaults=True) for edit in edits]}
-        | ({} if traffic == "recorded" else {"traffic": traffic}),
+        | ({} if traffic == "recorded" else {"traffic": traffic})
+        | ({} if problem_id is None else {"problem": problem_id}),
         parents=(base_id,),
         seed=seed,
         versions=versions_of("libsumo"),
@@ -45,6 +50,7 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
             edits=edits,
             benchmark_id=new_id,
             output=folder,
+            problem_id=problem_id,
             earlier=len(earlier),
             on_conflict=arguments.on_conflict,
             traffic=traffic,
@@ -84,6 +90,27 @@ def _traffic(arguments: ModifyScenarioArguments, given: Artifact) -> TrafficAfte
     if "traffic" in arguments.model_fields_set or given.recipe.tool != TOOL:
         return arguments.traffic
     return "reactive" if given.recipe.arguments.get("traffic") == "reactive" else "recorded"
+
+
+def _problem(given: Artifact, named: int | None) -> int | None:
+    """The planning problem that the edits are about: all edits since the base are made anew around one ego.
+
+    Raises:
+        NotPossible: the scenario was edited around another ego before.
+    """
+    egos = given.read(ScenarioRecord).facts.egos
+    first = egos[0].problem_id if egos else None
+    wanted = None if named == first else named
+    if given.recipe.tool != TOOL:
+        return wanted
+    before = given.recipe.arguments.get("problem")
+    if named is not None and wanted != before:
+        earlier = first if before is None else before
+        raise NotPossible(
+            f"{given.artifact_id} was edited around planning problem {earlier}, not {named}",
+            valid=[f"{given.artifact_id}#{earlier}", f"{given.recipe.arguments['base']}#{named}"],
+        )
+    return before
 
 
 def _base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from plannerforge.engine.catalog.starter import open_catalogue
+from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.schemas.catalog import SearchRecord
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 from plannerforge.schemas.scenarios import ScenarioRecord
@@ -60,14 +61,24 @@ def _meant(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
         if not ids:
             raise NotPossible(f"{search.artifact_id} has no hits", next_step="relax the search with find_scenarios")
         return [ChosenScenario(key) for key in ids], []
+    artifact, problem_id = one_scenario(word, call)
+    return [ChosenScenario(artifact.artifact_id, problem_id)], []
+
+
+def one_scenario(word: str, call: ToolCall) -> tuple[Artifact, int | None]:
+    """The scenario that an id or ``ID#problem`` names, and the planning problem; None where none is named.
+
+    Raises:
+        UnknownName: there is no such scenario or planning problem.
+    """
     scenario, mark, problem = word.partition("#")
     artifact = call.workspace.get(scenario, "scenario")
     if not mark:
-        return [ChosenScenario(artifact.artifact_id)], []
+        return artifact, None
     known = [ego.problem_id for ego in artifact.read(ScenarioRecord).facts.egos]
     if not re.fullmatch(r"\d+", problem) or int(problem) not in known:
         raise UnknownName(f"{artifact.artifact_id} has no planning problem '{problem}'", valid=known)
-    return [ChosenScenario(artifact.artifact_id, int(problem))], []
+    return artifact, int(problem)
 
 
 def _preset(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:

@@ -9,28 +9,30 @@ from plannerforge.schemas.scenarios import (
     ScenarioRecord,
 )
 from plannerforge.tools.call import ToolCall
+from plannerforge.tools.scenario_choice import one_scenario
 
 
 async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall) -> DescribeScenarioResult:
     """A scenario in words and ids."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
-    artifact = call.workspace.get(arguments.scenario_id, "scenario")
+    artifact, problem_id = one_scenario(arguments.scenario_id, call)
     record = artifact.read(ScenarioRecord)
     description = await call.run(
         "plannerforge.engine.scenarios.describe:describe",
         DescribeRequest(
             path=call.workspace.file("scenario", artifact.artifact_id, "scenario.xml"),
+            problem_id=problem_id,
             detail=arguments.detail,
             focus=arguments.focus,
             radius_m=arguments.radius_m,
         ),
         Description,
     )
-    facts = record.facts
+    facts = record.facts if problem_id is None else record.facts.seen_by(problem_id)
     limits = [f"limit {limit:g} km/h" for limit in facts.roads.limits_ego_kmh]
     light = ["traffic_light"] if facts.roads.traffic_light_ego else []
     return DescribeScenarioResult(
-        scenario_id=artifact.artifact_id,
+        scenario_id=facts.scenario_id,
         origin=record.origin,
         place=f"{facts.location.place}, {facts.location.country}",
         tags=facts.tags,

@@ -34,7 +34,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         UnsafeInput: the file is not readable.
     """
     report(0.0, "reading the scenario")
-    kept = scene_of(request.xml)
+    kept = scene_of(request.xml, request.problem_id)
     base = kept.scene
     document = ScenarioDocument.read(request.xml)
     report(0.3, "resolving the edits")

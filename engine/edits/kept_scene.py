@@ -29,21 +29,26 @@ class KeptScene:
         return self._drives[setup.seed]
 
 
-def scene_of(path: Path) -> KeptScene:
+def scene_of(path: Path, problem_id: int | None = None) -> KeptScene:
     """The scene of a file with its lanes and SUMO network; made once for the same content, and never changed.
 
+    Args:
+        path: the CommonRoad file.
+        problem_id: the planning problem whose ego it is about; None for the first.
+
     Raises:
+        UnknownName: the file has no such planning problem.
         UnsafeInput: the file is not readable.
     """
     try:
         content = path.read_bytes()
     except OSError:
         content = b""  # the reader says what is wrong with the file
-    return _scene(path, hashlib.sha256(content).hexdigest())
+    return _scene(path, hashlib.sha256(content).hexdigest(), problem_id)
 
 
 @lru_cache(maxsize=KEPT)
-def _scene(path: Path, digest: str) -> KeptScene:
+def _scene(path: Path, digest: str, problem_id: int | None) -> KeptScene:
     del digest
     read = read_recorded(path)
-    return KeptScene(Scene.of(read.loaded, read.tracks))
+    return KeptScene(Scene.of(read.loaded, read.tracks, problem_id))

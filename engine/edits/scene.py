@@ -29,7 +29,7 @@ EGO_SIZE_M = (4.508, 1.61)
 
 @dataclass(frozen=True)
 class Ego:
-    """The first planning problem's start: centre (2,) in m, heading, speed, and the lanelets there (best first)."""
+    """A planning problem's start: centre (2,) in m, heading, speed, and the lanelets there (best first)."""
 
     problem_id: int
     step: int
@@ -57,8 +57,15 @@ class Scene:
     ego: Ego | None
 
     @classmethod
-    def of(cls, loaded: LoadedScenario, recorded: dict[int, Track] | None = None) -> "Scene":
-        """Lay out the network and match every recorded vehicle; ``recorded``: its tracks, where they are known."""
+    def of(
+        cls, loaded: LoadedScenario, recorded: dict[int, Track] | None = None, problem_id: int | None = None
+    ) -> "Scene":
+        """Lay out the network and match every recorded vehicle.
+
+        Args:
+            recorded: the tracks, where they are known.
+            problem_id: the planning problem whose ego this is about; None for the first.
+        """
         network = loaded.scenario.lanelet_network
         layout = NetLayout.of(network)
         matcher = LaneMatcher.of(layout, network)
@@ -67,7 +74,7 @@ class Scene:
         standing = _standing(loaded, last)
         matches = {key: matcher.match(track) for key, track in (tracks | standing).items()}
         found = {key: match for key, match in matches.items() if match is not None}
-        return cls(loaded, layout, matcher, tracks, standing, found, last, _ego(loaded, matcher))
+        return cls(loaded, layout, matcher, tracks, standing, found, last, _ego(loaded, matcher, problem_id))
 
     @property
     def step_s(self) -> float:
@@ -111,11 +118,10 @@ class Scene:
         return sumo_net(self.layout, self.lane_speeds_mps, self.signals)
 
 
-def _ego(loaded: LoadedScenario, matcher: LaneMatcher) -> Ego | None:
-    problems = loaded.planning_problems.planning_problem_dict
-    if not problems:
+def _ego(loaded: LoadedScenario, matcher: LaneMatcher, problem_id: int | None) -> Ego | None:
+    if problem_id is None and not loaded.planning_problems.planning_problem_dict:
         return None
-    problem = problems[min(problems)]
+    problem = loaded.problem(problem_id)
     state = problem.initial_state
     position, heading = np.asarray(state.position, dtype=float), float(state.orientation)
     near = sorted(matcher.near(position, heading, 1.0), key=lambda found: (found[1], found[0]))

@@ -31,7 +31,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
         UnsafeInput: the file is broken.
     """
     report(0.0, "reading the scenario")
-    scene = scene_of(request.path).scene
+    scene = scene_of(request.path, request.problem_id).scene
     ego = describe_ego(scene)
     center, name = _center(scene, request.focus)
     vehicles = _vehicles(scene, ego, center)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def describe_ego(scene: Scene) -> DescribedEgo | None:
-    """The first planning problem; None where the file has none."""
+    """The planning problem that the scene is about; None where the file has none."""
     if scene.ego is None:
         return None
     problem = scene.loaded.problem(scene.ego.problem_id)
