@@ -15,6 +15,7 @@ from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.scenarios.ego_route import along, ego_route, lanelets_at, path_ahead
 from plannerforge.engine.scenarios.features import features
+from plannerforge.engine.scenarios.reader import XmlLimits
 from plannerforge.engine.scenarios.recorded_scenario import RecordedScenario, read_recorded
 from plannerforge.engine.scenarios.recording import (
     density_per_km,
@@ -24,6 +25,7 @@ from plannerforge.engine.scenarios.recording import (
 )
 from plannerforge.engine.scenarios.road_facts import has_light, lanes_beside, limits_kmh, sign_keys, signs_of
 from plannerforge.engine.scenarios.tracks import Track, last_recorded_step
+from plannerforge.engine.scenarios.wild_numbers import refuse_wild_numbers
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.scenarios import (
     EgoFacts,
@@ -40,17 +42,16 @@ if TYPE_CHECKING:
     from commonroad.scenario.scenario import Scenario
 
 _BENCHMARK_ID = re.compile(r"(?:C-)?([A-Z]{3})_([A-Za-z0-9][A-Za-z0-9_]{0,60}?)(?:-[A-Za-z0-9_,]{1,30}){0,3}")
-_LONGEST_COORDINATE_M = 1e8
 
 
 def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioFacts:
     """The facts of one CommonRoad file.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, no CommonRoad file, or holds coordinates that are not finite.
+        UnsafeInput: the file is hostile, broken, no CommonRoad file, or holds numbers that no scenario has.
     """
     report(0.0, f"reading {request.path.name}")
-    recorded = read_recorded(request.path)
+    recorded = read_recorded(request.path, XmlLimits(size_bytes=request.file_bytes))
     report(0.6, "looking at the geometry")
     return facts_of(recorded)
 
@@ -59,12 +60,12 @@ def facts_of(read: RecordedScenario) -> ScenarioFacts:
     """The facts of a scenario in memory.
 
     Raises:
-        UnsafeInput: an id outside the naming rules, or coordinates that are not finite.
+        UnsafeInput: an id outside the naming rules, or numbers that no scenario has.
     """
     loaded, tracks = read.loaded, read.tracks
     scenario, network = loaded.scenario, loaded.scenario.lanelet_network
     country, place = parse_benchmark_id(loaded.benchmark_id)
-    _refuse_wild_numbers(read)
+    refuse_wild_numbers(read)
     graph = LaneletGraph.of(network)
     problems = [problem for _, problem in sorted(loaded.planning_problems.planning_problem_dict.items())]
     recorded = last_recorded_step(scenario)
@@ -204,23 +205,3 @@ def _tag(value: str) -> str:
 def _counts(obstacles: list[Any]) -> dict[str, int]:
     counts = Counter(str(obstacle.obstacle_type.value) for obstacle in obstacles)
     return dict(sorted(counts.items()))
-
-
-def _refuse_wild_numbers(read: RecordedScenario) -> None:
-    loaded = read.loaded
-    for lanelet in loaded.scenario.lanelet_network.lanelets:
-        if not _tame(lanelet.left_vertices) or not _tame(lanelet.right_vertices):
-            raise UnsafeInput(f"lanelet {lanelet.lanelet_id} has coordinates that are not finite or beyond 1e8 m")
-    for track in read.tracks.values():
-        if not (_tame(track.positions) and _tame(track.headings_rad) and _tame(track.speeds_mps)):
-            raise UnsafeInput(f"obstacle {track.obstacle_id} has states that are not finite or beyond 1e8")
-    for key, problem in sorted(loaded.planning_problems.planning_problem_dict.items()):
-        state = problem.initial_state
-        values = np.array([*np.asarray(state.position, dtype=float), float(state.velocity), float(state.orientation)])
-        if not _tame(values):
-            raise UnsafeInput(f"planning problem {key} has an initial state that is not finite or beyond 1e8")
-
-
-def _tame(values: Any) -> bool:
-    array = np.asarray(values, dtype=float)
-    return bool(np.all(np.isfinite(array)) and np.all(np.abs(array) < _LONGEST_COORDINATE_M))
