@@ -13,7 +13,10 @@ maps = typer.Typer(name="maps", no_args_is_help=True, help="The maps that scenar
 @maps.command()
 def add(
     files: Annotated[
-        list[Path], typer.Argument(help="OpenStreetMap extracts: .osm, .osm.gz, .osm.bz2.", exists=True, dir_okay=False)
+        list[Path],
+        typer.Argument(
+            help="OpenStreetMap extracts or SUMO networks (.net.xml); .gz, .bz2.", exists=True, dir_okay=False
+        ),
     ],
     place: Annotated[str | None, typer.Option(help="The place's name; left out: as the file says.")] = None,
     country: Annotated[str | None, typer.Option(help="Code or name; left out: from addresses or borders.")] = None,

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from plannerforge.engine.catalog.starter import open_catalogue
+from plannerforge.engine.maps.unpacking import MAP_ENDINGS, is_net
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.importing import ImportFilesArguments, ImportFilesResult
 from plannerforge.tools.call import ToolCall
@@ -10,10 +11,8 @@ from plannerforge.tools.import_job import import_as_job
 from plannerforge.tools.importing_many import ImportKind, Tally, take_in
 
 SUFFIXES: dict[str, ImportKind] = {
+    **dict.fromkeys(MAP_ENDINGS, "map"),
     ".xml": "scenario",
-    ".osm": "map",
-    ".osm.gz": "map",
-    ".osm.bz2": "map",
     ".yaml": "config",
     ".yml": "config",
 }
@@ -43,7 +42,8 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
         return [(path, _kind(path, arguments.kind))]
     wanted = [suffix for suffix, kind in SUFFIXES.items() if arguments.kind in ("auto", kind)]
     found = sorted(entry for entry in path.rglob("*") if entry.name.lower().endswith(tuple(wanted)) and entry.is_file())
-    found = [entry for entry in found if not entry.name.endswith(".net.xml")]
+    if arguments.kind != "map":  # networks lie beside scenarios; they are taken in where maps are asked for
+        found = [entry for entry in found if not is_net(entry)]
     if not found:
         raise InvalidRequest(f"'{arguments.path}' holds no file to import", valid=[f"*{end}" for end in wanted])
     if len(found) > MOST_FILES:
@@ -56,7 +56,7 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
 
 def _kind(path: Path, wanted: str) -> ImportKind:
     known = next((kind for ending, kind in SUFFIXES.items() if path.name.lower().endswith(ending)), None)
-    if known is None or path.name.endswith(".net.xml"):
+    if known is None:
         raise InvalidRequest(f"{path.name} is of no kind that can be imported", valid=[f"*{end}" for end in SUFFIXES])
     if wanted not in ("auto", known):
         raise InvalidRequest(f"{path.name} is a {known}, not a {wanted}", valid=[known, "auto"])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import anyio
 
-from plannerforge.engine.maps.unpacking import unpacked
+from plannerforge.engine.maps.unpacking import stored_name, unpacked
 from plannerforge.engine.planners.registry import known_planner
 from plannerforge.engine.tuning.configurations import changed_configuration, preset_configuration
 from plannerforge.engine.tuning.planner_tuning import tuning_of
@@ -21,7 +21,7 @@ READ_MAP_TIMEOUT_S = 120.0
 
 
 async def import_map(call: ToolCall, path: Path, name: str | None, country: str | None = None) -> ImportedItem:
-    """Store an OpenStreetMap file, unpacked, with what it shows; name and country (ISO alpha-3) win over the file's."""
+    """Store a map, unpacked, with what it shows; name and country (ISO alpha-3) win over what the file says."""
     with call.workspace.scratch() as folder:
         plain = await anyio.to_thread.run_sync(unpacked, path, folder)
         recipe = _recipe(plain, name, country)
@@ -46,7 +46,7 @@ async def _store_map(call: ToolCall, path: Path, recipe: Recipe, name: str | Non
         timeout_s=READ_MAP_TIMEOUT_S,
     )
     return call.workspace.put(
-        "map", facts.map_id, recipe=recipe, record=facts, files={"map.osm": path}, name=facts.place
+        "map", facts.map_id, recipe=recipe, record=facts, files={stored_name(path): path}, name=facts.place
     )
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from plannerforge.engine.maps.index import MapEntry, built_in_maps
 from plannerforge.engine.maps.seen_files import SeenFile, SeenFiles
-from plannerforge.engine.maps.unpacking import is_map
+from plannerforge.engine.maps.unpacking import is_map, stored_name
+from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from plannerforge.schemas.generation import MapFacts
 from plannerforge.tools.call import ToolCall
@@ -51,13 +52,15 @@ def maps_seen(call: ToolCall) -> MapsAtHand:
 
 
 def _together(call: ToolCall, notes: list[str]) -> MapsAtHand:
-    imported = [
-        MapEntry(artifact.read(MapFacts), call.workspace.file("map", artifact.artifact_id, "map.osm"))
-        for artifact in call.workspace.newest(kind="map", limit=MOST_MAPS)
-    ]
+    imported = [_entry(call, artifact) for artifact in call.workspace.newest(kind="map", limit=MOST_MAPS)]
     more = len(notes) - SHOWN_NOTES
     shown = notes if more <= 0 else [*notes[:SHOWN_NOTES], f"{more} more map files were left out"]
     return MapsAtHand((*imported, *built_in_maps()), tuple(shown))
+
+
+def _entry(call: ToolCall, artifact: Artifact) -> MapEntry:
+    facts = artifact.read(MapFacts)
+    return MapEntry(facts, call.workspace.file("map", artifact.artifact_id, stored_name(Path(facts.file_name))))
 
 
 def _files(folder: Path) -> tuple[list[Path], list[str]]:

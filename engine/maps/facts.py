@@ -8,18 +8,18 @@ from pathlib import Path
 from plannerforge.engine.catalog.places import country_code, fold
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.maps.borders import country_of
-from plannerforge.engine.maps.osm_reader import OsmMap, distance_m, read_osm
+from plannerforge.engine.maps.map_file import read_map_file
+from plannerforge.engine.maps.osm_reader import OSM_ATTRIBUTION, OsmMap, distance_m
 from plannerforge.engine.maps.road_classes import LINKS, ROADS
 from plannerforge.engine.maps.sites import SiteFinder
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest
 
-OSM_ATTRIBUTION = "© OpenStreetMap contributors, ODbL"
 PLACE_KINDS = ("city", "town", "village", "suburb", "borough", "quarter", "neighbourhood", "hamlet")
 MOST_PLACES = 40
 
 
 def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
-    """Read an OpenStreetMap extract and say what is in it; place and country are never guessed.
+    """Read an OpenStreetMap extract or a SUMO network and say what is in it; place and country are never guessed.
 
     A place is known from place nodes and addresses in the file, or from the caller; a country from the caller, from
     addresses (``addr:country``), or from where the map lies (``borders.py``).
@@ -29,7 +29,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     """
     path = Path(request.path)
     report(0.0, "reading the map")
-    osm = read_osm(path)
+    osm = read_map_file(path)
     report(0.6, "looking for sites")
     found = _places(osm)
     names = list(dict.fromkeys(([request.place] if request.place else []) + found))

@@ -16,6 +16,7 @@ from plannerforge.engine.scenarios.reader import XmlLimits, scan_xml
 from plannerforge.schemas.errors import UnsafeInput
 
 LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
+OSM_ATTRIBUTION = "© OpenStreetMap contributors, ODbL"
 SHOWN_CLASSES = 5
 EARTH_RADIUS_M = 6_371_008.8
 NO_TAGS: Mapping[str, str] = MappingProxyType({})

@@ -1,4 +1,4 @@
-"""Maps that come compressed (.osm.gz, .osm.bz2): unpacked into a file, never into more than may be read."""
+"""Files of maps by their names, and those that come compressed: unpacked, never into more than may be read."""
 
 import bz2
 import gzip
@@ -7,13 +7,14 @@ from pathlib import Path
 
 from plannerforge.schemas.errors import UnsafeInput
 
-MAP_ENDINGS = (".osm", ".osm.gz", ".osm.bz2")
+NET_ENDING = ".net.xml"
+MAP_ENDINGS = tuple(plain + packed for plain in (".osm", NET_ENDING) for packed in ("", ".gz", ".bz2"))
 LARGEST_BYTES = 60_000_000
 CHUNK_BYTES = 1 << 20
 
 
 def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path:
-    """The map as plain .osm: the file itself, or its content unpacked into the folder.
+    """The map as a plain file: the file itself, or its content unpacked into the folder.
 
     Raises:
         UnsafeInput: the content is larger than the limit (a few bytes can hold gigabytes), or the file is broken.
@@ -40,3 +41,13 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
 def is_map(path: Path) -> bool:
     """Whether a file is a map by its name."""
     return path.name.lower().endswith(MAP_ENDINGS)
+
+
+def is_net(path: Path) -> bool:
+    """Whether a file, not packed, is a SUMO network by its name."""
+    return path.name.lower().endswith(NET_ENDING)
+
+
+def stored_name(path: Path) -> str:
+    """The name under which a map is kept, not packed: ``map`` with the ending of its kind."""
+    return f"map{NET_ENDING if is_net(path) else '.osm'}"

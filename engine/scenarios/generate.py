@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.maps.osm_reader import OsmMap, read_osm
+from plannerforge.engine.maps.map_file import read_map_file
+from plannerforge.engine.maps.osm_reader import OsmMap
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.scenarios.generate_place import build_place
 from plannerforge.engine.scenarios.generate_report import describe
@@ -70,7 +71,7 @@ def _no_collection() -> Iterator[None]:
 def _generate(request: GenerationRequest, report: ProgressReporter) -> GeneratedScenario:
     ego, goal = parse_ego(request.ego), parse_goal(request.goal)
     report(0.0, "reading the map")
-    osm = read_osm(Path(request.map_path))
+    osm = read_map_file(Path(request.map_path))
     report(0.02, "looking for sites")
     sites = fitting_sites(osm, request)
     if request.site_index >= len(sites):

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.maps.cut import cut_map
+from plannerforge.engine.maps.net_cut import cut_net
+from plannerforge.engine.maps.net_map import NetMap
 from plannerforge.engine.maps.osm_reader import OsmMap
 from plannerforge.engine.maps.road_classes import LINKS, ROADS
 from plannerforge.engine.maps.sites import Site
@@ -60,14 +62,19 @@ def build_place(
         InvalidRequest: a ramp without link roads.
     """
     radius = radius_for(site, request)
+    center, classes = (site.latitude, site.longitude), _road_classes(request, site)
     cut = scratch / "site.osm"
+    notes: list[str] = []
     report(0.05, "cutting out the site")
-    cut_map(osm, (site.latitude, site.longitude), radius, _road_classes(request, site), cut)
-    report(0.1, "running netconvert")
-    conversion, notes = convert_map(cut, net_path, lefthand=request.country in LEFT_HAND_COUNTRIES)
+    if isinstance(osm, NetMap):
+        conversion = _checked(cut_net(osm, center, radius, classes, net_path, scratch))
+    else:
+        cut_map(osm, center, radius, classes, cut)
+        report(0.1, "running netconvert")
+        conversion, notes = convert_map(cut, net_path, lefthand=request.country in LEFT_HAND_COUNTRIES)
     report(0.15, "building the lanelets")
     network = _network(net_path, step_s)
-    if len(network.dropped_lanes) > MANY_HAIRPINS:
+    if len(network.dropped_lanes) > MANY_HAIRPINS and not isinstance(osm, NetMap):
         service = bool(notes)
         lefthand = request.country in LEFT_HAND_COUNTRIES
         conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
@@ -84,6 +91,13 @@ def build_place(
 def _network(net_path: Path, step_s: float) -> RoadNetwork:
     """The lanelets of a net, with the limits as posted: speeds are capped for bends afterwards."""
     return build_road_network(read_net(net_path), step_s=step_s, elapsed_s=WARM_UP_S)
+
+
+def _checked(conversion: Conversion) -> Conversion:
+    """A network that the user made, if cars can drive on it."""
+    if not read_net(conversion.net_path).drivable_edges("passenger"):
+        raise NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
+    return conversion
 
 
 def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversion, list[str]]:

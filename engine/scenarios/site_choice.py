@@ -6,7 +6,8 @@ from pathlib import Path
 
 from plannerforge.engine.catalog.places import fold
 from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.maps.osm_reader import OsmMap, ground_distance_m, read_osm
+from plannerforge.engine.maps.map_file import read_map_file
+from plannerforge.engine.maps.osm_reader import OsmMap, ground_distance_m
 from plannerforge.engine.maps.sites import Site, SiteFinder
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest, SiteCount, SiteType
@@ -38,7 +39,7 @@ def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCou
     """How many different sites of the map fit a request."""
     report(0.0, "looking for sites")
     try:
-        return SiteCount(count=len(fitting_sites(read_osm(Path(request.map_path)), request)))
+        return SiteCount(count=len(fitting_sites(read_map_file(Path(request.map_path)), request)))
     except NotPossible:
         return SiteCount(count=0)
 

@@ -46,5 +46,5 @@ def test_a_packed_map_that_is_cut_off_or_no_archive_is_refused(tmp_path: Path, e
 
 
 def test_maps_are_known_by_their_names() -> None:
-    assert all(is_map(Path(name)) for name in ("a.osm", "A.OSM", "a.osm.gz", "a.osm.bz2"))
-    assert not any(is_map(Path(name)) for name in ("a.net.xml", "a.gz", "a.osm.zip"))
+    assert all(is_map(Path(name)) for name in ("a.osm", "A.OSM", "a.osm.gz", "a.osm.bz2", "a.net.xml", "a.net.xml.gz"))
+    assert not any(is_map(Path(name)) for name in ("a.xml", "a.gz", "a.osm.zip"))
