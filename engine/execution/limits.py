@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from plannerforge.schemas.errors import OutsideRoots
+from plannerforge.schemas.errors import OutsideRoots, UnsafeInput
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,19 @@ class Limits:
             valid=self.roots,
             next_step="use a path inside them, or name the folder in --roots or PLANNERFORGE_ROOTS at the start",
         )
+
+    def check_size(self, path: Path) -> None:
+        """Refuse a file that is larger than what is read, before anything looks into it.
+
+        Raises:
+            UnsafeInput: naming both sizes and the setting.
+        """
+        size = path.stat().st_size
+        if size > self.file_bytes:
+            raise UnsafeInput(
+                f"{path.name} has {size:,} bytes; at most {self.file_bytes:,} are read",
+                next_step="name a smaller file, or raise the file_mb setting",
+            )
 
     def _resolved(self, text: str) -> Path | None:
         """The absolute path; None for what cannot be one: a null byte, a loop of links, the home of nobody."""

@@ -133,6 +133,34 @@ async def test_a_diverse_choice_says_what_it_covers(connect: Connect, settings: 
         assert len(covered["obstacles"]) >= 4
 
 
+async def test_hostile_files_leave_the_catalogue_as_it_is(connect: Connect, bare: Settings, tmp_path: Path) -> None:
+    good = town_road().write(tmp_path / "good.xml")
+    hostile = tmp_path / "hostile"
+    hostile.mkdir()
+    text = good.read_text(encoding="utf-8")
+    (hostile / "bomb.xml").write_text(f'<!DOCTYPE a [<!ENTITY b "c">]>{text.partition("?>")[2]}', encoding="utf-8")
+    (hostile / "evil.xml").write_text(text.replace("ZAM_Builder-1_1_T-1", "../../evil"), encoding="utf-8")
+    (hostile / "years.xml").write_text(
+        text.replace("<exact>150</exact>", "<exact>9000000000</exact>"), encoding="utf-8"
+    )
+    with (hostile / "zeros.xml").open("wb") as stream:
+        stream.truncate(500_000_000)
+    with (hostile / "zeros.osm").open("wb") as stream:
+        stream.truncate(500_000_000)
+    async with connect(bare.model_copy(update={"file_mb": 50})) as client:
+        await call(client, "import_files", path=str(good))
+        before = await call(client, "find_scenarios")
+        _, _, answer = await call(client, "import_files", path=str(hostile))
+        reasons = {item["file"]: item["reason"] for item in answer["refusals"]}
+        assert (answer["added"], len(reasons)) == (0, 5)
+        assert "at most 52,428,800 are read" in reasons["zeros.xml"]
+        assert "file_mb" in reasons["zeros.osm"]
+        assert "naming" in reasons["evil.xml"]
+        assert "document type" in reasons["bomb.xml"]
+        assert "9,000,000,000" in reasons["years.xml"]
+        assert await call(client, "find_scenarios") == before
+
+
 async def test_a_weight_file_becomes_a_configuration(connect: Connect, bare: Settings, folder: Path) -> None:
     (folder / "weights.yaml").write_text("cost_weights:\n  lateral_jerk: 0.7\n", encoding="utf-8")
     (folder / "wrong.yaml").write_text("cost_weights:\n  lateral_jerk: .nan\n", encoding="utf-8")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.execution.limits import Limits
-from plannerforge.schemas.errors import OutsideRoots
+from plannerforge.schemas.errors import OutsideRoots, UnsafeInput
 
 
 @pytest.fixture
@@ -33,3 +33,13 @@ def test_path_outside_is_refused_with_the_roots_and_the_setting(roots: tuple[Pat
             Limits(roots=roots).allowed_path(text)
         assert caught.value.valid == tuple(map(str, roots))
         assert "PLANNERFORGE_ROOTS" in caught.value.next_step
+
+
+def test_a_file_that_is_too_large_is_refused_before_it_is_read(roots: tuple[Path, ...]) -> None:
+    path = roots[0] / "large.xml"
+    with path.open("wb") as stream:
+        stream.truncate(2_000_001)
+    Limits(roots=roots, file_bytes=2_000_001).check_size(path)
+    with pytest.raises(UnsafeInput, match="2,000,001 bytes; at most 2,000,000 are read") as refusal:
+        Limits(roots=roots, file_bytes=2_000_000).check_size(path)
+    assert "file_mb" in refusal.value.text
