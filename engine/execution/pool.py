@@ -20,7 +20,7 @@ from plannerforge.schemas.errors import UnexpectedFailure, WorkerTimeout
 
 PRELOAD: dict[Lane, tuple[str, ...]] = {
     "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix"),
-    "retrieval": ("chromadb", "scipy.special", "tokenizers", "safetensors.numpy"),
+    "retrieval": ("sentence_transformers", "chromadb"),
 }
 RETRIEVAL_MEMORY_BYTES = 8 * 1024**3
 
