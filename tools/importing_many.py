@@ -80,6 +80,7 @@ async def _keep_telling(tally: Tally, tell: Tell) -> None:
 async def _import_other(call: ToolCall, path: Path, kind: ImportKind, name: str | None, tally: Tally) -> None:
     try:
         checked = call.allowed_path(str(path))
+        call.limits.check_size(checked)
         make = import_map if kind == "map" else import_configuration
         tally.note(path, await make(call, checked, name))
     except (PlannerForgeError, OSError) as error:

@@ -45,12 +45,13 @@ async def _read_files(
 async def _read(call: ToolCall, path: Path) -> ReadFile | Failure:
     try:
         checked = call.allowed_path(str(path))
+        call.limits.check_size(checked)
         content = await anyio.to_thread.run_sync(content_digest, checked)
         if call.workspace.find_by_recipe("scenario", import_recipe(content)) is not None:
             return ReadFile(path, content, None)
         facts = await call.services.workers.run(
             "plannerforge.engine.scenarios.facts:read_facts",
-            ReadFactsRequest(path=checked),
+            ReadFactsRequest(path=checked, file_bytes=call.limits.file_bytes),
             ScenarioFacts,
             timeout_s=READ_TIMEOUT_S,
         )
