@@ -8,12 +8,13 @@ from plannerforge.schemas.base import Arguments, Model, Result
 
 
 class ImportFilesArguments(Arguments):
-    """Take in CommonRoad files or folders, maps (.osm) or cost YAML from inside an allowed root. Result: ids, what was
-    refused and why; over 100 files: a job."""
+    """Take in CommonRoad files or folders, maps (.osm, .net.xml) or cost YAML from inside an allowed root. Result:
+    ids, what was refused and why; over 100 files: a job."""
 
     path: str
     kind: Literal["auto", "scenario", "map", "config"] = "auto"
     name: str | None = None
+    country: str | None = Field(None, description="of maps")
 
 
 class ImportedItem(Model):

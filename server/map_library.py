@@ -8,13 +8,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from plannerforge.engine.catalog.places import country_code
 from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError
 from plannerforge.schemas.importing import ImportedItem
 from plannerforge.server.assembly import open_services
 from plannerforge.server.settings import Settings
 from plannerforge.tools.call import ToolCall
-from plannerforge.tools.importing_kinds import import_map
+from plannerforge.tools.importing_kinds import import_map, known_country
 from plannerforge.tools.maps import MapsAtHand, maps_at_hand
 
 SHOWN_STREETS = 3
@@ -25,7 +24,7 @@ def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, co
     console, errors = Console(), Console(stderr=True)
     refused = 0
     try:
-        code = _country(country)
+        code = known_country(country)
     except InvalidRequest as error:
         errors.print(escape(error.text), style="red", highlight=False, soft_wrap=True)
         return 2
@@ -59,15 +58,6 @@ def list_maps(settings: Settings) -> int:
     for note in at_hand.notes:
         Console(stderr=True).print(escape(note), style="red", highlight=False, soft_wrap=True)
     return 0
-
-
-def _country(text: str | None) -> str | None:
-    if text is None:
-        return None
-    code = country_code(text)
-    if code is None:
-        raise InvalidRequest(f"there is no country {text!r}", valid=["DEU", "Germany", "de"])
-    return code
 
 
 async def _add(

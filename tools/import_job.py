@@ -23,7 +23,7 @@ async def import_as_job(
         async def tell(share: float, message: str) -> None:
             progress.report(share, message)
 
-        await take_in(ToolCall(call.services, _nobody_hears), files, arguments.name, tally, tell)
+        await take_in(ToolCall(call.services, _nobody_hears), files, arguments, tally, tell)
         progress.report(1.0, tally.result().to_line())
 
     async def tell_client(job: Job) -> None:

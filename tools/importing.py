@@ -1,5 +1,6 @@
 """The tool that takes in files of the user's."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from plannerforge.engine.catalog.starter import open_catalogue
@@ -8,6 +9,7 @@ from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.importing import ImportFilesArguments, ImportFilesResult
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.import_job import import_as_job
+from plannerforge.tools.importing_kinds import known_country
 from plannerforge.tools.importing_many import ImportKind, Tally, take_in
 
 SUFFIXES: dict[str, ImportKind] = {
@@ -25,13 +27,20 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
     """Take in a file, or every fitting file below a folder; what is refused is reported, the rest goes in."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     files = _files(call, arguments)
+    arguments = arguments.model_copy(update={"country": _country(arguments, files)})
     if len(files) > MOST_IN_THE_CALL:
         return await import_as_job(call, arguments, files)
     tally = Tally(len(files))
-    await take_in(call, files, arguments.name, tally, call.progress)
+    await take_in(call, files, arguments, tally, call.progress)
     if len(files) == 1 and tally.failures:
         raise tally.failures[0]
     return tally.result()
+
+
+def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, ImportKind]]) -> str | None:
+    if arguments.country is not None and all(kind != "map" for _, kind in files):
+        raise InvalidRequest("country is for maps, and there is none among these files", next_step="leave country out")
+    return known_country(arguments.country)
 
 
 def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, ImportKind]]:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import anyio
 
+from plannerforge.engine.catalog.places import country_code
 from plannerforge.engine.maps.unpacking import stored_name, unpacked
 from plannerforge.engine.planners.registry import known_planner
 from plannerforge.engine.tuning.configurations import changed_configuration, preset_configuration
@@ -11,6 +12,7 @@ from plannerforge.engine.tuning.planner_tuning import tuning_of
 from plannerforge.engine.tuning.weight_file import read_weight_file
 from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest
 from plannerforge.schemas.importing import ImportedItem
 from plannerforge.tools.call import ToolCall
@@ -18,6 +20,18 @@ from plannerforge.tools.configurations import store_configuration
 from plannerforge.tools.storing import content_digest
 
 READ_MAP_TIMEOUT_S = 120.0
+
+
+def known_country(text: str | None) -> str | None:
+    """The ISO alpha-3 code of a country's code or name.
+
+    Raises:
+        InvalidRequest: there is no such country.
+    """
+    code = None if text is None else country_code(text)
+    if code is None and text is not None:
+        raise InvalidRequest(f"there is no country {text!r}", valid=["DEU", "Germany", "de"])
+    return code
 
 
 async def import_map(call: ToolCall, path: Path, name: str | None, country: str | None = None) -> ImportedItem:

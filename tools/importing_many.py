@@ -9,7 +9,7 @@ import anyio
 
 from plannerforge.engine.execution.jobs import JobState
 from plannerforge.schemas.errors import PlannerForgeError
-from plannerforge.schemas.importing import ImportedItem, ImportFilesResult, RefusedItem
+from plannerforge.schemas.importing import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.importing_kinds import import_configuration, import_map
 from plannerforge.tools.importing_scenarios import import_scenarios
@@ -59,7 +59,7 @@ class Tally:
 
 
 async def take_in(
-    call: ToolCall, files: Sequence[tuple[Path, ImportKind]], name: str | None, tally: Tally, tell: Tell
+    call: ToolCall, files: Sequence[tuple[Path, ImportKind]], arguments: ImportFilesArguments, tally: Tally, tell: Tell
 ) -> None:
     """Import the files; ``tell`` hears every half second how far it is."""
     async with anyio.create_task_group() as tasks:
@@ -67,7 +67,7 @@ async def take_in(
         await import_scenarios(call, [path for path, kind in files if kind == "scenario"], tally.note)
         for path, kind in files:
             if kind != "scenario":
-                await _import_other(call, path, kind, name, tally)
+                await _import_other(call, path, kind, arguments, tally)
         tasks.cancel_scope.cancel()
 
 
@@ -77,12 +77,16 @@ async def _keep_telling(tally: Tally, tell: Tell) -> None:
         await anyio.sleep(TELL_EVERY_S)
 
 
-async def _import_other(call: ToolCall, path: Path, kind: ImportKind, name: str | None, tally: Tally) -> None:
+async def _import_other(
+    call: ToolCall, path: Path, kind: ImportKind, arguments: ImportFilesArguments, tally: Tally
+) -> None:
     try:
         checked = call.allowed_path(str(path))
         call.limits.check_size(checked)
-        make = import_map if kind == "map" else import_configuration
-        tally.note(path, await make(call, checked, name))
+        if kind == "map":
+            tally.note(path, await import_map(call, checked, arguments.name, arguments.country))
+        else:
+            tally.note(path, await import_configuration(call, checked, arguments.name))
     except (PlannerForgeError, OSError) as error:
         tally.note(path, error)
 

@@ -21,3 +21,20 @@ async def test_packed_maps_of_a_folder_go_in_and_a_broken_one_is_named(connect: 
         assert "Fahrhausen (ZAM)" in text
         assert "broken.osm.gz" in text
         assert "cannot be unpacked" in text
+
+
+async def test_the_country_of_a_map_may_be_said(connect: Connect, tmp_path: Path) -> None:
+    (tmp_path / "town.osm").write_bytes((LIBRARY / "fahrhausen.osm").read_bytes())
+    async with connect() as client:
+        answer = await client.call_tool("import_files", {"path": "town.osm", "country": "Germany"})
+        assert "(DEU)" in str(answer.content)
+        unknown = await client.call_tool("import_files", {"path": "town.osm", "country": "Atlantis"})
+        assert "there is no country 'Atlantis'" in str(unknown.content)
+
+
+async def test_a_country_is_refused_where_there_is_no_map(connect: Connect, tmp_path: Path) -> None:
+    (tmp_path / "some.yaml").write_text("cost_weights: {}")
+    async with connect() as client:
+        answer = await client.call_tool("import_files", {"path": "some.yaml", "country": "DEU"})
+        assert answer.is_error
+        assert "country is for maps" in str(answer.content)
