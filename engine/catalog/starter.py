@@ -6,17 +6,23 @@ workspace is new) and, for every scenario, ``scenarios/<id>.xml`` with ``scenari
 
 import hashlib
 import json
+import os
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import as_file, files
 from pathlib import Path
 
 from plannerforge.engine.catalog.refresh import refresh
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.engine.workspace.staging import NewArtifact, Staged, disk_failure
 from plannerforge.schemas.errors import ResourceFailure
 from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
 
 ARCHIVE = "starter.zip"
+THREADS = 4
+"""Unpacking and waiting for the disk let go of the interpreter."""
+
 _MARK = "CREATE TABLE IF NOT EXISTS catalog_starter (content TEXT PRIMARY KEY)"
 
 
@@ -49,36 +55,40 @@ def _load_starter(workspace: Workspace) -> None:
 
 
 def put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
-    """Store every scenario of an archive; those that are there already stay."""
+    """Store every scenario of an archive, all or none; those that are there already stay."""
     facts_by_id = json.loads(opened.read("facts.json"))
     made_by = {entry["id"]: entry for entry in json.loads(opened.read("manifest.json"))}
-    names = set(opened.namelist())
-    with workspace.scratch() as folder:
-        for scenario_id in sorted(facts_by_id):
-            facts = ScenarioFacts.model_validate(facts_by_id[scenario_id])
-            xml = opened.read(f"scenarios/{scenario_id}.xml")
-            members = {
-                "scenario.xml": f"scenarios/{scenario_id}.xml",
-                "scenario.net.xml": f"scenarios/{scenario_id}.net.xml",
-            }
-            taken = {
-                name: _unpack(opened, member, folder / f"{scenario_id}-{name}")
-                for name, member in members.items()
-                if member in names
-            }
-            content = hashlib.sha256(xml).hexdigest()
-            workspace.put(
-                "scenario",
-                scenario_id,
-                recipe=Recipe(tool="starter", arguments={"content": content, "made_by": made_by[scenario_id]}),
-                record=ScenarioRecord(facts=facts, origin="starter", content=content),
-                files=taken,
-            )
+
+    def stage(scenario_id: str) -> Staged:
+        copies, content = _unpack(opened, scenario_id, folder / scenario_id)
+        facts = ScenarioFacts.model_validate(facts_by_id[scenario_id])
+        recipe = Recipe(tool="starter", arguments={"content": content, "made_by": made_by[scenario_id]})
+        record = ScenarioRecord(facts=facts, origin="starter", content=content)
+        return Staged(NewArtifact("scenario", scenario_id, recipe, record, files={}), copies)
+
+    with workspace.scratch() as folder, ThreadPoolExecutor(THREADS) as threads:
+        workspace.put_staged(list(threads.map(stage, sorted(facts_by_id))))
 
 
-def _unpack(opened: zipfile.ZipFile, member: str, target: Path) -> Path:
-    target.write_bytes(opened.read(member))
-    return target
+def _unpack(opened: zipfile.ZipFile, scenario_id: str, folder: Path) -> tuple[Path, str]:
+    """The scenario's folder, safe on the disk, and the digest of its XML."""
+    xml = opened.read(f"scenarios/{scenario_id}.xml")
+    net = f"scenarios/{scenario_id}.net.xml"
+    try:
+        folder.mkdir()
+        _write(folder / "scenario.xml", xml)
+        if net in opened.NameToInfo:
+            _write(folder / "scenario.net.xml", opened.read(net))
+    except OSError as error:
+        raise disk_failure(folder, error) from error
+    return folder, hashlib.sha256(xml).hexdigest()
+
+
+def _write(path: Path, content: bytes) -> None:
+    with path.open("wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
 
 
 def _loaded(workspace: Workspace) -> bool:

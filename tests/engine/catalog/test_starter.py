@@ -1,13 +1,17 @@
 """A workspace's catalogue: the starter scenarios once, and whatever is stored, seen by every server."""
 
+import errno
+import os
 from pathlib import Path
 
+import pytest
 from builders_catalog import facts
 
 from plannerforge.engine.catalog.refresh import refresh
 from plannerforge.engine.catalog.starter import open_catalogue
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.errors import ResourceFailure
 from plannerforge.schemas.scenarios import ScenarioRecord
 
 
@@ -36,6 +40,21 @@ def test_the_starter_is_put_in_once(tmp_path: Path) -> None:
     before = count(workspace)
     open_catalogue(workspace)
     assert count(workspace) == before
+    workspace.close()
+
+
+def test_a_full_disk_leaves_nothing_of_the_starter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "no space left on device")
+
+    workspace = Workspace(tmp_path)
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(ResourceFailure, match="no space left"):
+        open_catalogue(workspace)
+    assert workspace.newest(kind="scenario") == []
+    monkeypatch.undo()
+    open_catalogue(workspace)
+    assert count(workspace) >= 12
     workspace.close()
 
 
