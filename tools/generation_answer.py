@@ -11,7 +11,7 @@ def summarise(
     """What was asked beside what came out, for one scenario."""
     site, ego = scenario.site, scenario.ego
     streets = " / ".join(site.streets[:SHOWN_STREETS]) or "unnamed roads"
-    passed, failed = _verdicts(scenario.checks)
+    passed, failed = verdicts(scenario.checks)
     warned = len(scenario.netconvert_warnings)
     warnings = [f"netconvert warned {warned} time(s): {scenario.netconvert_warnings[0]}"] if warned else []
     unusual = [f"road network, {warning}" for warning in scenario.checks.network_warnings]
@@ -49,8 +49,9 @@ def _density(found: DensityFacts) -> str:
     )
 
 
-def _verdicts(checks: Checks) -> tuple[list[str], list[str]]:
-    verdicts = {
+def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
+    """The checks that a scenario passed, and those that it failed, in words."""
+    found = {
         "schema-valid": checks.schema_valid,
         "goal reachable": checks.goal_reachable,
         "no collision at the start": checks.collisions_at_start == 0,
@@ -58,4 +59,4 @@ def _verdicts(checks: Checks) -> tuple[list[str], list[str]]:
         "recorded ego free of collisions": checks.recorded_ego_collision_free,
         "no error in the road network": not checks.network_errors,
     }
-    return [name for name, good in verdicts.items() if good], [name for name, good in verdicts.items() if not good]
+    return [name for name, good in found.items() if good], [name for name, good in found.items() if not good]
