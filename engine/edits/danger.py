@@ -1,10 +1,12 @@
 """How close an ego comes to the traffic of a scenario: what an edit did to its danger, as numbers."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from plannerforge.engine.planners.criticality import criticality
+from plannerforge.engine.planners.criticality import encounters, gaps_m, risk_scores
 from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.time_to_collision import times_to_collision_s
 from plannerforge.engine.planners.vehicle_models import BMW_320I
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.modification import EgoDanger
@@ -24,13 +26,13 @@ def danger_to(drive: Track, others: Iterable[Track]) -> EgoDanger:
             zip(drive.positions, drive.headings_rad, drive.speeds_mps, strict=True)
         )
     ]
-    found = criticality(states, _Others(tuple(others)), BMW_320I)
+    met = encounters(states, _Others(tuple(others)), BMW_320I)
+    if not len(met.state):
+        return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
+    gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
+    soonest = float(times.min())
     return EgoDanger(
-        minimum_distance_m=_rounded(found.minimum_distance_m),
-        minimum_time_to_collision_s=_rounded(found.minimum_time_to_collision_s),
-        risk_score=found.risk_score,
+        minimum_distance_m=round(float(gaps.min()), 3),
+        minimum_time_to_collision_s=round(soonest, 3) if math.isfinite(soonest) else None,
+        risk_score=int(risk_scores(gaps, times).min()),
     )
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, 3)

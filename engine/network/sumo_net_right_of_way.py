@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,17 @@ class Link:
     path: JunctionPath
     shape: Points
     direction: str
+
+    @cached_property
+    def box(self) -> tuple[float, float, float, float]:
+        """Least and greatest coordinates of the shape: x, y, x, y in m."""
+        low, high = self.shape.min(axis=0), self.shape.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def may_cross(self, other: "Link") -> bool:
+        """Whether the boxes around both shapes overlap, without which the shapes cannot cross."""
+        mine, theirs = self.box, other.box
+        return mine[0] <= theirs[2] and theirs[0] <= mine[2] and mine[1] <= theirs[3] and theirs[1] <= mine[3]
 
 
 @dataclass(frozen=True)
@@ -69,7 +81,7 @@ def _meet(layout: NetLayout, first: Link, second: Link) -> bool:
     crossings = layout.interior.crossings
     if any(key in crossings.get(other, ()) for other in one.through for key in two.through):
         return True
-    return crossing_of(first.shape, second.shape) is not None
+    return first.may_cross(second) and crossing_of(first.shape, second.shape) is not None
 
 
 def _first_yields(first: Link, second: Link) -> bool:

@@ -52,12 +52,10 @@ class Encounters:
 
 def criticality(states: list[EgoState], others: Others, vehicle: VehicleParameters) -> Criticality:
     """The most critical figures over the driven states (the initial one included)."""
-    import shapely
-
     met = encounters(states, others, vehicle)
     if not len(met.state):
         return Criticality()
-    gaps = shapely.distance(shapely.polygons(corners_of(met.ego)), shapely.polygons(corners_of(met.other)))
+    gaps = gaps_m(met)
     times = times_to_collision_s(met.ego, met.other)
     headways = time_headways_s(states, met)
     return Criticality(
@@ -92,6 +90,14 @@ def encounters(states: list[EgoState], others: Others, vehicle: VehicleParameter
         MovingRectangles(centers[state], headings[state], own_size, speeds[state]),
         MovingRectangles(other[:, :2], other[:, 2], size, other[:, 3]),
     )
+
+
+def gaps_m(met: Encounters) -> Values:
+    """Distances between the rectangles of all pairs, 0 where they overlap, shape (n,)."""
+    import shapely
+
+    gaps: Values = shapely.distance(shapely.polygons(corners_of(met.ego)), shapely.polygons(corners_of(met.other)))
+    return gaps
 
 
 def time_headways_s(states: list[EgoState], met: Encounters) -> Values:

@@ -1,11 +1,19 @@
 """The ego is seen by the driven vehicles, and what an edit does to its danger is a number."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pytest
 from builders import Problem, driving, town_road
 from edit_support import Apply
 
+from plannerforge.engine.edits.danger import danger_to
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.planners.criticality import criticality
+from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.vehicle_models import BMW_320I
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.errors import NotPossible
 
 EGO = Problem(start=(40.0, 0.0, 0.0, 10.0))
@@ -14,6 +22,14 @@ ONE_LANE = replace(town_road(), lanes=tuple(replace(lane, left=None) for lane in
 CHASED = replace(ONE_LANE.with_vehicles(driving(31, (20, 0), 13.0, 101)), problems=(SLOW,))
 FOLLOWED = replace(town_road().with_vehicles(driving(31, (10, 0), 14.0, 101)), problems=(EGO,))
 ALONE = replace(town_road().with_vehicles(driving(31, (150, 7), 8.0, 101)), problems=(EGO,))
+
+
+@dataclass(frozen=True)
+class Around:
+    """The traffic around a drive."""
+
+    moving: tuple[Track, ...]
+    standing: tuple[Track, ...] = ()
 
 
 def test_a_driven_vehicle_keeps_clear_of_the_ego(apply: Apply) -> None:
@@ -40,6 +56,18 @@ def test_a_removed_vehicle_takes_its_danger_with_it(apply: Apply) -> None:
     assert outcome.ego_before.minimum_time_to_collision_s is not None
     assert outcome.ego_after is not None
     assert outcome.ego_after.minimum_distance_m is None
+
+
+def test_danger_is_the_criticality_of_the_same_drive(tmp_path: Path) -> None:
+    tracks = Scene.of(read_scenario(town_road().write(tmp_path / "base.xml"))).tracks
+    drive, others = tracks[32], tuple(track for key, track in tracks.items() if key != 32)
+    steps = range(drive.first_step, drive.last_step + 1)
+    poses = zip(steps, drive.positions, drive.headings_rad, drive.speeds_mps, strict=True)
+    whole = criticality([EgoState(*pose) for pose in poses], Around(others), BMW_320I)
+    found = danger_to(drive, others)
+    assert found.minimum_distance_m == pytest.approx(whole.minimum_distance_m, abs=1e-3)
+    assert found.minimum_time_to_collision_s == pytest.approx(whole.minimum_time_to_collision_s, abs=1e-3)
+    assert found.risk_score == whole.risk_score
 
 
 def test_both_checks_are_asked_for_with_detail(apply: Apply) -> None:
