@@ -36,12 +36,17 @@ def read_road_document(path: Path, limits: XmlLimits | None = None) -> RoadDocum
         raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{name}>, not <commonRoad>")
     try:
         root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
-        return _document(root)
+        return road_document(root)
     except (etree.LxmlError, ValueError) as error:
         raise UnsafeInput(f"{path.name} is not readable as CommonRoad: {error}") from error
 
 
-def _document(root: etree._Element) -> RoadDocument:
+def road_document(root: etree._Element) -> RoadDocument:
+    """The network below the root element of a CommonRoad document.
+
+    Raises:
+        ValueError: an id or a duration is no number.
+    """
     return RoadDocument(
         country=root.get("benchmarkID", "").removeprefix("C-")[:3],
         lanelets=tuple(_lanelet(element) for element in root.iterfind("lanelet")),

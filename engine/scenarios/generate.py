@@ -12,12 +12,11 @@ from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.maps.osm_reader import OsmMap
 from plannerforge.engine.maps.sites import Site
-from plannerforge.engine.scenarios.generate_place import build_place
+from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
 from plannerforge.engine.scenarios.generate_report import describe
 from plannerforge.engine.scenarios.generate_traffic import lively_traffic
 from plannerforge.engine.scenarios.planning_problem import EgoWish, GoalWish, choose_task, parse_ego, parse_goal
-from plannerforge.engine.scenarios.realised_site import why_not_realised
-from plannerforge.engine.scenarios.scenario_head import benchmark_id, head_of
+from plannerforge.engine.scenarios.scenario_head import benchmark_id
 from plannerforge.engine.scenarios.scene_order import along_the_site
 from plannerforge.engine.scenarios.site_choice import fitting_sites
 from plannerforge.engine.scenarios.validate import check_scenario
@@ -27,17 +26,19 @@ from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import Checks, GeneratedScenario, GenerationRequest, VehicleDemand
 
 STEP_S = 0.1
-MOST_TRIES = 5
+OWN_ROUNDS, MOST_TRIES, MOST_SITES = 2, 5, 10
+"""Rounds of traffic at the site's own place, scenarios made in all, sites looked at in all."""
 LEAST_FEASIBLE = 0.97
 LEAST_ON_LANELETS = 0.985
 
 
 @dataclass(frozen=True)
 class _Try:
-    """A scenario in a folder of its own, and what is wrong with it: nothing, or the reasons in words."""
+    """A scenario in a file of its own, and what is wrong with it: nothing, or the reasons in words."""
 
     scenario: GeneratedScenario
-    folder: Path
+    path: Path
+    net_path: Path
     faults: tuple[str, ...]
     unusable: bool
 
@@ -76,31 +77,48 @@ def _generate(request: GenerationRequest, report: ProgressReporter) -> Generated
     sites = fitting_sites(osm, request)
     if request.site_index >= len(sites):
         raise NotPossible(f"{request.place} ({request.map_id}) holds only {len(sites)} different site(s) for this")
-    tried: list[_Try] = []
-    refusals: list[NotPossible] = []
     with tempfile.TemporaryDirectory(dir=request.folder) as scratch:
-        for number, (site, round_number) in enumerate(_candidates(sites, request)):
-            if round_number and any(attempt.scenario.checks.network_errors for attempt in tried):
-                continue  # other traffic does not mend the road network
-            folder = Path(scratch) / str(number)
-            folder.mkdir()
-            try:
-                tried.append(_attempt(request, osm, site, round_number, (ego, goal), folder, report))
-            except NotPossible as refused:
-                refusals.append(refused)
-                continue
-            if not tried[-1].faults:
-                break
+        tried, refusals = _try_sites(request, osm, sites, (ego, goal), Path(scratch), report)
         usable = [attempt for attempt in tried if not attempt.unusable]
         if not usable:
             raise refusals[0] if refusals else _unusable(tried[0])
         best = min(usable, key=lambda attempt: len(attempt.faults))
-        for name in ("scenario.xml", "scenario.net.xml"):
-            shutil.move(best.folder / name, Path(request.folder) / name)
+        shutil.move(best.path, Path(request.folder) / "scenario.xml")
+        shutil.move(best.net_path, Path(request.folder) / "scenario.net.xml")
     earlier = [fault for attempt in tried if attempt is not best for fault in attempt.faults]
     earlier += [refused.message for refused in refusals]
     notes = [f"an earlier try was given up: {reason}" for reason in dict.fromkeys(earlier)]
     return best.scenario.model_copy(update={"notes": (*best.scenario.notes, *best.faults, *notes)})
+
+
+def _try_sites(
+    request: GenerationRequest,
+    osm: OsmMap,
+    sites: list[Site],
+    task_wish: tuple[EgoWish, GoalWish],
+    scratch: Path,
+    report: ProgressReporter,
+) -> tuple[list[_Try], list[NotPossible]]:
+    """Attempts until one has no fault, and the refusals on the way: the site's own twice, then other sites."""
+    tried: list[_Try] = []
+    refusals: list[NotPossible] = []
+    for number, site in enumerate(sites[request.site_index :: request.site_step][:MOST_SITES]):
+        folder = scratch / str(number)
+        folder.mkdir()
+        try:
+            ground = prepare_ground(request, osm, site, folder, STEP_S, report)
+        except NotPossible as refused:
+            refusals.append(refused)
+            continue
+        for round_number in range(1 if number else OWN_ROUNDS):
+            try:
+                tried.append(_attempt(request, ground, round_number, task_wish, folder, report))
+            except NotPossible as refused:
+                refusals.append(refused)
+                continue
+            if not tried[-1].faults or len(tried) == MOST_TRIES:
+                return tried, refusals
+    return tried, refusals
 
 
 def _unusable(attempt: _Try) -> NotPossible:
@@ -110,17 +128,9 @@ def _unusable(attempt: _Try) -> NotPossible:
     )
 
 
-def _candidates(sites: list[Site], request: GenerationRequest) -> list[tuple[Site, int]]:
-    """Sites to try with the number of the round of traffic: the site's own twice, then others."""
-    own = sites[request.site_index]
-    others = sites[request.site_index + request.site_step :: request.site_step]
-    return [(own, 0), (own, 1), *((site, 0) for site in others)][:MOST_TRIES]
-
-
 def _attempt(
     request: GenerationRequest,
-    osm: OsmMap,
-    site: Site,
+    ground: Ground,
     round_number: int,
     task_wish: tuple[EgoWish, GoalWish],
     folder: Path,
@@ -131,23 +141,20 @@ def _attempt(
     Raises:
         NotPossible: the site does not hold what was asked for.
     """
-    ego, goal = task_wish
+    (ego, goal), place = task_wish, ground.place
     notes, vehicles = _vehicles(request, ego)
-    net_path, path = folder / "scenario.net.xml", folder / "scenario.xml"
-    place = build_place(osm, site, request, net_path, folder, STEP_S, report)
-    if (reason := why_not_realised(site, place.net, place.network)) is not None:
-        raise NotPossible(reason)
+    path = folder / f"scenario_{round_number}.xml"
     lane_km = lane_km_of(place.net)
     demand = plan_counts(request.density, vehicles, lane_km)
-    traffic = lively_traffic(request, demand, place, round_number, net_path, folder, STEP_S, report)
-    everyone = along_the_site(traffic.everyone, site, place.net, place.network)
+    traffic = lively_traffic(request, demand, place, round_number, ground.net_path, folder, STEP_S, report)
+    everyone = along_the_site(traffic.everyone, place.site, place.net, place.network)
     report(0.75, "choosing ego and goal")
     task = choose_task(ego, goal, everyone, place.network, STEP_S)
     others = tuple(vehicle for vehicle in everyone if vehicle is not task.ego)
     report(0.8, "writing the file")
-    write_scenario(path, head_of(request, site, place.net, STEP_S), place.network, others, task)
+    write_scenario(path, ground.head, place.network, others, task)
     report(0.85, "reading back and checking")
-    checks = check_scenario(path, task.ego.body)
+    checks = check_scenario(path, task.ego.body, ground.findings)
     if traffic.left_out:
         notes.append(
             f"{traffic.left_out} vehicle(s) left out: their motion could not be driven, or overlapped another's"
@@ -156,7 +163,7 @@ def _attempt(
         request,
         benchmark_id=benchmark_id(request),
         demand=demand,
-        site=site,
+        site=place.site,
         radius_m=place.radius_m,
         lane_km=lane_km,
         network=place.network,
@@ -174,7 +181,7 @@ def _attempt(
             next_step="choose a higher density, another place or another seed",
         )
     broken, weak = _faults(checks)
-    return _Try(scenario, folder, (*broken, *weak, *_short(demand.least, scenario)), bool(broken))
+    return _Try(scenario, path, ground.net_path, (*broken, *weak, *_short(demand.least, scenario)), bool(broken))
 
 
 def _vehicles(request: GenerationRequest, ego: EgoWish) -> tuple[list[str], tuple[VehicleDemand, ...]]:

@@ -1,6 +1,7 @@
 """Checks on a written scenario, made on the file as others will read it."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,30 +9,31 @@ import numpy as np
 
 from plannerforge.engine.geometry.polyline import oriented_rectangle, rectangles_overlap
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
-from plannerforge.engine.network.rules.check import check_file
-from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
-from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
+from plannerforge.engine.network.rules.check import told
+from plannerforge.engine.scenarios.reader import LoadedScenario
+from plannerforge.engine.scenarios.recorded_scenario import read_recorded
+from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.feasibility import check_kinematics
 from plannerforge.engine.traffic.overlaps import Body, overlaps
 from plannerforge.engine.traffic.smoothing import Motion
 from plannerforge.engine.traffic.vehicle_classes import class_by_size
 from plannerforge.schemas.generation import Checks
-from plannerforge.schemas.network_rules import CheckedFile, RuleFinding, Severity
+from plannerforge.schemas.network_rules import RuleFinding
 
 BENCHMARK_ID = re.compile(r"[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
 EGO_SIZE_M = (4.508, 1.61)
 
 
-def check_scenario(path: Path, ego: Body) -> Checks:
+def check_scenario(path: Path, ego: Body, findings: Sequence[RuleFinding]) -> Checks:
     """Read a written scenario back and check it.
 
     Args:
         path: the CommonRoad file.
         ego: the ego's recorded way, which the file does not hold.
+        findings: what the rules found in its road network.
     """
-    loaded = read_scenario(path)
-    tracks = recorded_tracks(loaded.scenario)
-    network = check_file(path)
+    recorded = read_recorded(path)
+    loaded, tracks = recorded.loaded, recorded.tracks
     infeasible = tuple(key for key, track in tracks.items() if not _feasible(track, loaded.step_s))
     return Checks(
         schema_valid=not schema_errors(path),
@@ -42,18 +44,9 @@ def check_scenario(path: Path, ego: Body) -> Checks:
         centers_on_lanelets=_share_on_lanelets(loaded, tracks),
         feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
         infeasible_vehicles=infeasible,
-        network_errors=_told(network, "error"),
-        network_warnings=_told(network, "warning"),
+        network_errors=told(findings, "error"),
+        network_warnings=told(findings, "warning"),
     )
-
-
-def _told(network: CheckedFile, severity: Severity) -> tuple[str, ...]:
-    """What the rules for networks found: each rule once with the number of places and the first of them."""
-    by_rule: dict[str, list[RuleFinding]] = {}
-    for finding in network.findings:
-        if finding.severity == severity:
-            by_rule.setdefault(finding.rule, []).append(finding)
-    return tuple(f"{rule} ({len(found)}): {found[0].elements[0]} {found[0].message}" for rule, found in by_rule.items())
 
 
 def schema_errors(path: Path) -> list[str]:

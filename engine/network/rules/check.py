@@ -1,12 +1,13 @@
 """Running all rules on a network."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from plannerforge.engine.network.road_document import RoadDocument
 from plannerforge.engine.network.road_document_reader import read_road_document
 from plannerforge.engine.network.rules.registry import all_rules
 from plannerforge.schemas.errors import UnsafeInput
-from plannerforge.schemas.network_rules import CheckedFile, RuleFinding
+from plannerforge.schemas.network_rules import CheckedFile, RuleFinding, Severity
 
 
 def check_file(path: Path) -> CheckedFile:
@@ -22,3 +23,12 @@ def check_network(document: RoadDocument) -> tuple[RuleFinding, ...]:
     """What the rules find in a network, errors before warnings, otherwise in the order of the rules."""
     found = [finding for rule in all_rules() for finding in rule.check(document)]
     return tuple(sorted(found, key=lambda finding: finding.severity))
+
+
+def told(findings: Iterable[RuleFinding], severity: Severity) -> tuple[str, ...]:
+    """Findings of one severity in words: each rule once with the number of places and the first of them."""
+    by_rule: dict[str, list[RuleFinding]] = {}
+    for finding in findings:
+        if finding.severity == severity:
+            by_rule.setdefault(finding.rule, []).append(finding)
+    return tuple(f"{rule} ({len(found)}): {found[0].elements[0]} {found[0].message}" for rule, found in by_rule.items())

@@ -8,6 +8,7 @@ import pytest
 from lxml import etree
 
 from plannerforge.engine.catalog import starter
+from plannerforge.engine.network.rules.check import check_file
 from plannerforge.engine.scenarios.generate import _faults
 from plannerforge.engine.scenarios.validate import check_scenario
 from plannerforge.engine.traffic.overlaps import Body
@@ -23,7 +24,7 @@ def scenario(tmp_path: Path) -> Path:
 
 
 def test_a_good_scenario_has_a_network_without_findings(scenario: Path) -> None:
-    checks = check_scenario(scenario, FAR_AWAY)
+    checks = check_scenario(scenario, FAR_AWAY, check_file(scenario).findings)
     assert checks.network_errors == ()
     assert checks.network_warnings == ()
 
@@ -36,7 +37,7 @@ def test_an_error_in_the_network_makes_a_scenario_unusable(scenario: Path) -> No
     assert parent is not None
     parent.remove(element)
     tree.write(scenario)
-    checks = check_scenario(scenario, FAR_AWAY)
+    checks = check_scenario(scenario, FAR_AWAY, check_file(scenario).findings)
     (error,) = checks.network_errors
     assert error.startswith("one_way_succession (1): ")
     broken, _ = _faults(checks)

@@ -1,0 +1,47 @@
+"""A site is judged before traffic is made for it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.maps.map_file import read_map_file
+from plannerforge.engine.scenarios import generate_ground
+from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
+from plannerforge.engine.scenarios.generate_place import Place
+from plannerforge.engine.scenarios.site_choice import fitting_sites
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.generation import GenerationRequest
+
+
+def ground_at(folder: Path) -> Ground:
+    path = LIBRARY / "fahrhausen.osm"
+    request = GenerationRequest(
+        map_path=str(path), map_id="map_fahrhausen", place="Fahrhausen", country="DEU", attribution="", folder=""
+    )
+    osm = read_map_file(path)
+    return prepare_ground(request, osm, fitting_sites(osm, request)[0], folder, 0.1, silent)
+
+
+def test_a_good_site_has_its_net_and_no_errors(tmp_path: Path) -> None:
+    ground = ground_at(tmp_path)
+    assert ground.net_path.exists()
+    assert not [finding for finding in ground.findings if finding.severity == "error"]
+
+
+def test_a_site_whose_network_breaks_a_rule_is_refused_with_the_rule(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build = generate_ground.build_place
+
+    def with_swapped_bounds(*arguments: object) -> Place:
+        place = build(*arguments)  # type: ignore[arg-type]
+        key, lanelet = next(iter(place.network.lanelets.items()))
+        swapped = replace(lanelet, left=lanelet.right, right=lanelet.left)
+        return replace(place, network=replace(place.network, lanelets={**place.network.lanelets, key: swapped}))
+
+    monkeypatch.setattr(generate_ground, "build_place", with_swapped_bounds)
+    with pytest.raises(NotPossible, match=r"bounds_swapped \(1\)"):
+        ground_at(tmp_path)
