@@ -70,7 +70,7 @@ class FindScenariosArguments(Arguments):
         "without the ego",
     )
     ego_speed: str | None = Field(None, description="at the start: '50km/h' (±2 m/s), '10..15m/s', '>=20mph'")
-    text: str | None = Field(None, description="anything else, only ranks")
+    text: str | None = Field(None, description="the user's words; only ranks")
     like: str | None = Field(None, description="scenario id")
     within: str | None = Field(None, description="search id to refine")
     method: Method = "funnel"

@@ -9,6 +9,7 @@ from heapq import nsmallest
 from itertools import chain, combinations
 
 from plannerforge.engine.catalog.constraints import Constraint
+from plannerforge.engine.catalog.mentions import is_mentioned
 from plannerforge.schemas.catalog import STAGES, Stage
 
 MOST_DROPPED = 3
@@ -17,6 +18,9 @@ FEW = 2000
 
 WEIGHTS: dict[Stage, float] = {"location": 8.0, "obstacles": 4.0, "road_net": 3.0, "velocity": 1.5, "tags": 1.0}
 """What a satisfied condition counts for in a fallback, before its rarity is added."""
+
+MENTIONED = 3.0
+"""What a condition counts for more where the user's own words name it; with it, a tag counts as much as a count."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +60,16 @@ class Funnel:
     """
 
     def __init__(
-        self, connection: sqlite3.Connection, constraints: Sequence[Constraint], within: frozenset[int] | None = None
+        self,
+        connection: sqlite3.Connection,
+        constraints: Sequence[Constraint],
+        within: frozenset[int] | None = None,
+        text: str = "",
     ) -> None:
-        self._connection, self._within = connection, within
+        self._connection, self._within, self._text = connection, within, text
         self.constraints = tuple(constraints)
         self._held: dict[Constraint, frozenset[int]] = {}
+        self._weights: dict[Constraint, float] = {}
 
     @cached_property
     def everything(self) -> frozenset[int]:
@@ -148,7 +157,8 @@ class Funnel:
         """Entries that satisfy some conditions and not all, nearest first.
 
         What is nearest is weighed by stage, since requests name places and counts deliberately and over-predict tags
-        (Results, Slot-level extraction), and by rarity: what few entries have is seldom met by chance. Ties: the older.
+        (Results, Slot-level extraction), by rarity, since what few entries have is seldom met by chance, and by the
+        user's own words, where they are known. Ties: the older.
         """
         weights: dict[int, float] = {}
         counts: dict[int, int] = {}
@@ -161,9 +171,13 @@ class Funnel:
         return nsmallest(limit, near, key=lambda number: (-round(weights[number], 6), number))
 
     def _weight(self, one: Constraint) -> float:
-        """The weight of a condition: its stage's, and the tenth logarithm of how rare it is."""
-        held = len(self.holds(one))
-        return WEIGHTS[one.stage] + (math.log10(self.size / held) if held else 0.0)
+        """The weight of a condition: its stage's, the tenth logarithm of how rare it is, and that it was asked for."""
+        if one not in self._weights:
+            held = len(self.holds(one))
+            mentioned = one.stage != "location" and is_mentioned(one, self._text)
+            rarity = math.log10(self.size / held) if held else 0.0
+            self._weights[one] = WEIGHTS[one.stage] + rarity + MENTIONED * mentioned
+        return self._weights[one]
 
     def _among(self, one: Constraint, left: frozenset[int]) -> frozenset[int]:
         if len(left) > FEW or one in self._held:

@@ -78,7 +78,7 @@ class Search:
         self._connection, self.arguments = connection, arguments
         numbers = None if within is None else frozenset(numbers_of(connection, within).values())
         location = location_constraints(connection, arguments.country, arguments.city)
-        self.funnel = Funnel(connection, constraints_of(arguments, location), numbers)
+        self.funnel = Funnel(connection, constraints_of(arguments, location), numbers, arguments.text or "")
 
     @property
     def needs_ranking(self) -> bool:

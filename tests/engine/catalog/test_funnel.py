@@ -8,6 +8,9 @@ from builders_catalog import catalogue, facts, found, funnel
 from hypothesis import given
 from hypothesis import strategies as st
 
+from plannerforge.engine.catalog.constraints import constraints_of
+from plannerforge.engine.catalog.funnel import Funnel
+from plannerforge.engine.catalog.mentions import is_mentioned
 from plannerforge.schemas.catalog import FindScenariosArguments
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.schemas.scenarios import RoadFacts, ScenarioFacts
@@ -184,6 +187,35 @@ def test_the_country_takes_its_city_along_when_it_is_given_up() -> None:
     emptied = one.emptied_by()
     assert emptied is not None
     assert [constraint.label for constraint in emptied.constraints] == ["country JPN"]
+
+
+def test_what_the_user_s_words_name_counts_for_more_than_what_was_added() -> None:
+    made = [
+        facts("ESP_A-1_1_T-1", tags=["critical", "multi_lane"], counts={"car": 1}),
+        facts("ESP_A-2_1_T-1", tags=["simulated"], counts={"car": 1}),
+        facts("ESP_A-3_1_T-1", tags=["simulated"]),
+    ]
+    connection = catalogue(made)
+    constraints = constraints_of(FindScenariosArguments(tags=["simulated", "critical", "multi_lane"]), ())
+    assert Funnel(connection, constraints).nearest(1) == [1]
+    assert Funnel(connection, constraints, text="a simulation with cars").nearest(1) == [2]
+
+
+@pytest.mark.parametrize(
+    ("slots", "text", "mentioned"),
+    [
+        ({"tags": ["traffic_jam"]}, "something with a traffic jam", True),
+        ({"tags": ["traffic_jam"]}, "dense traffic", False),
+        ({"obstacles": ["truck>=2"]}, "two trucks", True),
+        ({"road_net": ["traffic_light"]}, "at traffic lights", True),
+        ({"ego_speed": "50km/h"}, "about 50 km/h", True),
+        ({"ego_speed": "50km/h"}, "13 m/s", False),
+        ({"tags": ["urban|rural"]}, "a rural road", True),
+    ],
+)
+def test_a_condition_is_mentioned_by_its_own_words(slots: dict[str, object], text: str, mentioned: bool) -> None:
+    (one,) = constraints_of(FindScenariosArguments.model_validate(slots), ())
+    assert is_mentioned(one, text) == mentioned
 
 
 def test_conditions_that_only_fail_together_are_named_together() -> None:
