@@ -9,7 +9,7 @@ DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 
 .PHONY: help demo test check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
-	bench-responsibility bench-weights bench-routes bench-generation bench-modification starter format clean
+	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes starter format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -82,6 +82,9 @@ bench-generation: $(DEV_STAMP)
 
 bench-modification: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_modification --workers $(WORKERS)
+
+bench-import-crashes: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.bench_import_crashes
 
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.draw_library

@@ -9,7 +9,7 @@ from pathlib import Path
 import anyio
 from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStream
 
-from plannerforge.schemas.errors import PlannerForgeError
+from plannerforge.schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout
 from plannerforge.schemas.importing import ImportedItem
 from plannerforge.schemas.scenarios import ReadFactsRequest, ScenarioFacts
 from plannerforge.tools.call import ToolCall
@@ -49,15 +49,29 @@ async def _read(call: ToolCall, path: Path) -> ReadFile | Failure:
         content = await anyio.to_thread.run_sync(content_digest, checked)
         if call.workspace.find_by_recipe("scenario", import_recipe(content)) is not None:
             return ReadFile(path, content, None)
-        facts = await call.services.workers.run(
-            "plannerforge.engine.scenarios.facts:read_facts",
-            ReadFactsRequest(path=checked, file_bytes=call.limits.file_bytes),
-            ScenarioFacts,
-            timeout_s=READ_TIMEOUT_S,
-        )
+        facts = await _facts(call, checked)
     except (PlannerForgeError, OSError) as error:
         return error
     return ReadFile(path, content, facts)
+
+
+async def _facts(call: ToolCall, path: Path) -> ScenarioFacts:
+    """The facts of a file; a worker that died is no fault of the file's, so a second one tries again."""
+    try:
+        return await _read_once(call, path)
+    except WorkerTimeout:
+        raise
+    except WorkerFailure:
+        return await _read_once(call, path)
+
+
+async def _read_once(call: ToolCall, path: Path) -> ScenarioFacts:
+    return await call.services.workers.run(
+        "plannerforge.engine.scenarios.facts:read_facts",
+        ReadFactsRequest(path=path, file_bytes=call.limits.file_bytes),
+        ScenarioFacts,
+        timeout_s=READ_TIMEOUT_S,
+    )
 
 
 async def _store_in_order(
