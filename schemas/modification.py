@@ -175,10 +175,9 @@ class TouchedVehicle(Model):
 
 
 class ModificationRequest(Model):
-    """What the worker needs: the base file, all edits since the base, and where to write.
+    """What the worker needs: the base file, the planning problem (None: the first), all edits, and where to write.
 
-    ``earlier``: how many of the edits come from the scenario that is edited further; they are applied, not reported;
-    ``problem_id``: the planning problem whose ego and goal the edits are about, None for the first.
+    ``earlier``: how many of the edits come from the scenario that is edited further; they are applied, not reported.
     """
 
     xml: Path
