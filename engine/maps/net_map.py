@@ -42,7 +42,7 @@ def read_net_map(path: Path) -> NetMap:
         if not net.projection:
             raise UnsafeInput(
                 f"{path.name} has no georeference, so nobody can say where its roads lie",
-                next_step="make the network with a projection (netconvert --proj.utm)",
+                next_step="make the network with a projection (netconvert --proj.utm), or import the extract behind it",
             )
         if not edges:
             raise UnsafeInput(f"{path.name} holds no road for vehicles", next_step="use a network with streets in it")
