@@ -1,0 +1,54 @@
+"""The page on criticality tells what its calls do: each is made, and the figures below it are those of the answer."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcp import Client
+from support import Connect
+
+pytestmark = [pytest.mark.anyio, pytest.mark.parametrize("era", ["auto"], indirect=True)]
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+PAGE = (CHECKOUT / "docs" / "criticality.md").read_text(encoding="utf-8")
+RECIPE = re.compile(r"^## (.+?)\n.*?```sh\n(.+?)```\n```text\n(.+?)\n```", re.DOTALL | re.MULTILINE)
+SCENARIO = "ZAM_Neuland-11_1_T-1"
+
+
+async def answer(client: Client, tool: str, arguments: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    result = await client.call_tool(tool, arguments)
+    text = str(result.content[0].text)  # type: ignore[union-attr]
+    assert not result.is_error, text
+    return text, result.structured_content or {}
+
+
+async def test_every_recipe_does_what_the_page_says(connect: Connect) -> None:
+    recipes = RECIPE.findall(PAGE)
+    assert len(recipes) == PAGE.count("\n## ")
+    async with connect() as client:
+        for title, command, figures in recipes:
+            program, verb, tool, arguments = shlex.split(command)
+            assert (program, verb) == ("plannerforge", "call")
+            text, found = await answer(client, tool, json.loads(arguments))
+            assert figures in text.splitlines(), title
+            assert found["ego_after"]["risk_score"] < found["ego_before"]["risk_score"], title
+
+
+@pytest.mark.parametrize(
+    ("edit", "score"),
+    [
+        ({"op": "set_speed", "vehicles": ["lead"], "speed": "15m/s", "time_s": 2}, 0),
+        ({"op": "shift_time", "vehicles": ["follow"], "time_s": -1}, 0),
+        ({"op": "set_behaviour", "vehicles": ["follow"], "preset": "aggressive"}, 5),
+        ({"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 20, "speed": "26m/s"}, 0),
+    ],
+    ids=["harder braking", "a shift alone", "aggressive alone", "a usual driver ahead"],
+)
+async def test_what_the_page_says_of_other_values_holds(connect: Connect, edit: dict[str, Any], score: int) -> None:
+    async with connect() as client:
+        asked = {"scenario_id": SCENARIO, "edits": [edit], "dry_run": True}
+        _, found = await answer(client, "modify_scenario", asked)
+    assert found["ego_after"]["risk_score"] == score
