@@ -4,7 +4,8 @@ Longitudinal: Treiber, Hennecke, Helbing, "Congested traffic states in empirical
 simulations", Physical Review E 62, 2000: acceleration a·[1 − (v/v0)⁴ − (s*/s)²] with the desired gap
 s* = s0 + max(0, v·T + v·Δv / (2·√(a·b))). Above the desired speed the free term is that of the improved model (Kesting,
 Treiber, Helbing 2010), which never brakes harder than b. Before a bend it brakes by at most b too, to the speed
-√(a_lateral / curvature) that its lateral acceleration allows there. Lateral: the ego's offset from the path fades out.
+√(a_lateral / curvature) that its lateral acceleration allows there; harder only where its tyres would slip otherwise.
+Lateral: the centre follows the path and drags the rear axle after it; the offset from that way fades out.
 It knows no cost terms, neither overtakes nor evades, and does not look at the edge of the road.
 """
 
@@ -14,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from plannerforge.engine.geometry.polyline import Points, Values, arc_length, project, wrap_angle, wrap_angles
+from plannerforge.engine.geometry.polyline import Points, Values, arc_length, wrap_angle, wrap_angles
 from plannerforge.engine.planners.bend_speeds import bend_speeds_mps
 from plannerforge.engine.planners.desired_speed import DesiredSpeed
+from plannerforge.engine.planners.drivability import Limit, undrivable
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import (
     EgoState,
@@ -27,14 +29,22 @@ from plannerforge.engine.planners.interface import (
     PlanningTask,
     PredictedObstacle,
 )
+from plannerforge.engine.planners.rear_axle_curve import RearAxleCurve, RearAxlePath
+from plannerforge.engine.planners.vehicle import centers, rear_axle
 
 EXPONENT = 4.0
 EMERGENCY_MPS2 = 8.0
+GRIP = 0.98
+"""Share of the tyres' friction that is used at most: the curvature along a plan is known between points only."""
+
+BRAKING_GRIP, BEND_GRIP, SLIP_SMOOTHING_M = 0.5, 0.75, 0.5
+"""Shares of it with which the ego brakes before a bend in which it would slip, and drives through it: 0.9 together."""
+
 LOOK_AHEAD_S = 1.0
 """Who will be in the ego's corridor within this time is a leader already, so that a cut-in is seen when it begins."""
 CORRIDOR_MARGIN_M = 0.3
-FADE_S, SHORTEST_FADE_M = 4.0, 15.0
-LOST_M = 0.2
+FADE_S = 4.0
+SAME_PLACE_M = 1e-6
 SMALLEST_GAP_M = 0.1
 
 
@@ -56,21 +66,20 @@ class _OnPath:
 
 
 @dataclass(frozen=True)
-class _Fade:
-    """The offset from the path between two stations: a quintic from an offset and slope to none."""
+class _Driven:
+    """What was planned at ``first_step``: stations (n,) of the rear axle on a curve, and the centres (n, 2)."""
 
-    begin_m: float
-    length_m: float
-    offset_m: float
-    slope: float
+    first_step: int
+    curve: RearAxleCurve
+    stations: Values
+    centers: Points
 
-    def at(self, stations: Values) -> tuple[Values, Values]:
-        """Offsets and their slopes by arc length."""
-        share = np.clip((stations - self.begin_m) / self.length_m, 0.0, 1.0)
-        offset = self.offset_m * (1 - share**3 * (10 - 15 * share + 6 * share**2))
-        offset = offset + self.slope * self.length_m * (share - share**3 * (6 - 8 * share + 3 * share**2))
-        slope = -self.offset_m / self.length_m * 30 * share**2 * (1 - share) ** 2
-        return offset, slope + self.slope * (1 - share**2 * (18 - 32 * share + 15 * share**2))
+    def going_on(self, ego: EgoState) -> tuple[RearAxleCurve, float] | None:
+        """The curve and the station of the ego's rear axle on it, if it followed this plan."""
+        index = ego.step - self.first_step
+        if not 0 <= index < len(self.centers) or np.linalg.norm(self.centers[index] - ego.position) > SAME_PLACE_M:
+            return None
+        return self.curve, float(self.stations[index])
 
 
 class IntelligentDriver:
@@ -86,48 +95,70 @@ class IntelligentDriver:
         self._stations = arc_length(task.reference.points)
         along = np.gradient(task.reference.points, axis=0)
         self._headings = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
-        self._bend_mps = bend_speeds_mps(
-            self._stations,
-            self._headings,
-            self._weights["lateral_acceleration_mps2"],
-            self._weights["deceleration_mps2"],
-        )
+        self._path = RearAxlePath(task.reference.points, task.vehicle.rear_axle_behind_center_m)
+        bends = self._path.stations_m, self._path.headings_rad
+        comfortable = self._weights["lateral_acceleration_mps2"], self._weights["deceleration_mps2"]
+        grip = task.vehicle.maximum_acceleration_mps2
+        self._bend_mps = bend_speeds_mps(*bends, *comfortable)
+        self._slip_mps = bend_speeds_mps(*bends, BEND_GRIP * grip, BRAKING_GRIP * grip, SLIP_SMOOTHING_M)
+        self._curvature = np.abs(np.gradient(self._path.headings_rad, self._path.stations_m))
         self._goal_m = self._goal.stations_on(task.reference.points) if self._goal.has_position else None
-        self._fade: _Fade | None = None
+        self._driven: _Driven | None = None
         self._desired_mps: float | None = None
 
     def plan(self, observation: Observation) -> Plan:
         """One trajectory: along the path with the model's acceleration, simulated over the horizon."""
         ego = observation.ego
-        station = project(self._task.reference.points, ego.position)[0]
-        turned = wrap_angle(ego.heading_rad - float(np.interp(station, self._stations, self._headings)))
-        if abs(turned) > math.pi / 2:
+        began = self._driven.going_on(ego) if self._driven else None
+        curve, station = began or self._curve_from(ego)
+        if curve is None:
             return Plan(None, rejected={"initial_state": 1}, candidates=1)
         travelled, speeds = self._motion(observation, station)
-        trajectory = self._trajectory(ego, self._fade_for(ego, station, turned), travelled, speeds)
+        stations = curve.after(station, travelled)
+        trajectory = self._trajectory(ego, curve, stations, speeds)
+        limit = self._broken_soon(trajectory)
+        if limit is not None:
+            return Plan(None, rejected={limit: 1}, candidates=1)
+        self._driven = _Driven(ego.step, curve, stations, trajectory.positions)
         kind: PlanKind = "regular" if speeds.any() else "standstill"
         return Plan(trajectory, candidates=1, kind=kind)
 
+    def _broken_soon(self, trajectory: PlannedTrajectory) -> Limit | None:
+        """The limit of the vehicle that the trajectory breaks before the next plan."""
+        driven = trajectory.until(self._task.configuration.settings.replan_steps + 1)
+        return undrivable(driven, self._task.vehicle, self._task.step_s)
+
+    def _curve_from(self, ego: EgoState) -> tuple[RearAxleCurve | None, float]:
+        """The curve from where the ego's rear axle is, and its station; none where the ego heads back."""
+        rear = rear_axle(ego.position, ego.heading_rad, self._task.vehicle)
+        station = self._path.foot(rear)
+        along_rad = float(self._path.frame(np.array([station]))[1][0])
+        if abs(wrap_angle(ego.heading_rad - along_rad)) > math.pi / 2:
+            return None, station
+        return RearAxleCurve.beginning_at(self._path, rear, ego.heading_rad, FADE_S * ego.speed_mps), station
+
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
-        """Stations and speeds, one a step."""
+        """The way in m and the speeds, one a step, of a rear axle that begins at a station."""
         step_s, vehicle = self._task.step_s, self._task.vehicle
         others = [self._on_path(obstacle) for obstacle in observation.obstacles if len(obstacle.positions)]
         desired, look_ahead = self._desired(observation.ego), round(LOOK_AHEAD_S / step_s)
-        stations, speeds = np.full(self._steps + 1, station), np.full(self._steps + 1, observation.ego.speed_mps)
+        travelled, speeds = np.zeros(self._steps + 1), np.full(self._steps + 1, observation.ego.speed_mps)
         for i in range(self._steps):
+            speed, rear_axle_m = float(speeds[i]), station + float(travelled[i])
+            center_m = self._path.center_station(rear_axle_m)
             ahead = (other.leader_at(i, look_ahead) for other in others)
-            leaders = [leader for leader in ahead if leader is not None and leader[0] > stations[i]]
-            speed, front = float(speeds[i]), float(stations[i]) + vehicle.length_m / 2
-            acceleration = self._free(speed, min(desired, self._allowed(float(stations[i])), vehicle.maximum_speed_mps))
+            leaders = [leader for leader in ahead if leader is not None and leader[0] > center_m]
+            acceleration = self._free(speed, min(desired, self._allowed(center_m), vehicle.maximum_speed_mps))
             if leaders:
                 rear, leader_speed = min(leaders)
-                acceleration -= self._interaction(speed, rear - front, speed - leader_speed)
-            acceleration = min(acceleration, self._before_bend(speed, float(stations[i]) + speed * step_s))
-            strongest = min(EMERGENCY_MPS2, vehicle.maximum_acceleration_mps2)
-            acceleration = float(np.clip(acceleration, -strongest, vehicle.maximum_acceleration_mps2))
+                gap_m = rear - center_m - vehicle.length_m / 2
+                acceleration -= self._interaction(speed, gap_m, speed - leader_speed)
+            acceleration = min(acceleration, self._before_bend(speed, rear_axle_m + speed * step_s))
+            grip = self._grip_mps2(speed, rear_axle_m + speed * step_s / 2)
+            acceleration = min(max(acceleration, -min(EMERGENCY_MPS2, grip)), grip)
             speeds[i + 1] = max(speed + acceleration * step_s, 0.0)
-            stations[i + 1] = stations[i] + (speed + speeds[i + 1]) / 2 * step_s
-        return stations, speeds
+            travelled[i + 1] = travelled[i] + (speed + speeds[i + 1]) / 2 * step_s
+        return travelled, speeds
 
     def _desired(self, ego: EgoState) -> float:
         """The rule of Frenetix; where it knows nothing but the present speed, the last that it knew.
@@ -152,9 +183,21 @@ class IntelligentDriver:
         return float(a * (wanted / max(gap_m, SMALLEST_GAP_M)) ** 2)
 
     def _before_bend(self, speed: float, following: float) -> float:
-        """The acceleration to the speed that the bends allow at the following station, braking at most comfortably."""
-        allowed = float(np.interp(following, self._stations, self._bend_mps))
-        return max((allowed - speed) / self._task.step_s, -self._weights["deceleration_mps2"])
+        """The acceleration to the speed that the bends allow at the following station.
+
+        It brakes at most comfortably for a comfortable speed, and as hard as it must where the tyres would slip.
+        """
+        comfortable, slipping = (
+            (float(np.interp(following, self._path.stations_m, allowed)) - speed) / self._task.step_s
+            for allowed in (self._bend_mps, self._slip_mps)
+        )
+        return min(max(comfortable, -self._weights["deceleration_mps2"]), slipping)
+
+    def _grip_mps2(self, speed: float, station: float) -> float:
+        """What the bend leaves of the tyres' friction for motion along it."""
+        curvature = float(np.interp(station, self._path.stations_m, self._curvature))
+        whole = GRIP * self._task.vehicle.maximum_acceleration_mps2
+        return math.sqrt(max(whole**2 - (speed**2 * curvature) ** 2, 0.0))
 
     def _allowed(self, station: float) -> float:
         """The speed from which the comfortable deceleration reaches the goal's speed where the goal begins."""
@@ -181,28 +224,10 @@ class IntelligentDriver:
         moving = np.gradient(stations, self._task.step_s) if len(stations) > 1 else np.zeros(1)
         return _OnPath(stations - half_along, moving, (np.abs(aside) < room) & on_path)
 
-    def _fade_for(self, ego: EgoState, station: float, turned: float) -> _Fade:
-        """The fade that is being driven; a new one where the ego is not on it."""
-        point, heading = self._points(np.array([station]))
-        normal = np.array([-math.sin(heading[0]), math.cos(heading[0])])
-        offset = float((ego.position - point[0]) @ normal)
-        if self._fade is None or abs(float(self._fade.at(np.array([station]))[0][0]) - offset) > LOST_M:
-            length = max(FADE_S * ego.speed_mps, SHORTEST_FADE_M, 6.0 * abs(offset))
-            self._fade = _Fade(station, length, offset, math.tan(float(np.clip(turned, -1.2, 1.2))))
-        return self._fade
-
-    def _trajectory(self, ego: EgoState, fade: _Fade, stations: Values, speeds: Values) -> PlannedTrajectory:
-        points, headings = self._points(stations)
-        offsets, slopes = fade.at(stations)
-        positions = points + offsets[:, None] * np.stack([-np.sin(headings), np.cos(headings)], axis=1)
-        directions = headings + np.arctan(slopes)
-        directions = directions + (ego.heading_rad - directions[0] - wrap_angle(ego.heading_rad - float(directions[0])))
-        positions[0], directions[0] = ego.position, ego.heading_rad
+    def _trajectory(self, ego: EgoState, curve: RearAxleCurve, stations: Values, speeds: Values) -> PlannedTrajectory:
+        rear, headings = curve.poses(stations)
+        headings += ego.heading_rad - headings[0] - wrap_angle(ego.heading_rad - float(headings[0]))
+        positions = centers(rear, headings, self._task.vehicle)
+        positions[0], headings[0] = ego.position, ego.heading_rad
         gained = np.diff(speeds) / self._task.step_s
-        return PlannedTrajectory(positions, directions, speeds, np.concatenate([[ego.acceleration_mps2], gained]))
-
-    def _points(self, stations: Values) -> tuple[Points, Values]:
-        """Points (n, 2) and headings of the path at stations."""
-        path = self._task.reference.points
-        points = np.stack([np.interp(stations, self._stations, path[:, i]) for i in range(2)], axis=1)
-        return points, np.interp(stations, self._stations, self._headings)
+        return PlannedTrajectory(positions, headings, speeds, np.concatenate([[ego.acceleration_mps2], gained]))

@@ -82,6 +82,11 @@ class PlannedTrajectory:
     speeds_mps: Values
     accelerations_mps2: Values
 
+    def until(self, count: int) -> "PlannedTrajectory":
+        """The first so many states."""
+        arrays = (self.positions, self.headings_rad, self.speeds_mps, self.accelerations_mps2)
+        return PlannedTrajectory(*(array[:count] for array in arrays))
+
     def state_at(self, index: int, step: int, step_s: float) -> EgoState:
         """The state ``index`` steps ahead, as the ego state of time step ``step``."""
         before = max(index - 1, 0)

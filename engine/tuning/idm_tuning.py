@@ -32,12 +32,5 @@ def tuning() -> PlannerTuning:
         weights={parameter.name: parameter for parameter in _PARAMETERS},
         external={},
         presets={preset.name: preset for preset in _PRESETS},
-        idle_settings=(
-            "sampling_level",
-            "wheelbase_m",
-            "rear_axle_behind_center_m",
-            "switching_speed_mps",
-            "maximum_steering_rad",
-            "maximum_steering_rate_radps",
-        ),
+        idle_settings=("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps"),
     )

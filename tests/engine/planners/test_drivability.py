@@ -6,7 +6,7 @@ from typing import Any
 import frenetix
 import numpy as np
 import pytest
-from builders_planning import drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
+from builders_planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 from commonroad.geometry.shape import Rectangle
 from frenetix.trajectory_functions import FillCoordinates
 from frenetix.trajectory_functions.feasability_functions import CheckCurvatureConstraint
@@ -19,15 +19,24 @@ from plannerforge.engine.planners.frenet_frame import FrenetFrame
 from plannerforge.engine.planners.frenet_memory import copied_trajectory
 from plannerforge.engine.planners.frenet_sampling import CurvilinearState, EndState, SamplingSettings, sampling_matrix
 from plannerforge.engine.planners.interface import EgoState, PlannedTrajectory
+from plannerforge.engine.planners.registry import make_planner
 from plannerforge.engine.planners.simulation import DrivenRun
 from plannerforge.engine.planners.vehicle import BMW_320I, rear_axle
+from plannerforge.engine.tuning.configurations import changed_configuration
 
 STEP_S = 0.1
 STRAIGHT = np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1)
 
 
-def around_the_corner(radius_m: float, speed_mps: float, last_step: int = 150) -> DrivenRun:
-    """A run over 60 m straight on, a left turn by 90°, and 60 m straight on."""
+def around_the_corner(
+    radius_m: float,
+    speed_mps: float,
+    last_step: int = 150,
+    name: str = "frenetix:Default",
+    before_m: float = 50.0,
+    settings: tuple[str, ...] = (),
+) -> DrivenRun:
+    """A run over a straight, a left turn by 90°, and 60 m straight on."""
     turn = np.linspace(0.0, math.pi / 2, 60)
     straight = np.arange(-60.0, 0.0)
     corner = radius_m * np.stack([np.sin(turn), 1.0 - np.cos(turn)], axis=1)
@@ -36,8 +45,10 @@ def around_the_corner(radius_m: float, speed_mps: float, last_step: int = 150) -
     goal = goal_state(
         (40, last_step), Rectangle(12.0, 3.5, center=np.array([radius_m, radius_m + 30.0]), orientation=1.57)
     )
-    problem = problem_for(goal, speed_mps=speed_mps, position=(-50.0, 0.0))
-    return drive(scenario_on(network_of(lanelet_along(center, 1))), problem)
+    problem = problem_for(goal, speed_mps=speed_mps, position=(-before_m, 0.0))
+    scenario = scenario_on(network_of(lanelet_along(center, 1)))
+    config, _ = changed_configuration(configuration(name), None, (), settings)
+    return drive(scenario, problem, config, planner=make_planner(config.planner))
 
 
 def aside_of_the_motion(run: DrivenRun) -> float:
@@ -57,8 +68,9 @@ def strongest(run: DrivenRun) -> float:
     return float(np.hypot(np.diff(speed) / STEP_S, 0.5 * (speed[1:] + speed[:-1]) * turned).max())
 
 
-def test_the_heading_in_a_bend_is_the_motion_of_the_rear_axle() -> None:
-    run = around_the_corner(13.0, 6.0)
+@pytest.mark.parametrize("name", ["frenetix:Default", "idm"])
+def test_the_heading_in_a_bend_is_the_motion_of_the_rear_axle(name: str) -> None:
+    run = around_the_corner(13.0, 6.0, name=name)
     assert run.final.outcome == "goal_reached"
     assert aside_of_the_motion(run) < 0.015
 
@@ -80,6 +92,35 @@ def test_a_fast_ego_slows_down_for_a_corner_as_far_as_its_tyres_demand() -> None
     run = around_the_corner(8.0, 17.0, last_step=60)
     assert run.rejected["friction"] > 0
     assert strongest(run) <= BMW_320I.maximum_acceleration_mps2
+
+
+def test_the_lane_follower_brakes_harder_than_it_likes_where_it_would_slide_out_of_a_corner() -> None:
+    run = around_the_corner(8.0, 17.0, name="idm")
+    assert run.final.outcome == "goal_reached"
+    assert strongest(run) <= BMW_320I.maximum_acceleration_mps2
+
+
+def test_the_lane_follower_says_so_where_no_braking_keeps_it_from_sliding_out() -> None:
+    run = around_the_corner(8.0, 17.0, name="idm", before_m=6.0)
+    assert run.final.outcome == "infeasible"
+    assert run.rejected == {"friction": 1}
+
+
+@pytest.mark.parametrize(
+    ("setting", "limit"), [("maximum_steering_rad=0.2", {"curvature": 1}), ("wheelbase_m=4.4", {}), ("vehicle=2", {})]
+)
+def test_the_wheels_of_the_lane_follower_turn_only_so_far(setting: str, limit: dict[str, int]) -> None:
+    run = around_the_corner(8.0, 6.0, name="idm", settings=(setting,))
+    assert run.rejected == limit
+    assert run.final.outcome == ("infeasible" if limit else "goal_reached")
+
+
+def test_the_heading_of_the_lane_follower_depends_on_where_its_rear_axle_is() -> None:
+    near, far = (
+        around_the_corner(8.0, 6.0, name="idm", settings=(f"rear_axle_behind_center_m={b}",)) for b in (0.4, 2.0)
+    )
+    turned = [np.array([state.heading_rad for state in run.states[:90]]) for run in (near, far)]
+    assert (turned[0] - turned[1]).max() > 0.05  # a rear axle far behind turns later
 
 
 def test_by_the_cores_checks_alone_it_would_slide_out(monkeypatch: pytest.MonkeyPatch) -> None:

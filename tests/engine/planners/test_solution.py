@@ -138,6 +138,25 @@ def test_a_run_to_the_goal_on_a_real_road_is_a_valid_solution(
 
 @pytest.mark.shared_data
 @pytest.mark.parametrize(
+    "name",
+    [
+        "BEL_Brussels-82_5_T-1",  # turns by 1.5 rad
+        "CHN_Qingdao-12_4_T-1",  # begins in a tight bend
+        "DEU_BadWaldsee-1_1_T-1",  # slow
+        "DEU_Lohmar-55_1_T-1",  # turns by 2.6 rad
+    ],
+)
+def test_a_run_of_the_lane_follower_through_a_bend_is_a_valid_solution(
+    name: str, shared_data: Path, tmp_path: Path, monkeypatch: Any
+) -> None:
+    path = shared_data / "data" / "commonroad" / f"{name}.xml"
+    response, target = driven(path, tmp_path, "idm")
+    assert response.record.outcome == "goal_reached"
+    assert judged(read_scenario(path), CommonRoadSolutionReader.open(str(target)), monkeypatch) == "valid"
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(
     ("module", "cure", "turned_off"),
     [(frenet_frame, "tangents", lambda segments: segments), (frenetix, "undrivable", lambda *_: None)],
     ids=["headings half a segment ahead", "tyres without limit"],
