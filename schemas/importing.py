@@ -49,6 +49,8 @@ class ImportFilesResult(Result):
     def to_text(self) -> str:
         """Counts first, then a line a file."""
         lines = [f"{self.added} added, {self.reused} known already, {self.refused} refused."]
+        if self.note and not self.added + self.reused + self.refused:
+            lines = []  # nothing is known here: the note says it
         if self.job_id and (self.state != "done" or self.note):
             lines.append(f"{self.job_id}: {self.state}. {self.note}".rstrip())
         lines += [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]

@@ -4,7 +4,6 @@ import json
 import re
 import shutil
 import sqlite3
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, TypeVar, get_args
 
 from plannerforge.engine.workspace.database import Database
 from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.engine.workspace.scratch import new_folder, remove_abandoned
 from plannerforge.engine.workspace.staging import ArtifactKind, NewArtifact, Staged, disk_failure, stage
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import UnknownName, closest
@@ -43,6 +43,7 @@ class Workspace:
     def __init__(self, root: Path) -> None:
         self.root = root
         self.database = Database(root / "workspace.sqlite")
+        self._tidied = False
 
     def put(
         self,
@@ -198,8 +199,10 @@ class Workspace:
         """
         parent = self.root / "scratch"
         try:
-            parent.mkdir(parents=True, exist_ok=True)
-            folder = Path(tempfile.mkdtemp(dir=parent))
+            folder = new_folder(parent)
+            if not self._tidied:
+                self._tidied = True
+                remove_abandoned(parent)
         except OSError as error:
             raise disk_failure(parent, error) from error
         try:
