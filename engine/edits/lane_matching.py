@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -70,12 +71,24 @@ class LaneMatcher:
 
     def match(self, track: Track) -> LaneMatch | None:
         """The most likely lanelets of a track; None where it is never near a lanelet of its direction."""
-        indices = _samples(len(track.positions))
-        near = self._near(track.positions[indices], track.headings_rad[indices], track.speeds_mps[indices])
-        candidates = [(index, found) for index, found in zip(indices, near, strict=True) if found]
-        if not candidates:
-            return None
-        return LaneMatch(tuple(index for index, _ in candidates), self._best([found for _, found in candidates]))
+        return self.match_all({track.obstacle_id: track}).get(track.obstacle_id)
+
+    def match_all(self, tracks: Mapping[int, Track]) -> dict[int, LaneMatch]:
+        """The same by key for many tracks, looked at together; those that are never near a lanelet are left out."""
+        if not tracks:
+            return {}
+        samples = {key: _samples(len(track.positions)) for key, track in tracks.items()}
+        at = [(track, samples[key]) for key, track in tracks.items()]
+        poses = [(track.positions[some], track.headings_rad[some], track.speeds_mps[some]) for track, some in at]
+        near = iter(self._near(*(np.concatenate(column) for column in zip(*poses, strict=True))))
+        matches = {}
+        for key, indices in samples.items():
+            of_track = itertools.islice(near, len(indices))
+            candidates = [(index, found) for index, found in zip(indices, of_track, strict=True) if found]
+            if candidates:
+                way = self._best([found for _, found in candidates])
+                matches[key] = LaneMatch(tuple(index for index, _ in candidates), way)
+        return matches
 
     def near(self, position: Points, heading_rad: float, speed_mps: float) -> list[tuple[int, float]]:
         """Lanelets within reach of a pose and their cost, by ascending id; the heading counts while moving."""
@@ -104,9 +117,10 @@ class LaneMatcher:
         back: list[list[int]] = []
         for before, current in itertools.pairwise(candidates):
             steps = [[costs[i] + self._step(old, new) for i, (old, _) in enumerate(before)] for new, _ in current]
-            back.append([int(np.argmin(row)) for row in steps])
-            costs = [min(row) + cost for row, (_, cost) in zip(steps, current, strict=True)]
-        place = int(np.argmin(costs))
+            least = [min(row) for row in steps]
+            back.append([row.index(cost) for row, cost in zip(steps, least, strict=True)])
+            costs = [before_it + cost for before_it, (_, cost) in zip(least, current, strict=True)]
+        place = costs.index(min(costs))
         chosen = [candidates[-1][place][0]]
         for layer in range(len(back) - 1, -1, -1):
             place = back[layer][place]

@@ -72,9 +72,8 @@ class Scene:
         tracks = recorded_tracks(loaded.scenario) if recorded is None else recorded
         last = last_recorded_step(loaded.scenario)
         standing = _standing(loaded, last)
-        matches = {key: matcher.match(track) for key, track in (tracks | standing).items()}
-        found = {key: match for key, match in matches.items() if match is not None}
-        return cls(loaded, layout, matcher, tracks, standing, found, last, _ego(loaded, matcher, problem_id))
+        matches = matcher.match_all(tracks | standing)
+        return cls(loaded, layout, matcher, tracks, standing, matches, last, _ego(loaded, matcher, problem_id))
 
     @property
     def step_s(self) -> float:
