@@ -1,11 +1,14 @@
 """``make bench-selection``: selection over real scenarios against ground truth, and how fast it is.
 
 Keys: ``sat_all_funnel``, ``ids_exact`` (slots of the ground truth, funnel), ``sat_top1_spoiled`` and
-``sat_top1_spoiled_strict`` (spoiled slots, with and without the fallback), ``bm25_top1``, ``refused_right``,
-``search_median_ms_500``, ``search_median_ms_100k``, ``import_per_s``, ``first_search_s``, ``first_text_search_s``,
-``warm_text_search_ms``. Needs the real scenarios and the corpus: ``PLANNERFORGE_SHARED``, else ``../shared``.
+``sat_top1_spoiled_strict`` (spoiled slots, with and without the fallback), ``sat_top1_spoiled_text`` (with the
+request's words), ``bm25_top1``, ``refused_right``, ``search_median_ms_500``, ``search_median_ms_100k``,
+``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which puts the starter
+catalogue in), ``first_text_search_s``, ``warm_text_search_ms``. Needs the real scenarios and the corpus:
+``PLANNERFORGE_SHARED``, else ``../shared``.
 """
 
+import argparse
 import os
 import statistics
 import sys
@@ -14,21 +17,22 @@ import time
 from pathlib import Path
 
 import anyio
-from mcp import Client, StdioServerParameters
+from mcp import Client
 from rich.console import Console
 
 from plannerforge.engine.catalog.entries import entries_of
 from plannerforge.engine.catalog.tables import facts_of
 from plannerforge.engine.workspace.database import Database
 from plannerforge.evals.bench_output import print_figures
-from plannerforge.evals.bench_selection_quality import measure_quality
+from plannerforge.evals.bench_selection_quality import SEEDS, SelectionQuality
 from plannerforge.evals.bench_selection_speed import measure_starts, search_ms
 from plannerforge.evals.selection_corpus import read_requests
 from plannerforge.evals.synthetic_catalog import make_catalog
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
-SIZES = (500, 100_000)
+SMALL = 500
+LARGE = 100_000
 
 
 async def import_folder(settings: Settings, folder: Path) -> tuple[int, float]:
@@ -46,58 +50,70 @@ async def import_folder(settings: Settings, folder: Path) -> tuple[int, float]:
     return int(added), took_s
 
 
-def measure(shared: Path, scratch: Path) -> None:
+def measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
     """Measure and print."""
-    console = Console(stderr=True)
+    console, begun = Console(stderr=True), time.perf_counter()
+
+    def tell(what: str) -> None:
+        console.print(f"{time.perf_counter() - begun:5.0f} s  {what}")
+
     folder, workspace = shared / "data/commonroad", scratch / "workspace"
     requests = read_requests(shared / "corpora/dev/selection.jsonl")
     settings = Settings(workspace=workspace, roots=(folder,), starter=False, warm_up=False)
-    console.print("importing")
+    tell("importing")
     added, import_s = anyio.run(import_folder, settings, folder)
     database = Database(workspace / "workspace.sqlite")
     connection = database.connection()
-    console.print("comparing with the ground truth")
-    figures, rows = measure_quality(connection, database.path, scratch / "index", requests, folder)
+    figures, rows = SelectionQuality(database, scratch / "index", requests, folder, tell).measure(seeds)
     numbers = frozenset(row[0] for row in connection.execute("SELECT number FROM catalog_scenarios"))
     real = list(facts_of(connection, [entry.scenario_id for entry in entries_of(connection, numbers)]).values())
     medians = []
-    for size in SIZES:
-        console.print(f"searching among {size:,}")
-        medians.append(statistics.median(search_ms(make_catalog(scratch / f"{size}.sqlite", real, size), requests)))
+    for size in (SMALL, largest):
+        tell(f"making a catalogue of {size:,}")
+        made = make_catalog(scratch / f"{size}.sqlite", real, size)
+        tell(f"searching among {size:,}")
+        medians.append(statistics.median(search_ms(made, requests)))
     database.close()
-    console.print("starting servers")
-    starts = anyio.run(
-        measure_starts,
-        StdioServerParameters(
-            command=sys.executable, args=["-m", "plannerforge.server", "serve", "--workspace", str(workspace)]
-        ),
-    )
+    tell("starting servers")
+    starts = anyio.run(measure_starts, sys.executable, workspace, scratch / "new")
+    tell("done")
     print_figures(
         "Selection",
         [
             *rows,
-            ("search, median at 500", f"{medians[0]:.1f} ms"),
-            ("search, median at 100,000", f"{medians[1]:.1f} ms"),
+            (f"search, median at {SMALL}", f"{medians[0]:.1f} ms"),
+            (f"search, median at {largest:,}", f"{medians[1]:.1f} ms"),
             (f"import of {added} scenarios", f"{added / import_s:.1f} scenarios/s"),
             ("start to first search", f"{starts.first_search_s:.2f} s"),
+            ("start to first search, new workspace", f"{starts.first_search_new_s:.2f} s"),
             ("start to first search by text", f"{starts.first_text_search_s:.2f} s"),
             ("search by text, warm", f"{starts.warm_text_search_ms:.0f} ms"),
         ],
         figures
         | {
             "search_median_ms_500": round(medians[0], 2),
-            "search_median_ms_100k": round(medians[1], 2),
+            f"search_median_ms_{'100k' if largest == LARGE else largest}": round(medians[1], 2),
             "import_per_s": round(added / import_s, 2),
             "first_search_s": round(starts.first_search_s, 3),
+            "first_search_new_workspace_s": round(starts.first_search_new_s, 3),
             "first_text_search_s": round(starts.first_text_search_s, 2),
             "warm_text_search_ms": round(starts.warm_text_search_ms, 1),
         },
     )
 
 
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Measure selection.")
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="so many rounds of spoiled slots")
+    parser.add_argument("--first-seed", type=int, default=0, help="the seed of the first round")
+    parser.add_argument("--largest", type=int, default=LARGE, help="entries of the large synthetic catalogue")
+    return parser.parse_args()
+
+
 if __name__ == "__main__":
+    asked = _arguments()
     found = Path(os.environ.get("PLANNERFORGE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
     if not (found / "data/commonroad").is_dir():
         sys.exit("the real scenarios and the corpus are not here; name their folder in PLANNERFORGE_SHARED")
     with tempfile.TemporaryDirectory() as name:
-        measure(found, Path(name))
+        measure(found, Path(name), range(asked.first_seed, asked.first_seed + asked.seeds), asked.largest)

@@ -1,10 +1,12 @@
 """How long searches take: among many entries, and from the start of a server."""
 
+import os
 import sqlite3
 import statistics
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import anyio
 from mcp import Client, StdioServerParameters
@@ -20,6 +22,7 @@ class Starts:
     """Seconds from the start of a server process to an answer, and milliseconds of a search by text after that."""
 
     first_search_s: float
+    first_search_new_s: float
     first_text_search_s: float
     warm_text_search_ms: float
 
@@ -38,14 +41,21 @@ def search_ms(connection: sqlite3.Connection, requests: Sequence[Request]) -> li
     return durations
 
 
-async def measure_starts(server: StdioServerParameters) -> Starts:
-    """Start two servers: the first is searched by slots at once, the second by text at once and then again."""
+async def measure_starts(python: str, workspace: Path, new_workspace: Path) -> Starts:
+    """Start three servers: two are searched by slots at once, the third by text at once and then again.
+
+    The second one begins with an empty workspace, which it fills with the starter catalogue before it answers.
+    """
+
+    def server(folder: Path, *, starter: bool) -> StdioServerParameters:
+        arguments = ["-m", "plannerforge.server", "serve", "--workspace", str(folder)]
+        environment = {**os.environ, "PLANNERFORGE_STARTER": str(starter).lower()}
+        return StdioServerParameters(command=python, args=arguments, env=environment)
+
+    first_s = await _first_search_s(server(workspace, starter=False))
+    new_s = await _first_search_s(server(new_workspace, starter=True))
     started = time.perf_counter()
-    async with Client(server) as client:
-        await client.call_tool("find_scenarios", {"tags": ["urban"]})
-        first_s = time.perf_counter() - started
-    started = time.perf_counter()
-    async with Client(server) as client:
+    async with Client(server(workspace, starter=False)) as client:
         await client.call_tool("find_scenarios", {"text": "a busy crossing"})
         text_s = time.perf_counter() - started
         warm = []
@@ -54,4 +64,11 @@ async def measure_starts(server: StdioServerParameters) -> Starts:
             again = time.perf_counter()
             await client.call_tool("find_scenarios", {"text": f"a left turn with {number} trucks"})
             warm.append((time.perf_counter() - again) * 1000)
-    return Starts(first_s, text_s, statistics.median(warm))
+    return Starts(first_s, new_s, text_s, statistics.median(warm))
+
+
+async def _first_search_s(server: StdioServerParameters) -> float:
+    started = time.perf_counter()
+    async with Client(server) as client:
+        await client.call_tool("find_scenarios", {"tags": ["urban"]})
+        return time.perf_counter() - started

@@ -5,6 +5,7 @@ example of the prompt.
 """
 
 import random
+from collections.abc import Collection
 
 from plannerforge.schemas.catalog import FindScenariosArguments
 from plannerforge.schemas.vocabulary import SIGNS, TAGS
@@ -25,3 +26,24 @@ def spoiled(arguments: FindScenariosArguments, seed: str) -> FindScenariosArgume
     if chance.random() < COPIED_SPEED_SHARE:
         changes["ego_speed"] = chance.choice(EXAMPLE_SPEEDS)
     return arguments.model_copy(update=changes)
+
+
+def extract_score(truth: FindScenariosArguments, given: FindScenariosArguments) -> float:
+    """The paper's *extract* of slots: the mean of five scores in [0, 1]; slots that are empty in both count as 1.
+
+    Tags by the overlap of the sets (Jaccard) as in the paper; it leaves the rest open: the other slots are compared in
+    the same way, condition by condition.
+    """
+    pairs = [
+        ({truth.country, truth.city}, {given.country, given.city}),
+        (truth.tags, given.tags),
+        (truth.road_net, given.road_net),
+        (truth.obstacles, given.obstacles),
+        ({truth.ego_speed}, {given.ego_speed}),
+    ]
+    return sum(_overlap(one, other) for one, other in pairs) / len(pairs)
+
+
+def _overlap(one: Collection[str | None], other: Collection[str | None]) -> float:
+    together = set(one) | set(other)
+    return len(set(one) & set(other)) / len(together) if together else 1.0
