@@ -32,7 +32,7 @@ def refuse_wild_numbers(read: RecordedScenario) -> None:
         if not _tame(lanelet.left_vertices) or not _tame(lanelet.right_vertices):
             raise UnsafeInput(f"lanelet {lanelet.lanelet_id} has coordinates that are not finite or beyond 1e8 m")
     for obstacle in scenario.obstacles:
-        if not _sized(obstacle.obstacle_shape):
+        if not _sized(getattr(obstacle, "obstacle_shape", None)):  # phantom obstacles have none
             raise UnsafeInput(
                 f"obstacle {obstacle.obstacle_id} has a size that is not above 0 and at most {LARGEST_OBSTACLE_M:g} m"
             )

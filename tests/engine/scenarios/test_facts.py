@@ -118,3 +118,15 @@ def test_real_signs_lights_and_limits(shared_data: Path) -> None:
     assert spain.limits_ego_kmh == (50.0,)
     assert read("ZAM_Zip-2_1_T-1").egos[0].goal_forms == ()
     assert read("ZAM_test_0-1").scenario_id == "ZAM_test_0-1"
+
+
+def test_a_phantom_obstacle_has_no_size_to_refuse(tmp_path: Path) -> None:
+    phantom = (
+        '  <phantomObstacle id="77"><occupancySet><occupancy><shape><rectangle><length>5</length><width>2</width>'
+        "<center><x>50</x><y>0</y></center></rectangle></shape><time><exact>1</exact></time></occupancy></occupancySet>"
+        "</phantomObstacle>\n"
+    )
+    path = tmp_path / "phantom.xml"
+    path.write_text(town_road().xml().replace("  <planningProblem", phantom + "  <planningProblem", 1), "utf-8")
+    found = read_facts(ReadFactsRequest(path=path), silent)
+    assert found.participants.total == 5
