@@ -1,0 +1,54 @@
+"""What a server does by itself after its start."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from plannerforge.engine.workspace.artifacts import Workspace
+from plannerforge.schemas.base import Model
+from plannerforge.schemas.catalog import BuildIndexRequest, BuildIndexResponse
+from plannerforge.schemas.errors import PlannerForgeError, ResourceFailure
+from plannerforge.server import assembly
+
+pytestmark = pytest.mark.anyio
+
+
+class NotedPool:
+    """Notes what it was asked for, and fails if told to."""
+
+    def __init__(self, failure: PlannerForgeError | None = None) -> None:
+        self.failure = failure
+        self.warmed: list[str] = []
+        self.asked: list[Model] = []
+
+    async def warm_up(self, lane: str) -> None:
+        self.warmed.append(lane)
+
+    async def run(self, entry_point: str, request: Model, *_: object, **options: object) -> BuildIndexResponse:
+        assert options["lane"] == "retrieval"
+        self.asked.append(request)
+        if self.failure:
+            raise self.failure
+        return BuildIndexResponse(descriptions=0, built=False)
+
+
+async def warmed(pool: Any, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(assembly, "WARM_UP_DELAY_S", 0.0)
+    await assembly._warm_up(pool, Workspace(root), "own/model")
+
+
+async def test_both_lanes_and_the_text_index_are_made_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pool = NotedPool()
+    await warmed(pool, tmp_path, monkeypatch)
+    assert pool.warmed == ["compute", "retrieval"]
+    assert pool.asked == [
+        BuildIndexRequest(database=tmp_path / "workspace.sqlite", index=tmp_path / "index", model="own/model")
+    ]
+
+
+async def test_an_index_that_cannot_be_made_ready_is_logged_and_harms_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    await warmed(NotedPool(ResourceFailure("no model of that name")), tmp_path, monkeypatch)
+    assert "no model of that name" in caplog.text
