@@ -30,7 +30,7 @@ LEFT_HAND_COUNTRIES = frozenset(_LEFT.split())
 """Countries (ISO 3166-1 alpha-3) where traffic keeps to the left."""
 
 
-MANY_HAIRPINS = 20
+MANY_HAIRPINS = 10
 """So many turns that cannot be drawn mean that netconvert made one huge junction of several."""
 
 

@@ -155,6 +155,14 @@ def test_a_real_extract_on_the_left_side(shared_data: Path, tmp_path: Path) -> N
     assert made.checks.centers_on_lanelets > 0.97
 
 
+def test_a_junction_too_large_to_be_drawn_is_made_of_smaller_ones(shared_data: Path, tmp_path: Path) -> None:
+    path = shared_data / "data" / "osm" / "o2s_leeds_cycleway.osm"
+    wish = request_for("Fahrhausen", tmp_path, map_path=str(path), country="GBR", scenario_type="urban", seed=0)
+    made = generate(wish, silent)
+    assert any("were not joined" in note for note in made.notes)
+    assert made.checks.schema_valid
+
+
 def test_signs_show_the_posted_limits_although_traffic_slows_for_bends(tmp_path: Path) -> None:
     make("Kreiselheim", tmp_path, scenario_type="roundabout")
     network = read_scenario(tmp_path / "scenario.xml").scenario.lanelet_network
