@@ -90,13 +90,9 @@ def _any_class(made: MadeFiles, classes: tuple[str, ...], within_m: float = NEAR
 
 
 def _crossing(made: MadeFiles, *, lit: bool) -> bool:
-    """A junction with three arms near the middle, with lights where they are asked for."""
-    ends = Counter(
-        (near, far)
-        for edge in made.near()
-        for near, far in ((edge.from_junction, edge.to_junction), (edge.to_junction, edge.from_junction))
-    )
-    arms = Counter(near for near, _ in ends)
+    """A junction of three roads near the middle, with lights where they are asked for; both directions are one road."""
+    roads = {(end, edge.edge_id.lstrip("-")) for edge in made.near() for end in (edge.from_junction, edge.to_junction)}
+    arms = Counter(junction for junction, _ in roads)
     lights = ("traffic_light", "traffic_light_right_on_red", "traffic_light_unregulated")
     kinds = made.net.junction_types
     return any(count >= 3 and (not lit or kinds.get(key, "") in lights) for key, count in arms.items())

@@ -7,6 +7,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from plannerforge.engine.maps.crossings import Crossings
 from plannerforge.engine.maps.osm_reader import OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m
 from plannerforge.engine.maps.road_classes import LINKS, ROADS
 from plannerforge.schemas.generation import SiteType
@@ -19,6 +20,7 @@ MERGE_M = 60.0
 RURAL_CLEAR_M, TOWN_CLEAR_M = 120.0, 400.0
 TOWN_JUNCTIONS_PER_KM = 5.0
 MOST_BEHIND = 30
+NEAR_RAMP_M, AT_MOTORWAY_M = 200.0, 100.0
 RAMP_CLASSES = frozenset({"motorway_link", "trunk_link"})
 SPACING_M = 400.0
 RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
@@ -74,12 +76,12 @@ class SiteFinder:
         return through or self.osm.roads(frozenset(ROADS))
 
     @cached_property
-    def streets(self) -> "Crossings":
+    def streets(self) -> Crossings:
         """Where the roads that lead somewhere meet."""
         return Crossings(self.roads)
 
     @cached_property
-    def everywhere(self) -> "Crossings":
+    def everywhere(self) -> Crossings:
         """Where roads meet, driveways and tracks included."""
         return Crossings(self.osm.roads(frozenset((*ROADS, *LINKS))))
 
@@ -102,7 +104,7 @@ class SiteFinder:
         """Junctions with a traffic signal at them or within reach; a signal alone may be a pedestrian crossing."""
         return self._lit(self.streets) or self._lit(self.everywhere)
 
-    def _lit(self, crossings: "Crossings") -> list[Site]:
+    def _lit(self, crossings: Crossings) -> list[Site]:
         signals = [
             node
             for key, node in self.osm.nodes.items()
@@ -119,7 +121,7 @@ class SiteFinder:
         """Junctions of streets; those with driveways and tracks only where there is no other."""
         return self._junctions_of(self.streets) or self._junctions_of(self.everywhere)
 
-    def _junctions_of(self, crossings: "Crossings") -> list[Site]:
+    def _junctions_of(self, crossings: Crossings) -> list[Site]:
         return [
             self._site("intersection", self.osm.nodes[key], crossings.ways_at[key], key)
             for key in crossings.of_streets()
@@ -133,8 +135,9 @@ class SiteFinder:
                 ways = self.streets.ways_at[key]
                 classes = {way.road_class for way in ways}
                 if family in classes and classes & RAMP_CLASSES:
-                    reached = self._roads_behind(ways)
-                    found.append(self._site("ramp", self.osm.nodes[key], [*ways, *reached], key))
+                    node = self.osm.nodes[key]
+                    named = [*ways, *self._roads_behind(ways), *self._passing(node, NEAR_RAMP_M)]
+                    found.append(self._site("ramp", node, named, key))
             if found:
                 return found
         return []
@@ -150,6 +153,19 @@ class SiteFinder:
                         found[way.way_id] = way
                         waiting += [way] if way.road_class in LINKS else []
         return list(found.values())
+
+    def _passing(self, node: OsmNode, within_m: float) -> list[OsmWay]:
+        """The roads that pass within a distance: an exit is called after the road that it lies at, too."""
+        from shapely import Point
+
+        return [self.roads[index] for index in self._lines.query(Point(*self._metres(node)), "dwithin", within_m)]
+
+    @cached_property
+    def _lines(self) -> "STRtree":
+        """The roads that lead somewhere, in metres around the middle of the map."""
+        from shapely import LineString, STRtree
+
+        return STRtree([LineString([self._metres(self.osm.nodes[key]) for key in way.node_ids]) for way in self.roads])
 
     def _motorways(self) -> list[Site]:
         for family in ("motorway", "trunk"):
@@ -180,12 +196,16 @@ class SiteFinder:
         return TOWN_CLEAR_M if dense or lit else RURAL_CLEAR_M
 
     def _urban(self) -> list[Site]:
-        """Junctions of streets with houses or residential streets around."""
-        return [
+        """Junctions of streets among houses; those at a motorway only where there are none else."""
+        found = [
             Site("urban", site.latitude, site.longitude, site.streets, site.mark)
             for site in self._crossings()
             if not self._far_from_houses(self.osm.nodes[site.mark])
         ]
+        return [site for site in found if not self._at_motorway(self.osm.nodes[site.mark])] or found
+
+    def _at_motorway(self, node: OsmNode) -> bool:
+        return any(way.road_class == "motorway" for way in self._passing(node, AT_MOTORWAY_M))
 
     def _far_from_houses(self, node: OsmNode, clear_m: float = RURAL_CLEAR_M) -> bool:
         from shapely import Point
@@ -233,31 +253,6 @@ class SiteFinder:
                 found.append(OsmNode(0, latitude, longitude, {}))
             gone += step
         return found
-
-
-class Crossings:
-    """Where roads meet: the roads by node, and the nodes at which at least three arms do."""
-
-    def __init__(self, roads: list[OsmWay]) -> None:
-        self.ways_at: dict[int, list[OsmWay]] = {}
-        arms: dict[int, int] = {}
-        for way in roads:
-            for key in dict.fromkeys(way.node_ids):
-                self.ways_at.setdefault(key, []).append(way)
-            for index, key in enumerate(way.node_ids):
-                arms[key] = arms.get(key, 0) + (index > 0) + (index < len(way.node_ids) - 1)
-        self.junctions = [key for key, count in arms.items() if count >= 3]
-
-    def of_streets(self) -> list[int]:
-        """Junctions of different streets: not one road that parts in two, and not only motorways."""
-        return [key for key in self.junctions if self._crosses(key) and not self._only_motorway(key)]
-
-    def _crosses(self, key: int) -> bool:
-        names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at[key]}
-        return len(names) > 1 or len(self.ways_at[key]) > 3
-
-    def _only_motorway(self, key: int) -> bool:
-        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at[key])
 
 
 def _is_expressway(way: OsmWay) -> bool:

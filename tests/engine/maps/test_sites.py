@@ -37,6 +37,25 @@ def test_a_ramp_is_called_after_the_road_that_its_link_leads_to(tmp_path: Path) 
     assert finder(tmp_path, sketch).find("ramp")[0].streets == ("A 1", "Mill Road")
 
 
+def test_a_ramp_is_called_after_the_road_that_it_lies_at(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "motorway", "", ref="A 1", oneway="yes")
+    sketch.road([(0, 0), (200, -60)], "motorway_link", "", oneway="yes")
+    sketch.road([(100, -400), (100, 400)], "secondary", "Bridge Road")
+    sketch.road([(450, -400), (450, 400)], "secondary", "Far Road")
+    assert finder(tmp_path, sketch).find("ramp")[0].streets == ("A 1", "Bridge Road")
+
+
+def test_an_urban_site_does_not_lie_at_a_motorway_where_there_is_another(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (500, 0)], "motorway", "", ref="A 1", oneway="yes")
+    sketch.road([(0, 60), (0, 130), (0, 400)], "residential", "Main Road")
+    sketch.road([(-200, 60), (0, 60), (200, 60)], "residential", "Motorway Road")
+    assert [site.streets for site in finder(tmp_path, sketch).find("urban")] == [("Main Road", "Motorway Road")]
+    sketch.road([(-200, 400), (0, 400), (200, 400)], "residential", "Quiet Road")
+    assert [site.streets for site in finder(tmp_path, sketch).find("urban")] == [("Main Road", "Quiet Road")]
+
+
 def test_driveways_make_a_crossing_only_where_no_streets_meet(tmp_path: Path) -> None:
     assert finder(tmp_path, crossing("service")).kinds()["intersection"] == 1
     both = crossing("service")

@@ -1,5 +1,6 @@
 """A site is judged before traffic is made for it."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.maps.draw_library import LIBRARY
 from plannerforge.engine.maps.map_file import read_map_file
+from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.scenarios import generate_ground
 from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
 from plannerforge.engine.scenarios.generate_place import Place
@@ -19,7 +21,13 @@ from plannerforge.schemas.generation import GenerationRequest
 def ground_at(folder: Path) -> Ground:
     path = LIBRARY / "fahrhausen.osm"
     request = GenerationRequest(
-        map_path=str(path), map_id="map_fahrhausen", place="Fahrhausen", country="DEU", attribution="", folder=""
+        map_path=str(path),
+        map_id="map_fahrhausen",
+        place="Fahrhausen",
+        country="DEU",
+        attribution="",
+        scenario_type="intersection",
+        folder="",
     )
     osm = read_map_file(path)
     return prepare_ground(request, osm, fitting_sites(osm, request)[0], folder, 0.1, silent)
@@ -31,17 +39,31 @@ def test_a_good_site_has_its_net_and_no_errors(tmp_path: Path) -> None:
     assert not [finding for finding in ground.findings if finding.severity == "error"]
 
 
+def spoil(monkeypatch: pytest.MonkeyPatch, change: Callable[[RoadNetwork], RoadNetwork]) -> None:
+    """Let every network be built with a change."""
+    build = generate_ground.build_place
+
+    def built(*arguments: object) -> Place:
+        place = build(*arguments)  # type: ignore[arg-type]
+        return replace(place, network=change(place.network))
+
+    monkeypatch.setattr(generate_ground, "build_place", built)
+
+
 def test_a_site_whose_network_breaks_a_rule_is_refused_with_the_rule(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    build = generate_ground.build_place
-
-    def with_swapped_bounds(*arguments: object) -> Place:
-        place = build(*arguments)  # type: ignore[arg-type]
-        key, lanelet = next(iter(place.network.lanelets.items()))
+    def swap(network: RoadNetwork) -> RoadNetwork:
+        key, lanelet = next(iter(network.lanelets.items()))
         swapped = replace(lanelet, left=lanelet.right, right=lanelet.left)
-        return replace(place, network=replace(place.network, lanelets={**place.network.lanelets, key: swapped}))
+        return replace(network, lanelets={**network.lanelets, key: swapped})
 
-    monkeypatch.setattr(generate_ground, "build_place", with_swapped_bounds)
+    spoil(monkeypatch, swap)
     with pytest.raises(NotPossible, match=r"bounds_swapped \(1\)"):
+        ground_at(tmp_path)
+
+
+def test_a_crossing_that_is_none_in_the_network_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spoil(monkeypatch, lambda network: replace(network, intersections=()))
+    with pytest.raises(NotPossible, match="is lost when the road network is built"):
         ground_at(tmp_path)
