@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plannerforge.engine.rendering.canvas import PICTURE_WIDTH_PX, new_figure, pixels, save_png
+from plannerforge.engine.rendering.differences import widened
 from plannerforge.engine.rendering.ego_layer import (
     draw_ego,
     draw_endings,
@@ -62,14 +63,16 @@ def draw_scene(axes: "Axes", view: SceneView, viewport: Viewport) -> TrafficDraw
 
 
 def draw_picture(views: Sequence[SceneView], path: Path) -> tuple[tuple[int, int], str]:
-    """Draw one scene, or several side by side (with one scale where they share a map), and write it as PNG.
+    """Draw one scene, or several side by side, and write it as PNG.
+
+    Where they share a map, they have one scale, and what differs between them is in view.
 
     Returns:
         The size in pixels, and the alternative text.
     """
     viewports = [viewport_of(view.content, view.paths, view.step) for view in views]
     if _same_place(views):
-        viewports = [functools.reduce(union, viewports)] * len(views)
+        viewports = [widened(functools.reduce(union, viewports), views)] * len(views)
     width = PICTURE_WIDTH_PX if len(views) == 1 else PAIR_WIDTH_PX
     plot_width = (width - 2 * SIDE_PX - GAP_PX * (len(views) - 1)) / len(views)
     plot_height = max(plot_width * viewport.height_m / viewport.width_m for viewport in viewports)
@@ -121,7 +124,8 @@ def draw_egos(axes: "Axes", view: SceneView, *, start: bool = True) -> list[Name
     egos = [path_corners(path, view.step) for path in view.paths]
     for number in reversed(range(len(egos))):
         draw_ego(axes, egos[number], colour=view.ego_colour(number))
-    names = [path.name for path in view.paths] if len(view.paths) > 1 else ["ego"]
+    alone = "ego's start" if later and not egos else "ego"
+    names = [path.name for path in view.paths] if len(view.paths) > 1 else [alone]
     drawn = egos or ([begin] if begin is not None else [])
     return [NamedOutline(name, corners) for name, corners in zip(names, drawn, strict=False)]
 

@@ -1,9 +1,10 @@
 """Pictures, animations and charts: sizes, the same bytes every time, everything named."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import town_road
+from builders import Problem, town_road
 from PIL import Image
 from run_samples import DEFAULT, SAFE, record, source
 
@@ -96,6 +97,24 @@ def test_two_scenarios_stand_side_by_side(tmp_path: Path, town: ScenarioSource) 
     image = drawn(tmp_path / "out", scenarios=(town, other))
     assert image.width_px == 1500
     assert "Beside it:" in image.alt_text
+
+
+def test_side_by_side_everything_that_differs_is_in_view(tmp_path: Path, town: ScenarioSource) -> None:
+    other = town_road().with_vehicles(*(one for one in town_road().vehicles if one.vehicle_id != 34))
+    removed = ScenarioSource(scenario_id="removed", path=str(other.write(tmp_path / "removed.xml")))
+    far = replace(town_road(), problems=(Problem(goal=(290.0, 0.0, 8.0, 3.0)),))
+    moved = ScenarioSource(scenario_id="moved", path=str(far.write(tmp_path / "moved.xml")))
+    image = drawn(tmp_path / "out", kind="picture", scenarios=(town, removed))
+    assert image.alt_text.count("34") == 1
+    assert "5 vehicles in view" in image.alt_text
+    with Image.open(drawn(tmp_path / "goal", kind="picture", scenarios=(town, moved)).path) as opened:
+        after = opened.convert("RGB").crop((opened.width // 2, 62, opened.width, opened.height - 40))
+        rightmost = max(x for x in range(after.width) for y in range(after.height) if is_orange(after.getpixel((x, y))))
+    assert rightmost > after.width * 0.8
+
+
+def is_orange(pixel: tuple[int, int, int]) -> bool:
+    return pixel[0] > 190 and pixel[1] < 160 and pixel[2] < 110
 
 
 def test_auto_chooses_outcomes_for_several_scenarios(town: ScenarioSource) -> None:
