@@ -107,12 +107,15 @@ def seeded_requests(places: Mapping[str, Any], maps: frozenset[str], count: int)
 
 
 def missing_requests(places: Mapping[str, Any], maps: frozenset[str], count: int) -> list[BenchRequest]:
-    """Requests for a type of site that the map does not show."""
+    """Requests for a type of site that neither the map nor another one of its place shows."""
+    there = sorted(maps & set(places))
     pairs = [
         (name, kind)
-        for name in sorted(maps & set(places))
+        for name in there
         for kind in MAY_BE_MISSING
-        if kind not in types_of(places[name])
+        if not any(
+            kind in types_of(places[other]) for other in there if places[name]["places"][0] in places[other]["places"]
+        )
     ]
     random.Random(SEED).shuffle(pairs)  # noqa: S311 - reproducible, not secret
     found = []
