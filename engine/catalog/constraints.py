@@ -49,7 +49,7 @@ class Constraint:
         return parse_name(self.label)
 
     def found(self, connection: sqlite3.Connection, among: Sequence[int] | None = None) -> frozenset[int]:
-        """Numbers that the query selects, all or only among these (a few hundred at most)."""
+        """Numbers that the query selects, all or only among these (a few thousand at most)."""
         if among is None:
             rows = connection.execute(self.query, self.values)
         else:

@@ -13,7 +13,7 @@ from plannerforge.engine.catalog.mentions import is_mentioned
 from plannerforge.schemas.catalog import STAGES, Stage
 
 MOST_DROPPED = 3
-FEW = 2000
+FEW = 5000
 """Up to so many entries a condition is looked up one by one."""
 
 WEIGHTS: dict[Stage, float] = {"location": 8.0, "obstacles": 4.0, "road_net": 3.0, "velocity": 1.5, "tags": 1.0}
