@@ -31,6 +31,7 @@ from plannerforge.engine.planners.frenet_frame import SAFE_RANGE_RAD, FrameKeepe
 from plannerforge.engine.planners.frenet_memory import copied_curvilinear, copied_trajectory, initial_state
 from plannerforge.engine.planners.frenet_sampling import CurvilinearState, EndState, SamplingSettings, sampling_matrix
 from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.route import start_lanelets
 from plannerforge.engine.planners.vehicle import BMW_320I
 
 
@@ -171,29 +172,43 @@ def test_candidates_of_a_fast_ego_at_the_end_of_the_map_stay_on_the_reference_pa
     assert run.rejected["off_reference_path"] == 0
 
 
-def test_headings_written_beyond_pi_mean_the_same() -> None:
-    goal = goal_state((35, 45), rectangle_at(40.0, 0.0), heading=(-0.2, 0.2))
-    plain, turned = problem_for(goal), problem_for(goal)
-    turned.initial_state.orientation = 6 * math.pi
-    car = moving_car(5, (30.0, 0.0), (10.0, 0.0))
-    car.initial_state.orientation = 4 * math.pi
-    runs = [drive(scenario_on(straight_road(), car), problem) for problem in (plain, turned)]
+@pytest.mark.parametrize("turns", [-1, 3])
+def test_headings_written_beyond_pi_mean_the_same_and_go_on_as_they_are_written(turns: int) -> None:
+    runs = []
+    for beyond_rad in (0.0, turns * math.tau):
+        problem = problem_for(goal_state((35, 45), rectangle_at(40.0, 0.0), heading=(-0.2, 0.2)), position=(0.0, 0.4))
+        problem.initial_state.orientation = 0.05 + beyond_rad
+        car = moving_car(5, (30.0, 0.0), (10.0, 0.0))
+        car.initial_state.orientation = -2 * beyond_rad
+        runs.append(drive(scenario_on(straight_road(), car), problem))
+    plain, beyond = (np.array([[*state.position, state.heading_rad] for state in run.states]) for run in runs)
     assert [run.final.outcome for run in runs] == ["goal_reached", "goal_reached"]
-    assert np.allclose(runs[0].states[-1].position, runs[1].states[-1].position, atol=1e-6)
+    assert np.allclose(beyond - plain, [0.0, 0.0, turns * math.tau], atol=1e-6)
+
+
+def test_an_ego_where_lanes_cross_is_on_its_own_however_its_heading_is_written() -> None:
+    along, across = np.array([[-50.0, 0.0], [50.0, 0.0]]), np.array([[0.0, -50.0], [0.0, 50.0]])
+    network = network_of(lanelet_along(along, 1), lanelet_along(across, 2))
+    assert [start_lanelets(network, np.zeros(2), turns * math.tau)[0] for turns in (-1, 0, 3)] == [1, 1, 1]
+
+
+def test_the_core_is_given_the_smallest_angle_of_a_heading() -> None:
+    frame = FrenetFrame.of(np.stack([np.arange(0.0, 50.0), np.zeros(50)], axis=1), 0.0)
+    assert [frame.heading_inwards(0.3 + turns * math.tau) for turns in (-1, 0, 3)] == pytest.approx([0.3, 0.3, 0.3])
 
 
 @pytest.mark.parametrize("prediction", ["constant_velocity", "ground_truth"])
-def test_set_based_predictions_and_obstacles_without_one_run(prediction: Any) -> None:
+def test_the_ego_stops_before_a_set_based_prediction_and_passes_an_obstacle_without_one(prediction: Any) -> None:
     initial = moving_car(4, (60.0, 0.0), (0.1, 0.0)).initial_state
-    regions = [Occupancy(step, Rectangle(6.0, 2.5, center=np.array([60.0, 0.0]))) for step in range(1, 60)]
+    regions = [Occupancy(step, Rectangle(6.0, 2.5, center=np.array([60.0, 0.0]))) for step in range(1, 150)]
     region = DynamicObstacle(3, ObstacleType.UNKNOWN, Rectangle(4.5, 1.8), initial, SetBasedPrediction(1, regions))
     lone = DynamicObstacle(
         4, ObstacleType.CAR, Rectangle(4.5, 1.8), moving_car(4, (0.0, 40.0), (1.0, 0.0)).initial_state
     )
-    goal = goal_state((30, 40), rectangle_at(80.0, 0.0))
+    goal = goal_state((60, 70), rectangle_at(100.0, 0.0))
     run = drive(scenario_on(straight_road(), region, lone), problem_for(goal), prediction=prediction)
-    assert run.final.outcome in ("timeout", "goal_reached", "collision")
-    assert run.states[min(30, len(run.states) - 1)].position[0] < 57.0
+    assert run.final.outcome == "timeout"
+    assert 45.0 < run.states[-1].position[0] < 57.0 - BMW_320I.length_m / 2
 
 
 def test_the_cores_costs_of_acceleration_are_a_quarter_as_the_weights_of_the_presets_expect() -> None:
