@@ -28,7 +28,6 @@ def why_not_realised(site: Site, net: SumoNet, network: RoadNetwork) -> str | No
         "roundabout": lambda: _near_edges(
             net, {e for ring in net.roundabout_edges for e in ring}, middle, LARGEST_RING_M
         ),
-        "intersection": lambda: any(np.linalg.norm(end - middle) < NEAR_M for end in _ends_of_arms(network)),
         "signalised_intersection": lambda: any(
             np.linalg.norm(light.position - middle) < NEAR_M for light in network.lights
         ),
@@ -38,12 +37,6 @@ def why_not_realised(site: Site, net: SumoNet, network: RoadNetwork) -> str | No
     if shown is None or shown():
         return None
     return f"the {site.kind} at {site.latitude:.5f}, {site.longitude:.5f} is lost when the road network is built"
-
-
-def _ends_of_arms(network: RoadNetwork) -> list[Points]:
-    """Where lanes lead into an intersection."""
-    arms = (arm for crossing in network.intersections for arm in crossing.incomings)
-    return [network.lanelets[key].center[-1] for arm in arms for key in arm.lanelet_ids]
 
 
 def _classes(net: SumoNet, ending: str) -> set[str]:

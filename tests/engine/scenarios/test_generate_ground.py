@@ -61,9 +61,3 @@ def test_a_site_whose_network_breaks_a_rule_is_refused_with_the_rule(
     spoil(monkeypatch, swap)
     with pytest.raises(NotPossible, match=r"bounds_swapped \(1\)"):
         ground_at(tmp_path)
-
-
-def test_a_crossing_that_is_none_in_the_network_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    spoil(monkeypatch, lambda network: replace(network, intersections=()))
-    with pytest.raises(NotPossible, match="is lost when the road network is built"):
-        ground_at(tmp_path)
