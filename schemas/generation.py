@@ -54,6 +54,19 @@ class ReadMapRequest(Model):
     attribution: str | None = None
 
 
+class ConvertMapRequest(Model):
+    """A map in OpenStreetMap's binary format that is to be written as XML into a folder."""
+
+    path: str
+    folder: str
+
+
+class ConvertedMap(Model):
+    """The map as XML."""
+
+    path: str
+
+
 class VehicleDemand(Model):
     """How many vehicles of a class have to be there beside the ego; ``most`` None: no upper bound."""
 

@@ -8,7 +8,7 @@ from plannerforge.schemas.base import Arguments, Model, Result
 
 
 class ImportFilesArguments(Arguments):
-    """Take in CommonRoad files or folders, maps (.osm, .net.xml) or cost YAML from inside an allowed root. Result:
+    """Take in CommonRoad files or folders, maps (.osm, .osm.pbf, .net.xml) or cost YAML from inside an allowed root. Result:
     ids, what was refused and why; over 100 files: a job."""
 
     path: str

@@ -5,7 +5,7 @@ from pathlib import Path
 import anyio
 
 from plannerforge.engine.catalog.places import country_code
-from plannerforge.engine.maps.unpacking import stored_name, unpacked
+from plannerforge.engine.maps.unpacking import is_binary, stored_name, unpacked
 from plannerforge.engine.planners.registry import known_planner
 from plannerforge.engine.tuning.configurations import changed_configuration, preset_configuration
 from plannerforge.engine.tuning.planner_tuning import tuning_of
@@ -13,7 +13,7 @@ from plannerforge.engine.tuning.weight_file import read_weight_file
 from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.schemas.generation import MapFacts, ReadMapRequest
+from plannerforge.schemas.generation import ConvertedMap, ConvertMapRequest, MapFacts, ReadMapRequest
 from plannerforge.schemas.importing import ImportedItem
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.configurations import store_configuration
@@ -37,7 +37,7 @@ def known_country(text: str | None) -> str | None:
 async def import_map(call: ToolCall, path: Path, name: str | None, country: str | None = None) -> ImportedItem:
     """Store a map, unpacked, with what it shows; name and country (ISO alpha-3) win over what the file says."""
     with call.workspace.scratch() as folder:
-        plain = await anyio.to_thread.run_sync(unpacked, path, folder)
+        plain = await _plain(call, path, folder)
         recipe = _recipe(plain, name, country)
         before = call.workspace.find_by_recipe("map", recipe)
         artifact = before or await _store_map(call, plain, recipe, name, country)
@@ -50,6 +50,19 @@ async def import_map(call: ToolCall, path: Path, name: str | None, country: str 
         summary=f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}",
         reused=before is not None,
     )
+
+
+async def _plain(call: ToolCall, path: Path, folder: Path) -> Path:
+    """The map itself, or unpacked into the folder."""
+    if not is_binary(path):
+        return await anyio.to_thread.run_sync(unpacked, path, folder)
+    converted = await call.run(
+        "plannerforge.engine.maps.binary_osm:write_as_xml",
+        ConvertMapRequest(path=str(path), folder=str(folder)),
+        ConvertedMap,
+        timeout_s=READ_MAP_TIMEOUT_S,
+    )
+    return Path(converted.path)
 
 
 async def _store_map(call: ToolCall, path: Path, recipe: Recipe, name: str | None, country: str | None) -> Artifact:

@@ -8,7 +8,8 @@ from pathlib import Path
 from plannerforge.schemas.errors import UnsafeInput
 
 NET_ENDING = ".net.xml"
-MAP_ENDINGS = tuple(plain + packed for plain in (".osm", NET_ENDING) for packed in ("", ".gz", ".bz2"))
+BINARY_ENDING = ".osm.pbf"
+MAP_ENDINGS = (*(plain + packed for plain in (".osm", NET_ENDING) for packed in ("", ".gz", ".bz2")), BINARY_ENDING)
 LARGEST_BYTES = 60_000_000
 CHUNK_BYTES = 1 << 20
 
@@ -22,7 +23,7 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     ending = path.suffix.lower()
     if ending not in (".gz", ".bz2"):
         return path
-    target, size = folder / path.stem, 0
+    target, size = folder / plain_name(path), 0
     opened = gzip.open if ending == ".gz" else bz2.open
     try:
         with opened(path, "rb") as source, target.open("wb") as sink:
@@ -46,6 +47,16 @@ def is_map(path: Path) -> bool:
 def is_net(path: Path) -> bool:
     """Whether a file, not packed, is a SUMO network by its name."""
     return path.name.lower().endswith(NET_ENDING)
+
+
+def is_binary(path: Path) -> bool:
+    """Whether a file is an extract in OpenStreetMap's binary format by its name."""
+    return path.name.lower().endswith(BINARY_ENDING)
+
+
+def plain_name(path: Path) -> str:
+    """The name of a packed or binary map without the last ending."""
+    return path.stem
 
 
 def stored_name(path: Path) -> str:
