@@ -11,9 +11,9 @@ from lxml import etree
 from plannerforge.engine.edits.behaviours import own_minimum_gap_m
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.participants import driven_participant
-from plannerforge.engine.edits.positions import POSITION_WORDS
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.geometry.polyline import point_at, project
+from plannerforge.engine.network.positions import POSITION_WORDS
 from plannerforge.engine.planners.time_to_collision import MovingRectangles, corners_of
 from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
 from plannerforge.engine.scenarios.tracks import Track, recorded_tracks

@@ -114,13 +114,14 @@ class SiteCount(Model):
 
 
 class SiteFacts(Model):
-    """Where a scenario was cut out: type, middle in degrees, streets, radius."""
+    """Where a scenario was cut out: type, middle in degrees, streets, radius; ``osm_id``: node or way that marks it."""
 
     scenario_type: SiteType
     latitude: float
     longitude: float
     streets: tuple[str, ...]
     radius_m: float
+    osm_id: str = ""
 
 
 class EgoFacts(Model):
@@ -192,20 +193,20 @@ class GeneratedScenario(Model):
 
 
 class GenerateScenariosArguments(Arguments):
-    """Make scenarios from a map; answers with asked and realised. Unknown places are refused."""
+    """Make scenarios from a map; tells asked and realised. Unknown places are refused."""
 
     place: str | None = Field(None, description="city, street, 'street A / street B', road number or map id")
     country: str | None = Field(None, description="ISO alpha-3")
     bbox: list[float] | None = Field(None, description="south, west, north, east")
     scenario_type: ScenarioType = "any"
     road_classes: list[str] | None = Field(
-        None, description="roads, link, all or OSM highway values; left out: roads, and link for ramps"
+        None, description="roads, link, all or OSM highway values; default: roads, link for ramps"
     )
     density: Density = "low"
     vehicles: list[str] = Field(
         [],
         description=(
-            "beside cars; 'truck' or 'truck=2' at least, 'car=4..4' exactly. Classes: car truck bus motorcycle "
+            "beside cars; 'truck', 'truck=2' at least, 'car=4..4' exactly. Classes: car truck bus motorcycle "
             "bicycle trailer delivery coach taxi emergency moped (scooters)"
         ),
     )
@@ -213,14 +214,14 @@ class GenerateScenariosArguments(Arguments):
     ego: str = Field(
         "first",
         description=(
-            "first, index:N (cars, from 0) or type:CLASS; never refuse another class: it joins the traffic, the ego "
+            "first, index:N (cars, from 0) or type:CLASS; never refuse another class: it joins traffic, the ego "
             "stays a car"
         ),
     )
-    goal: str = Field("steps:50", description="steps:N or distance_m:X ahead on the ego's track")
+    goal: str = Field("steps:50", description="steps:N, distance_m:X on the ego's track or lanelet:ID:POSITION")
     count: int = Field(1, ge=1, le=50)
     seed: int = 0
-    trial_run: bool = Field(False, description="also run the default planner")
+    trial_run: bool = Field(False, description="also run a planner")
 
 
 class ScenarioSummary(Model):
@@ -233,6 +234,7 @@ class ScenarioSummary(Model):
     site: str
     latitude: float
     longitude: float
+    osm_id: str
     vehicles_asked: int
     vehicles_realised: int
     classes_asked: dict[str, int]
@@ -255,6 +257,7 @@ class ScenarioSummary(Model):
         reused = " (reused)" if self.reused else ""
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
         where = f"{self.place} ({self.map_id}), {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
+        where += f" (OSM {self.osm_id})" if self.osm_id else ""
         first = f"{self.scenario_id}{reused}: {where}"
         traffic = (
             f"  vehicles {self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished}); {self.density}"

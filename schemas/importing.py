@@ -8,8 +8,8 @@ from plannerforge.schemas.base import Arguments, Model, Result
 
 
 class ImportFilesArguments(Arguments):
-    """Take in CommonRoad files or folders, maps (.osm, .osm.pbf, .net.xml) or cost YAML from inside an allowed root. Result:
-    ids, what was refused and why; over 100 files: a job."""
+    """Take in CommonRoad files or folders, maps (.osm, .pbf, .net.xml) or cost YAML from an allowed root. Result: ids,
+    what was refused and why; over 100 files: a job."""
 
     path: str
     kind: Literal["auto", "scenario", "map", "config"] = "auto"

@@ -23,6 +23,7 @@ def summarise(
         site=f"{site.scenario_type} ({streets}; asked: {request.scenario_type})",
         latitude=site.latitude,
         longitude=site.longitude,
+        osm_id=site.osm_id,
         vehicles_asked=scenario.vehicles_asked,
         vehicles_realised=scenario.vehicles_realised,
         classes_asked=scenario.classes_asked,

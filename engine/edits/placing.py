@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.lane_matching import straightness
 from plannerforge.engine.edits.lanelet_targets import known_lanelet
-from plannerforge.engine.edits.positions import VALID, station_m
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import EGO_WORDS, select
 from plannerforge.engine.geometry.polyline import Points, point_at, project, wrap_angle
+from plannerforge.engine.network.positions import VALID, station_m
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.modification import Edit
 

@@ -8,9 +8,9 @@ from typing import Any
 from plannerforge.engine.edits.changes import Changes, EditStep, GoalChange
 from plannerforge.engine.edits.lanelet_targets import reach, reachable_lanelets, target_lanelets
 from plannerforge.engine.edits.placing import Place
-from plannerforge.engine.edits.positions import station_m
 from plannerforge.engine.edits.scene import Ego, Scene
 from plannerforge.engine.geometry.polyline import project
+from plannerforge.engine.network.positions import station_m
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.grammar import parse_interval
 from plannerforge.schemas.modification import Edit

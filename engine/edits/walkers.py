@@ -11,10 +11,10 @@ import numpy as np
 from plannerforge.engine.edits.changes import Changes, EditStep, Replay
 from plannerforge.engine.edits.occupancy import occupant_at
 from plannerforge.engine.edits.placing import Place, first_place
-from plannerforge.engine.edits.positions import station_m
 from plannerforge.engine.edits.road_users import check_allowed, is_footpath
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.geometry.polyline import Points, length_m, point_at, project, without_repeats
+from plannerforge.engine.network.positions import station_m
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.grammar import parse_quantity

@@ -10,8 +10,19 @@ from plannerforge.engine.maps.unpacking import plain_name
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import ConvertedMap, ConvertMapRequest
 
-KEPT_KEYS = ("highway", "junction", "restriction", "place", "landuse", "addr:city", "addr:country")
-"""Objects with any of these tags are kept, and the nodes of such ways; most of an extract is buildings."""
+KEPT_KEYS = (
+    "highway",
+    "junction",
+    "restriction",
+    "place",
+    "landuse",
+    "building",
+    "shop",
+    "addr:housenumber",
+    "addr:city",
+    "addr:country",
+)
+"""Objects with any of these tags are kept, and the nodes of such ways: what sites are found, judged and named by."""
 
 
 def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> ConvertedMap:

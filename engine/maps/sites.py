@@ -25,6 +25,7 @@ RAMP_CLASSES = frozenset({"motorway_link", "trunk_link"})
 SPACING_M = 400.0
 RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
 BUILT_UP_ROADS = frozenset({"residential", "living_street"})
+MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
 BUILT_UP_LANDUSE = frozenset({"residential", "commercial", "retail", "industrial"})
 
 
@@ -37,6 +38,11 @@ class Site:
     longitude: float
     streets: tuple[str, ...]
     mark: int
+
+    @property
+    def osm_id(self) -> str:
+        """The mark as OpenStreetMap writes it: ``node/123`` or ``way/123``."""
+        return f"{'node' if self.kind in MARKED_BY_NODES else 'way'}/{self.mark}"
 
 
 class SiteFinder:
@@ -67,7 +73,8 @@ class SiteFinder:
         """The middle of the longest road of any class, for a map in which nothing else can be found."""
         way = max(self.osm.roads(frozenset((*ROADS, *LINKS))), key=self._length_m)
         nodes = [self.osm.nodes[key] for key in way.node_ids]
-        return self._site("urban", nodes[len(nodes) // 2], [way], way.way_id)
+        middle = nodes[len(nodes) // 2]
+        return self._site("urban", middle, [way], middle.node_id)
 
     @cached_property
     def roads(self) -> list[OsmWay]:

@@ -15,7 +15,8 @@ from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
 from plannerforge.engine.scenarios.generate_report import describe
 from plannerforge.engine.scenarios.generate_traffic import lively_traffic
-from plannerforge.engine.scenarios.planning_problem import EgoWish, GoalWish, choose_task, parse_ego, parse_goal
+from plannerforge.engine.scenarios.goal_wish import GoalWish, parse_goal
+from plannerforge.engine.scenarios.planning_problem import EgoWish, choose_task, parse_ego
 from plannerforge.engine.scenarios.scenario_head import benchmark_id
 from plannerforge.engine.scenarios.scene_order import along_the_site
 from plannerforge.engine.scenarios.site_choice import fitting_sites
@@ -118,6 +119,8 @@ def _try_sites(
                 continue
             if not tried[-1].faults or len(tried) == MOST_TRIES:
                 return tried, refusals
+        if task_wish[1].lanelet is not None:  # an id means another lanelet elsewhere
+            break
     return tried, refusals
 
 

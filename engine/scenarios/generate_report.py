@@ -1,8 +1,10 @@
 """What came out of a generation, beside what was asked."""
 
 from collections import Counter
+from pathlib import Path
 
 from plannerforge.engine.maps.sites import Site
+from plannerforge.engine.maps.unpacking import is_net
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.scenarios.planning_problem import PlanningTask
 from plannerforge.engine.traffic.demand import PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand
@@ -47,6 +49,7 @@ def describe(
             longitude=round(site.longitude, 6),
             streets=site.streets,
             radius_m=round(radius_m, 1),
+            osm_id="" if is_net(Path(request.map_path)) else site.osm_id,
         ),
         vehicles_asked=demand.total,
         vehicles_realised=len(everyone),

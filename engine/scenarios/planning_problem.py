@@ -9,20 +9,12 @@ import numpy as np
 from plannerforge.engine.geometry.polyline import Points, arc_length, project
 from plannerforge.engine.network.lanelet_lookup import LaneletLookup
 from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
+from plannerforge.engine.scenarios.goal_wish import SHORTEST_WAY_M, GoalWish, Passage, check_lanelet, passage
 from plannerforge.engine.traffic.motions import Participant
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
-SHORTEST_WAY_M = 10.0
 TIME_MARGIN_S = 1.5
 HEADING_MARGIN_RAD = 0.25
-
-
-@dataclass(frozen=True)
-class GoalWish:
-    """The goal as asked: after a number of steps, or after a distance in m on the ego's own way."""
-
-    steps: int | None
-    distance_m: float | None
 
 
 @dataclass(frozen=True)
@@ -67,19 +59,6 @@ def parse_ego(text: str) -> EgoWish:
     raise InvalidRequest(f"ego {text!r} cannot be read", valid=["first", "index:N (cars, from 0)", "type:CLASS"])
 
 
-def parse_goal(text: str) -> GoalWish:
-    """Read ``steps:N`` or ``distance_m:X``.
-
-    Raises:
-        InvalidRequest: neither of these, or outside 10 … 1000 steps or 5 … 2000 m.
-    """
-    if (match := re.fullmatch(r"steps:(\d{1,5})", text)) and 10 <= int(match[1]) <= 1000:
-        return GoalWish(int(match[1]), None)
-    if (match := re.fullmatch(r"distance_m:(\d{1,5}(?:\.\d+)?)", text)) and 5 <= float(match[1]) <= 2000:
-        return GoalWish(None, float(match[1]))
-    raise InvalidRequest(f"goal {text!r} cannot be read", valid=["steps:N (10 to 1000)", "distance_m:X (5 to 2000)"])
-
-
 def choose_task(
     ego: EgoWish, goal: GoalWish, everyone: Sequence[Participant], network: RoadNetwork, step_s: float
 ) -> PlanningTask:
@@ -99,6 +78,7 @@ def choose_task(
         )
     choice = [cars[ego.index]] if ego.index is not None else cars
     reserve: PlanningTask | None = None
+    check_lanelet(goal, network)
     lookup = LaneletLookup(network)
     for car in choice:
         task = _task(car, goal, network, lookup, step_s)
@@ -109,12 +89,18 @@ def choose_task(
         reserve = reserve or task
     if reserve is not None:
         return reserve
-    wish = f"{goal.steps} steps" if goal.steps is not None else f"{goal.distance_m:g} m"
     raise NotPossible(
-        f"none of the {len(choice)} car(s) to choose from has a goal {wish} ahead on its way (at least "
+        f"none of the {len(choice)} car(s) to choose from has a goal {goal} on its way (at least "
         f"{SHORTEST_WAY_M:g} m within the recording)",
-        next_step="choose a smaller goal, a longer duration_s, another ego or another seed",
+        valid=_driven_lanelets(choice, lookup) if goal.lanelet else [],
+        next_step="choose another goal, a longer duration_s, another ego or another seed",
     )
+
+
+def _driven_lanelets(cars: Sequence[Participant], lookup: LaneletLookup) -> list[int]:
+    """The lanelets that the cars drive over, seen twice a second."""
+    passed = (_under(lookup, car, step) for car in cars for step in range(0, len(car.motion.positions), 5))
+    return sorted({lanelet.lanelet_id for lanelet in passed if lanelet is not None})
 
 
 def _task(
@@ -124,36 +110,39 @@ def _task(
     lookup: LaneletLookup,
     step_s: float,
 ) -> PlanningTask | None:
-    gone = arc_length(car.motion.positions)
-    step = _goal_step(goal, gone)
-    if step is None or gone[step] < (SHORTEST_WAY_M if goal.steps is not None else 4.0):
+    there = passage(goal, car, network)
+    if there is None:
         return None
-    center = car.motion.positions[step]
-    start, end = _under(lookup, car, 0), _under(lookup, car, step)
+    start, end = _under(lookup, car, 0), _goal_lanelet(goal, there, network, lookup)
     if start is None or end is None or not is_reachable(network, start.lanelet_id, end.lanelet_id):
         return None
     margin = round(TIME_MARGIN_S / step_s)
-    station, _ = project(end.center, center)
-    width = float(np.interp(station, arc_length(end.center), np.linalg.norm(end.left - end.right, axis=1)))
-    length = min(max(6.0, 0.8 * float(car.motion.speeds_mps[step])), 20.0)
+    asked = goal.lanelet.size_m if goal.lanelet else None
     return PlanningTask(
         ego=car,
-        goal_step=step,
-        goal_distance_m=float(gone[step]),
+        goal_step=there.step,
+        goal_distance_m=float(arc_length(car.motion.positions)[there.step]),
         lanelet_id=end.lanelet_id,
-        center=center,
-        heading_rad=float(car.motion.headings_rad[step]),
-        size_m=(round(length, 2), round(min(max(width, 2.0), 3.5), 2)),
-        time_steps=(max(1, step - margin), step + margin),
+        center=there.center,
+        heading_rad=there.heading_rad,
+        size_m=asked or _usual_size(end, there.center, float(car.motion.speeds_mps[there.step])),
+        time_steps=(max(1, there.step - margin), there.step + margin),
         heading_margin_rad=HEADING_MARGIN_RAD,
     )
 
 
-def _goal_step(goal: GoalWish, gone: Points) -> int | None:
-    if goal.steps is not None:
-        return goal.steps if goal.steps < len(gone) else None
-    reached = np.flatnonzero(gone >= (goal.distance_m or 0.0))
-    return int(reached[0]) if len(reached) else None
+def _goal_lanelet(goal: GoalWish, there: Passage, network: RoadNetwork, lookup: LaneletLookup) -> RoadLanelet | None:
+    if goal.lanelet is not None:
+        return network.lanelets[goal.lanelet.lanelet_id]
+    return lookup.under(there.center, there.heading_rad)
+
+
+def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple[float, float]:
+    """A rectangle as wide as the lanelet, 2 to 3.5 m, and as long as the car drives in 0.8 s, 6 to 20 m."""
+    station, _ = project(lanelet.center, center)
+    width = float(np.interp(station, arc_length(lanelet.center), np.linalg.norm(lanelet.left - lanelet.right, axis=1)))
+    length = min(max(6.0, 0.8 * speed_mps), 20.0)
+    return round(length, 2), round(min(max(width, 2.0), 3.5), 2)
 
 
 def _under(lookup: LaneletLookup, vehicle: Participant, step: int) -> RoadLanelet | None:

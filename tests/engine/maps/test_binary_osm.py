@@ -19,12 +19,12 @@ TOWN = LIBRARY / "fahrhausen.osm"
 
 @pytest.fixture
 def binary(tmp_path: Path) -> Path:
-    """The town in OpenStreetMap's binary format, with a building that no scenario needs."""
+    """The town in OpenStreetMap's binary format, with a fence that no scenario needs."""
     path = tmp_path / "Town.osm.pbf"
     with osmium.SimpleWriter(str(path)) as writer:
         for element in osmium.FileProcessor(str(TOWN)):
             writer.add(element)
-        writer.add_way(osmium.osm.mutable.Way(id=9_000_001, nodes=[1, 2, 3, 1], tags={"building": "yes"}))
+        writer.add_way(osmium.osm.mutable.Way(id=9_000_001, nodes=[1, 2, 3, 1], tags={"barrier": "fence"}))
     return path
 
 

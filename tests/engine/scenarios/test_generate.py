@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from plannerforge.engine.execution.progress import silent
@@ -13,7 +14,7 @@ from plannerforge.engine.scenarios.generate import generate
 from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.scenarios.tracks import recorded_tracks
 from plannerforge.engine.scenarios.validate import schema_errors
-from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest, VehicleDemand
 
 MAPS = {entry.facts.place: entry for entry in built_in_maps()}
@@ -62,6 +63,41 @@ def test_a_scenario_is_what_was_asked(tmp_path: Path, place: str, kind: str, cla
     assert made.checks.centers_on_lanelets > 0.99
     density = made.density
     assert density.at_start_per_lane_km == pytest.approx(made.vehicles_realised / density.lane_km, abs=0.01)
+
+
+def test_a_goal_may_lie_on_a_lanelet_that_a_car_drives_over(tmp_path: Path) -> None:
+    wish = {"scenario_type": "intersection", "duration_s": 12.0}
+    first = make("Fahrhausen", tmp_path, goal="distance_m:40", **wish)
+    made = make("Fahrhausen", tmp_path, goal=f"lanelet:{first.ego.goal_lanelet}:middle:8x3", **wish)
+    assert made.ego.goal_lanelet == first.ego.goal_lanelet
+    assert made.ego.goal_size_m == (8.0, 3.0)
+    assert made.site == first.site
+    assert made.checks.goal_reachable
+    loaded = read_scenario(tmp_path / "scenario.xml")
+    lanelet = loaded.scenario.lanelet_network.find_lanelet_by_id(made.ego.goal_lanelet)
+    middle = lanelet.interpolate_position(lanelet.distance[-1] / 2)[0]
+    assert np.linalg.norm(loaded.problem().goal.state_list[0].position.center - middle) < 0.01
+
+
+@pytest.mark.parametrize(("lanelet", "error"), [("99999", UnknownName), ("1:900m", InvalidRequest)])
+def test_a_goal_on_a_lanelet_that_is_not_there_is_refused(
+    tmp_path: Path, lanelet: str, error: type[PlannerForgeError]
+) -> None:
+    with pytest.raises(error, match="99999" if lanelet == "99999" else "lanelet"):
+        make("Fahrhausen", tmp_path, scenario_type="intersection", goal=f"lanelet:{lanelet}")
+
+
+def test_a_goal_on_a_lanelet_where_no_car_drives_names_those_where_some_do(tmp_path: Path) -> None:
+    made = make("Fahrhausen", tmp_path, scenario_type="intersection")
+    network = read_scenario(tmp_path / "scenario.xml").scenario.lanelet_network
+    refusals = []
+    for lanelet in network.lanelets[:12]:
+        try:
+            make("Fahrhausen", tmp_path, scenario_type="intersection", goal=f"lanelet:{lanelet.lanelet_id}")
+        except NotPossible as refusal:
+            refusals.append(refusal)
+    assert refusals
+    assert str(made.ego.goal_lanelet) in refusals[0].text
 
 
 def test_the_file_is_read_back_with_ego_goal_and_traffic_from_step_0(tmp_path: Path) -> None:
@@ -129,7 +165,14 @@ def test_a_class_that_no_road_is_open_to_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"ego": "second"}, {"ego": "index:-1"}, {"goal": "steps:3"}, {"goal": "lanelet:4"}, {"goal": "distance_m:9999"}],
+    [
+        {"ego": "second"},
+        {"ego": "index:-1"},
+        {"goal": "steps:3"},
+        {"goal": "lanelet:4:far"},
+        {"goal": "lanelet:4:middle:0x3"},
+        {"goal": "distance_m:9999"},
+    ],
 )
 def test_an_ego_or_goal_that_cannot_be_read_is_refused(tmp_path: Path, changes: dict[str, object]) -> None:
     with pytest.raises(InvalidRequest) as caught:
