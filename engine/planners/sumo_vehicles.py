@@ -68,6 +68,14 @@ class SumoVehicles:
         """Change how wide a vehicle is."""
         self._sumo.vehicle.setWidth(key, width_m)
 
+    def lines_lapped(self, key: str) -> tuple[str, frozenset[str]]:
+        """The lane of a vehicle, and over which of its lines (``left``, ``right``) the body sticks out."""
+        lane = str(self._sumo.vehicle.getLaneID(key))
+        aside, half = self._sumo.vehicle.getLateralLanePosition(key), self._sumo.vehicle.getWidth(key) / 2
+        edge = self._sumo.lane.getWidth(lane) / 2 if lane else math.inf
+        over = {"left": aside + half > edge, "right": aside - half < -edge}
+        return lane, frozenset(side for side, is_over in over.items() if is_over)
+
     def show_speed(self, key: str, speed_mps: float) -> None:
         """Tell the others the speed of a vehicle that is placed by hand."""
         self._sumo.vehicle.setPreviousSpeed(key, max(speed_mps, 0.0))
