@@ -182,7 +182,7 @@ def _line(found: FoundScenario) -> str:
 class RankRequest(Model):
     """Which scenarios to rank by likeness to a text, and where catalogue and index lie.
 
-    ``candidates``: None ranks all; ``like``: rank by likeness to this scenario's description instead of the text.
+    ``candidates``: None ranks all, an empty tuple none.
     """
 
     database: Path

@@ -16,7 +16,8 @@ def rank(request: RankRequest, report: ProgressReporter) -> RankResponse:
     """
     texts = _descriptions(request.database)
     if request.method == "bm25":
-        chosen = {key: texts[key] for key in request.candidates or texts if key in texts}
+        wanted = texts if request.candidates is None else request.candidates
+        chosen = {key: texts[key] for key in wanted if key in texts}
         scores = bm25_scores(request.text, chosen)
         ordered = sorted(scores, key=lambda key: (-scores[key], key))[: request.limit]
         return RankResponse(

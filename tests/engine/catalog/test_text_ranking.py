@@ -4,6 +4,7 @@ import shutil
 import sqlite3
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -160,6 +161,14 @@ def test_the_packaged_model_finds_the_description_that_means_the_same(database: 
     assert response.scenario_ids[0] == "DEU_Bonn-2_1_T-1"
     assert response.built_index
     assert not ranked(database).built_index
+
+
+@pytest.mark.parametrize("method", ["bm25", "semantic"])
+def test_no_candidates_are_none_and_not_all(database: Path, method: Literal["bm25", "semantic"]) -> None:
+    request = RankRequest(
+        database=database, index=database.parent / "index", text="cyclists", candidates=(), method=method, limit=1
+    )
+    assert rank(request, silent).scenario_ids == ()
 
 
 def test_an_index_that_was_made_ready_is_not_built_by_the_first_search(database: Path) -> None:
