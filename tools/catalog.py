@@ -2,10 +2,10 @@
 
 import hashlib
 
+from plannerforge.engine.catalog.describe_text import describe
 from plannerforge.engine.catalog.facets import scenario_facets
 from plannerforge.engine.catalog.search import Ranking, Search
 from plannerforge.engine.catalog.starter import open_catalogue
-from plannerforge.engine.catalog.tables import descriptions
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.catalog import (
     DescribeCatalogArguments,
@@ -16,8 +16,10 @@ from plannerforge.schemas.catalog import (
     RankResponse,
     SearchRecord,
 )
+from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.catalog_facets import other_facets
+from plannerforge.tools.scenario_choice import one_scenario
 
 FIRST_TEXT_SEARCH_TIMEOUT_S = 120.0
 INDEX_FOLDER = "index"
@@ -43,7 +45,7 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
         tool="find_scenarios",
         arguments=arguments.model_dump(mode="json", exclude={"limit", "offset"})
         | {"found": hashlib.sha256("\n".join(found.matches).encode()).hexdigest()},
-        parents=tuple(key for key in (arguments.within, arguments.like) if key),
+        parents=tuple(key.partition("#")[0] for key in (arguments.within, arguments.like) if key),
     )
     search_id = f"search_{recipe.digest}"
     record = SearchRecord(arguments=arguments, scenario_ids=found.matches, stages=search.stage_counts())
@@ -52,13 +54,20 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
 
 
 def _resolved(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosArguments:
-    """The arguments with ids in the place of ``latest``."""
+    """The arguments with ids in the place of ``latest``, and the id of the entry that others are to be like."""
     changes = {}
     if arguments.like is not None:
-        changes["like"] = call.workspace.get(arguments.like, "scenario").artifact_id
+        changes["like"] = _example(arguments.like, call).scenario_id
     if arguments.within is not None:
         changes["within"] = call.workspace.get(arguments.within, "search").artifact_id
     return arguments.model_copy(update=changes)
+
+
+def _example(word: str, call: ToolCall) -> ScenarioFacts:
+    """The entry that others are to be like; it need not be listed, as a version that was superseded."""
+    artifact, problem_id = one_scenario(word, call)
+    facts = artifact.read(ScenarioRecord).facts
+    return facts if problem_id is None else facts.seen_by(problem_id)
 
 
 def _within(search_id: str | None, call: ToolCall) -> tuple[str, ...] | None:
@@ -71,7 +80,7 @@ async def _ranking(search: Search, call: ToolCall) -> Ranking:
     arguments, candidates = search.arguments, search.candidates()
     text = arguments.text or ""
     if arguments.like is not None:
-        text = f"{text} {descriptions(call.workspace.database.connection())[arguments.like]}".strip()
+        text = f"{text} {describe(_example(arguments.like, call))}".strip()
     request = RankRequest(
         database=call.workspace.database.path,
         index=call.workspace.root / INDEX_FOLDER,
