@@ -159,6 +159,7 @@ class FindScenariosResult(Result):
             lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")
         if self.emptied_by:
             lines.append(f"Emptied at {self.emptied_by.stage}: {self.emptied_by.note}")
+            lines += [f"run_planner takes a stage too: {self.search_id}:{stage.stage}" for stage in self.stages[-2:-1]]
         for relaxation in self.relaxations:
             shown = ", ".join(relaxation.examples)
             lines.append(f"Without {' and '.join(relaxation.drop)}: {relaxation.matches} match ({shown})")

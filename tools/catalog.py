@@ -1,6 +1,7 @@
 """The tools that look into the catalogue."""
 
 import hashlib
+from collections.abc import Sequence
 
 from plannerforge.engine.catalog.describe_text import describe
 from plannerforge.engine.catalog.facets import scenario_facets
@@ -20,6 +21,7 @@ from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.catalog_facets import other_facets
 from plannerforge.tools.scenario_choice import one_scenario
+from plannerforge.tools.search_stages import searched_within
 
 FIRST_TEXT_SEARCH_TIMEOUT_S = 120.0
 INDEX_FOLDER = "index"
@@ -28,7 +30,7 @@ INDEX_FOLDER = "index"
 async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) -> DescribeCatalogResult:
     """Facets with counts."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
-    within = _within(arguments.within, call)
+    within = searched_within(arguments.within, call)
     connection = call.workspace.database.connection()
     count, facets = scenario_facets(connection, arguments.facet, frozenset(within) if within is not None else None)
     return DescribeCatalogResult(scenarios=count, facets=(*facets, *other_facets(arguments.facet, call)))
@@ -38,19 +40,24 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
     """Filter by slots, rank by text, store the search, answer with one page of it."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     arguments = _resolved(arguments, call)
-    search = Search(call.workspace.database.connection(), arguments, _within(arguments.within, call))
+    search = Search(call.workspace.database.connection(), arguments, searched_within(arguments.within, call))
     ranking = await _ranking(search, call) if search.needs_ranking else None
     found = search.find(ranking)
+    stages = search.stage_counts()
     recipe = Recipe(
         tool="find_scenarios",
         arguments=arguments.model_dump(mode="json", exclude={"limit", "offset"})
-        | {"found": hashlib.sha256("\n".join(found.matches).encode()).hexdigest()},
+        | {"found": _digest(found.matches), "left": [stage.left for stage in stages]},
         parents=tuple(key.partition("#")[0] for key in (arguments.within, arguments.like) if key),
     )
     search_id = f"search_{recipe.digest}"
-    record = SearchRecord(arguments=arguments, scenario_ids=found.matches, stages=search.stage_counts())
+    record = SearchRecord(arguments=arguments, scenario_ids=found.matches, stages=stages)
     call.workspace.put("search", search_id, recipe=recipe, record=record)
     return search.answer(search_id, found, ranking)
+
+
+def _digest(scenario_ids: Sequence[str]) -> str:
+    return hashlib.sha256("\n".join(scenario_ids).encode()).hexdigest()
 
 
 def _resolved(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosArguments:
@@ -68,12 +75,6 @@ def _example(word: str, call: ToolCall) -> ScenarioFacts:
     artifact, problem_id = one_scenario(word, call)
     facts = artifact.read(ScenarioRecord).facts
     return facts if problem_id is None else facts.seen_by(problem_id)
-
-
-def _within(search_id: str | None, call: ToolCall) -> tuple[str, ...] | None:
-    if search_id is None:
-        return None
-    return call.workspace.get(search_id, "search").read(SearchRecord).scenario_ids
 
 
 async def _ranking(search: Search, call: ToolCall) -> Ranking:

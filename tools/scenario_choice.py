@@ -1,4 +1,4 @@
-"""Which scenarios the words of a call mean: ids, ``ID#problem``, a search, or ``preset:N``."""
+"""Which scenarios the words of a call mean: ids, ``ID#problem``, a search, a stage of one, or ``preset:N``."""
 
 import hashlib
 import re
@@ -11,6 +11,7 @@ from plannerforge.schemas.catalog import SearchRecord
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.tools.call import ToolCall
+from plannerforge.tools.search_stages import stage_hits
 
 LARGEST_PRESET = 500
 PRESET_SIZES = (10, 50, 100, 200, 300, 400, 500)
@@ -36,7 +37,7 @@ def choose_scenarios(words: Sequence[str], call: ToolCall) -> Choice:
     """Resolve the words of a call; ``latest`` and ``search:latest`` become concrete ids.
 
     Raises:
-        UnknownName: a scenario, planning problem or search that does not exist.
+        UnknownName: a scenario, planning problem, search or stage of it that does not exist.
         InvalidRequest: ``preset:`` without a number from 1 to 500.
         NotPossible: a search without hits, or no scenario that could be run.
     """
@@ -56,13 +57,25 @@ def _meant(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
     if word.startswith("preset:"):
         return _preset(word, call)
     if word.startswith(("search:", "search_")):
-        search = call.workspace.get(word.removeprefix("search:"), "search")
-        ids = search.read(SearchRecord).scenario_ids
-        if not ids:
-            raise NotPossible(f"{search.artifact_id} has no hits", next_step="relax the search with find_scenarios")
-        return [ChosenScenario(key) for key in ids], []
+        return _hits(word.removeprefix("search:"), call)
     artifact, problem_id = one_scenario(word, call)
     return [ChosenScenario(artifact.artifact_id, problem_id)], []
+
+
+def _hits(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
+    """The hits of a search, or with ``:STAGE`` behind its id what one of its stages left."""
+    name, mark, stage = word.partition(":")
+    search = call.workspace.get(name, "search")
+    ids, notes = stage_hits(search, stage, call) if mark else (search.read(SearchRecord).scenario_ids, [])
+    if not ids:
+        left = [f"{name}:{one.stage}" for one in search.read(SearchRecord).stages if one.left]
+        raise NotPossible(f"{word} has no hits", valid=left, next_step="relax the search with find_scenarios")
+    return [_entry(key) for key in ids], notes
+
+
+def _entry(scenario_id: str) -> ChosenScenario:
+    scenario, _, problem = scenario_id.partition("#")
+    return ChosenScenario(scenario, int(problem) if problem else None)
 
 
 def one_scenario(word: str, call: ToolCall) -> tuple[Artifact, int | None]:
