@@ -4,16 +4,17 @@ from pathlib import Path
 
 from plannerforge.engine.maps.index import MapMatch
 from plannerforge.engine.workspace.recipe import Recipe, versions_of
+from plannerforge.schemas.errors import NotPossible, UnknownName, WorkerFailure
 from plannerforge.schemas.generation import (
     GeneratedScenario,
     GenerateScenariosArguments,
     GenerateScenariosResult,
     GenerationRequest,
     ScenarioSummary,
-    SiteCount,
 )
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.generation_answer import summarise
+from plannerforge.tools.generation_orders import Order, Orders, plan_orders
 from plannerforge.tools.generation_plan import plan_maps, request_for
 from plannerforge.tools.maps import maps_at_hand
 from plannerforge.tools.storing import content_digest, store_scenario
@@ -25,38 +26,81 @@ REPORT = "generation.json"
 
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
-    """Find the map, make each scenario in a worker, store it, and say what was asked beside what came out."""
+    """Find the maps, make each scenario in a worker, store it, and say what was asked beside what came out.
+
+    What could not be made is a note beside what was made.
+
+    Raises:
+        InvalidRequest: nothing could be made; the reason of the first scenario.
+    """
     at_hand = await maps_at_hand(call)
     plan = plan_maps(arguments, at_hand.entries)
-    orders = await _orders(arguments, call, plan.matches)
-    made: list[ScenarioSummary] = []
-    for index, (match, site_index) in enumerate(orders):
-        share = (index / len(orders), (index + 1) / len(orders))
-        summary = await _make(call, request_for(arguments, match, site_index, index), share)
-        made.append(await with_trial_run(call, summary) if arguments.trial_run else summary)
-    notes = [*plan.notes, *at_hand.notes]
-    if len(orders) < arguments.count:
-        notes.append(f"only {len(orders)} different site(s) fit; {arguments.count} were asked for")
+    orders = await plan_orders(arguments, call, plan.matches)
+    made, failures = await _make_all(arguments, call, orders)
+    notes = [*plan.notes, *at_hand.notes, *failures]
+    if len(orders.planned) < arguments.count:
+        notes.append(f"only {len(orders.planned)} different site(s) fit; {arguments.count} were asked for")
     used = {summary.map_id for summary in made}
     attributions = sorted({m.entry.facts.attribution for m in plan.matches if m.entry.facts.map_id in used})
     return GenerateScenariosResult(scenarios=made, notes=notes, attribution=attributions)
 
 
-async def _orders(
-    arguments: GenerateScenariosArguments, call: ToolCall, matches: tuple[MapMatch, ...]
-) -> list[tuple[MapMatch, int]]:
-    """The map and the number of the site for every scenario: maps in turn, no site twice."""
-    if arguments.count == 1:
-        return [(matches[0], 0)]
-    sites = [await _site_count(arguments, call, match) for match in matches]
-    turns = [(site_index, place) for place, count in enumerate(sites) for site_index in range(count)]
-    return [(matches[place], site_index) for site_index, place in sorted(turns)[: arguments.count]]
+async def _make_all(
+    arguments: GenerateScenariosArguments, call: ToolCall, orders: Orders
+) -> tuple[list[ScenarioSummary], list[str]]:
+    """The scenarios that could be made, and notes on those that could not.
+
+    Raises:
+        PlannerForgeError: nothing could be made.
+    """
+    made: list[ScenarioSummary] = []
+    notes: list[str] = []
+    refusals: list[NotPossible] = []
+    spare = list(orders.spare)
+    for index, order in enumerate(orders.planned):
+        share = (index / len(orders.planned), (index + 1) / len(orders.planned))
+        try:
+            summary, given_up = await _make_somewhere(arguments, call, order, spare, index, share)
+            made.append(await with_trial_run(call, summary) if arguments.trial_run else summary)
+            notes += [f"another map was taken: {refusal.message}" for refusal in given_up]
+        except NotPossible as refusal:
+            refusals.append(refusal)
+            notes.append(f"scenario {index + 1} was not made: {refusal.message}")
+        except (UnknownName, WorkerFailure) as failure:
+            if not made:
+                raise
+            notes.append(f"scenario {index + 1} and those after it were not made: {failure.message}")
+            break
+    if not made:
+        raise refusals[0]
+    return made, notes
 
 
-async def _site_count(arguments: GenerateScenariosArguments, call: ToolCall, match: MapMatch) -> int:
-    request = request_for(arguments, match, 0, 0)
-    entry_point = "plannerforge.engine.scenarios.site_choice:count_sites"
-    return (await call.run(entry_point, request, SiteCount, timeout_s=GENERATE_TIMEOUT_S, share=(0.0, 0.0))).count
+async def _make_somewhere(
+    arguments: GenerateScenariosArguments,
+    call: ToolCall,
+    order: Order,
+    spare: list[MapMatch],
+    index: int,
+    share: tuple[float, float],
+) -> tuple[ScenarioSummary, list[NotPossible]]:
+    """A scenario as ordered, otherwise on the first spare map where it can be made; and the refusals on the way.
+
+    Spare maps that were tried are taken off the list.
+
+    Raises:
+        NotPossible: it can be made on none; the reason of the ordered site.
+    """
+    refusals: list[NotPossible] = []
+    while True:
+        try:
+            request = request_for(arguments, order.match, order.site_index, index, order.site_step)
+            return await _make(call, request, share), refusals
+        except NotPossible as refusal:
+            refusals.append(refusal)
+        if not spare or arguments.goal.startswith("lanelet:"):  # an id means another lanelet elsewhere
+            raise refusals[0]
+        order = Order(spare.pop(0))
 
 
 async def _make(call: ToolCall, request: GenerationRequest, share: tuple[float, float]) -> ScenarioSummary:

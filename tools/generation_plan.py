@@ -61,9 +61,11 @@ def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
 
 
 def request_for(
-    arguments: GenerateScenariosArguments, match: MapMatch, site_index: int, index: int
+    arguments: GenerateScenariosArguments, match: MapMatch, site_index: int, index: int, site_step: int = 1
 ) -> GenerationRequest:
     """What the engine is asked for the scenario number ``index`` of a call, at the site number ``site_index`` of a map.
+
+    ``site_step``: how many scenarios the call makes on this map (``GenerationRequest``).
 
     Raises:
         UnknownName: no such road class.
@@ -88,6 +90,7 @@ def request_for(
         seed=arguments.seed,
         index=index,
         site_index=site_index,
+        site_step=site_step,
         folder="",
     )
 

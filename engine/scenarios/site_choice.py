@@ -36,12 +36,13 @@ SAME_PLACE_M = 60.0
 
 
 def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCount:
-    """How many different sites of the map fit a request."""
+    """How many different sites of the map fit a request, at least one.
+
+    Raises:
+        NotPossible: none does; the types that the map holds there are named.
+    """
     report(0.0, "looking for sites")
-    try:
-        return SiteCount(count=len(fitting_sites(read_map_file(Path(request.map_path)), request)))
-    except NotPossible:
-        return SiteCount(count=0)
+    return SiteCount(count=len(fitting_sites(read_map_file(Path(request.map_path)), request)))
 
 
 def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:

@@ -1,0 +1,109 @@
+"""What becomes of a scenario that cannot be made where it was ordered."""
+
+from pathlib import Path
+
+import pytest
+from support import Connect
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.maps.index import MapMatch, built_in_maps
+from plannerforge.engine.scenarios import generate as generating
+from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
+from plannerforge.engine.scenarios.site_choice import fitting_sites
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.generation import (
+    GenerateScenariosArguments,
+    GenerationRequest,
+    ScenarioSummary,
+)
+from plannerforge.tools import generation
+from plannerforge.tools.call import ToolCall
+from plannerforge.tools.generation_orders import share_out
+from plannerforge.tools.generation_plan import request_for
+
+MAPS = {entry.facts.place: MapMatch(entry) for entry in built_in_maps()}
+OVER_THREE_MAPS = [54.602, 5.195, 54.634, 5.2434]
+"""A corner of Fahrhausen without a site, the upper rim of Musterstadt, and Kreiselheim."""
+
+
+def test_maps_take_turns_and_a_site_that_stands_in_is_no_other_scenarios_own() -> None:
+    orders = share_out([MAPS["Fahrhausen"], MAPS["Landmoor"], MAPS["Neuland"]], [4, 0, 1], 4)
+    assert [(o.match.entry.facts.place, o.site_index) for o in orders] == [
+        ("Fahrhausen", 0),
+        ("Neuland", 0),
+        ("Fahrhausen", 1),
+        ("Fahrhausen", 2),
+    ]
+    ways = [set(range(o.site_index, 100, o.site_step)) for o in orders if o.match is MAPS["Fahrhausen"]]
+    assert sum(map(len, ways)) == len(set.union(*ways))
+
+
+def test_a_site_that_fails_is_replaced_by_one_that_no_other_scenario_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = GenerateScenariosArguments.model_validate(
+        {"place": "Quadratstadt", "scenario_type": "intersection", "duration_s": 5, "count": 3}
+    )
+    order = share_out([MAPS["Quadratstadt"]], [21], arguments.count)[0]
+    request = request_for(arguments, order.match, order.site_index, 0, order.site_step)
+    asked: list[tuple[float, float]] = []
+
+    def fails_once(*given: object) -> Ground:
+        asked.append((given[2].latitude, given[2].longitude))  # type: ignore[attr-defined]
+        if len(asked) == 1:
+            raise NotPossible("this site is flooded")
+        return prepare_ground(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(generating, "prepare_ground", fails_once)
+    made = generating.generate(request.model_copy(update={"folder": str(tmp_path)}), silent)
+    sites = fitting_sites(generating.read_map_file(Path(request.map_path)), request)
+    assert asked == [(site.latitude, site.longitude) for site in (sites[0], sites[3])]
+    assert "an earlier try was given up: this site is flooded" in made.notes
+
+
+@pytest.mark.anyio
+async def test_the_orders_of_a_call_reach_the_engine_with_their_step(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[GenerationRequest] = []
+
+    async def only_listen(call: ToolCall, request: GenerationRequest, share: tuple[float, float]) -> ScenarioSummary:
+        asked.append(request)
+        raise NotPossible("nothing is made here")
+
+    monkeypatch.setattr(generation, "_make", only_listen)
+    async with connect() as client:
+        wish = {"place": "Fahrhausen", "scenario_type": "intersection", "count": 3}
+        assert (await client.call_tool("generate_scenarios", wish)).is_error
+    assert [(request.site_index, request.site_step) for request in asked] == [(0, 3), (1, 3), (2, 3)]
+
+
+@pytest.mark.anyio
+async def test_a_box_over_two_maps_is_served_by_the_one_that_holds_a_site_in_it(connect: Connect) -> None:
+    async with connect() as client:
+        wish = {"bbox": OVER_THREE_MAPS, "scenario_type": "intersection", "duration_s": 5}
+        answer = (await client.call_tool("generate_scenarios", wish)).structured_content
+        assert answer is not None
+        made = answer["scenarios"][0]
+        assert made["place"] != "Fahrhausen"
+        assert any(note.startswith("another map was taken: Fahrhausen") for note in answer["notes"])
+
+
+@pytest.mark.anyio
+async def test_what_was_made_is_answered_though_another_one_failed(
+    connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make = generation._make
+
+    async def not_the_second(call: ToolCall, request: GenerationRequest, share: tuple[float, float]) -> ScenarioSummary:
+        if request.index == 1:
+            raise NotPossible("no truck found room at this site")
+        return await make(call, request, share)
+
+    monkeypatch.setattr(generation, "_make", not_the_second)
+    async with connect() as client:
+        wish = {"place": "Fahrhausen", "scenario_type": "intersection", "duration_s": 5, "count": 3}
+        answer = (await client.call_tool("generate_scenarios", wish)).structured_content
+        assert answer is not None
+        assert len(answer["scenarios"]) == 2
+        assert "scenario 2 was not made: no truck found room at this site" in answer["notes"]
