@@ -29,7 +29,7 @@ def store(call: ToolCall, all_facts: Sequence[ScenarioFacts]) -> None:
 @pytest.fixture
 def call(tmp_path: Path) -> Iterator[ToolCall]:
     """A call on a workspace with three scenarios; nothing here needs a worker."""
-    workspace, unused = Workspace(tmp_path), cast(Any, None)
+    workspace, unused = Workspace(tmp_path), cast("Any", None)
     call = ToolCall(Services(workspace, unused, unused, unused, unused, with_starter=False), unused)
     trucks = {"truck": 2}
     two = facts(BONN, tags=["urban"], counts=trucks)
