@@ -12,27 +12,23 @@ processor time of its process and of netconvert, without the reading of the map)
 
 import argparse
 import os
+import tempfile
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.maps.facts import read_map
-from plannerforge.engine.maps.index import MapEntry
 from plannerforge.evals.generation_cases import convert_whole, make_all, refused_right
 from plannerforge.evals.generation_figures import Made, print_generation, tell
+from plannerforge.evals.generation_maps import BenchMaps, read_maps
 from plannerforge.evals.generation_requests import (
     BenchRequest,
     corpus_requests,
     missing_requests,
-    read_places,
     seeded_requests,
 )
-from plannerforge.schemas.errors import PlannerForgeError
-from plannerforge.schemas.generation import ReadMapRequest
 
 Item = TypeVar("Item")
 REQUESTS, REFUSALS = 200, 60
@@ -52,40 +48,34 @@ def main() -> None:
     maps_folder = arguments.shared / "data" / "osm"
     if not maps_folder.is_dir():
         parser.error(f"there is no folder {maps_folder}: name one with --shared, or set PLANNERFORGE_SHARED")
-    places = read_places(maps_folder)
-    entries, unread = _entries(maps_folder, places)
     corpus = arguments.shared / "corpora" / "dev" / "generation.jsonl"
-    good, bad = _requests(corpus.read_text(encoding="utf-8").splitlines(), places, entries)
-    files = sorted(path for path in maps_folder.iterdir() if path.name in places)
-    if arguments.limit is not None:
-        good, bad, files = (_spread(found, arguments.limit, arguments.offset) for found in (good, bad, files))
-    with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
-        converted = {path.name: unread[path.name] for path in files if path.name in unread}
-        paths = {path.name: path for path in files if path.name not in unread}
-        converted |= _each(pool, paths, convert_whole)
-        made = _make(pool, good, entries, places)
-        refusals = _each(pool, {request.name: request for request in bad}, partial(refused_right, maps=entries))
+    with tempfile.TemporaryDirectory() as scratch:
+        maps = read_maps(maps_folder, Path(scratch))
+        good, bad = _requests(corpus.read_text(encoding="utf-8").splitlines(), maps)
+        names = sorted({*maps.files, *maps.unread})
+        if arguments.limit is not None:
+            good, bad, names = (_spread(found, arguments.limit, arguments.offset) for found in (good, bad, names))
+        with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
+            converted = _each(pool, {name: name for name in names}, partial(convert_whole, maps=maps))
+            made = _make(pool, good, maps)
+            by_name = {request.name: request for request in bad}
+            refusals = _each(pool, by_name, partial(refused_right, maps=maps.entries))
     print_generation(converted, len(good), made, refusals)
 
 
-def _requests(
-    lines: list[str], places: Mapping[str, Any], entries: list[MapEntry]
-) -> tuple[list[BenchRequest], list[BenchRequest]]:
+def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], list[BenchRequest]]:
     """What the maps can meet, and what has to be refused."""
-    names = frozenset(entry.path.name for entry in entries)
-    from_corpus = corpus_requests(lines, names)
+    from_corpus = corpus_requests(lines, maps.names)
     good = [request for request in from_corpus if request.refusal is None]
     bad = [request for request in from_corpus if request.refusal is not None]
-    good += seeded_requests(places, names, REQUESTS - len(good))
-    return good, bad + missing_requests(places, names, REFUSALS - len(bad))
+    good += seeded_requests(maps.places, maps.names, REQUESTS - len(good))
+    return good, bad + missing_requests(maps.places, maps.names, REFUSALS - len(bad))
 
 
-def _make(
-    pool: ProcessPoolExecutor, requests: list[BenchRequest], entries: list[MapEntry], places: Mapping[str, Any]
-) -> list[Made]:
+def _make(pool: ProcessPoolExecutor, requests: list[BenchRequest], maps: BenchMaps) -> list[Made]:
     """All scenarios in the order of the requests, each told of as soon as it is judged."""
     jobs = {
-        pool.submit(make_all, request, entries, places, SEEDS_APART * number): request.name
+        pool.submit(make_all, request, maps, SEEDS_APART * number): request.name
         for number, request in enumerate(requests)
     }
     made: dict[str, list[Made]] = {}
@@ -105,22 +95,6 @@ def _spread(found: list[Item], limit: int, offset: int) -> list[Item]:
     """So many of a list, evenly chosen, beginning at ``offset``."""
     step = max(1, len(found) // limit)
     return found[offset % step :: step][:limit]
-
-
-def _entries(folder: Path, places: dict[str, dict[str, object]]) -> tuple[list[MapEntry], dict[str, str]]:
-    """The maps as a user adds them, with the names of their places; and why some cannot be read."""
-    entries: list[MapEntry] = []
-    unread: dict[str, str] = {}
-    for name in sorted(places):
-        known = [str(place) for place in places[name]["places"]]  # type: ignore[attr-defined]
-        request = ReadMapRequest(path=str(folder / name), place=known[0], country=str(places[name]["country"]))
-        try:
-            facts = read_map(request, silent)
-        except PlannerForgeError as error:
-            unread[name] = error.message
-            continue
-        entries.append(MapEntry(facts.model_copy(update={"places": (*known, *facts.places)}), folder / name))
-    return entries, unread
 
 
 if __name__ == "__main__":

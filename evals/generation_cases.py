@@ -1,9 +1,8 @@
 """Single jobs of ``make bench-generation``: a map converted whole, a request made and judged, a request refused."""
 
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.maps.index import MapEntry
@@ -19,6 +18,7 @@ from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.engine.tuning.configurations import named_configuration
 from plannerforge.evals.generation_figures import Made, Stages
 from plannerforge.evals.generation_judge import MadeFiles, holds_vehicles, lies_at, shows_type
+from plannerforge.evals.generation_maps import BenchMaps
 from plannerforge.evals.generation_motion import measure_motion
 from plannerforge.evals.generation_requests import BenchRequest
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
@@ -28,25 +28,27 @@ from plannerforge.tools.generation_plan import plan_maps, request_for
 CHECKED_TRACKS = 3
 
 
-def convert_whole(path: Path) -> str:
+def convert_whole(name: str, maps: BenchMaps) -> str:
     """Convert a map without cutting; empty, or why it failed."""
+    if name in maps.unread:
+        return maps.unread[name]
     with tempfile.TemporaryDirectory() as folder:
         net_path = Path(folder) / "whole.net.xml"
         try:
-            convert_map(path, net_path, lefthand=False)
+            convert_map(maps.files[name], net_path, lefthand=maps.drives_left(name))
             network = build_road_network(read_net(net_path), step_s=0.1, elapsed_s=0.0)
         except PlannerForgeError as error:
             return error.message
     return "" if network.lanelets else "no lanelets"
 
 
-def make_all(request: BenchRequest, maps: Sequence[MapEntry], places: Mapping[str, Any], seed: int) -> list[Made]:
+def make_all(request: BenchRequest, maps: BenchMaps, seed: int) -> list[Made]:
     """Make and judge all scenarios of a request; ``seed`` draws the tracks that are checked."""
     try:
-        wishes = asked_of(request, maps)
+        wishes = asked_of(request, maps.entries)
     except PlannerForgeError as error:
         return [Made(request, fault=f"{type(error).__name__}: {error.message}")]
-    return [make(request, wish, places, seed + index) for index, wish in enumerate(wishes)]
+    return [make(request, wish, maps, seed + index) for index, wish in enumerate(wishes)]
 
 
 def asked_of(request: BenchRequest, maps: Sequence[MapEntry]) -> list[GenerationRequest]:
@@ -58,7 +60,7 @@ def asked_of(request: BenchRequest, maps: Sequence[MapEntry]) -> list[Generation
     return [request_for(request.arguments, match, index, index) for index in indices]
 
 
-def make(request: BenchRequest, wish: GenerationRequest, places: Mapping[str, Any], seed: int) -> Made:
+def make(request: BenchRequest, wish: GenerationRequest, maps: BenchMaps, seed: int) -> Made:
     """Make one scenario and judge it."""
     with tempfile.TemporaryDirectory() as text:
         folder, stages = Path(text), Stages()
@@ -79,7 +81,7 @@ def make(request: BenchRequest, wish: GenerationRequest, places: Mapping[str, An
             outcome=outcome,
             road_type=shows_type(files, wish.scenario_type),
             vehicles=holds_vehicles(files, wished_vehicles(wish)),
-            place=_place_is_right(request, wish, report, files, places),
+            place=_place_is_right(request, wish, report, files, maps),
             motion=measure_motion(loaded, CHECKED_TRACKS, seed),
             stages=stages,
         )
@@ -107,12 +109,13 @@ def _place_is_right(
     wish: GenerationRequest,
     report: GeneratedScenario,
     files: MadeFiles,
-    places: Mapping[str, Any],
+    maps: BenchMaps,
 ) -> bool:
     """On the map meant, or on another one of the same place; in the country; near the street."""
-    path, country = Path(wish.map_path), request.arguments.country
-    meant = path.name == request.map_name or request.arguments.place in places[path.name]["places"]
-    there = lies_at(files, path, places[path.name]["bbox"], request.street)
+    name, country = maps.name_of(wish.map_id), request.arguments.country
+    shown = maps.places[name]
+    meant = name == request.map_name or request.arguments.place in shown["places"]
+    there = lies_at(files, Path(wish.map_path), shown["bbox"], request.street)
     return meant and there and country in (None, report.benchmark_id[:3])
 
 

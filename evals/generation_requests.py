@@ -4,7 +4,6 @@ import json
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
@@ -135,9 +134,3 @@ def types_of(shown: Mapping[str, Any]) -> list[str]:
 def _unwelcome(kind: str) -> frozenset[str]:
     """Classes that no motorway is open to."""
     return frozenset({"bicycle", "moped"}) if kind in ("highway", "ramp") else frozenset()
-
-
-def read_places(folder: Path) -> dict[str, Any]:
-    """What every map shows, by file name."""
-    found: dict[str, Any] = json.loads((folder / "places.json").read_text(encoding="utf-8"))
-    return found
