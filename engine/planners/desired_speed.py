@@ -17,7 +17,7 @@ class DesiredSpeed:
     Inside the goal it is the middle of the goal's speed interval; the present speed where nothing else is known (a
     goal without a place or speed). This is the rule of the Frenetix reference loop, with one difference: inside a goal
     without a speed interval the reference keeps the present speed and so drives out of it before its time; here the
-    ego goes on aiming at the goal's middle, and waits there.
+    ego goes on aiming at the goal's middle, and waits there. The goal is to be one goal state, see :mod:`.aim`.
     """
 
     def __init__(self, goal: Goal, reference: ReferencePath, step_s: float) -> None:

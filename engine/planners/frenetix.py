@@ -81,7 +81,7 @@ class Frenetix:
         self._lanes = LaneCenters(network) if self._own_terms else None
         self._corridors = LaneCorridors(network) if self._own_terms else None
         self._frames = FrameKeeper(task.reference.points)
-        self._desired_speed = DesiredSpeed(Goal(task.problem.goal), task.reference, task.step_s)
+        self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
         self._handler = frenetix.TrajectoryHandler(task.step_s)
         add_feasibility(self._handler, task.vehicle)
         self._driven: DrivenPlan | None = None

@@ -90,7 +90,7 @@ class IntelligentDriver:
         self._task = task
         self._weights = task.configuration.weights
         self._steps = round(task.configuration.settings.horizon_s / task.step_s)
-        self._goal = Goal(task.problem.goal)
+        self._goal = Goal(task.goal_ahead)
         self._desired_speed = DesiredSpeed(self._goal, task.reference, task.step_s)
         self._stations = arc_length(task.reference.points)
         along = np.gradient(task.reference.points, axis=0)

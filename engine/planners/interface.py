@@ -14,6 +14,7 @@ from plannerforge.engine.planners.vehicle import VehicleParameters
 from plannerforge.schemas.planning import PlannerConfiguration
 
 if TYPE_CHECKING:
+    from commonroad.planning.goal import GoalRegion
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.scenario import Scenario
 
@@ -62,7 +63,10 @@ class Observation:
 
 @dataclass(frozen=True)
 class PlanningTask:
-    """Everything that stays the same during a run."""
+    """Everything that stays the same during a run.
+
+    ``aim``: the goal state that the reference path leads to, where the problem has several; None: the problem's goal.
+    """
 
     scenario: "Scenario"
     problem: "PlanningProblem"
@@ -71,6 +75,12 @@ class PlanningTask:
     road: "Road"
     vehicle: VehicleParameters
     step_s: float
+    aim: "GoalRegion | None" = None
+
+    @property
+    def goal_ahead(self) -> "GoalRegion":
+        """What to drive to: one goal state, where several differ in place, time or speed."""
+        return self.aim or self.problem.goal
 
 
 @dataclass(frozen=True)

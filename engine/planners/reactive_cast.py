@@ -24,7 +24,7 @@ from plannerforge.engine.scenarios.tracks import recorded_tracks
 from plannerforge.schemas.errors import NotPossible
 
 if TYPE_CHECKING:
-    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.planning.goal import GoalRegion
 
 EGO = "ego"
 REAR_M = 15.0
@@ -76,14 +76,14 @@ class Cast:
         kept = tuple(replace(one, keep_to_route=True) if one.key in keys else one for one in self.driven)
         return replace(self, driven=kept)
 
-    def ego_edges(self, problem: "PlanningProblem", ego: EgoState) -> tuple[str, ...]:
+    def ego_edges(self, goal: "GoalRegion", ego: EgoState) -> tuple[str, ...]:
         """The edges of the ego's route with those before and after it.
 
         SUMO finds by its route which lanes a vehicle's rear still stands on; followers overlook it there otherwise.
         """
         network, graph = self.scene.network, self.scene.edge_graph
         try:
-            lanelets = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=AHEAD_M).lanelets
+            lanelets = find_route(network, goal, ego.position, ego.heading_rad, ahead_m=AHEAD_M).lanelets
         except NotPossible:
             lanelets = ()
         lanelets = tuple(key for key in lanelets if key in self.scene.layout.table.lanes)

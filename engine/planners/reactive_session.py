@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from plannerforge.engine.edits.resimulation import SimulationSetup, sumo_running
+from plannerforge.engine.planners.aim import aimed_at
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.reactive_cast import Cast, ego_type, first_index
 from plannerforge.engine.planners.reactive_traffic import ReactiveTraffic
@@ -47,7 +48,8 @@ def reactive_traffic(
             with sumo_running(setup, types, SUBLANES) as sumo:
                 cast = cast.keeping_to_route(_astray(SumoVehicles(sumo), cast))
             with sumo_running(setup, types, SUBLANES) as sumo:
-                yield ReactiveTraffic(SumoVehicles(sumo), cast, cast.ego_edges(problem, ego), ego, vehicle)
+                goal = aimed_at(cast.scene.network, problem.goal, ego, vehicle, loaded.step_s)
+                yield ReactiveTraffic(SumoVehicles(sumo), cast, cast.ego_edges(goal, ego), ego, vehicle)
         except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
             raise WorkerFailure(f"SUMO stopped: {error}") from error
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.planners.aim import aimed_at
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, Planner, PlanningTask
 from plannerforge.engine.planners.prediction import observe, off_the_lanes, predictor
@@ -107,13 +108,15 @@ def _task(
         start_lanelets(network, ego.position, ego.heading_rad)
     except NotPossible as nowhere:
         return invalid("ego_off_road", nowhere.message)
-    goal = Goal(problem.goal)
+    vehicle = vehicle_of(configuration.settings)
+    aim = aimed_at(network, problem.goal, ego, vehicle, step_s)
+    goal = Goal(aim)
     beyond_m = max(BEYOND_GOAL_M, configuration.settings.horizon_s * FASTEST_MPS + 40.0)
     ahead_m = beyond_m
     if not goal.has_position:
         ahead_m += (ego.speed_mps + 5.0) * max(goal.last_step - ego.step, 0) * step_s
     try:
-        route = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=ahead_m)
+        route = find_route(network, aim, ego.position, ego.heading_rad, ahead_m=ahead_m)
     except NotPossible as no_way:
         return invalid("goal_unreachable", no_way.message)
     reference = build_reference_path(network, route, ego.position, ego.speed_mps, beyond_m=beyond_m)
@@ -125,7 +128,7 @@ def _task(
     if behind is not None:
         return invalid("goal_unreachable", behind)
     road = build_road(network, reference, beyond_m=beyond_m)
-    return PlanningTask(scenario, problem, configuration, reference, road, vehicle_of(configuration.settings), step_s)
+    return PlanningTask(scenario, problem, configuration, reference, road, vehicle, step_s, aim)
 
 
 def _drive(

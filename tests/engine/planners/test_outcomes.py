@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from builders_planning import (
+    configuration,
     drive,
     goal_state,
     lanelet_along,
@@ -16,9 +17,11 @@ from builders_planning import (
     scenario_on,
     straight_road,
 )
+from commonroad.scenario.state import CustomState
 
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.engine.planners.reachability import farthest_m
+from plannerforge.engine.planners.registry import make_planner
 from plannerforge.engine.planners.simulation import DrivenRun
 from plannerforge.engine.planners.vehicle import VehicleParameters
 from plannerforge.schemas.runs import InvalidReason, Outcome
@@ -169,3 +172,30 @@ def test_the_farthest_distance_is_the_integral_of_the_fastest_drive() -> None:
     assert farthest_m(10.0, 1.0, vehicle) == pytest.approx(10.0 + 2.5)
     assert farthest_m(10.0, 4.0, vehicle) == pytest.approx(10.0 * 2 + 10.0 + 2 * 20.0)
     assert farthest_m(25.0, 2.0, vehicle) == pytest.approx(50.0)
+
+
+NEAR_IN_TIME, FAR_IN_TIME = goal_state((35, 45), AT_40), goal_state((90, 100), rectangle_at(100.0, 0.0))
+NEVER = goal_state((20, 21), rectangle_at(300.0, 0.0))
+BESIDE_IN_TIME = goal_state((60, 70), rectangle_at(70.0, 3.5))
+
+
+@pytest.mark.parametrize("planner", ["frenetix:Default", "idm"])
+@pytest.mark.parametrize("goals", [(NEAR_IN_TIME, FAR_IN_TIME), (NEVER, NEAR_IN_TIME), (NEVER, BESIDE_IN_TIME)])
+def test_the_order_of_goal_states_does_not_count_and_one_within_reach_is_aimed_at(
+    planner: str, goals: tuple[CustomState, CustomState]
+) -> None:
+    runs = [
+        drive(
+            scenario_on(ROAD), problem_for(*order), configuration(planner), planner=make_planner(planner.split(":")[0])
+        )
+        for order in (goals, goals[::-1])
+    ]
+    assert [run.final.outcome for run in runs] == ["goal_reached"] * 2
+    assert runs[0].final.reason == runs[1].final.reason
+    assert [state.speed_mps for state in runs[0].states] == [state.speed_mps for state in runs[1].states]
+
+
+def test_of_two_reachable_goal_states_the_one_that_fits_the_present_speed_is_aimed_at() -> None:
+    hasty = goal_state((35, 45), rectangle_at(120.0, 0.0))
+    for order in ((hasty, NEAR_IN_TIME), (NEAR_IN_TIME, hasty)):
+        assert drive(scenario_on(ROAD), problem_for(*order)).states[-1].position[0] < 60.0

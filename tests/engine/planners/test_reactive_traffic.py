@@ -146,7 +146,7 @@ def test_an_ego_where_lanes_merge_stands_on_the_lane_of_its_follower(follower: V
     scenario = loaded(ScenarioBuilder(lanes, (follower,), problems=(problem,)), tmp_path)
     ego = initial_ego(scenario.problem().initial_state)
     cast = Cast.of(scenario, ego.step)
-    assert cast.ego_edges(scenario.problem(), ego)[0] == cast.driven[0].edges[0]
+    assert cast.ego_edges(scenario.problem().goal, ego)[0] == cast.driven[0].edges[0]
 
 
 def test_a_driven_vehicle_begins_at_its_recorded_state(tmp_path: Path) -> None:
