@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from plannerforge.engine.catalog.places import country_code
 from plannerforge.engine.maps.index import Box, MapEntry, MapMatch, find_maps
 from plannerforge.engine.maps.road_classes import resolve_road_classes
 from plannerforge.schemas.errors import InvalidRequest
@@ -76,7 +77,7 @@ def request_for(
         map_path=str(match.entry.path),
         map_id=facts.map_id,
         place=facts.place,
-        country=facts.country or arguments.country,
+        country=facts.country or _code_of(arguments.country),
         attribution=facts.attribution,
         scenario_type=arguments.scenario_type,
         streets=match.streets,
@@ -93,6 +94,11 @@ def request_for(
         site_step=site_step,
         folder="",
     )
+
+
+def _code_of(country: str | None) -> str | None:
+    """The country's code, however the caller spelled it."""
+    return None if country is None else country_code(country) or country.upper()
 
 
 def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:

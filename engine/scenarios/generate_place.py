@@ -22,13 +22,13 @@ from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.generation import GenerationRequest
 
 _LEFT = """
-ATG AUS BGD BHS BMU BRB BRN BTN BWA CYM CYP DMA FJI FLK GBR GGY GRD GUY HKG IDN IMN IND IRL JAM JEY JPN KEN KNA LCA LKA
-LSO MAC MDV MLT MOZ MSR MUS MWI MYS NAM NPL NZL PAK PNG SGP SLB SUR SWZ SYC TCA THA TLS TON TTO TZA UGA VCT VGB VIR ZAF
-ZMB ZWE
+AIA ATG AUS BGD BHS BMU BRB BRN BTN BWA CCK COK CXR CYM CYP DMA FJI FLK GBR GGY GRD GUY HKG IDN IMN IND IRL JAM JEY
+JPN KEN KIR KNA LCA LKA LSO MAC MDV MLT MOZ MSR MUS MWI MYS NAM NFK NIU NPL NRU NZL PAK PCN PNG SGP SHN SLB SUR SWZ
+SYC TCA THA TKL TLS TON TTO TUV TZA UGA VCT VGB VIR WSM ZAF ZMB ZWE
 """
 LEFT_HAND_COUNTRIES = frozenset(_LEFT.split())
 """Countries (ISO 3166-1 alpha-3) where traffic keeps to the left."""
-
+UNKNOWN_SIDE = "the country of the map is unknown, so traffic keeps to the right; where it does not, name the country"
 
 MANY_HAIRPINS = 10
 """So many turns that cannot be drawn mean that netconvert made one huge junction of several."""
@@ -84,6 +84,8 @@ def build_place(
         removed = remove_hairpins(net_path, scratch)
         notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
         network = _network(net_path, step_s)
+    if request.country is None and not isinstance(osm, NetMap):  # a network says itself on which side it drives
+        notes.append(UNKNOWN_SIDE)
     cap_speeds(net_path)
     return Place(site, radius, read_net(net_path), network, conversion.warnings, tuple(notes))
 

@@ -1,5 +1,6 @@
 """What becomes of a scenario that cannot be made where it was ordered."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,14 @@ def test_a_site_that_fails_is_replaced_by_one_that_no_other_scenario_takes(
     sites = fitting_sites(generating.read_map_file(Path(request.map_path)), request)
     assert asked == [(site.latitude, site.longitude) for site in (sites[0], sites[3])]
     assert "an earlier try was given up: this site is flooded" in made.notes
+
+
+@pytest.mark.parametrize("spelled", ["GBR", "gbr", "United Kingdom"])
+def test_a_country_named_for_a_map_without_one_reaches_the_engine_as_its_code(spelled: str) -> None:
+    entry = MAPS["Fahrhausen"].entry
+    nowhere = replace(entry, facts=entry.facts.model_copy(update={"country": None}))
+    arguments = GenerateScenariosArguments.model_validate({"country": spelled})
+    assert request_for(arguments, MapMatch(nowhere), 0, 0).country == "GBR"
 
 
 @pytest.mark.anyio

@@ -12,19 +12,19 @@ from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.scenarios import generate_ground
 from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
-from plannerforge.engine.scenarios.generate_place import Place
+from plannerforge.engine.scenarios.generate_place import UNKNOWN_SIDE, Place
 from plannerforge.engine.scenarios.site_choice import fitting_sites
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest
 
 
-def ground_at(folder: Path) -> Ground:
+def ground_at(folder: Path, country: str | None = "DEU") -> Ground:
     path = LIBRARY / "fahrhausen.osm"
     request = GenerationRequest(
         map_path=str(path),
         map_id="map_fahrhausen",
         place="Fahrhausen",
-        country="DEU",
+        country=country,
         attribution="",
         scenario_type="intersection",
         folder="",
@@ -37,6 +37,17 @@ def test_a_good_site_has_its_net_and_no_errors(tmp_path: Path) -> None:
     ground = ground_at(tmp_path)
     assert ground.net_path.exists()
     assert not [finding for finding in ground.findings if finding.severity == "error"]
+
+
+@pytest.mark.parametrize(
+    ("country", "lefthand", "noted"), [("GBR", True, False), ("WSM", True, False), (None, False, True)]
+)
+def test_traffic_keeps_to_the_side_of_the_country_and_an_unknown_country_is_noted(
+    tmp_path: Path, country: str | None, lefthand: bool, noted: bool
+) -> None:
+    ground = ground_at(tmp_path, country)
+    assert ('lefthand="true"' in ground.net_path.read_text()) == lefthand
+    assert (UNKNOWN_SIDE in ground.place.notes) == noted
 
 
 def spoil(monkeypatch: pytest.MonkeyPatch, change: Callable[[RoadNetwork], RoadNetwork]) -> None:
