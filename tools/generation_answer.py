@@ -3,6 +3,7 @@
 from plannerforge.schemas.generation import Checks, DensityFacts, GeneratedScenario, GenerationRequest, ScenarioSummary
 
 SHOWN_STREETS = 4
+SHOWN_WARNINGS = 3
 
 
 def summarise(
@@ -12,8 +13,6 @@ def summarise(
     site, ego = scenario.site, scenario.ego
     streets = " / ".join(site.streets[:SHOWN_STREETS]) or "unnamed roads"
     passed, failed = verdicts(scenario.checks)
-    warned = len(scenario.netconvert_warnings)
-    warnings = [f"netconvert warned {warned} time(s): {scenario.netconvert_warnings[0]}"] if warned else []
     unusual = [f"road network, {warning}" for warning in scenario.checks.network_warnings]
     return ScenarioSummary(
         scenario_id=scenario_id,
@@ -38,8 +37,17 @@ def summarise(
         feasible_share=scenario.checks.feasible_share,
         checks_passed=passed,
         checks_failed=failed,
-        notes=[*scenario.notes, *warnings, *unusual],
+        notes=[*scenario.notes, *_warnings(scenario.netconvert_warnings), *unusual],
     )
+
+
+def _warnings(warnings: tuple[str, ...]) -> list[str]:
+    """The first of netconvert's warnings and how many there are; all of them are kept with the scenario."""
+    if not warnings:
+        return []
+    more = len(warnings) - SHOWN_WARNINGS
+    rest = f"; and {more} more" if more > 0 else ""
+    return [f"netconvert warned {len(warnings)} time(s): {'; '.join(warnings[:SHOWN_WARNINGS])}{rest}"]
 
 
 def _density(found: DensityFacts) -> str:

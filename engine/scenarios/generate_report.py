@@ -18,8 +18,6 @@ from plannerforge.schemas.generation import (
     SiteFacts,
 )
 
-SHOWN_WARNINGS = 12
-
 
 def describe(
     request: GenerationRequest,
@@ -63,7 +61,7 @@ def describe(
         ego=_ego(task, everyone, step_s),
         checks=checks,
         notes=(*notes, *_shortfalls(demand, len(everyone))),
-        netconvert_warnings=_capped(warnings),
+        netconvert_warnings=tuple(dict.fromkeys(warnings)),
         attribution=request.attribution,
     )
 
@@ -101,10 +99,3 @@ def _density(
         at_start_per_lane_km=round(len(everyone) / lane_km, 2),
         at_end_per_lane_km=round(staying / lane_km, 2),
     )
-
-
-def _capped(warnings: tuple[str, ...]) -> tuple[str, ...]:
-    """The different warnings, at most a dozen, and how many more there were."""
-    different = tuple(dict.fromkeys(warnings))
-    more = len(different) - SHOWN_WARNINGS
-    return different if more <= 0 else (*different[:SHOWN_WARNINGS], f"{more} more warnings")

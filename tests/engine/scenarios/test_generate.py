@@ -3,6 +3,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,15 @@ import pytest
 
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.maps.index import built_in_maps
+from plannerforge.engine.scenarios import generate_ground
 from plannerforge.engine.scenarios.generate import generate
+from plannerforge.engine.scenarios.generate_place import Place, build_place
 from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.scenarios.tracks import recorded_tracks
 from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest, VehicleDemand
+from plannerforge.tools.generation_answer import summarise
 
 MAPS = {entry.facts.place: entry for entry in built_in_maps()}
 
@@ -204,6 +208,19 @@ def test_a_junction_too_large_to_be_drawn_is_made_of_smaller_ones(shared_data: P
     made = generate(wish, silent)
     assert any("were not joined" in note for note in made.notes)
     assert made.checks.schema_valid
+
+
+def test_every_different_warning_of_netconvert_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    warned = tuple(f"edge {number} is odd" for number in range(40))
+
+    def built(*given: object) -> Place:
+        return replace(build_place(*given), warnings=(*warned, *warned))  # type: ignore[arg-type]
+
+    monkeypatch.setattr(generate_ground, "build_place", built)
+    made = make("Fahrhausen", tmp_path, scenario_type="intersection")
+    assert made.netconvert_warnings == warned
+    told = summarise(made, request_for("Fahrhausen", tmp_path), "any", reused=False).notes
+    assert f"netconvert warned 40 time(s): {'; '.join(warned[:3])}; and 37 more" in told
 
 
 def test_signs_show_the_posted_limits_although_traffic_slows_for_bends(tmp_path: Path) -> None:
