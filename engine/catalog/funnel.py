@@ -66,7 +66,7 @@ class Funnel:
         within: frozenset[int] | None = None,
         text: str = "",
     ) -> None:
-        self._connection, self._within, self._text = connection, within, text
+        self._connection, self.within, self._text = connection, within, text
         self.constraints = tuple(constraints)
         self._held: dict[Constraint, frozenset[int]] = {}
         self._weights: dict[Constraint, float] = {}
@@ -74,15 +74,15 @@ class Funnel:
     @cached_property
     def everything(self) -> frozenset[int]:
         """Numbers of all entries that are searched."""
-        if self._within is not None:
-            return self._within
+        if self.within is not None:
+            return self.within
         return frozenset(chain.from_iterable(self._connection.execute("SELECT number FROM catalog_scenarios")))
 
     @cached_property
     def size(self) -> int:
         """How many entries are searched."""
-        if self._within is not None:
-            return len(self._within)
+        if self.within is not None:
+            return len(self.within)
         return int(self._connection.execute("SELECT count(*) FROM catalog_scenarios").fetchone()[0])
 
     @property
@@ -94,7 +94,7 @@ class Funnel:
     @cached_property
     def stages(self) -> tuple[StageLeft, ...]:
         """The stages that have conditions, in the paper's order; ends at the one that leaves nothing."""
-        left, found = self._within, []
+        left, found = self.within, []
         for stage in STAGES:
             own = tuple(one for one in self.constraints if one.stage == stage)
             if not own:
@@ -110,7 +110,7 @@ class Funnel:
         """Numbers of all entries that satisfy the condition."""
         if one not in self._held:
             found = one.found(self._connection)
-            whole = self._within is None and not one.negated
+            whole = self.within is None and not one.negated
             self._held[one] = found if whole else self.everything - found if one.negated else found & self.everything
         return self._held[one]
 

@@ -16,10 +16,14 @@ class Places:
     places: tuple[tuple[str, str], ...]
 
 
-def known_places(connection: sqlite3.Connection) -> Places:
-    """All countries and places of the catalogue."""
-    rows = connection.execute("SELECT DISTINCT place, country FROM catalog_scenarios ORDER BY place, country")
-    places = tuple((row[0], row[1]) for row in rows)
+def known_places(connection: sqlite3.Connection, among: frozenset[int] | None = None) -> Places:
+    """All countries and places of the catalogue, or of these entries."""
+    if among is None:
+        rows = connection.execute("SELECT DISTINCT place, country FROM catalog_scenarios").fetchall()
+    else:
+        every = connection.execute("SELECT place, country, number FROM catalog_scenarios")
+        rows = [row[:2] for row in every if row[2] in among]
+    places = tuple(sorted({(str(row[0]), str(row[1])) for row in rows}))
     return Places(tuple(sorted({country for _, country in places})), places)
 
 
