@@ -6,8 +6,8 @@ generator, in worker processes. Standard error has a line for every scenario as 
 Keys: ``maps``, ``maps_converted``; ``requests`` (that can be met), and of the scenarios asked for by them the shares
 ``executable`` (Frenetix finishes, collisions allowed), ``road_type``, ``vehicles``, ``place``, ``inside_lanelets`` (of
 all positions), ``feasible`` (of a sample of tracks, by the drivability checker); ``overlaps`` (pairs),
-``refused_right`` (share of the requests to be refused), ``median_low_s`` and ``median_high_s`` (a scenario of 20 s,
-processor time of its process and of netconvert, without the reading of the map).
+``refused_right`` (share of the requests to be refused; by reason in the table), ``median_low_s`` and ``median_high_s``
+(a scenario of 20 s, processor time of its process and of netconvert, without the reading of the map).
 """
 
 import argparse
@@ -23,15 +23,11 @@ from typing import TypeVar
 from plannerforge.evals.generation_cases import convert_whole, make_all, refused_right
 from plannerforge.evals.generation_figures import Made, print_generation, tell
 from plannerforge.evals.generation_maps import BenchMaps, read_maps
-from plannerforge.evals.generation_requests import (
-    BenchRequest,
-    corpus_requests,
-    missing_requests,
-    seeded_requests,
-)
+from plannerforge.evals.generation_refusals import Refusal, corpus_refusals, missing_requests
+from plannerforge.evals.generation_requests import BenchRequest, corpus_requests, seeded_requests
 
 Item = TypeVar("Item")
-REQUESTS, REFUSALS = 200, 60
+REQUESTS, MISSING = 200, 40
 SEEDS_APART = 100
 
 
@@ -58,18 +54,16 @@ def main() -> None:
         with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
             converted = _each(pool, {name: name for name in names}, partial(convert_whole, maps=maps))
             made = _make(pool, good, maps)
-            by_name = {request.name: request for request in bad}
-            refusals = _each(pool, by_name, partial(refused_right, maps=maps.entries))
-    print_generation(converted, len(good), made, refusals)
+            by_name = {refusal.name: refusal for refusal in bad}
+            refused = _each(pool, by_name, partial(refused_right, maps=maps.entries))
+    print_generation(converted, len(good), made, [(refusal, refused[refusal.name]) for refusal in bad])
 
 
-def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], list[BenchRequest]]:
+def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], list[Refusal]]:
     """What the maps can meet, and what has to be refused."""
-    from_corpus = corpus_requests(lines, maps.names)
-    good = [request for request in from_corpus if request.refusal is None]
-    bad = [request for request in from_corpus if request.refusal is not None]
+    good = corpus_requests(lines, maps.names)
     good += seeded_requests(maps.places, maps.names, REQUESTS - len(good))
-    return good, bad + missing_requests(maps.places, maps.names, REFUSALS - len(bad))
+    return good, corpus_refusals(lines) + missing_requests(maps.places, maps.names, MISSING)
 
 
 def _make(pool: ProcessPoolExecutor, requests: list[BenchRequest], maps: BenchMaps) -> list[Made]:

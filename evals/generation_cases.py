@@ -1,11 +1,12 @@
 """Single jobs of ``make bench-generation``: a map converted whole, a request made and judged, a request refused."""
 
+import asyncio
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.maps.index import MapEntry
+from plannerforge.engine.maps.index import MapEntry, MapMatch
 from plannerforge.engine.network.lanelet_builder import build_road_network
 from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.planners.registry import make_planner
@@ -13,16 +14,19 @@ from plannerforge.engine.planners.simulation import simulate
 from plannerforge.engine.scenarios.generate import generate
 from plannerforge.engine.scenarios.generate_place import convert_map
 from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
-from plannerforge.engine.scenarios.site_choice import count_sites
 from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.engine.tuning.configurations import named_configuration
 from plannerforge.evals.generation_figures import Made, Stages
 from plannerforge.evals.generation_judge import MadeFiles, holds_vehicles, lies_at, shows_type
 from plannerforge.evals.generation_maps import BenchMaps
 from plannerforge.evals.generation_motion import measure_motion
+from plannerforge.evals.generation_refusals import Refusal, is_right_reason
 from plannerforge.evals.generation_requests import BenchRequest
-from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
-from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest
+from plannerforge.evals.in_process import call_in_process
+from plannerforge.schemas.errors import NotPossible, PlannerForgeError
+from plannerforge.schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
+from plannerforge.server.argument_errors import read_arguments
+from plannerforge.tools.generation_orders import Order, Orders, plan_orders
 from plannerforge.tools.generation_plan import plan_maps, request_for
 
 CHECKED_TRACKS = 3
@@ -43,31 +47,49 @@ def convert_whole(name: str, maps: BenchMaps) -> str:
 
 
 def make_all(request: BenchRequest, maps: BenchMaps, seed: int) -> list[Made]:
-    """Make and judge all scenarios of a request; ``seed`` draws the tracks that are checked."""
+    """Make and judge all scenarios of a request as the tool orders them; ``seed`` draws the tracks that are checked."""
     try:
-        wishes = asked_of(request, maps.entries)
+        orders = _orders(request.arguments, maps.entries)
     except PlannerForgeError as error:
-        return [Made(request, fault=f"{type(error).__name__}: {error.message}")]
-    return [make(request, wish, maps, seed + index) for index, wish in enumerate(wishes)]
+        return [_failed(request, error)]
+    spare = list(orders.spare)
+    return [
+        _make_somewhere(request, order, spare, maps, index, seed + index) for index, order in enumerate(orders.planned)
+    ]
 
 
-def asked_of(request: BenchRequest, maps: Sequence[MapEntry]) -> list[GenerationRequest]:
-    """What the tool asks of the engine for a request."""
-    match = plan_maps(request.arguments, maps).matches[0]
-    first = request_for(request.arguments, match, 0, 0)
-    count = request.arguments.count if request.arguments.count == 1 else count_sites(first, silent).count
-    indices = range(min(max(count, 1), request.arguments.count))
-    return [request_for(request.arguments, match, index, index) for index in indices]
+def _orders(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> Orders:
+    return asyncio.run(plan_orders(arguments, call_in_process(), plan_maps(arguments, maps).matches))
+
+
+def _failed(request: BenchRequest, error: PlannerForgeError) -> Made:
+    return Made(request, fault=f"{type(error).__name__}: {error.message}")
+
+
+def _make_somewhere(
+    request: BenchRequest, order: Order, spare: list[MapMatch], maps: BenchMaps, index: int, seed: int
+) -> Made:
+    """A scenario as ordered, otherwise on the first spare map where it can be made, as the tool does it."""
+    try:
+        wish = request_for(request.arguments, order.match, order.site_index, index, order.site_step)
+        return make(request, wish, maps, seed)
+    except NotPossible as error:
+        if not spare:
+            return _failed(request, error)
+        return _make_somewhere(request, Order(spare.pop(0)), spare, maps, index, seed)
+    except PlannerForgeError as error:
+        return _failed(request, error)
 
 
 def make(request: BenchRequest, wish: GenerationRequest, maps: BenchMaps, seed: int) -> Made:
-    """Make one scenario and judge it."""
+    """Make one scenario and judge it.
+
+    Raises:
+        PlannerForgeError: it cannot be made.
+    """
     with tempfile.TemporaryDirectory() as text:
         folder, stages = Path(text), Stages()
-        try:
-            report = generate(wish.model_copy(update={"folder": text}), stages)
-        except PlannerForgeError as error:
-            return Made(request, fault=f"{type(error).__name__}: {error.message}")
+        report = generate(wish.model_copy(update={"folder": text}), stages)
         stages(1.0)
         faults = schema_errors(folder / "scenario.xml")
         if faults:
@@ -119,15 +141,15 @@ def _place_is_right(
     return meant and there and country in (None, report.benchmark_id[:3])
 
 
-def refused_right(request: BenchRequest, maps: Sequence[MapEntry]) -> str:
+def refused_right(refusal: Refusal, maps: Sequence[MapEntry]) -> str:
     """Empty where a request is refused for the right reason, otherwise what happened."""
     try:
-        wish = asked_of(request, maps)[0]
+        given = read_arguments(GenerateScenariosArguments, refusal.given)
+        arguments = GenerateScenariosArguments.model_validate(given)
+        order = _orders(arguments, maps).planned[0]
+        wish = request_for(arguments, order.match, order.site_index, 0, order.site_step)
         with tempfile.TemporaryDirectory() as folder:
             generate(wish.model_copy(update={"folder": folder}), silent)
-    except UnknownName as error:
-        return "" if request.refusal == "unknown_place" else error.message
-    except (NotPossible, InvalidRequest) as error:
-        right = request.refusal == "no_such_site" and ("holds no" in error.message or "is lost when" in error.message)
-        return "" if right else error.message
+    except PlannerForgeError as error:
+        return "" if is_right_reason(refusal, error) else error.text
     return f"was made in {wish.map_id}"

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from plannerforge.engine.analysis.intervals import rate
 from plannerforge.evals.bench_output import print_figures
 from plannerforge.evals.generation_motion import MotionFigures
+from plannerforge.evals.generation_refusals import Refusal
 from plannerforge.evals.generation_requests import BenchRequest
 
 READING = ("reading the map",)
@@ -59,15 +60,15 @@ class Made:
 
 
 def print_generation(
-    converted: Mapping[str, str], requests: int, made: Sequence[Made], refusals: Mapping[str, str]
+    converted: Mapping[str, str], requests: int, made: Sequence[Made], refusals: Sequence[tuple[Refusal, str]]
 ) -> None:
-    """Print every fault, the table and the figures; ``converted`` and ``refusals`` hold faults by name, or empty."""
+    """Print every fault, the table and the figures; ``converted`` and ``refusals`` hold faults in words, or empty."""
     whole = [one for one in made if not one.fault]
     motions = [one.motion for one in whole if one.motion is not None]
     for name, fault in converted.items():
         _tell(f"map {name}", fault)
-    for name, fault in refusals.items():
-        _tell(f"to be refused {name}", fault)
+    for refusal, fault in refusals:
+        _tell(f"to be refused {refusal.name} ({refusal.reason})", fault)
     outcomes = Counter(one.outcome for one in whole)
     collisions = rate(outcomes["collision"], len(whole))
     figures: dict[str, float | int | str] = {
@@ -78,7 +79,7 @@ def print_generation(
             key: _share(sum(bool(getattr(one, key)) for one in made), len(made))
             for key in ("executable", "road_type", "vehicles", "place")
         },
-        "refused_right": _share(sum(not fault for fault in refusals.values()), len(refusals)),
+        "refused_right": _share(sum(not fault for _, fault in refusals), len(refusals)),
         "feasible": _share(sum(m.feasible for m in motions), sum(m.checked for m in motions)),
         "inside_lanelets": _share(sum(m.inside for m in motions), sum(m.positions for m in motions)),
         "overlaps": sum(m.overlapping_pairs for m in motions),
@@ -87,6 +88,7 @@ def print_generation(
     }
     rows = [(key, str(value)) for key, value in figures.items()]
     rows += [("scenarios", str(len(made))), ("tracks checked", str(sum(m.checked for m in motions)))]
+    rows += [(f"refused: {reason}", told) for reason, told in _by_reason(refusals)]
     rows += [(f"outcome {name}", str(count)) for name, count in outcomes.most_common()]
     told = (
         "-" if collisions.share is None else f"{collisions.share:.1%} ({collisions.low:.1%} to {collisions.high:.1%})"
@@ -108,6 +110,13 @@ def tell(number: str, one: Made) -> None:
     what = f"{number} {one.request.name} {one.request.map_name} {arguments.scenario_type} {arguments.density}"
     sys.stderr.write(f"{what}: {one.fault or ', '.join([one.outcome, *wrong])}\n")
     sys.stderr.flush()
+
+
+def _by_reason(refusals: Sequence[tuple[Refusal, str]]) -> list[tuple[str, str]]:
+    """Of the requests to be refused for each reason, how many were."""
+    asked = Counter(refusal.reason for refusal, _ in refusals)
+    right = Counter(refusal.reason for refusal, fault in refusals if not fault)
+    return [(reason, f"{right[reason]} of {count}") for reason, count in sorted(asked.items())]
 
 
 def _tell(what: str, fault: str) -> None:

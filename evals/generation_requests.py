@@ -4,55 +4,49 @@ import json
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
 from plannerforge.schemas.generation import GenerateScenariosArguments
 
 SEED = 2026
 DENSITIES = ("low", "medium", "high")
-MAY_BE_MISSING = ("roundabout", "highway", "ramp", "rural", "signalised_intersection")
-Reason = Literal["unknown_place", "no_such_site"]
 
 
 @dataclass(frozen=True)
 class BenchRequest:
     """Arguments of generate_scenarios with what has to come of them.
 
-    ``map_name`` is the file that shows the place (None: no map here does), ``street`` a road that the site must lie on,
-    ``refusal`` the reason for which it has to be refused.
+    ``map_name`` is the file that shows the place, ``street`` a road that the site must lie on.
     """
 
     name: str
     arguments: GenerateScenariosArguments
-    map_name: str | None
+    map_name: str
     street: str | None = None
-    refusal: Reason | None = None
 
 
 def corpus_requests(lines: Sequence[str], maps: frozenset[str]) -> list[BenchRequest]:
-    """The requests of a corpus on the maps at hand, and those for places without a map, with the ground truth."""
-    found = []
-    for line in lines:
-        entry = json.loads(line)
-        truth, map_name = entry["truth"], entry["map"]
-        reason = truth.get("reason")
-        if map_name is None and entry["expect"] == "ok" and not truth["location"].get("bbox"):
-            reason = "unknown_place"
-        elif map_name not in maps or (entry["expect"] == "clarify") or reason not in (None, "no_such_site"):
-            continue
-        arguments = corpus_arguments(truth)
-        place = truth["location"]["place"]
-        found.append(BenchRequest(entry["id"], arguments, map_name, place, reason))
-    return found
+    """The requests of a corpus that the maps at hand can meet, with the ground truth as arguments."""
+    entries = [json.loads(line) for line in lines]
+    return [
+        BenchRequest(
+            entry["id"],
+            GenerateScenariosArguments.model_validate(corpus_wish(entry["truth"])),
+            entry["map"],
+            entry["truth"]["location"]["place"],
+        )
+        for entry in entries
+        if entry["expect"] == "ok" and entry["map"] in maps
+    ]
 
 
-def corpus_arguments(truth: Mapping[str, Any]) -> GenerateScenariosArguments:
-    """The ground truth of a request as arguments; what it leaves open takes its default."""
+def corpus_wish(truth: Mapping[str, Any]) -> dict[str, Any]:
+    """The ground truth of a request as arguments, not yet checked; what it leaves open takes its default."""
     where = truth["location"]
     words = [word for word in (where["place"], where["city"]) if word]
     signalised = truth.get("feature") == "signalised_crossing"
-    wished: dict[str, Any] = {
+    return {
         "place": ", ".join(dict.fromkeys(words)) or None,
         "country": where["country"],
         "bbox": where["bbox"],
@@ -65,7 +59,6 @@ def corpus_arguments(truth: Mapping[str, Any]) -> GenerateScenariosArguments:
         "goal": _goal(truth["goal"]),
         "count": truth["count"],
     }
-    return GenerateScenariosArguments.model_validate(wished)
 
 
 def _vehicles(wanted: Mapping[str, int | str]) -> list[str]:
@@ -102,26 +95,6 @@ def seeded_requests(places: Mapping[str, Any], maps: frozenset[str], count: int)
             "seed": number,
         }
         found.append(BenchRequest(f"seed-{number:03d}", GenerateScenariosArguments.model_validate(wish), name))
-    return found
-
-
-def missing_requests(places: Mapping[str, Any], maps: frozenset[str], count: int) -> list[BenchRequest]:
-    """Requests for a type of site that neither the map nor another one of its place shows."""
-    there = sorted(maps & set(places))
-    pairs = [
-        (name, kind)
-        for name in there
-        for kind in MAY_BE_MISSING
-        if not any(
-            kind in types_of(places[other]) for other in there if places[name]["places"][0] in places[other]["places"]
-        )
-    ]
-    random.Random(SEED).shuffle(pairs)  # noqa: S311 - reproducible, not secret
-    found = []
-    for name, kind in pairs[:count]:
-        wish = {"place": places[name]["places"][0], "country": places[name]["country"], "scenario_type": kind}
-        arguments = GenerateScenariosArguments.model_validate(wish)
-        found.append(BenchRequest(f"missing-{kind}-{name}", arguments, name, refusal="no_such_site"))
     return found
 
 

@@ -1,7 +1,8 @@
 """The requests that the generator is measured with."""
 
 from plannerforge.evals.bench_generation import _spread
-from plannerforge.evals.generation_requests import missing_requests, seeded_requests
+from plannerforge.evals.generation_refusals import missing_requests
+from plannerforge.evals.generation_requests import seeded_requests
 
 
 def shown(place: str, *kinds: str) -> dict[str, object]:
@@ -13,7 +14,9 @@ PLACES = {"a.osm": shown("Town", "urban"), "b.osm": shown("Town", "roundabout"),
 
 
 def test_what_another_map_of_the_place_shows_is_not_asked_for_as_missing() -> None:
-    asked = {(r.map_name, r.arguments.scenario_type) for r in missing_requests(PLACES, frozenset(PLACES), 99)}
+    asked = {
+        (r.name.rpartition("-")[2], r.given["scenario_type"]) for r in missing_requests(PLACES, frozenset(PLACES), 99)
+    }
     assert ("a.osm", "roundabout") not in asked
     assert ("c.osm", "roundabout") in asked
     assert ("a.osm", "ramp") in asked

@@ -1,0 +1,100 @@
+"""Requests that generate_scenarios has to refuse, and whether it does so for the right reason.
+
+A reason is right where the error is of its class and names both what is wrong and what it is wrong with.
+"""
+
+import json
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from plannerforge.evals.generation_requests import SEED, corpus_wish, types_of
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
+
+MAY_BE_MISSING = ("roundabout", "highway", "ramp", "rural", "signalised_intersection")
+Reason = Literal["unknown_place", "no_map_here", "no_such_site", "unknown_class", "invalid_value"]
+"""``no_map_here``: a real place, which could be met with another set of maps; refused like an unknown one."""
+
+AS_TYPED: dict[str, dict[str, Any]] = {
+    "gen-d050": {"vehicles": ["truck=-4"]},
+    "gen-d091": {"vehicles": ["pedestrian"]},
+    "gen-d092": {"vehicles": ["tank=5", "helicopter=1"]},
+    "gen-d093": {"duration_s": 0},
+}
+"""What the corpus's ground truth leaves out of the requests because it is invalid: as their texts have it."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Arguments as a caller sends them, why they have to be refused, and the words of which the error must name one."""
+
+    name: str
+    given: Mapping[str, Any]
+    reason: Reason
+    subjects: tuple[str, ...]
+
+
+def corpus_refusals(lines: Sequence[str]) -> list[Refusal]:
+    """All requests of a corpus that have to be refused, and those for places that no map here shows."""
+    entries = [json.loads(line) for line in lines]
+    return [
+        _corpus_refusal(entry)
+        for entry in entries
+        if entry["expect"] == "refuse" or (entry["expect"] == "ok" and entry["map"] is None)
+    ]
+
+
+def _corpus_refusal(entry: Mapping[str, Any]) -> Refusal:
+    """A request of the corpus; where a class is what is wrong, its place, which no map shows either, is left out."""
+    code, _, field = entry["truth"].get("reason", "no_map_here").partition(":")
+    if code not in get_args(Reason):
+        raise ValueError(f"{entry['id']}: unknown reason {code!r}")
+    given = corpus_wish(entry["truth"]) | AS_TYPED.get(entry["id"], {})
+    if code == "unknown_class":
+        given |= {"place": None, "country": None}
+        return Refusal(entry["id"], given, code, tuple(word.partition("=")[0] for word in given["vehicles"]))
+    if code == "invalid_value":
+        return Refusal(entry["id"], given, code, (field,))
+    if code == "no_such_site":
+        return Refusal(entry["id"], given, code, (given["scenario_type"],))
+    return Refusal(entry["id"], given, code, _place_words(given))
+
+
+def _place_words(given: Mapping[str, Any]) -> tuple[str, ...]:
+    """How an error can call the place: as it was written, its country or its box."""
+    return tuple(str(given[key]) for key in ("place", "country", "bbox") if given[key] is not None)
+
+
+def missing_requests(places: Mapping[str, Any], maps: frozenset[str], count: int) -> list[Refusal]:
+    """Requests for a type of site that neither the map nor another one of its place shows."""
+    there = sorted(maps & set(places))
+    pairs = [
+        (name, kind)
+        for name in there
+        for kind in MAY_BE_MISSING
+        if not any(
+            kind in types_of(places[other]) for other in there if places[name]["places"][0] in places[other]["places"]
+        )
+    ]
+    random.Random(SEED).shuffle(pairs)  # noqa: S311 - reproducible, not secret
+    return [_missing(name, kind, places[name]) for name, kind in pairs[:count]]
+
+
+def _missing(name: str, kind: str, shown: Mapping[str, Any]) -> Refusal:
+    given = {"place": shown["places"][0], "country": shown["country"], "scenario_type": kind}
+    return Refusal(f"missing-{kind}-{name}", given, "no_such_site", (kind,))
+
+
+def is_right_reason(refusal: Refusal, error: PlannerForgeError) -> bool:
+    """Whether an error is of the class that belongs to the reason, says what is wrong and names the subject."""
+    kinds: dict[Reason, tuple[type[PlannerForgeError], tuple[str, ...]]] = {
+        "unknown_place": (UnknownName, ("no map shows", "no map lies in")),
+        "no_map_here": (UnknownName, ("no map shows", "no map lies in")),
+        "no_such_site": (NotPossible, tuple(f"holds no {subject} site" for subject in refusal.subjects)),
+        "unknown_class": (UnknownName, ("no vehicle class",)),
+        "invalid_value": (InvalidRequest, refusal.subjects),
+    }
+    kind, sayings = kinds[refusal.reason]
+    said = any(saying in error.message for saying in sayings)
+    return type(error) is kind and said and any(subject in error.message for subject in refusal.subjects)

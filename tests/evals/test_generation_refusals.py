@@ -1,0 +1,69 @@
+"""Requests that have to be refused, and what counts as the right reason."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.maps.index import built_in_maps
+from plannerforge.evals.generation_cases import make_all, refused_right
+from plannerforge.evals.generation_maps import BenchMaps
+from plannerforge.evals.generation_refusals import Refusal, corpus_refusals, is_right_reason
+from plannerforge.evals.generation_requests import BenchRequest
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
+from plannerforge.schemas.generation import GenerateScenariosArguments
+
+NO_RAMP = {"place": "Landmoor", "scenario_type": "ramp"}
+BY_REASON = {
+    "unknown_place": Refusal("place", {"place": "Gotham"}, "unknown_place", ("Gotham",)),
+    "no_map_here": Refusal("elsewhere", {"place": "Oslo", "country": "NOR"}, "no_map_here", ("Oslo", "NOR")),
+    "no_such_site": Refusal("site", NO_RAMP, "no_such_site", ("ramp",)),
+    "several_sites": Refusal("sites", {**NO_RAMP, "count": 3}, "no_such_site", ("ramp",)),
+    "unknown_class": Refusal("class", {"vehicles": ["tank=5"]}, "unknown_class", ("tank",)),
+    "negative": Refusal("number", {"vehicles": ["truck=-4"]}, "invalid_value", ("vehicles",)),
+    "no_time": Refusal("duration", {"duration_s": 0}, "invalid_value", ("duration_s",)),
+}
+
+
+@pytest.mark.parametrize("refusal", BY_REASON.values(), ids=BY_REASON)
+def test_the_tool_refuses_for_the_right_reason(refusal: Refusal) -> None:
+    assert refused_right(refusal, built_in_maps()) == ""
+
+
+@pytest.mark.parametrize(
+    ("reason", "error"),
+    [
+        ("unknown_place", NotPossible("no map shows 'Gotham'")),
+        ("unknown_place", UnknownName("no map shows 'Metropolis'")),
+        ("no_map_here", UnknownName("there is no map")),
+        ("no_such_site", NotPossible("Landmoor (map_landmoor) holds no highway site")),
+        ("no_such_site", NotPossible("the ramp is lost when the network is built")),
+        ("no_such_site", UnknownName("Landmoor holds no ramp site")),
+        ("unknown_class", UnknownName("no map shows 'tank'")),
+        ("unknown_class", UnknownName("there is no vehicle class 'helicopter'")),
+        ("negative", InvalidRequest("duration_s: too small")),
+        ("no_time", NotPossible("duration_s leaves no room")),
+    ],
+)
+def test_another_reason_is_not_the_right_one(reason: str, error: PlannerForgeError) -> None:
+    assert not is_right_reason(BY_REASON[reason], error)
+
+
+def test_what_is_made_though_it_had_to_be_refused_is_told_of() -> None:
+    possible = Refusal("made", {"place": "Landmoor", "duration_s": 5}, "no_such_site", ("ramp",))
+    assert refused_right(possible, built_in_maps()) == "was made in map_landmoor"
+
+
+def test_several_scenarios_where_no_site_fits_are_a_failure() -> None:
+    arguments = GenerateScenariosArguments.model_validate({**NO_RAMP, "count": 2})
+    maps = BenchMaps(tuple(built_in_maps()), {}, {}, {})
+    made = make_all(BenchRequest("ramps", arguments, "landmoor.osm"), maps, seed=0)
+    assert [one.fault for one in made] == ["NotPossible: Landmoor (map_landmoor) holds no ramp site"]
+
+
+def test_every_refusal_of_the_corpus_is_asked_for(shared_data: Path) -> None:
+    lines = (shared_data / "corpora" / "dev" / "generation.jsonl").read_text(encoding="utf-8").splitlines()
+    reasons = Counter(refusal.reason for refusal in corpus_refusals(lines))
+    elsewhere = reasons.pop("no_map_here")
+    assert reasons == {"no_such_site": 6, "unknown_place": 2, "unknown_class": 2, "invalid_value": 2}
+    assert elsewhere == 39
