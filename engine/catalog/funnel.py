@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from heapq import nsmallest
-from itertools import chain, combinations
+from itertools import chain
 
 from plannerforge.engine.catalog.constraints import Constraint
 from plannerforge.engine.catalog.mentions import is_mentioned
 from plannerforge.schemas.catalog import STAGES, Stage
 
-MOST_DROPPED = 3
 FEW = 5000
 """Up to so many entries a condition is looked up one by one."""
 
@@ -128,22 +127,21 @@ class Funnel:
         return EmptiedBy(last.stage, countries or alone or last.constraints, together=not alone)
 
     def relaxations(self) -> tuple[Dropped, ...]:
-        """The fewest conditions (at most three) whose loss leaves something, most matches first.
+        """The fewest conditions whose loss leaves something, most matches first; none where all would have to go.
 
-        A country that is given up takes its city with it: the city lies in it.
+        Exact for any number of them: what can be kept together is what some entry satisfies. A country that is given up
+        takes its city with it and counts once: the city lies in it.
         """
-        for count in range(1, min(MOST_DROPPED, len(self.constraints)) + 1):
-            found: dict[tuple[Constraint, ...], frozenset[int]] = {}
-            for chosen in combinations(self.constraints, count):
-                dropped = self._with_city(chosen)
-                numbers = self._all_of([one for one in self.constraints if one not in dropped])
-                if numbers and len(dropped) < len(self.constraints):
-                    found[dropped] = numbers
-            found = {one: numbers for one, numbers in found.items() if not any(set(o) < set(one) for o in found)}
-            if found:
-                ordered = sorted(found.items(), key=lambda item: (-len(item[1]), [one.label for one in item[0]]))
-                return tuple(Dropped(*item) for item in ordered)
-        return ()
+        failed = {self._with_city(chosen) for chosen in self._failed_together()}
+        possible = [dropped for dropped in failed if 0 < len(dropped) < len(self.constraints)]
+        fewest = min((self._given_up(dropped) for dropped in possible), default=0)
+        found = [dropped for dropped in possible if self._given_up(dropped) == fewest]
+        relaxed = [
+            Dropped(one, self._all_of([constraint for constraint in self.constraints if constraint not in one]))
+            for one in found
+            if not any(set(other) < set(one) for other in found)
+        ]
+        return tuple(sorted(relaxed, key=lambda one: (-len(one.numbers), [each.label for each in one.constraints])))
 
     def satisfied_by(self, number: int) -> tuple[Constraint, ...]:
         """The conditions that this entry satisfies, in their order."""
@@ -189,6 +187,23 @@ class Funnel:
         if not constraints:
             return self.everything
         return frozenset.intersection(*sorted((self.holds(one) for one in constraints), key=len))
+
+    def _failed_together(self) -> list[tuple[Constraint, ...]]:
+        """Every set of conditions that some entry fails while it satisfies all others."""
+        groups: dict[tuple[Constraint, ...], frozenset[int]] = {(): self.everything}
+        for one in self.constraints:
+            split: dict[tuple[Constraint, ...], frozenset[int]] = {}
+            for failed, numbers in groups.items():
+                split[failed] = numbers & self.holds(one)
+                split[(*failed, one)] = numbers - self.holds(one)
+            groups = {failed: numbers for failed, numbers in split.items() if numbers}
+        return list(groups)
+
+    @staticmethod
+    def _given_up(dropped: tuple[Constraint, ...]) -> int:
+        """How many conditions count as given up."""
+        country = any(one.label.startswith("country ") for one in dropped)
+        return sum(not (country and one.label.startswith("city ")) for one in dropped)
 
     def _with_city(self, chosen: tuple[Constraint, ...]) -> tuple[Constraint, ...]:
         if not any(one.label.startswith("country ") for one in chosen):

@@ -119,6 +119,25 @@ def test_stages_only_shrink_and_relaxations_satisfy_the_rest(made: list[Scenario
             assert all(dropped.numbers <= one.holds(constraint) for constraint in kept)
 
 
+@given(scenarios(), conditions)
+def test_the_fewest_conditions_are_given_up(made: list[ScenarioFacts], asked: list[Condition]) -> None:
+    slots = {slot: [one.text for one in asked if one.slot == slot] for slot in ("tags", "obstacles", "road_net")}
+    one = funnel(catalogue(made), FindScenariosArguments(**slots))
+    if one.matches:
+        return
+    most = max(sum(condition.holds(each) for condition in asked) for each in made)
+    relaxed = one.relaxations()
+    assert bool(relaxed) == (most > 0)
+    assert all(len(asked) - len(dropped.constraints) == most for dropped in relaxed)
+
+
+def test_more_than_three_conditions_may_have_to_go() -> None:
+    connection = catalogue([facts("ESP_A-1_1_T-1", tags=["urban"]), facts("ESP_A-2_1_T-1", counts={"car": 1})])
+    asked = FindScenariosArguments(tags=["urban", "rural"], obstacles=["bus", "truck", "bicycle", "taxi=3"])
+    (only,) = funnel(connection, asked).relaxations()
+    assert [one.label for one in only.constraints] == ["rural", "bus", "truck", "bicycle", "taxi=3"]
+
+
 @given(st.floats(0, 40), st.floats(0, 40))
 def test_a_single_speed_is_two_metres_per_second_wide(actual: float, asked: float) -> None:
     if abs(abs(actual - asked) - 2.0) < 1e-3:
