@@ -78,6 +78,8 @@ class RunSteps(Model):
     """The driven trajectory (centre of the ego, one entry a step) and the cost terms of the chosen candidates.
 
     ``costs``: weighted cost term name → one value per planning step; ``plan_steps``: the steps at which was planned.
+    ``rejected``: constraint → candidates it rejected, one value per planning step; one more where the last attempt,
+    which is no planning step, gave no trajectory.
     ``others``: the obstacles that reactive traffic moved, instead of their recordings; the rest followed theirs.
     """
 
@@ -89,19 +91,22 @@ class RunSteps(Model):
     acceleration_mps2: tuple[float, ...]
     plan_steps: tuple[int, ...]
     costs: dict[str, tuple[float, ...]]
+    rejected: dict[str, tuple[int, ...]] = Field(default_factory=dict)
     others: tuple[DrivenObstacle, ...] = ()
 
 
 class RunTiming(Model):
     """Measured times; kept beside the record, never part of the reproducible payload.
 
-    ``steps``: planning steps; ``core_step_median_ms``: the part of a step in the planner's core (None: no core).
+    ``steps``: planning steps, the one without a trajectory included; ``planning_ms``: the time of each;
+    ``core_step_median_ms``: the part of a step in the planner's core (None: no core).
     """
 
     wall_s: float
     planning_step_median_ms: float
     core_step_median_ms: float | None = None
     steps: int = 0
+    planning_ms: tuple[float, ...] = ()
 
 
 class RunRecord(Model):

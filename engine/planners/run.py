@@ -61,6 +61,7 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
         planning_step_median_ms=1000 * median(driven.plan_s) if driven.plan_s else 0.0,
         core_step_median_ms=_core_step_median_ms(driven),
         steps=len(driven.plan_s),
+        planning_ms=tuple(round(1000 * duration_s, 3) for duration_s in driven.plan_s),
     )
     return RunResponse(record=record, steps=run_steps(driven), timing=timing)
 
@@ -79,9 +80,10 @@ def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> Ru
 
 
 def run_steps(driven: DrivenRun) -> RunSteps:
-    """The driven states; a term that a planning step did not have counts 0 there."""
+    """The driven states; a term or constraint that a planning step did not have counts 0 there."""
     states = driven.states
     terms = sorted({name for plan in driven.plans for name in plan.costs})
+    constraints = sorted({name for counts in driven.rejections for name in counts})
     return RunSteps(
         first_step=states[0].step,
         x_m=tuple(float(state.position[0]) for state in states),
@@ -92,6 +94,7 @@ def run_steps(driven: DrivenRun) -> RunSteps:
         plan_steps=tuple(driven.plan_steps),
         others=tuple(_driven_obstacle(track) for track in driven.traffic.driven),
         costs={name: tuple(float(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
+        rejected={name: tuple(counts.get(name, 0) for counts in driven.rejections) for name in constraints},
     )
 
 

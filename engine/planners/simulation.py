@@ -2,6 +2,7 @@
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -33,16 +34,27 @@ FASTEST_MPS = 36.0
 
 @dataclass
 class DrivenRun:
-    """What a run has given so far."""
+    """What a run has given so far.
+
+    ``plan_s`` and ``rejections`` hold the last attempt too where it gave no trajectory; ``plans`` does not.
+    """
 
     states: list[EgoState]
     traffic: Traffic
     plan_steps: list[int] = field(default_factory=list)
     plans: list[Plan] = field(default_factory=list)
     plan_s: list[float] = field(default_factory=list)
-    rejected: Counter[str] = field(default_factory=Counter)
+    rejections: list[Mapping[str, int]] = field(default_factory=list)
     verdict: Verdict | None = None
     off_the_lanes: tuple[int, ...] = ()
+
+    @property
+    def rejected(self) -> Counter[str]:
+        """How many candidates each constraint rejected over the whole run."""
+        total: Counter[str] = Counter()
+        for counts in self.rejections:
+            total.update(counts)
+        return total
 
     @property
     def final(self) -> Verdict:
@@ -143,7 +155,7 @@ def _drive(
         began = perf_counter()
         plan = planner.plan(observation)
         run.plan_s.append(perf_counter() - began)
-        run.rejected.update(plan.rejected)
+        run.rejections.append(plan.rejected)
         if plan.trajectory is None:
             run.verdict = _infeasible(plan, ego, (ego.step - first) * step_s)
             return

@@ -1,14 +1,16 @@
 """The operation of a worker: a file and a configuration in, a record, the driven steps and times out."""
 
 import hashlib
+import math
 import os
+import statistics
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import Problem, ScenarioBuilder
+from builders import Lane, Problem, ScenarioBuilder, arc, line
 from builders import town_road as whole_town_road
 from builders_planning import configuration
 
@@ -62,6 +64,35 @@ def test_both_formats_run_to_the_goal(version: str, tmp_path: Path) -> None:
     assert len(steps.x_m) == len(steps.speed_mps) == round(record.metrics.duration_s / 0.1) + 1
     assert steps.plan_steps == tuple(range(0, len(steps.x_m) - 1, 3))
     assert all(len(values) == len(steps.plan_steps) for values in steps.costs.values())
+
+
+def test_every_planning_step_has_its_time_and_its_rejections(tmp_path: Path) -> None:
+    response = carried_out(town_road(), tmp_path)
+    planned = len(response.steps.plan_steps)
+    assert len(response.timing.planning_ms) == response.timing.steps == planned
+    assert statistics.median(response.timing.planning_ms) == pytest.approx(
+        response.timing.planning_step_median_ms, abs=1e-3
+    )
+    rejected = response.steps.rejected
+    assert {name: sum(counts) for name, counts in rejected.items()} == response.record.rejected_candidates
+    assert {len(counts) for counts in rejected.values()} == {planned}
+
+
+def test_the_attempt_without_a_trajectory_has_its_time_and_its_rejections_too(tmp_path: Path) -> None:
+    narrow = replace(
+        town_road().with_vehicles(),
+        lanes=(
+            Lane(1, line((0.0, 0.0), (40.0, 0.0)), successors=(2,)),
+            Lane(2, arc((40.0, 6.0), 6.0, -math.pi / 2, 0.0, 21), successors=(3,), predecessors=(1,)),
+            Lane(3, line((46.0, 6.0), (46.0, 100.0)), predecessors=(2,)),
+        ),
+        problems=(Problem(start=(30.0, 0.0, 0.0, 25.0), goal=(46.0, 60.0, 4.0, 10.0), steps=(20, 90)),),
+    )
+    response = carried_out(narrow, tmp_path)
+    attempts = len(response.steps.plan_steps) + 1
+    assert response.record.outcome == "infeasible"
+    assert len(response.timing.planning_ms) == response.timing.steps == attempts
+    assert {len(counts) for counts in response.steps.rejected.values()} == {attempts}
 
 
 def test_a_file_without_obstacles_has_no_distance_to_any(tmp_path: Path) -> None:
