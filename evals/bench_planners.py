@@ -2,12 +2,12 @@
 
 Keys: ``runs``, ``lost`` (cells without a run), ``solvable`` (not invalid), ``success_<preset>_<prediction>``
 (share of the solvable problems that reach the goal), ``trap_infeasible`` (infeasible runs that look like a heading
-wrap: the yaw rate rejected the most candidates), ``step_over_core`` (planning step ÷ its time in the core, median),
-``run_median_s`` (a run in a single warm worker, nothing else at work: the median wall time of the runs with which the
-throughput of one worker is measured), ``two_worker_speedup``, ``weights_acting``, ``rear_scenarios`` (scenarios with a
-follower), ``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were hit from behind, over all planners;
-the whole measurement is ``make bench-reactive``).
-"""
+wrap: the yaw rate rejected the most candidates of the last attempt), ``step_over_core`` (planning step ÷ its time in
+the core, median), ``run_median_s`` (a run in a single warm worker, nothing else at work: the median wall time of the
+runs with which the throughput of one worker is measured), ``two_worker_speedup``, ``weights_acting``,
+``rear_scenarios`` (scenarios with a follower), ``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were
+hit from behind, over all planners;
+hit from behind, over all planners; the whole measurement is ``make bench-reactive``).
 
 import argparse
 import statistics
@@ -59,6 +59,7 @@ class Measured:
 
     runs: tuple[RunRecord, ...]
     lost: int
+    trapped: int
     failures: tuple[tuple[RunRecord, str], ...]
     timings: tuple[RunTiming, ...]
     acting: int
@@ -105,18 +106,22 @@ async def measure(workspace: Path, folder: Path, limit: int | None) -> None:
     driven = [run for run in runs if run.outcome != "invalid"]
     timings = tuple(_file(opened, run.run_id, "timing.json", RunTiming) for run in driven)
     failures = tuple((run, _cause(opened, run)) for run in _of(runs, "default", "gt") if run.outcome != "goal_reached")
+    traps = sum(trapped(run, _steps(opened, run)) for run in driven if run.outcome == "infeasible")
     opened.close()
     timed = drawn(sorted({run.scenario_id for run in driven}), TIMED_RUNS)
     one, walls = await throughput(workspace, folder, timed, 1)
     two, _ = await throughput(workspace, folder, timed, 2)
     braked = tuple(braked_runs(files, WORKERS))
     lost = sum(len(batch.lost) for batch in records)
-    _print(Measured(runs, lost, failures, timings, acting, walls, two / one, braked))
+    _print(Measured(runs, lost, traps, failures, timings, acting, walls, two / one, braked))
 
 
 def _cause(workspace: Workspace, run: RunRecord) -> str:
-    steps = _file(workspace, run.run_id, "steps.json", RunSteps)
-    return cause(run, steps, workspace.file("scenario", run.scenario_id, "scenario.xml"))
+    return cause(run, _steps(workspace, run), workspace.file("scenario", run.scenario_id, "scenario.xml"))
+
+
+def _steps(workspace: Workspace, run: RunRecord) -> RunSteps:
+    return _file(workspace, run.run_id, "steps.json", RunSteps)
 
 
 def _file(workspace: Workspace, run_id: str, name: str, model: type[Content]) -> Content:
@@ -133,13 +138,13 @@ def _of(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunReco
     return [run for run in runs if run.config_name == CONFIGS[preset] and run.prediction == PREDICTIONS[prediction]]
 
 
-def trapped(run: RunRecord) -> bool:
+def trapped(run: RunRecord, steps: RunSteps) -> bool:
     """Whether a run looks as if a heading wrap had made it infeasible: the yaw rate rejected more than all else did.
 
-    At a wrap the heading leaps by 2π, which only the check of the yaw rate sees as such. Where a bend is too tight, the
-    curvature rate or the acceleration rejects more; on the way to a wrap the yaw rate still leads.
+    The last attempt counts, however long the run went well before. At a wrap the heading leaps by 2π, which only the
+    check of the yaw rate sees as such. Where a bend is too tight, the curvature rate or the acceleration rejects more.
     """
-    counts = run.rejected_candidates
+    counts = {name: values[-1] for name, values in steps.rejected.items()}
     return run.outcome == "infeasible" and counts.get("yaw_rate", 0) > max(
         (count for name, count in counts.items() if name != "yaw_rate"), default=0
     )
@@ -186,7 +191,7 @@ def _print(found: Measured) -> None:
             "lost": found.lost,
             "solvable": sum(run.outcome != "invalid" for run in _of(found.runs, "default", "gt")),
             **success,
-            "trap_infeasible": sum(trapped(run) for run in found.runs),
+            "trap_infeasible": found.trapped,
             "step_over_core": round(statistics.median(ratios), 3) if ratios else 0.0,
             "run_median_s": round(statistics.median(found.wall_s), 3),
             "two_worker_speedup": round(found.speedup, 3),

@@ -11,13 +11,12 @@ from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.planners.frenet_frame import FrameKeeper, FrenetFrame
 from plannerforge.engine.planners.run import run
 from plannerforge.evals.bench_planners import trapped
-from plannerforge.schemas.planning import RunRequest
-from plannerforge.schemas.runs import RunRecord
+from plannerforge.schemas.planning import RunRequest, RunResponse
 
 RADIUS_M = 120.0
 
 
-def record_of(scenario: ScenarioBuilder, folder: Path) -> RunRecord:
+def driven(scenario: ScenarioBuilder, folder: Path) -> RunResponse:
     path = scenario.write(folder / "scenario.xml")
     request = RunRequest(
         run_id="run_0",
@@ -26,7 +25,11 @@ def record_of(scenario: ScenarioBuilder, folder: Path) -> RunRecord:
         configuration=configuration("frenetix:Default"),
         prediction="ground_truth",
     )
-    return run(request, silent).record
+    return run(request, silent)
+
+
+def outcome_and_trap(response: RunResponse) -> tuple[str, bool]:
+    return response.record.outcome, trapped(response.record, response.steps)
 
 
 def westward_bend(speed_mps: float) -> ScenarioBuilder:
@@ -48,11 +51,11 @@ def headings_as_they_come(self: FrameKeeper, station_m: float, ahead_m: float) -
 def test_the_bench_counts_a_heading_wrap_only_where_its_cure_is_off(
     speed_mps: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cured = record_of(westward_bend(speed_mps), tmp_path)
-    assert (cured.outcome, trapped(cured)) == ("goal_reached", False)
+    cured = driven(westward_bend(speed_mps), tmp_path)
+    assert outcome_and_trap(cured) == ("goal_reached", False)
     monkeypatch.setattr(FrameKeeper, "frame_for", headings_as_they_come)
-    uncured = record_of(westward_bend(speed_mps), tmp_path)
-    assert (uncured.outcome, trapped(uncured)) == ("infeasible", True)
+    uncured = driven(westward_bend(speed_mps), tmp_path)
+    assert outcome_and_trap(uncured) == ("infeasible", True)
 
 
 def test_a_corner_that_nobody_can_take_at_such_a_speed_is_no_trap(tmp_path: Path) -> None:
@@ -63,12 +66,20 @@ def test_a_corner_that_nobody_can_take_at_such_a_speed_is_no_trap(tmp_path: Path
         Lane(3, line((46.0, 6.0), (46.0, 100.0)), predecessors=(2,)),
     )
     problem = Problem(start=(30.0, 0.0, 0.0, 25.0), goal=(46.0, 60.0, 4.0, 10.0), steps=(20, 90))
-    record = record_of(ScenarioBuilder(lanes, problems=(problem,)), tmp_path)
-    assert (record.outcome, trapped(record)) == ("infeasible", False)
+    response = driven(ScenarioBuilder(lanes, problems=(problem,)), tmp_path)
+    assert outcome_and_trap(response) == ("infeasible", False)
 
 
 def test_runs_that_are_not_infeasible_are_no_traps(tmp_path: Path) -> None:
-    record = record_of(westward_bend(10.0), tmp_path)
-    turned = record.model_copy(update={"rejected_candidates": {"yaw_rate": 9999}})
-    assert not trapped(turned)
-    assert trapped(turned.model_copy(update={"outcome": "infeasible"}))
+    response = driven(westward_bend(10.0), tmp_path)
+    steps = response.steps.model_copy(update={"rejected": {"yaw_rate": (0, 9999)}})
+    assert not trapped(response.record, steps)
+    assert trapped(response.record.model_copy(update={"outcome": "infeasible"}), steps)
+
+
+def test_a_wrap_late_in_a_run_is_seen_whatever_was_rejected_before(tmp_path: Path) -> None:
+    response = driven(westward_bend(10.0), tmp_path)
+    stopped = response.record.model_copy(update={"outcome": "infeasible"})
+    late = response.steps.model_copy(update={"rejected": {"yaw_rate": (0, 0, 300), "collision": (900, 900, 20)}})
+    early = response.steps.model_copy(update={"rejected": {"yaw_rate": (900, 900, 20), "collision": (0, 0, 300)}})
+    assert (trapped(stopped, late), trapped(stopped, early)) == (True, False)
