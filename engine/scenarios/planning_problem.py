@@ -9,6 +9,7 @@ import numpy as np
 from plannerforge.engine.geometry.polyline import Points, arc_length, project
 from plannerforge.engine.network.lanelet_lookup import LaneletLookup
 from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
+from plannerforge.engine.scenarios.ego_way import follows_smooth_lanes
 from plannerforge.engine.scenarios.goal_wish import SHORTEST_WAY_M, GoalWish, Passage, check_lanelet, passage
 from plannerforge.engine.traffic.motions import Participant
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
@@ -64,7 +65,7 @@ def choose_task(
 ) -> PlanningTask:
     """The planning task of the wished car, or of the first car that can have the wished goal.
 
-    Cars whose recorded way can be driven come before others.
+    Cars whose recorded way can be driven come before others, and of those the ones whose lanes can be followed.
 
     Raises:
         NotPossible: no car, not so many cars, or none that reaches such a goal.
@@ -77,6 +78,7 @@ def choose_task(
             next_step="choose a smaller index or a higher density",
         )
     choice = [cars[ego.index]] if ego.index is not None else cars
+    rough: PlanningTask | None = None
     reserve: PlanningTask | None = None
     check_lanelet(goal, network)
     lookup = LaneletLookup(network)
@@ -84,11 +86,13 @@ def choose_task(
         task = _task(car, goal, network, lookup, step_s)
         if task is None:
             continue
-        if car.feasible:
+        if car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup):
             return task
+        rough = rough or (task if car.feasible else None)
         reserve = reserve or task
-    if reserve is not None:
-        return reserve
+    found = rough or reserve
+    if found is not None:
+        return found
     raise NotPossible(
         f"none of the {len(choice)} car(s) to choose from has a goal {goal} on its way (at least "
         f"{SHORTEST_WAY_M:g} m within the recording)",

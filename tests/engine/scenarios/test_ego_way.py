@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+
+from plannerforge.engine.geometry.polyline import Points, headings
+from plannerforge.engine.network.lanelet_lookup import LaneletLookup
+from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
+from plannerforge.engine.scenarios.ego_way import follows_smooth_lanes
+from plannerforge.engine.traffic.motions import Participant
+from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+
+WIDTH = np.array([0.0, 1.75])
+ALONG_M = np.arange(0.0, 121.0)
+
+
+def lanelet(key: int, center: Points, successors: tuple[int, ...] = ()) -> RoadLanelet:
+    return RoadLanelet(
+        lanelet_id=key,
+        lane_id=f"e{key}_0",
+        edge_id=f"e{key}",
+        left=center + WIDTH,
+        right=center - WIDTH,
+        successors=successors,
+        predecessors=(),
+        left_neighbour=None,
+        left_same_direction=False,
+        right_neighbour=None,
+        right_same_direction=False,
+        internal=False,
+        types=("urban",),
+        users=("car",),
+        allowed=frozenset({"passenger"}),
+        speed_mps=13.9,
+        street="",
+    )
+
+
+def network(*lanelets: RoadLanelet) -> RoadNetwork:
+    return RoadNetwork({one.lanelet_id: one for one in lanelets}, (), (), (), ())
+
+
+def road_with_jog(aside_m: float, on_m: float) -> Points:
+    """Straight on, with a jog to the left in the middle: so far aside on so many metres."""
+    return np.stack([ALONG_M, aside_m * np.clip((ALONG_M - 60.0) / on_m, 0.0, 1.0)], axis=1)
+
+
+def driven(line: Points, speed_mps: float) -> Participant:
+    """A car that drives along a line, at most 10 s, as smoothly as recorded cars do."""
+    positions = np.stack([speed_mps * 0.1 * np.arange(100), np.zeros(100)], axis=1)
+    positions[:, 1] = np.interp(positions[:, 0], line[:, 0], line[:, 1])
+    positions = positions[positions[:, 0] < 115.0]
+    turned = np.append(headings(positions), 0.0)
+    speeds = np.full(len(positions), speed_mps)
+    return Participant("1", vehicle_classes()["car"], Motion(positions, turned, speeds, speeds * 0.0), True)
+
+
+@pytest.mark.parametrize(
+    ("aside_m", "on_m", "speed_mps", "smooth"),
+    [(0.0, 1.0, 13.0, True), (1.5, 30.0, 13.0, True), (1.5, 4.0, 13.0, False), (1.5, 4.0, 3.0, True)],
+    ids=["straight", "a long shift", "a jog", "a jog, slowly"],
+)
+def test_lanes_with_a_jog_cannot_be_followed_at_speed(
+    aside_m: float, on_m: float, speed_mps: float, smooth: bool
+) -> None:
+    line = road_with_jog(aside_m, on_m)
+    roads = network(lanelet(1, line))
+    car = driven(line, speed_mps)
+    assert follows_smooth_lanes(car, len(car.motion.positions) - 1, roads, LaneletLookup(roads)) is smooth
+
+
+def test_a_jog_behind_the_goal_or_before_the_start_does_not_count() -> None:
+    line = road_with_jog(1.5, 4.0)
+    roads = network(lanelet(1, line))
+    lookup = LaneletLookup(roads)
+    assert follows_smooth_lanes(driven(line, 13.0), 20, roads, lookup)
+    late = driven(line, 13.0)
+    motion = Motion(
+        late.motion.positions[60:], late.motion.headings_rad[60:], late.motion.speeds_mps[60:], np.zeros(30)
+    )
+    assert follows_smooth_lanes(Participant("1", late.vehicle_class, motion, True), 20, roads, lookup)
+
+
+def test_a_corner_where_one_lanelet_follows_on_another_counts() -> None:
+    line = road_with_jog(1.5, 4.0)
+    roads = network(lanelet(1, line[:63], (2,)), lanelet(2, line[62:]))
+    car = driven(line, 13.0)
+    assert not follows_smooth_lanes(car, len(car.motion.positions) - 1, roads, LaneletLookup(roads))
