@@ -48,7 +48,10 @@ def edit_reports(
 
 
 def vehicle_route(scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedTrack) -> VehicleRoute:
-    """The lanelets that a vehicle drives, as simulated, and whether it gets to one lanelet of each aim of an edit."""
+    """The lanelets that a vehicle drives, as simulated, and whether it gets to one lanelet of each aim of an edit.
+
+    For one that does not get there in time they go on as it would drive, as long as there is a way.
+    """
     key = track.vehicle_id
     driven, aims = driven_lanelets(scene, track, plan), step.aims.get(key, ())
     if not aims:
@@ -57,8 +60,16 @@ def vehicle_route(scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedT
     later = driven if begin is None else lanelets_passed(scene, track.lanes[begin:])
     missed = [targets for targets in aims if not targets & set(later)]
     reason = why_not(scene, plan, track, driven, missed[0]) if missed else ""
-    way = plan.lanelets if missed else driven
+    way = (*driven, *_way_on(scene, plan, track, driven)) if missed else driven
     return VehicleRoute(vehicle_id=key, lanelets=way, arrives=not missed, reason=reason)
+
+
+def _way_on(scene: Scene, plan: DrivePlan, track: TouchedTrack, driven: tuple[int, ...]) -> tuple[int, ...]:
+    """The lanelets after those driven so far, to the nearest target of a plan; none where no way is left."""
+    if track.leaves or not plan.targets or plan.targets & set(driven):
+        return ()
+    way = scene.lanelet_graph.shortest_route(driven[-1:] or plan.lanelets[:1], sorted(plan.targets))
+    return () if way is None else way[len(driven[-1:]) :]
 
 
 def touched_vehicles(

@@ -29,7 +29,7 @@ class Participant:
     ``drive_from``: the step whose pose is still the recorded one and after which SUMO drives; None: replayed to the
     end. ``target``, ``through``: lanes that a driven vehicle changes to when on their edge. ``keep_to_route``: its
     poses are put onto its route's lanes, because SUMO took the recorded ones for another road. ``manoeuvres``: what it
-    is told while it is driven.
+    is told while it is driven. ``awaits_target``: it does not drive past the target beside it.
     """
 
     track: Track
@@ -42,6 +42,7 @@ class Participant:
     sumo_class: str
     manoeuvres: tuple[Manoeuvre, ...] = ()
     through: tuple[Hint, ...] = ()
+    awaits_target: bool = False
 
     @cached_property
     def key(self) -> str:
@@ -109,8 +110,15 @@ def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
         behaviour=plan.behaviour,
         sumo_class=plan.vehicle_class.sumo_class,
         manoeuvres=plan.manoeuvres,
+        awaits_target=_is_only_target(scene, plan, target),
         through=tuple(lane_of[key] for key in plan.lanelets if key in plan.through and key in lane_of),
     )
+
+
+def _is_only_target(scene: Scene, plan: DrivePlan, target: Hint | None) -> bool:
+    """Whether the lane of a target is the only one of its edge that a plan leads to."""
+    lanes = () if target is None else scene.layout.edges[target[0]]
+    return len(plan.targets & set(lanes)) == 1
 
 
 def replayed_participant(scene: Scene, track: Track, match: LaneMatch) -> Participant:

@@ -26,6 +26,10 @@ KEEP_ROUTE, KEEP_POSE = 1, 2
 """SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
 
 MATCH_REACH_M = 20.0
+STOP_BEFORE_END_M = 0.1
+PASSING_MPS = "100"
+"""The speed of a stop that is passed and not stopped at: above all that vehicles drive."""
+
 LANE_CHANGES_LAST = ("--lanechange.duration", LANE_CHANGE_S)
 """SUMO's usual lane change is a leap; the alternative to a duration is to divide the lanes into sublanes."""
 
@@ -173,6 +177,7 @@ class _Run:
         self.manoeuvring = Manoeuvring(sumo)
         self.present: set[str] = set()
         self.astray: set[str] = set()
+        self.awaiting: set[str] = set()
         self.used: set[tuple[str, str]] = set()
         self.seen: dict[int, list[tuple[int, float, float, str]]] = {}
         self.last_handover = max((one.drive_from for one in everybody if one.drive_from is not None), default=0)
@@ -252,6 +257,8 @@ class _Run:
             if vehicle.getRoute(one.key)[-1] != one.edges[-1]:
                 self.astray.add(one.key)
         lane_id = vehicle.getLaneID(one.key)
+        if one.awaits_target and one.key not in self.awaiting | self.astray:
+            self._await_target(one, lane_id)
         self.used.add((one.key, lane_id))
         through = [hint for hint in one.through if (one.key, f"{hint[0]}_{hint[1]}") not in self.used]
         here = [hint for hint in (*through, one.target) if hint and hint[0] == lane_id.rpartition("_")[0]]
@@ -260,6 +267,26 @@ class _Run:
         self.manoeuvring.act(one.key, one.manoeuvres, step)
         x, y = vehicle.getPosition(one.key)
         self.seen.setdefault(one.track.obstacle_id, []).append((step, x, y, lane_id))
+
+    def _await_target(self, one: Participant, lane_id: str) -> None:
+        """Have a vehicle that finds no room to change into its target wait at the end, instead of driving past it.
+
+        SUMO does so for a stop, and one with a speed holds up nobody who gets there; but the limit on its lane holds
+        on the whole way there, so that a slower one has its stop only when it is beside it. Where the vehicle could
+        not brake comfortably, SUMO takes no stop: it changes lanes in time or drives past, as its route says then.
+        """
+        edge, index = one.target or ("", 0)
+        before = one.edges[: one.edges.index(edge)] if edge in one.edges else ()
+        lane, limits = self.sumo.lane, [self.sumo.lane.getMaxSpeed(f"{key}_0") for key in before]
+        if lane_id.rpartition("_")[0] != edge and max(limits, default=0.0) > lane.getMaxSpeed(f"{edge}_{index}"):
+            return
+        self.awaiting.add(one.key)
+        end_m = max(lane.getLength(f"{edge}_{index}") - STOP_BEFORE_END_M, STOP_BEFORE_END_M)
+        try:
+            self.sumo.vehicle.setStop(one.key, edge, end_m, index, 0.0)
+        except self.sumo.TraCIException:
+            return
+        self.sumo.vehicle.setStopParameter(one.key, 0, "speed", PASSING_MPS)
 
 
 def _drives(one: Participant, step: int) -> bool:

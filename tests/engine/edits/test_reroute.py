@@ -122,6 +122,29 @@ def test_one_that_can_stop_before_waits_for_its_lane_change(apply: Apply) -> Non
     assert apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=slow).outcome.edits[0].done
 
 
+def beside_a_column(x_m: float, speed_mps: float) -> ScenarioBuilder:
+    """Vehicle 36 in lane 1, with no gap beside it in lane 2."""
+    column = [driving(40 + place, (x_m - 60 + 9 * place, 3.5), speed_mps, 151) for place in range(9)]
+    return town_road().with_vehicles(driving(36, (x_m, 0), speed_mps, 151), *column)
+
+
+def test_one_that_finds_no_gap_waits_at_the_end_of_its_lane(apply: Apply) -> None:
+    applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=beside_a_column(140, 10.0))
+    (route,) = applied.outcome.edits[0].routes
+    assert route.lanelets[:2] == (1, 2)
+    track = applied.tracks()[36]
+    assert all(y > 1.75 for x, y in track.positions if x > 200)
+    assert track.speeds_mps.min() < 5.0
+
+
+def test_one_that_passes_its_last_gap_is_reported_with_the_way_that_it_drives(apply: Apply) -> None:
+    applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=beside_a_column(184, 14.0))
+    (route,) = applied.outcome.edits[0].routes
+    assert route.arrives is False
+    assert route.lanelets == (1, 11)
+    assert route.reason == "it leaves the network on lanelet 11 before lanelet 2"
+
+
 def test_a_lanelet_too_short_to_be_seen_on_counts_as_driven(apply: Apply) -> None:
     joint = (
         Lane(1, line((0, 0), (100, 0)), successors=(2,)),
