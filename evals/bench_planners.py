@@ -6,8 +6,8 @@ wrap: the yaw rate rejected the most candidates of the last attempt), ``step_ove
 the core, median), ``run_median_s`` (a run in a single warm worker, nothing else at work: the median wall time of the
 runs with which the throughput of one worker is measured), ``two_worker_speedup``, ``weights_acting``,
 ``rear_scenarios`` (scenarios with a follower), ``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were
-hit from behind, over all planners;
 hit from behind, over all planners; the whole measurement is ``make bench-reactive``).
+"""
 
 import argparse
 import statistics
