@@ -6,8 +6,10 @@ table) and the requests of the modification corpus with their ground truth as ar
 Keys (shares unless said otherwise): ``round_trip`` (files whose road users SUMO shows where and as fast as they were
 recorded), ``T_ends``, ``B_preset``, ``P_count``, ``G_edge`` (the paper's checks), ``checks_min`` (the least of all
 checks), ``valid_min``, ``executable_min`` (the least over the tasks), ``refused_right``, ``untouched_identical``,
-``physical_T``, ``physical_B``, ``physical_P`` (a touched vehicle of each edit by the drivability checker from its
-hand-over + 1 s on), ``unreported_collisions`` (a touched vehicle), ``collisions_left``, ``several_calls_equal``,
+``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite`` (touched vehicles that the edits name, by the
+drivability checker from their hand-over + 1 s on), ``physical_handed_over`` (those that no edit names),
+``handovers_smooth`` (at most 5 cm beyond v·dt and 1 m/s, from the old and the new file), ``unreported_collisions`` (a
+touched vehicle), ``collisions_left``, ``several_calls_equal``,
 ``edit_median_s``, ``edit_p95_s`` (seconds of a warm worker, reading and writing included; a scenario's first edit reads
 it, later ones find it kept), ``edit_first_median_s`` (first edits alone), ``edit_cpu_median_s`` (processor time of all,
 which other work does not lengthen).
@@ -25,30 +27,42 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
+from plannerforge.engine.analysis.intervals import wilson_interval
 from plannerforge.engine.execution.pool import PRELOAD
 from plannerforge.engine.execution.worker import warm_up
 from plannerforge.evals.bench_output import print_figures
-from plannerforge.evals.modification_cases import Case, Measured, measure_file, measure_line
+from plannerforge.evals.modification_cases import Case, Effort, Measured, measure_file, measure_line
+from plannerforge.evals.modification_requests import published_presets
 from plannerforge.evals.modification_safety import safety_rows
 
 TASKS = ("T", "B", "P", "G")
 CORPUS = ("T", "B", "P", "G", "composite")
-EVERY_PLANNED, EVERY_CHECKED = 8, 2
-"""The planner is run on the edits of every eighth file, the drivability checker on those of every second one and on all
-of the corpus: either takes as long as all the edits of a file."""
+EVERY_FILE_PLANNED, EVERY_FILE_SAFE, EVERY_FILE_WHOLE, EVERY_LINE_PLANNED = 4, 8, 4, 16
+"""The planner drives the edits of every fourth file and of every sixteenth line of the corpus, and the recipes of every
+eighth file; the drivability checker judges one drawn vehicle of each edit, and all that were touched on every fourth
+file. Either takes longer than the edits; the table says on how many each figure rests."""
 
 HEADLINES = ("T_ends", "B_preset", "P_count", "G_edge")
+PHYSICAL = ("T", "B", "P", "composite")
+LARGEST_JUMP_M, LARGEST_STEP_MPS = 0.05, 1.0
 
 
-def measure(files: Sequence[Path], lines: Sequence[str], data: Path, workers: int) -> list[Measured]:
+def measure(files: Sequence[Path], lines: Sequence[str], shared: Path, workers: int) -> list[Measured]:
     """All jobs on worker processes; the results in no particular order."""
+    presets = published_presets(shared / "facts")
     spawn, modules = get_context("spawn"), PRELOAD["compute"]
     with ProcessPoolExecutor(workers, mp_context=spawn, initializer=warm_up, initargs=(modules,)) as pool:
         jobs: list[Future[Measured]] = []
         for index, path in enumerate(files):
-            planned, checked = index % EVERY_PLANNED == 0, index % EVERY_CHECKED == 0
-            jobs.append(pool.submit(measure_file, path, run_planner=planned, check_drivable=checked))
-        jobs += [pool.submit(measure_line, line, data) for line in lines]
+            effort = Effort(
+                planner=index % EVERY_FILE_PLANNED == 0,
+                safety=index % EVERY_FILE_SAFE == 0,
+                every_vehicle=index % EVERY_FILE_WHOLE == 0,
+            )
+            jobs.append(pool.submit(measure_file, path, presets, effort))
+        for index, line in enumerate(lines):
+            effort = Effort(planner=index % EVERY_LINE_PLANNED == 0)
+            jobs.append(pool.submit(measure_line, line, shared / "data" / "commonroad", effort))
         return [job.result() for job in track(as_completed(jobs), total=len(jobs), console=Console(stderr=True))]
 
 
@@ -76,7 +90,9 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
         ),
         "refused_right": _share(refused),
         "untouched_identical": _share(case.untouched_identical for case in made),
-        **{f"physical_{task}": _share(p.settled for c in made if c.task == task for p in c.physical) for task in "TBP"},
+        **{f"physical_{task}": _share(_settled(made, task)) for task in PHYSICAL},
+        "physical_handed_over": _share(_settled(made)),
+        "handovers_smooth": _share(_is_smooth(one) for case in made for one in case.handovers),
         "unreported_collisions": sum(case.unreported for case in made) / touched,
         "collisions_left": sum(case.collisions for case in made) / touched,
         "several_calls_equal": _share(several),
@@ -96,9 +112,21 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     for task in (*TASKS, "composite"):
         mine = [case for case in cases if case.task == task]
         rows.append((f"edits {task}", f"{sum(not case.refused for case in mine)} done of {len(mine)}"))
-    rows += [(f"drivable {task}", _drivable([case for case in made if case.task == task])) for task in "TBP"]
-    jump, step = (max((getattr(case, name) for case in made), default=0.0) for name in ("jump_m", "speed_step_mps"))
-    rows.append(("largest hand-over", f"{jump:.3f} m beyond v·dt, {step:.2f} m/s"))
+    rows += [(f"physical {task}", _interval(_settled(made, task))) for task in PHYSICAL]
+    rows.append(("physical, handed over besides", _interval(_settled(made))))
+    rows += [(f"drivable {task}", _drivable([case for case in made if case.task == task])) for task in PHYSICAL]
+    for task in (*TASKS, "composite"):
+        rows.append((f"executable {task}", _interval([case.executed for case in made if case.task == task])))
+    given = [one for case in made for one in case.handovers]
+    jump, step = (max((one[place] for one in given), default=0.0) for place in (0, 1))
+    rows.append(("largest hand-over", f"{jump:.3f} m beyond v·dt, {step:.2f} m/s, of {len(given)}"))
+    for task in TASKS:
+        rows.append((f"no request {task}", f"{sum(task in one.no_request for one in measured)} files"))
+    refused = [right for one in measured for _, right in one.refused_right]
+    lenient = [name for one in measured for name in one.not_to_refuse]
+    rows.append(("refused right", f"{_interval(refused)}; going on is right too: {', '.join(lenient) or 'none'}"))
+    on_road, off_lanes = (sum(getattr(one, name) for one in measured) for name in ("road_users", "off_lanes"))
+    rows.append(("round trip", f"{on_road} road users, {off_lanes} of them off all lanelets"))
     rows.append(("handed over besides", str(sum(case.handed_over for case in made))))
     rows.append(("collisions reported", str(sum(case.collisions for case in made))))
     return rows + safety_rows([shift for one in measured for shift in one.shifts])
@@ -114,11 +142,11 @@ def failures_of(measured: Sequence[Measured]) -> list[str]:
         bad += [] if case.refused or case.untouched_identical else ["untouched"]
         bad += ["executed"] if case.executed is False else []
         bad += ["several calls"] if case.in_several_calls_equal is False else []
-        bad += ["physical"] if any(not one.settled for one in case.physical) else []
+        bad += ["physical"] if any(one.settled is False for one in case.physical) else []
         bad += [f"{case.unreported} unreported collisions"] if case.unreported else []
         bad += [f"{case.collisions} collisions reported"] if case.collisions else []
-        bad += [f"speed step {case.speed_step_mps:.2f} m/s"] if case.speed_step_mps > 1.0 else []
-        bad += [f"jump {case.jump_m:.3f} m"] if case.jump_m > 0.05 else []
+        rough = [one for one in case.handovers if not _is_smooth(one)]
+        bad += [f"hand-over {jump:.3f} m, {step:.2f} m/s" for jump, step in rough]
         bad += [f"refused: {case.refused}"] if case.refused else []
         found += [f"{case.task} {case.name}: {', '.join(bad)}"] if bad else []
     return sorted(found)
@@ -126,13 +154,31 @@ def failures_of(measured: Sequence[Measured]) -> list[str]:
 
 def _drivable(cases: Sequence[Case]) -> str:
     verdicts = [one for case in cases for one in case.physical]
-    settled, whole = sum(one.settled for one in verdicts), sum(one.whole for one in verdicts)
+    whole = sum(one.whole for one in verdicts)
     recorded = [one.recorded for one in verdicts if one.recorded is not None]
     agree = sum(one.closed_form == one.whole for one in verdicts)
     return (
-        f"from 1 s after the hand-over on {settled}, whole {whole} of {len(verdicts)}; recorded {sum(recorded)} of "
-        f"{len(recorded)}; closed form agrees on {agree}"
+        f"whole {whole} of {len(verdicts)}; recorded {sum(recorded)} of {len(recorded)}; closed form agrees on {agree}"
     )
+
+
+def _settled(cases: Sequence[Case], task: str | None = None) -> list[bool]:
+    """Verdicts from the hand-over + 1 s on: on those that the edits of a task name, or on those that none names."""
+    wanted = [one for case in cases if task in (None, case.task) for one in case.physical]
+    return [one.settled for one in wanted if one.settled is not None and one.handed_over == (task is None)]
+
+
+def _is_smooth(handover: tuple[float, float]) -> bool:
+    return handover[0] <= LARGEST_JUMP_M and handover[1] <= LARGEST_STEP_MPS
+
+
+def _interval(values: Iterable[bool | None]) -> str:
+    """A count with the 95 % interval of its share; what was not measured is left out."""
+    found = [value for value in values if value is not None]
+    if not found:
+        return "not measured"
+    low, high = wilson_interval(sum(found), len(found))
+    return f"{sum(found)} of {len(found)} ({low:.3f} … {high:.3f})"
 
 
 def _headlines(case: Case) -> tuple[str, ...]:
@@ -157,11 +203,10 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     shared = Path(os.environ.get("PLANNERFORGE_SHARED", "../shared"))
-    data = shared / "data" / "commonroad"
-    files = sorted(data.glob("*.xml"))[:: arguments.every]
+    files = sorted((shared / "data" / "commonroad").glob("*.xml"))[:: arguments.every]
     corpora = [shared / "corpora" / "dev" / f"modification_{task}.jsonl" for task in CORPUS]
     lines = [line for path in corpora for line in path.read_text(encoding="utf-8").splitlines()][:: arguments.every]
-    measured = measure(files, lines, data, arguments.workers)
+    measured = measure(files, lines, shared, arguments.workers)
     figures = figures_of(measured)
     Console(stderr=True, soft_wrap=True).print("\n".join(failures_of(measured)), markup=False, highlight=False)
     print_figures("Modification", [*((k, f"{v:g}") for k, v in figures.items()), *rows_of(measured)], figures)

@@ -2,6 +2,7 @@
 
 import json
 import time
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,11 +21,13 @@ from plannerforge.engine.traffic.smoothing import Motion
 from plannerforge.evals.modification_checks import (
     Written,
     checks_of,
+    handovers_of,
     is_untouched_identical,
     is_valid,
     unreported_collisions,
 )
-from plannerforge.evals.modification_requests import Asked, drawn_requests, edit_of, refusals
+from plannerforge.evals.modification_refusals import corpus_refusal, drawn_refusals
+from plannerforge.evals.modification_requests import Asked, Presets, drawn_requests, edit_of
 from plannerforge.evals.modification_safety import Shift, executed, new_id, planner_run, shifts_of
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.modification import ModificationOutcome, ModificationRequest, TouchedVehicle
@@ -32,27 +35,31 @@ from plannerforge.schemas.runs import RunRecord
 
 POSITION_M, SPEED_MPS = 0.01, 0.01
 SETTLED_S = 1.0
-CHECKED_VEHICLES = 1
+ON_FOOT = ("pedestrian",)
+"""The drivability checker judges vehicles."""
 
 
 @dataclass(frozen=True)
 class Physical:
     """The drivability checker's verdicts on a touched vehicle.
 
-    ``settled``: from its hand-over + 1 s on (an added one: from its start); ``recorded``: on its old recording.
+    ``settled``: from its hand-over + 1 s on (an added one: from its start), None where nothing is left then;
+    ``recorded``: on its old recording; ``handed_over``: no edit names it.
     """
 
-    settled: bool
+    settled: bool | None
     whole: bool
     closed_form: bool
     recorded: bool | None
+    handed_over: bool = False
 
 
 @dataclass(frozen=True)
 class Case:
     """What came of one request; ``refused`` holds the reason where nothing was made.
 
-    ``is_first``: the scenario was not edited before, so that its file was read for this.
+    ``is_first``: nobody tried to edit the scenario before, so that its file was read for this. ``handovers``: m beyond
+    v·dt and m/s of each vehicle that SUMO took over.
     """
 
     task: str
@@ -65,8 +72,7 @@ class Case:
     handed_over: int = 0
     collisions: int = 0
     unreported: int = 0
-    jump_m: float = 0.0
-    speed_step_mps: float = 0.0
+    handovers: tuple[tuple[float, float], ...] = ()
     physical: tuple[Physical, ...] = ()
     edit_s: float = 0.0
     edit_cpu_s: float = 0.0
@@ -77,46 +83,74 @@ class Case:
 
 @dataclass(frozen=True)
 class Measured:
-    """All of one job: cases, refusals that were right and asked for, round trip, shifts of danger."""
+    """All of one job: cases, refusals that were right and asked for, round trip, shifts of danger.
+
+    ``no_request``: tasks of which the scenario allows nothing. ``not_to_refuse``: lines of the corpus for which going
+    on is right too. ``off_lanes``: those of ``road_users`` off all lanelets: SUMO shows them in the round trip, while a
+    re-simulation keeps their recording and leaves them out of SUMO.
+    """
 
     cases: tuple[Case, ...] = ()
     refused_right: tuple[tuple[str, bool], ...] = ()
     round_trip_error: str | None = None
     shifts: tuple[Shift, ...] = ()
+    no_request: tuple[str, ...] = ()
+    not_to_refuse: tuple[str, ...] = ()
+    road_users: int = 0
+    off_lanes: int = 0
 
 
-def measure_file(path: Path, *, run_planner: bool, check_drivable: bool) -> Measured:
-    """Round trip, one drawn edit of each task, refusals and the recipes of the safety table.
+@dataclass(frozen=True)
+class Effort:
+    """What is measured besides the edits, which takes longer than they do.
 
-    The planner and the drivability checker take longer than all the rest, so that they may be left out.
+    ``planner``: it drives what the drawn edits made; ``safety``: what the recipes of the safety table made too.
+    ``every_vehicle``: the drivability checker judges all touched vehicles, not one that an edit names.
     """
+
+    planner: bool = False
+    safety: bool = False
+    every_vehicle: bool = False
+
+
+def measure_file(path: Path, presets: Presets, effort: Effort) -> Measured:
+    """Round trip, one drawn edit of each task, refusals and the recipes of the safety table."""
     scene = Scene.of(read_scenario(path))
-    base = planner_run(path) if run_planner else None
+    base = planner_run(path) if effort.planner else None
+    drawn = list(drawn_requests(scene, path.stem, presets))
+    asked = [requests for _, requests in drawn if requests]
     with TemporaryDirectory() as name:
         folder = Path(name)
-        cases = [
-            _first_possible(path, scene, asked, folder, base, check_drivable=check_drivable)
-            for asked in drawn_requests(scene, path.stem)
-            if asked
-        ]
-        cases[:1] = [replace(case, is_first=True) for case in cases[:1]]
-        refused = tuple((f"{path.stem}: {one.must_name}", _is_refused(path, scene, one)) for one in refusals(scene))
-        return Measured(tuple(cases), refused, _round_trip_error(scene), shifts_of(path, scene, folder, base))
+        cases = [_first_possible(path, scene, requests, folder, base, effort) for requests in asked]
+        return Measured(
+            cases=tuple(replace(case, is_first=index == 0 and case.is_first) for index, case in enumerate(cases)),
+            refused_right=tuple(
+                (f"{path.stem}: {one.must_name[0]}", is_refused(path, one)) for one in drawn_refusals(scene)
+            ),
+            no_request=tuple(task for task, requests in drawn if not requests),
+            road_users=len(scene.tracks) + len(scene.standing),
+            off_lanes=len([key for key in scene.tracks | scene.standing if key not in scene.matches]),
+            round_trip_error=_round_trip_error(scene),
+            shifts=shifts_of(path, scene, folder, base if effort.safety else None),
+        )
 
 
-def measure_line(line: str, data: Path) -> Measured:
+def measure_line(line: str, data: Path, effort: Effort) -> Measured:
     """A request of the corpus with its ground truth as arguments."""
     row = json.loads(line)
     truth, path = row["truth"], data / row["scenario"]
-    truths = truth["edits"] if row["expect"] == "ok" else truth.get("requested", [])
-    if not truths or any("infeasible" in one for one in truths):
-        return Measured()
+    if row["expect"] != "ok":
+        refusal = corpus_refusal(row)
+        if refusal is None:
+            return Measured(not_to_refuse=(row["id"],))
+        return Measured(refused_right=((row["id"], is_refused(path, refusal)),))
+    truths = truth["edits"]
     asked = Asked(row["task"].removeprefix("modification_"), tuple(edit_of(one) for one in truths), tuple(truths))
     scene = Scene.of(read_scenario(path))
+    base = planner_run(path) if effort.planner else None
     with TemporaryDirectory() as folder:
-        if row["expect"] != "ok":
-            return Measured(refused_right=((row["id"], _is_refused(path, scene, asked)),))
-        return Measured((_first_possible(path, scene, [asked], Path(folder), name=row["id"]),))
+        case = _first_possible(path, scene, [asked], Path(folder), base, effort, name=row["id"])
+        return Measured((replace(case, is_first=False),))
 
 
 def _first_possible(
@@ -124,22 +158,22 @@ def _first_possible(
     scene: Scene,
     asked: Sequence[Asked],
     folder: Path,
-    base: RunRecord | None = None,
+    base: RunRecord | None,
+    effort: Effort,
     *,
-    check_drivable: bool = True,
     name: str = "",
 ) -> Case:
     """The first request that the scenario allows, carried out and checked; the last refusal where none is."""
     reason = ""
-    for one in asked:
+    for attempt, one in enumerate(asked):
         try:
             outcome, wall_s, cpu_s = _edited(path, one, folder)
         except PlannerForgeError as error:
             reason = error.text
             continue
-        case = _checked(path, scene, one, outcome, name or path.stem, check_drivable=check_drivable)
+        case = _checked(path, scene, one, outcome, name or path.stem, every_vehicle=effort.every_vehicle)
         ran = None if base is None else executed(folder / SCENARIO_FILE, base)
-        return replace(case, edit_s=wall_s, edit_cpu_s=cpu_s, executed=ran)
+        return replace(case, edit_s=wall_s, edit_cpu_s=cpu_s, executed=ran, is_first=attempt == 0)
     return Case(asked[0].task, name or path.stem, reason)
 
 
@@ -154,7 +188,7 @@ def _edited(path: Path, asked: Asked, folder: Path, earlier: int = 0) -> tuple[M
 
 
 def _checked(
-    path: Path, scene: Scene, asked: Asked, outcome: ModificationOutcome, name: str, *, check_drivable: bool
+    path: Path, scene: Scene, asked: Asked, outcome: ModificationOutcome, name: str, *, every_vehicle: bool
 ) -> Case:
     changes, _ = resolve_edits(asked.edits, scene, ScenarioDocument.read(path).highest_id + 1)
     written = Written.of(path, scene, changes, outcome)
@@ -172,18 +206,24 @@ def _checked(
         handed_over=len(outcome.handed_over),
         collisions=len(outcome.collisions),
         unreported=unreported_collisions(written),
-        jump_m=max((one.handover_jump_m or 0.0 for one in outcome.touched), default=0.0),
-        speed_step_mps=max((one.handover_speed_step_mps or 0.0 for one in outcome.touched), default=0.0),
-        physical=_physical(written) if check_drivable else (),
+        handovers=handovers_of(written),
+        physical=_physical(written, name, every_vehicle=every_vehicle),
         in_several_calls_equal=_in_several_calls(path, asked, written.xml) if len(asked.edits) > 1 else None,
     )
 
 
-def _physical(written: Written) -> tuple[Physical, ...]:
+def _physical(written: Written, seed: str, *, every_vehicle: bool) -> tuple[Physical, ...]:
+    """Verdicts on all touched vehicles, or on one drawn of those that the edits name."""
     tracks = written.tracks()
-    there = [one for one in written.outcome.touched if one.vehicle_id in tracks]
-    chosen = sorted(there, key=lambda one: (one.cause == "handed_over", one.vehicle_id))[:CHECKED_VEHICLES]
-    return tuple(_verdicts(written, one, tracks[one.vehicle_id]) for one in chosen)
+    there = [
+        one
+        for one in written.outcome.touched
+        if one.vehicle_id in tracks and tracks[one.vehicle_id].kind not in ON_FOOT
+    ]
+    if not every_vehicle:
+        named = [one for one in there if one.cause != "handed_over"]
+        there = [named[zlib.crc32(seed.encode()) % len(named)]] if named else []
+    return tuple(_verdicts(written, one, tracks[one.vehicle_id]) for one in there)
 
 
 def _verdicts(written: Written, one: TouchedVehicle, track: Track) -> Physical:
@@ -191,13 +231,18 @@ def _verdicts(written: Written, one: TouchedVehicle, track: Track) -> Physical:
     first = round(one.from_time_s / step_s) - track.first_step
     settled = first + (0 if one.cause == "added" else round(SETTLED_S / step_s))
     old = written.scene.tracks.get(one.vehicle_id)
-    calm = check_drivability(_motion(track, settled, len(track.positions)), step_s).feasible
+    calm = _is_drivable(track, settled, len(track.positions), step_s) if settled + 1 < len(track.positions) else None
     return Physical(
         settled=calm,
-        whole=calm and check_drivability(_motion(track, first, settled + 1), step_s).feasible,
+        whole=calm is not False and _is_drivable(track, first, settled + 1, step_s),
         closed_form=one.feasible,
-        recorded=None if old is None else check_drivability(_motion(old, first, len(old.positions)), step_s).feasible,
+        recorded=None if old is None else _is_drivable(old, first, len(old.positions), step_s),
+        handed_over=one.cause == "handed_over",
     )
+
+
+def _is_drivable(track: Track, begin: int, end: int, step_s: float) -> bool:
+    return check_drivability(_motion(track, begin, end), step_s).feasible
 
 
 def _motion(track: Track, begin: int, end: int) -> Motion:
@@ -212,14 +257,14 @@ def _in_several_calls(path: Path, asked: Asked, xml: Path) -> bool:
         return outcome.xml is not None and outcome.xml.read_bytes() == xml.read_bytes()
 
 
-def _is_refused(path: Path, scene: Scene, asked: Asked) -> bool:
+def is_refused(path: Path, asked: Asked) -> bool:
     """Whether a request is refused with a reason that names what is wrong, and writes nothing."""
-    del scene
     with TemporaryDirectory() as folder:
         try:
             _edited(path, asked, Path(folder))
         except PlannerForgeError as error:
-            return asked.must_name.lower() in error.text.lower() and not any(Path(folder).iterdir())
+            named = all(word.lower() in error.text.lower() for word in asked.must_name)
+            return bool(asked.must_name) and named and not any(Path(folder).iterdir())
     return False
 
 

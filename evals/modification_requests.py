@@ -1,35 +1,45 @@
 """What the modification bench asks for: ground truth of the corpus as edits, and drawn edits for every file."""
 
+import json
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from plannerforge.engine.edits.behaviours import presets
 from plannerforge.engine.edits.changes import not_drivable
 from plannerforge.engine.edits.lanelet_targets import reachable_lanelets
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.evals.modification_reach import SHARES, distances_m, is_in_reach, length_m
 from plannerforge.schemas.modification import Edit
 
 CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle")
-POSITIONS = ("beginning", "quarter", "middle", "three_quarter", "final")
-MOST_TRIES = 6
+MOST_TRIES, MOST_GOALS = 6, 30
 FEWEST_STATES, SLOWEST_MPS = 25, 1.0
+
+Presets = Mapping[str, Mapping[str, float]]
+"""Values of the paper's presets by name, from its facts and not from the code that is judged."""
 
 
 @dataclass(frozen=True)
 class Asked:
     """One request: its task (T, B, P, G, composite or refuse), the edits, and the ground truth of each edit.
 
-    ``must_name``: what the reason of a refusal has to name.
+    ``must_name``: what the reason of a refusal has to name, every one of them.
     """
 
     task: str
     edits: tuple[Edit, ...]
     truths: tuple[dict[str, Any], ...] = ()
-    must_name: str = ""
+    must_name: tuple[str, ...] = ()
+
+
+def published_presets(facts: Path) -> Presets:
+    """The presets of ``presets.json`` in a folder of facts."""
+    found = json.loads((facts / "presets.json").read_text(encoding="utf-8"))["sumo_behaviour"]["presets"]
+    return {one["name"].lower(): one["values"] for one in found}
 
 
 def edit_of(truth: dict[str, Any]) -> Edit:
@@ -50,45 +60,18 @@ def edit_of(truth: dict[str, Any]) -> Edit:
     return Edit.model_validate(made)
 
 
-def drawn_requests(scene: Scene, seed: str) -> Iterator[list[Asked]]:
-    """For each task the requests to try in turn until the scenario allows one; drawn by a seed."""
+def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[str, list[Asked]]]:
+    """For each task the requests to try in turn until the scenario allows one; drawn by a seed.
+
+    Without any request a scenario allows none of the task: nobody moves in it, or no goal is within a car's reach.
+    """
     draw = np.random.default_rng(zlib.crc32(seed.encode()))
     moving = [key for key, track in scene.tracks.items() if _moves(scene, key) and len(track.positions) > FEWEST_STATES]
     draw.shuffle(moving)
-    yield [_preset(key, str(draw.choice(list(presets())))) for key in moving[:1]]
-    yield [found for key in moving for found in _reroutes(scene, key, draw)][:MOST_TRIES]
-    yield _additions(scene, draw) if draw.random() < 0.5 else [_removal(key) for key in moving[:1]]
-    yield _goals(scene, draw)
-
-
-def refusals(scene: Scene) -> list[Asked]:
-    """Requests that no scenario allows, each with what the reason has to name."""
-    unknown = str(max([*scene.tracks, *scene.layout.table.lanes, 0]) + 7_654_321)
-    vehicle = next((str(key) for key in scene.tracks if not not_drivable(scene, key)), None)
-    asked: list[tuple[dict[str, Any], str]] = [
-        ({"op": "remove_vehicle", "vehicles": [unknown]}, unknown),
-        ({"op": "set_behaviour", "vehicles": ["ego"], "preset": "eco"}, "ego"),
-        ({"op": "set_goal", "to": [unknown]}, unknown),
-        ({"op": "add_vehicle", "vehicle_class": "tram", "at": "ego"}, "tram"),
-        ({"op": "add_vehicle", "vehicle_class": "car", "at": unknown}, unknown),
-    ]
-    if vehicle is not None:
-        asked += [
-            ({"op": "reroute", "vehicles": [vehicle], "to": [unknown]}, unknown),
-            ({"op": "set_behaviour", "vehicles": [vehicle], "preset": "furious"}, "furious"),
-            ({"op": "set_behaviour", "vehicles": [vehicle], "params": ["hornLevel=2"]}, "hornLevel"),
-            ({"op": "set_behaviour", "vehicles": [vehicle], "params": ["sigma=1.5"]}, "sigma"),
-        ]
-        asked += [(_unreachable(scene, int(vehicle)), "reach")] if _unreachable(scene, int(vehicle)) else []
-    return [Asked("refuse", (Edit.model_validate(edit),), must_name=word) for edit, word in asked]
-
-
-def _unreachable(scene: Scene, vehicle_id: int) -> dict[str, Any]:
-    """A reroute to a lanelet that no way leads to; empty where every lanelet can be reached."""
-    start = scene.matches[vehicle_id].sequence[0]
-    reached = {start, *scene.lanelet_graph.reachable([start])}
-    beyond = [key for key in scene.layout.table.lanes if key not in reached]
-    return {"op": "reroute", "vehicles": [str(vehicle_id)], "to": [str(beyond[0])]} if beyond else {}
+    yield "B", [_preset(key, presets, str(draw.choice(sorted(presets)))) for key in moving[:1]]
+    yield "T", [found for key in moving for found in _reroutes(scene, key, draw)][:MOST_TRIES]
+    yield "P", _additions(scene, draw) if draw.random() < 0.5 else [_removal(key) for key in moving[:1]]
+    yield "G", _goals(scene, draw)
 
 
 def _moves(scene: Scene, key: int) -> bool:
@@ -99,9 +82,9 @@ def _asked(task: str, **truth: Any) -> Asked:
     return Asked(task, (edit_of(truth),), (truth,))
 
 
-def _preset(key: int, preset: str) -> Asked:
+def _preset(key: int, presets: Presets, preset: str) -> Asked:
     one = {"by": "ids", "ids": [key]}
-    expected = presets()[preset]
+    expected = dict(presets[preset])
     return _asked("B", op="set_behaviour", selector=one, vehicle_ids=[key], preset=preset, expected_params=expected)
 
 
@@ -130,11 +113,23 @@ def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
 
 
 def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
-    if scene.ego is None or not scene.ego.lanelets:
+    """Goals that a car can reach in the time of the problem, by the lanelets of the file."""
+    if scene.ego is None:
         return []
-    near = reachable_lanelets(scene, scene.ego.lanelets[:1])[:MOST_TRIES]
-    draw.shuffle(near)
-    return [_asked("G", op="set_goal", lanelet=key, position=str(draw.choice(POSITIONS))) for key in near]
+    problem, ways = scene.loaded.problem(scene.ego.problem_id), distances_m(scene.network, scene.ego.position)
+    found = [
+        (key, word)
+        for key, way_m in sorted(ways.items(), key=lambda pair: (pair[1], pair[0]))
+        if key in scene.layout.table.lanes
+        for word, share in SHARES.items()
+        if is_in_reach(problem, scene.step_s, _station_m(scene, key, way_m, share), scene.last_step)
+    ][:MOST_GOALS]
+    draw.shuffle(found)
+    return [_asked("G", op="set_goal", lanelet=int(key), position=str(word)) for key, word in found[:1]]
+
+
+def _station_m(scene: Scene, key: int, way_m: float, share: float) -> float:
+    return way_m + share * length_m(scene.network.find_lanelet_by_id(key))
 
 
 def _selected(truth: dict[str, Any]) -> list[str]:

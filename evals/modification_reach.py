@@ -1,0 +1,102 @@
+"""What a scenario allows, by the lanelets of its file alone: which goals a car can reach, and where "25 m ahead" is.
+
+None of this asks the code that edits, so that it can judge it.
+"""
+
+import heapq
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, point_at, project
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+
+SHARES: Mapping[str, float] = {"beginning": 0.0, "quarter": 0.25, "middle": 0.5, "three_quarter": 0.75, "final": 1.0}
+LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS = 11.5, 50.8
+"""Limits of CommonRoad's vehicle 2 (BMW 320i)."""
+
+LEAST_AHEAD_M, SHARE_IN_REACH = 1.0, 0.95
+"""A goal that a request is drawn for is clearly ahead and clearly within reach, so that rounding decides nothing."""
+
+
+def length_m(lanelet: "Lanelet") -> float:
+    """Length of a lanelet's centre line in m."""
+    return float(np.linalg.norm(np.diff(lanelet.center_vertices, axis=0), axis=1).sum())
+
+
+def distances_m(network: "LaneletNetwork", position: Points) -> dict[int, float]:
+    """Way in m from a point (2,) to the start of every lanelet that it leads to, along successors and lane changes.
+
+    Shortest ways (Dijkstra 1959) from all lanelets under the point; below 0 where the start of one lies behind it.
+    """
+    best: dict[int, float] = {}
+    under = network.find_lanelet_by_position([position])[0]
+    queue = [(-project(network.find_lanelet_by_id(key).center_vertices, position)[0], key) for key in under]
+    heapq.heapify(queue)
+    while queue:
+        way_m, key = heapq.heappop(queue)
+        if key in best:
+            continue
+        best[key] = way_m
+        lanelet = network.find_lanelet_by_id(key)
+        ahead = [(way_m + length_m(lanelet), after) for after in lanelet.successor]
+        for pair in (*ahead, *((way_m, beside) for beside in _beside(lanelet))):
+            heapq.heappush(queue, pair)
+    return best
+
+
+def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
+    """Whether a car gets so far until the goal's time is over (the scenario's last step where it has none)."""
+    start, times = problem.initial_state, [getattr(one, "time_step", None) for one in problem.goal.state_list[:1]]
+    last = int(getattr(times[0], "end", times[0])) if times and times[0] is not None else last_step
+    seconds, speed = max(last - int(start.time_step), 0) * step_s, float(start.velocity)
+    farthest = min(speed * seconds + LARGEST_ACCELERATION_MPS2 * seconds**2 / 2, LARGEST_SPEED_MPS * seconds)
+    return LEAST_AHEAD_M <= way_m <= SHARE_IN_REACH * farthest
+
+
+def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_length_m: float) -> list[Points]:
+    """The point for a share of a lanelet's length, moved inwards by half a vehicle (rule 3 of the corpus)."""
+    lanelet = network.find_lanelet_by_id(lanelet_id)
+    inside = min(vehicle_length_m / 2, length_m(lanelet) / 2)
+    station = min(max(share * length_m(lanelet), inside), length_m(lanelet) - inside)
+    return [point_at(lanelet.center_vertices, station)[0]]
+
+
+def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -> list[Points]:
+    """All points so far ahead of a point (behind: below 0) along the lanelets under it and what follows them."""
+    found: list[Points] = []
+    for key in network.find_lanelet_by_position([position])[0]:
+        station = project(network.find_lanelet_by_id(key).center_vertices, position)[0] + offset_m
+        found += _at_station(network, int(key), station, set())
+    return found
+
+
+def nearest_m(point: Points, places: Iterable[Points]) -> float:
+    """Distance in m to the nearest of some places; infinite where there is none."""
+    return min((float(np.linalg.norm(point - place)) for place in places), default=math.inf)
+
+
+def _at_station(network: "LaneletNetwork", key: int, station_m: float, seen: set[int]) -> list[Points]:
+    """The points at an arc length that may lie before or beyond a lanelet, on every branch there."""
+    lanelet = network.find_lanelet_by_id(key)
+    total = length_m(lanelet)
+    if 0.0 <= station_m <= total:
+        return [point_at(lanelet.center_vertices, station_m)[0]]
+    if key in seen:
+        return []
+    found: list[Points] = []
+    for other in lanelet.successor if station_m > total else lanelet.predecessor:
+        step = -total if station_m > total else length_m(network.find_lanelet_by_id(other))
+        found += _at_station(network, int(other), station_m + step, seen | {key})
+    return found
+
+
+def _beside(lanelet: "Lanelet") -> list[Any]:
+    left = lanelet.adj_left if lanelet.adj_left_same_direction else None
+    right = lanelet.adj_right if lanelet.adj_right_same_direction else None
+    return [key for key in (left, right) if key is not None]

@@ -1,0 +1,71 @@
+"""What the motion of touched vehicles shows in the file that was written, whatever the report says of it."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.scenarios.tracks import Track
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
+
+
+def fronts(track: Track) -> Points:
+    """Front bumpers (n, 2) in m."""
+    ahead = np.column_stack([np.cos(track.headings_rad), np.sin(track.headings_rad)])
+    return np.asarray(track.positions + track.length_m / 2 * ahead)
+
+
+def arrives_on(network: "LaneletNetwork", track: Track, begin: int, targets: set[int]) -> bool:
+    """Whether the vehicle's front gets onto one of the lanelets, and then stays there or drives on from it.
+
+    ``begin``: index of the track from which on it was driven. A vehicle that arrives does not vanish: whoever is on the
+    target early drives on along what follows it.
+    """
+    there = fronts(track)[max(begin, 0) :]
+    for key in sorted(targets):
+        on = shapely.contains_xy(network.find_lanelet_by_id(key).polygon.shapely_object, there[:, 0], there[:, 1])
+        if on.any() and follows(network, _onwards(network, key), there[int(np.argmax(on)) :]):
+            return True
+    return False
+
+
+def follows(network: "LaneletNetwork", lanelets: tuple[int, ...], positions: Points) -> bool:
+    """Whether positions (n, 2) lie on the lanelets or on their neighbours of the same direction."""
+    way = [network.find_lanelet_by_id(key) for key in lanelets]
+    beside = [one.adj_left for one in way if one.adj_left_same_direction]
+    beside += [one.adj_right for one in way if one.adj_right_same_direction]
+    every = [*way, *(network.find_lanelet_by_id(key) for key in beside if key is not None)]
+    area = shapely.union_all([one.polygon.shapely_object.buffer(BESIDE_M) for one in every])
+    return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1]))) >= ON_ROUTE_SHARE
+
+
+def handover_errors(old: Track, new: Track, from_step: int, step_s: float) -> tuple[float, float] | None:
+    """What the hand-over adds to the motion: m beyond v·dt, and m/s; None where nothing was written after it.
+
+    The state at the hand-over is held against the recording, the one after it against that state.
+    """
+    before, here = old.index_at(from_step), new.index_at(from_step)
+    if before is None or here is None or here + 1 >= len(new.positions):
+        return None
+    speeds, moved = new.speeds_mps[here : here + 2], np.diff(new.positions[here : here + 2], axis=0)[0]
+    jumps = (
+        float(np.linalg.norm(new.positions[here] - old.positions[before])),
+        float(np.linalg.norm(moved)) - float(speeds.max()) * step_s,
+    )
+    steps = abs(float(speeds[0] - old.speeds_mps[before])), abs(float(speeds[1] - speeds[0]))
+    return max(*jumps, 0.0), max(steps)
+
+
+def _onwards(network: "LaneletNetwork", key: int) -> tuple[int, ...]:
+    """A lanelet and all that follow it."""
+    found, queue = [key], [key]
+    while queue:
+        after = [int(one) for one in network.find_lanelet_by_id(queue.pop()).successor]
+        queue += [one for one in after if one not in found]
+        found += [one for one in after if one not in found]
+    return tuple(found)

@@ -1,0 +1,93 @@
+"""The modification bench judges written motion by its own rules, and draws only what a car can do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builders import town_road
+
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.evals.modification_reach import distances_m, is_in_reach, nearest_m, places_along, places_on
+from plannerforge.evals.modification_tracks import arrives_on, follows, handover_errors
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return Scene.of(read_scenario(town_road().write(tmp_path_factory.mktemp("bench") / "base.xml")))
+
+
+def along(scene: Scene, lanelet: int, count: int = 21) -> Track:
+    """A car on a lanelet's centre line, from its first to its last tenth."""
+    line = scene.network.find_lanelet_by_id(lanelet).center_vertices
+    positions = line[0] + np.linspace(0.1, 0.9, count)[:, None] * (line[-1] - line[0])
+    heading = float(np.arctan2(*(line[-1] - line[0])[::-1]))
+    speed = float(np.linalg.norm(positions[1] - positions[0])) / 0.1
+    return Track(7, "car", 4.5, 1.8, 0, positions, np.full(count, heading), np.full(count, speed))
+
+
+def test_only_the_lanelet_that_is_driven_counts_as_reached(scene: Scene) -> None:
+    lanelets = [int(one.lanelet_id) for one in scene.network.lanelets]
+    first, other = lanelets[0], lanelets[1]
+    track = along(scene, first)
+    assert arrives_on(scene.network, track, 0, {first})
+    assert not arrives_on(scene.network, track, 0, {other} - set(_after(scene, first)))
+    assert follows(scene.network, (first,), track.positions)
+    assert not follows(scene.network, (first,), track.positions + np.array([500.0, 0.0]))
+
+
+def test_a_target_that_is_left_again_for_a_road_that_does_not_follow_is_not_reached(scene: Scene) -> None:
+    first = int(scene.network.lanelets[0].lanelet_id)
+    track = along(scene, first)
+    away = track.positions.copy()
+    away[10:, 1] += 300.0
+    assert not arrives_on(scene.network, replace(track, positions=away), 0, {first})
+
+
+@pytest.mark.parametrize(("moved_m", "faster_mps", "jump_m", "step_mps"), [(0.0, 0, 0.0, 0.0), (0.2, 1.5, 0.2, 1.5)])
+def test_a_jump_or_a_speed_step_at_the_hand_over_is_seen(
+    scene: Scene, moved_m: float, faster_mps: float, jump_m: float, step_mps: float
+) -> None:
+    old = along(scene, int(scene.network.lanelets[0].lanelet_id))
+    ahead = np.array([np.cos(old.headings_rad[0]), np.sin(old.headings_rad[0])]) * moved_m
+    positions, speeds = old.positions.copy(), old.speeds_mps.copy()
+    positions[5:] += ahead
+    speeds[5:] += faster_mps
+    found = handover_errors(old, replace(old, positions=positions, speeds_mps=speeds), 5, 0.1)
+    assert found == pytest.approx((jump_m, step_mps), abs=1e-6)
+
+
+def test_nothing_written_after_a_hand_over_is_no_figure(scene: Scene) -> None:
+    old = along(scene, int(scene.network.lanelets[0].lanelet_id))
+    assert handover_errors(old, old, len(old.positions) - 1, 0.1) is None
+
+
+def test_a_goal_behind_the_ego_or_out_of_reach_in_time_is_not_drawn(scene: Scene) -> None:
+    problem = scene.loaded.problem()
+    assert is_in_reach(problem, 0.1, 20.0, 100)
+    assert not is_in_reach(problem, 0.1, -5.0, 100)
+    assert not is_in_reach(problem, 0.1, 1e5, 100)
+
+
+def test_ways_lead_to_what_follows_and_lies_beside(scene: Scene) -> None:
+    assert scene.ego is not None
+    ways = distances_m(scene.network, scene.ego.position)
+    here = scene.ego.lanelets[0]
+    assert ways[here] <= 0.0
+    assert all(ways[key] > 0.0 for key in _after(scene, here))
+
+
+def test_a_place_is_told_from_one_elsewhere(scene: Scene) -> None:
+    assert scene.ego is not None
+    places = places_along(scene.network, scene.ego.position, 15.0)
+    ahead = np.array([np.cos(scene.ego.heading_rad), np.sin(scene.ego.heading_rad)])
+    assert nearest_m(scene.ego.position + 15.0 * ahead, places) < 2.0
+    assert nearest_m(scene.ego.position + 19.0 * ahead, places) > 2.0
+    middle = places_on(scene.network, scene.ego.lanelets[0], 0.5, 4.5)
+    assert nearest_m(middle[0] + 3.0, middle) > 2.0
+    assert nearest_m(middle[0], []) == float("inf")
+
+
+def _after(scene: Scene, key: int) -> tuple[int, ...]:
+    return tuple(int(one) for one in scene.network.find_lanelet_by_id(key).successor)
