@@ -7,17 +7,19 @@ every planning step: ``python -m plannerforge.evals.bench_responsibility [FOLDER
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from plannerforge.engine.planners.candidate_batch import CandidateBatch
 from plannerforge.engine.planners.frenetix import Frenetix
-from plannerforge.engine.planners.interface import PlanningTask
+from plannerforge.engine.planners.interface import Observation, Plan, PlanningTask
 from plannerforge.engine.planners.responsibility import responsibility
 from plannerforge.engine.planners.simulation import simulate
 from plannerforge.engine.scenarios.reader import read_scenario
@@ -30,11 +32,46 @@ if TYPE_CHECKING:
     from plannerforge.engine.geometry.polyline import Values
 
 FILES = 15
+ALL_PLANS = sys.maxsize
 STARTER = Path(__file__).resolve().parent.parent / "engine" / "catalog" / "starter.zip"
 
 
+@dataclass
+class Listened:
+    """Raw values of both terms, one a candidate, and the seconds that ``responsibility`` took, one a planning step."""
+
+    scenarios: int = 0
+    prediction: list[float] = field(default_factory=list)
+    responsibility: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+
+    @property
+    def either(self) -> NDArray[np.bool_]:
+        """The candidates of which at least one of the terms says something."""
+        return (np.array(self.prediction) > 0) | (np.array(self.responsibility) > 0)
+
+    def spearman(self) -> float:
+        """The rank correlation over all candidates."""
+        return _rank_correlation(self.prediction, self.responsibility)
+
+    def spearman_with_either(self) -> float:
+        """The rank correlation without the candidates of which both terms are 0."""
+        chosen = self.either
+        return _rank_correlation(np.array(self.prediction)[chosen], np.array(self.responsibility)[chosen])
+
+
+def _rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
+    from scipy.stats import spearmanr
+
+    return float(spearmanr(first, second).statistic)
+
+
 class ListeningFrenetix(Frenetix):
-    """Frenetix that keeps the raw values of both terms of every feasible candidate."""
+    """Frenetix that keeps the raw values of both terms of every feasible candidate, and gives up after some plans."""
+
+    def __init__(self, most_plans: int) -> None:
+        super().__init__()
+        self._plans_left = most_plans
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run."""
@@ -43,6 +80,11 @@ class ListeningFrenetix(Frenetix):
         self.responsibility: list[float] = []
         self.seconds: list[float] = []
         self._own_terms["responsibility"] = self._timed
+
+    def plan(self, observation: Observation) -> Plan:
+        """The plan of Frenetix; none once all its plans are made."""
+        self._plans_left -= 1
+        return Plan(None) if self._plans_left < 0 else super().plan(observation)
 
     def _timed(self, batch: CandidateBatch) -> "Values":
         began = perf_counter()
@@ -68,38 +110,42 @@ def scenario_files(folder: Path | None, count: int, scratch: Path) -> Iterator[P
         yield from found[:: max(len(found) // count, 1)][:count]
 
 
-def main() -> None:
-    """Measure and print."""
-    from scipy.stats import spearmanr
+def listened(paths: Iterable[Path], most_plans: int = ALL_PLANS) -> Listened:
+    """Drive Safety-Conservative through the files, so many planning steps of each, and collect both terms.
 
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
-    count = int(sys.argv[2]) if len(sys.argv) > 2 else FILES
+    Raises:
+        RuntimeError: the preset is gone.
+    """
     configuration = named_configuration("frenetix:Safety-Conservative")
     if configuration is None:
         raise RuntimeError("the preset is not here")
-    danger: list[float] = []
-    blame: list[float] = []
-    seconds: list[float] = []
-    scenarios = 0
+    found = Listened()
+    for path in paths:
+        loaded = read_scenario(path)
+        planner = ListeningFrenetix(most_plans)
+        run = simulate(loaded.scenario, loaded.problem(), configuration, planner, "constant_velocity", _silent)
+        if run.plans:
+            found.scenarios += 1
+            found.prediction += planner.prediction
+            found.responsibility += planner.responsibility
+            found.seconds += planner.seconds
+    return found
+
+
+def main() -> None:
+    """Measure and print."""
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    count = int(sys.argv[2]) if len(sys.argv) > 2 else FILES
     with tempfile.TemporaryDirectory() as scratch:
-        for path in scenario_files(folder, count, Path(scratch)):
-            loaded = read_scenario(path)
-            planner = ListeningFrenetix()
-            run = simulate(loaded.scenario, loaded.problem(), configuration, planner, "constant_velocity", _silent)
-            if run.plans:
-                scenarios += 1
-                danger += planner.prediction
-                blame += planner.responsibility
-                seconds += planner.seconds
-    either = (np.array(danger) > 0) | (np.array(blame) > 0)
+        found = listened(scenario_files(folder, count, Path(scratch)))
     figures: dict[str, float | int | str] = {
-        "scenarios": scenarios,
-        "candidates": len(danger),
-        "candidates_with_either": int(either.sum()),
-        "spearman": round(float(spearmanr(danger, blame).statistic), 3),
-        "spearman_with_either": round(float(spearmanr(np.array(danger)[either], np.array(blame)[either]).statistic), 3),
-        "step_median_ms": round(1000 * median(seconds), 2),
-        "step_p95_ms": round(1000 * float(np.quantile(seconds, 0.95)), 2),
+        "scenarios": found.scenarios,
+        "candidates": len(found.prediction),
+        "candidates_with_either": int(found.either.sum()),
+        "spearman": round(found.spearman(), 3),
+        "spearman_with_either": round(found.spearman_with_either(), 3),
+        "step_median_ms": round(1000 * median(found.seconds), 2),
+        "step_p95_ms": round(1000 * float(np.quantile(found.seconds, 0.95)), 2),
     }
     print_figures("responsibility against prediction", [(key, str(value)) for key, value in figures.items()], figures)
 
