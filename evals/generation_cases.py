@@ -17,12 +17,13 @@ from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
 from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.engine.tuning.configurations import named_configuration
 from plannerforge.evals.generation_figures import Made, Stages
-from plannerforge.evals.generation_judge import MadeFiles, holds_vehicles, lies_at, shows_type
+from plannerforge.evals.generation_judge import MadeFiles, holds_vehicles, lies_at_street, lies_in, shows_type
 from plannerforge.evals.generation_maps import BenchMaps
 from plannerforge.evals.generation_motion import measure_motion
 from plannerforge.evals.generation_refusals import Refusal, is_right_reason
 from plannerforge.evals.generation_requests import BenchRequest
 from plannerforge.evals.in_process import call_in_process
+from plannerforge.evals.map_evidence import MapEvidence, read_evidence
 from plannerforge.schemas.errors import NotPossible, PlannerForgeError
 from plannerforge.schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
 from plannerforge.server.argument_errors import read_arguments
@@ -30,6 +31,8 @@ from plannerforge.tools.generation_orders import Order, Orders, plan_orders
 from plannerforge.tools.generation_plan import plan_maps, request_for
 
 CHECKED_TRACKS = 3
+BEYOND_MAP_DEG, BEYOND_BOX_DEG = 0.01, 0.0001
+"""A map's roads lead beyond its bounds; in a box that was asked for, only rounding is let pass (10 m)."""
 
 
 def convert_whole(name: str, maps: BenchMaps) -> str:
@@ -95,15 +98,15 @@ def make(request: BenchRequest, wish: GenerationRequest, maps: BenchMaps, seed: 
         if faults:
             return Made(request, fault=f"breaks the schema: {faults[0]}")
         loaded = read_scenario(folder / "scenario.xml")
-        files = MadeFiles.read(folder)
+        files, evidence = MadeFiles.read(folder), read_evidence(Path(wish.map_path))
         executable, outcome = drive(loaded)
         return Made(
             request,
             executable=executable,
             outcome=outcome,
-            road_type=shows_type(files, wish.scenario_type),
+            road_type=shows_type(files, wish.scenario_type, evidence),
             vehicles=holds_vehicles(files, wished_vehicles(wish)),
-            place=_place_is_right(request, wish, report, files, maps),
+            place=_place_is_right(request, wish, report, files, maps, evidence),
             motion=measure_motion(loaded, CHECKED_TRACKS, seed),
             stages=stages,
         )
@@ -132,13 +135,15 @@ def _place_is_right(
     report: GeneratedScenario,
     files: MadeFiles,
     maps: BenchMaps,
+    evidence: MapEvidence,
 ) -> bool:
-    """On the map meant, or on another one of the same place; in the country; near the street."""
+    """On the map meant, or on another one of the same place; in the country and the box asked for; near the street."""
     name, country = maps.name_of(wish.map_id), request.arguments.country
-    shown = maps.places[name]
+    shown, box, street = maps.places[name], request.arguments.bbox, request.street
     meant = name == request.map_name or request.arguments.place in shown["places"]
-    there = lies_at(files, Path(wish.map_path), shown["bbox"], request.street)
-    return meant and there and country in (None, report.benchmark_id[:3])
+    there = lies_in(files, shown["bbox"], BEYOND_MAP_DEG) and (box is None or lies_in(files, box, BEYOND_BOX_DEG))
+    on_street = street is None or lies_at_street(files, street, shown["places"], evidence)
+    return meant and there and on_street and country in (None, report.benchmark_id[:3])
 
 
 def refused_right(refusal: Refusal, maps: Sequence[MapEntry]) -> str:

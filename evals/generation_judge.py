@@ -6,7 +6,7 @@ Apart from the site finder: types are read off the SUMO net around the scenario'
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,14 +14,30 @@ import numpy as np
 from lxml import etree
 
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.maps.index import same_street
 from plannerforge.engine.network.net_parser import NetEdge, SumoNet, read_net
-from plannerforge.engine.traffic.vehicle_classes import class_by_size
+from plannerforge.evals.map_evidence import MapEvidence
 
 NEAR_M = 100.0
 LONGEST_RING_M = 1_200.0
 LEAST_ROUND = 0.55
 """4π·area / perimeter² of a ring: 1 is a circle, 0.785 a square; oblong roundabouts have less."""
+STREET_WITHIN_M = 250.0
+BESIDE_M, SIDES_APART_M = 40.0, 12.0
+OUT_OF_TOWN_KMH = 60.0
+SIZES = {
+    "car": ("car", 3.0, 6.0),
+    "delivery": ("truck", 5.0, 7.0),
+    "truck": ("truck", 7.0, 12.1),
+    "trailer": ("truck", 12.1, 25.3),
+    "bus": ("bus", 8.0, 13.5),
+    "coach": ("bus", 13.5, 15.1),
+    "taxi": ("taxi", 3.0, 6.0),
+    "emergency": ("priorityVehicle", 4.0, 12.1),
+    "motorcycle": ("motorcycle", 2.15, 2.6),
+    "moped": ("motorcycle", 1.5, 2.15),
+    "bicycle": ("bicycle", 1.3, 2.6),
+}
+"""CommonRoad's type of each class, and the lengths in m (from, below) that tell classes of one type apart."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +69,12 @@ class MadeFiles:
 
     def classes(self) -> Counter[str]:
         """Vehicles by class, the ego not counted."""
-        found = (class_by_size(kind, length) for kind, length in self.obstacles)
-        return Counter(known.name for known in found if known is not None)
+        return Counter(
+            name
+            for kind, length in self.obstacles
+            for name, (of_kind, shortest, longest) in SIZES.items()
+            if kind == of_kind and shortest <= length < longest
+        )
 
     def near(self, within_m: float = NEAR_M) -> list[NetEdge]:
         """Roads of the net within a distance of the middle."""
@@ -66,19 +86,36 @@ class MadeFiles:
         return float(np.linalg.norm(points - self.middle, axis=1).min())
 
 
-def shows_type(made: MadeFiles, kind: str) -> bool:
-    """Whether the roads around the middle are of the type."""
-    judges: dict[str, Callable[[MadeFiles], bool]] = {
-        "roundabout": _roundabout,
-        "signalised_intersection": lambda made: _crossing(made, lit=True),
-        "intersection": lambda made: _crossing(made, lit=False),
-        "highway": lambda made: _any_class(made, ("motorway", "trunk")),
-        "ramp": _ramp,
-        "rural": lambda made: not _any_class(made, ("residential", "living_street", "motorway"), 40.0),
-        "urban": lambda made: bool(made.near()) and not _any_class(made, ("motorway",), 40.0),
-        "any": lambda made: bool(made.near()),
+def shows_type(made: MadeFiles, kind: str, evidence: MapEvidence) -> bool:
+    """Whether the roads around the middle are of the type; what is town and what country, the map file tells."""
+    judges: dict[str, Callable[[], bool]] = {
+        "roundabout": lambda: _roundabout(made),
+        "signalised_intersection": lambda: _crossing(made, lit=True),
+        "intersection": lambda: _crossing(made, lit=False),
+        "highway": lambda: _any_class(made, ("motorway", "trunk")),
+        "ramp": lambda: _ramp(made),
+        "rural": lambda: _rural(made, evidence),
+        "urban": lambda: _urban(made, evidence),
+        "any": lambda: bool(made.near()),
     }
-    return judges[kind](made)
+    return judges[kind]()
+
+
+def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
+    """A road beside the middle, no motorway or street with houses, and a limit above a town's or no built-up area."""
+    spot = (made.latitude, made.longitude)
+    town = _any_class(made, ("residential", "living_street", "motorway"), BESIDE_M)
+    fast = max(evidence.limits_kmh(*spot, BESIDE_M), default=0.0) >= OUT_OF_TOWN_KMH
+    return bool(made.near(BESIDE_M)) and not town and (fast or not evidence.is_built_up(*spot, 50.0))
+
+
+def _urban(made: MadeFiles, evidence: MapEvidence) -> bool:
+    """A road beside the middle, no motorway, and streets with houses, a town's limit or a built-up area around."""
+    spot = (made.latitude, made.longitude)
+    street = _any_class(made, ("residential", "living_street", "pedestrian"))
+    slow = min(evidence.limits_kmh(*spot, BESIDE_M), default=math.inf) < OUT_OF_TOWN_KMH
+    motorway = _any_class(made, ("motorway",), BESIDE_M)
+    return bool(made.near(BESIDE_M)) and not motorway and (street or slow or evidence.is_built_up(*spot, NEAR_M))
 
 
 def _classes(edge: NetEdge) -> set[str]:
@@ -109,8 +146,7 @@ def _ramp(made: MadeFiles) -> bool:
 def _roundabout(made: MadeFiles) -> bool:
     """A closed one-way ring within reach, driven round the proper way, with at least two roads leading in."""
     edges = {key: edge for key, edge in made.net.edges.items() if not edge.internal}
-    both_ways = {(edge.to_junction, edge.from_junction) for edge in edges.values()}
-    one_way = {k for k, e in edges.items() if (e.from_junction, e.to_junction) not in both_ways or _loop(e)}
+    one_way = {key for key, edge in edges.items() if not _has_other_side(made.net, edge)}
     following: dict[str, set[str]] = {key: set() for key in one_way}
     entering: dict[str, set[str]] = {key: set() for key in one_way}
     for connection in made.net.connections:
@@ -125,8 +161,14 @@ def _roundabout(made: MadeFiles) -> bool:
     return False
 
 
-def _loop(edge: NetEdge) -> bool:
-    return edge.from_junction == edge.to_junction
+def _has_other_side(net: SumoNet, edge: NetEdge) -> bool:
+    """Whether traffic comes the other way beside a road; the other half of a ring runs elsewhere."""
+    middle = _line(net, edge.edge_id).mean(axis=0)
+    return any(
+        float(np.linalg.norm(_line(net, other.edge_id).mean(axis=0) - middle)) < SIDES_APART_M
+        for other in net.edges.values()
+        if other is not edge and (other.from_junction, other.to_junction) == (edge.to_junction, edge.from_junction)
+    )
 
 
 def _line(net: SumoNet, edge: str) -> Points:
@@ -158,25 +200,19 @@ def _is_round(net: SumoNet, ring: list[str]) -> bool:
     return proper_way and 4 * math.pi * abs(area) / max(perimeter, 1.0) ** 2 > LEAST_ROUND
 
 
-def lies_at(made: MadeFiles, map_file: Path, bounds: list[float], street: str | None) -> bool:
-    """Whether the middle lies on the map, and near the road named (where the map has a road or point of that name)."""
-    south, west, north, east = bounds
-    if not (south - 0.01 <= made.latitude <= north + 0.01 and west - 0.01 <= made.longitude <= east + 0.01):
-        return False
-    if street is None or any(same_street(edge.name, street) for edge in made.net.edges.values() if edge.name):
-        return True
-    root = etree.parse(map_file).getroot()
-    places = {n.get("id"): (float(n.get("lat", "nan")), float(n.get("lon", "nan"))) for n in root.iterfind("node")}
-    named = [way for way in root.iterfind("way") if way.find("tag[@k='highway']") is not None and _named(way, street)]
-    points = [places[nd.get("ref")] for way in named for nd in way.iterfind("nd") if nd.get("ref") in places]
-    north_m, east_m = 111_200.0, 111_200.0 * math.cos(math.radians(made.latitude))
-    distances = [math.hypot((a - made.latitude) * north_m, (o - made.longitude) * east_m) for a, o in points]
-    return not distances or min(distances) < 250.0
+def lies_in(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
+    """Whether the middle lies in a box (south, west, north, east), up to ``slack`` outside; all in degrees."""
+    south, west, north, east = box
+    inside = south - slack <= made.latitude <= north + slack
+    return inside and west - slack <= made.longitude <= east + slack
 
 
-def _named(way: etree._Element, street: str) -> bool:
-    values = [tag.get("v", "") for tag in way.iterfind("tag") if tag.get("k") in ("name", "ref")]
-    return any(same_street(part.strip(), street) for value in values for part in value.split(";"))
+def lies_at_street(made: MadeFiles, street: str, places: Sequence[str], evidence: MapEvidence) -> bool:
+    """Whether every part of ``street, place`` is a place that the whole map shows, or something named so is near."""
+    parts = [part.strip() for part in street.split(",")]
+    return all(
+        part in places or evidence.names_near(part, made.latitude, made.longitude, STREET_WITHIN_M) for part in parts
+    )
 
 
 def holds_vehicles(made: MadeFiles, wished: dict[str, tuple[int, int | None]]) -> bool:

@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import oriented_rectangle, rectangles_overlap, wrap_angle
+from plannerforge.engine.geometry.polyline import wrap_angle
 from plannerforge.engine.scenarios.reader import LoadedScenario
 from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
 from plannerforge.engine.traffic.feasibility import steering_angles
 from plannerforge.engine.traffic.smoothing import Motion
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass, class_by_size
+
+SHARED_M2 = 1e-6
+"""Rounding makes rectangles that only touch share less."""
 
 
 @dataclass(frozen=True)
@@ -40,30 +43,33 @@ def measure_motion(loaded: LoadedScenario, sample: int, seed: int) -> MotionFigu
     return MotionFigures(
         positions=len(points),
         inside=int(contains_xy(lanes, points[:, 0], points[:, 1]).sum()),
-        overlapping_pairs=sum(_meet(one, other) for index, one in enumerate(tracks) for other in tracks[:index]),
+        overlapping_pairs=sum(meet(one, other) for index, one in enumerate(tracks) for other in tracks[:index]),
         checked=len(verdicts),
         feasible=sum(verdicts.values()),
         infeasible_names=tuple(f"{loaded.benchmark_id}: {name}" for name, good in verdicts.items() if not good),
     )
 
 
-def _meet(one: Track, other: Track) -> bool:
+def meet(one: Track, other: Track) -> bool:
+    """Whether the rectangles of two tracks share an area at any step."""
+    from shapely import area, intersection, polygons
+
     reach = (one.length_m + other.length_m) / 2 + 2.0
     first, last = max(one.first_step, other.first_step), min(one.last_step, other.last_step)
     if last < first:
         return False
-    mine, theirs = slice(first - one.first_step, last - one.first_step + 1), slice(first - other.first_step, None)
-    apart = np.linalg.norm(one.positions[mine] - other.positions[theirs][: last - first + 1], axis=1)
-    return any(
-        rectangles_overlap(_corners(one, step), _corners(other, step))
-        for step in (first + np.flatnonzero(apart < reach)).tolist()
-    )
+    mine, theirs = (slice(first - track.first_step, last - track.first_step + 1) for track in (one, other))
+    near = np.linalg.norm(one.positions[mine] - other.positions[theirs], axis=1) < reach
+    shapes = (polygons(_corners(track)[part][near]) for track, part in ((one, mine), (other, theirs)))
+    return bool((area(intersection(*shapes)) > SHARED_M2).any())
 
 
-def _corners(track: Track, step: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    index = step - track.first_step
-    size = (track.length_m, track.width_m)
-    return oriented_rectangle(track.positions[index], float(track.headings_rad[index]), size)
+def _corners(track: Track) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """The rectangle of every step: shape (steps, 4, 2)."""
+    ahead = np.stack([np.cos(track.headings_rad), np.sin(track.headings_rad)], axis=1) * track.length_m / 2
+    aside = np.stack([-np.sin(track.headings_rad), np.cos(track.headings_rad)], axis=1) * track.width_m / 2
+    sides = (ahead + aside, ahead - aside, -ahead - aside, -ahead + aside)
+    return np.stack([track.positions + side for side in sides], axis=1)
 
 
 def is_drivable(track: Track, step_s: float) -> bool:
