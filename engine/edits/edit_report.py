@@ -11,8 +11,10 @@ from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.missed_aims import speeds_reached, why_not
 from plannerforge.engine.edits.moved_elements import replayed_motion
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.feasibility import Feasibility, check_kinematics
 from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.traffic.vehicle_classes import nearest_class
 from plannerforge.schemas.modification import (
     LETTERS,
     EditCollision,
@@ -76,11 +78,11 @@ def touched_vehicles(
     scene: Scene,
     changes: Changes,
     result: Resimulated,
-    check: Callable[[Motion, float], Feasibility] = check_kinematics,
+    check: Callable[..., Feasibility] = check_kinematics,
 ) -> tuple[TouchedVehicle, ...]:
     """Feasibility (by a check) and hand-over of every touched vehicle, by ascending id."""
     driven = {
-        key: _touched(scene, result.plans[key], track, check(track.motion, scene.step_s))
+        key: _touched(scene, result.plans[key], track, _verdict(scene, result.plans[key].start, track.motion, check))
         for key, track in result.tracks.items()
     }
     given = {key: _given(scene, replay, check) for key, replay in changes.replays.items() if key not in driven}
@@ -95,9 +97,16 @@ def reported_collisions(scene: Scene, result: Resimulated) -> tuple[EditCollisio
     )
 
 
-def _given(scene: Scene, replay: Replay, check: Callable[[Motion, float], Feasibility]) -> TouchedVehicle:
+def _verdict(scene: Scene, track: Track, motion: Motion, check: Callable[..., Feasibility]) -> Feasibility:
+    """What a check says of a motion, with the axles of the class that the vehicle is of by its type and length."""
+    chassis = nearest_class(track.kind, track.length_m)
+    return check(motion, scene.step_s, wheelbase_m=chassis.wheelbase_m, rear_axle_m=chassis.rear_axle_m)
+
+
+def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> TouchedVehicle:
     """A road user that moves by a given track; people on foot are not held to what vehicles can do."""
-    verdict = None if replay.recording is None else check(replayed_motion(replay, scene.step_s), scene.step_s)
+    motion = None if replay.recording is None else replayed_motion(replay, scene.step_s)
+    verdict = None if motion is None else _verdict(scene, replay.track, motion, check)
     return TouchedVehicle(
         vehicle_id=replay.track.obstacle_id,
         cause="added" if verdict is None else "shifted",

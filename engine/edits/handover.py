@@ -8,7 +8,8 @@ import numpy as np
 from plannerforge.engine.edits.resimulation import DrivenTrack, front_of
 from plannerforge.engine.geometry.polyline import Points, Values
 from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.engine.traffic.smoothing import REAR_AXLE_BEHIND_CENTER_M, Motion, drivable_motion, tractrix
+from plannerforge.engine.traffic.smoothing import Motion, drivable_motion, tractrix
+from plannerforge.engine.traffic.vehicle_classes import nearest_class
 
 HISTORY_STEPS = 15
 FEWEST_STATES = 5
@@ -21,13 +22,14 @@ STANDING_MPS = 0.02
 
 @dataclass(frozen=True)
 class TouchedTrack:
-    """The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its size."""
+    """The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its dimensions."""
 
     vehicle_id: int
     first_step: int
     motion: Motion
     length_m: float
     width_m: float
+    wheelbase_m: float
     leaves: bool
     lanes: tuple[str, ...]
 
@@ -62,10 +64,17 @@ def touched_track(start: Track, driven: DrivenTrack, step_s: float, last_step: i
     history = _history(start, index, step_s)
     front = np.concatenate([history, front_of(start, index)[None], onward])
     first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
-    smooth = drivable_motion(front, first_heading, start.length_m, step_s)
-    motion = _joined(smooth, len(history), start, index, step_s)
+    chassis = nearest_class(start.kind, start.length_m)
+    smooth = drivable_motion(front, first_heading, start.length_m, step_s, rear_axle_m=chassis.rear_axle_m)
     return TouchedTrack(
-        start.obstacle_id, driven.first_step, motion, start.length_m, start.width_m, driven.leaves, driven.lanes
+        vehicle_id=start.obstacle_id,
+        first_step=driven.first_step,
+        motion=_joined(smooth, len(history), start, index, step_s, chassis.rear_axle_m),
+        length_m=start.length_m,
+        width_m=start.width_m,
+        wheelbase_m=chassis.wheelbase_m,
+        leaves=driven.leaves,
+        lanes=driven.lanes,
     )
 
 
@@ -97,7 +106,7 @@ def _history(start: Track, index: int, step_s: float) -> Points:
     return np.array([front_of(start, first) - back * steps for steps in range(missing, 0, -1)] + recorded)
 
 
-def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float) -> Motion:
+def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float, rear_axle_m: float) -> Motion:
     """The smoothed motion from the hand-over on; differences to the recorded state fade out instead of jumping.
 
     Only the front's track is corrected; the heading follows it as a tractrix from the recorded heading on, so that
@@ -108,7 +117,7 @@ def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float) 
     front = smooth.positions[skip:] + start.length_m / 2 * forward
     times = np.arange(len(front)) * step_s
     front = front + (front_of(start, index) - front[0]) * np.exp(-times / POSE_DECAY_S)[:, None]
-    speed, drag = max(float(start.speeds_mps[index]), 0.0), start.length_m / 2 + REAR_AXLE_BEHIND_CENTER_M
+    speed, drag = max(float(start.speeds_mps[index]), 0.0), start.length_m / 2 + rear_axle_m
     headings = tractrix(front, float(start.headings_rad[index]), drag)
     rear = front[:3] - drag * _directions(headings[:3])
     first_speeds = np.linalg.norm(np.diff(rear, axis=0), axis=1) / step_s
@@ -116,7 +125,7 @@ def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float) 
     front = front + forward * (missing * times * np.exp(-times / SPEED_DECAY_S))[:, None]
     headings = tractrix(front, float(start.headings_rad[index]), drag)
     centers = front - start.length_m / 2 * _directions(headings)
-    speeds = _rear_axle_speeds(centers, headings, speed, step_s)
+    speeds = _rear_axle_speeds(centers - rear_axle_m * _directions(headings), headings, speed, step_s)
     return Motion(centers, headings, speeds, np.gradient(speeds, step_s))
 
 
@@ -124,10 +133,10 @@ def _directions(headings_rad: Values) -> Points:
     return np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
 
 
-def _rear_axle_speeds(centers: Points, headings: Values, first_mps: float, step_s: float) -> Values:
+def _rear_axle_speeds(rear: Points, headings: Values, first_mps: float, step_s: float) -> Values:
     """Speeds along the heading of the rear axle, which a kinematic single-track model steers, shape (n,)."""
     forward = _directions(headings)
-    moved = np.diff(centers - REAR_AXLE_BEHIND_CENTER_M * forward, axis=0)
+    moved = np.diff(rear, axis=0)
     along = np.maximum((moved * forward[:-1]).sum(axis=1) / step_s, 0.0)
     speeds = np.concatenate([[first_mps], (along[:-1] + along[1:]) / 2, along[-1:]])
     speeds[speeds < STANDING_MPS] = 0.0

@@ -9,6 +9,7 @@ from plannerforge.engine.edits.scenario_document import ScenarioDocument
 from plannerforge.engine.edits.scene import Ego
 from plannerforge.engine.edits.state_elements import exact, obstacle_element, point_element, state_step
 from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.traffic.vehicle_classes import nearest_class
 
 Element = etree._Element
 
@@ -21,7 +22,16 @@ def write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> N
     if replay.recording is None:
         motion = replayed_motion(replay, step_s)
         track = replay.track
-        touched = TouchedTrack(track.obstacle_id, track.first_step, motion, track.length_m, track.width_m, False, ())
+        touched = TouchedTrack(
+            vehicle_id=track.obstacle_id,
+            first_step=track.first_step,
+            motion=motion,
+            length_m=track.length_m,
+            width_m=track.width_m,
+            wheelbase_m=nearest_class(track.kind, track.length_m).wheelbase_m,
+            leaves=False,
+            lanes=(),
+        )
         element = obstacle_element(track.kind, touched, step_s, is_2018b=document.is_2018b)
         document.add_obstacle(element)
         return

@@ -37,7 +37,7 @@ def write_touched(document: ScenarioDocument, track: TouchedTrack, step_s: float
 def state_elements(track: TouchedTrack, fields: tuple[str, ...], step_s: float, first: int) -> list[Element]:
     """``<state>`` elements for the motion from its ``first`` index on, with the fields that can be told."""
     rates = np.gradient(track.motion.headings_rad, step_s)
-    steering = steering_angles(track.motion, step_s)
+    steering = steering_angles(track.motion, step_s, track.wheelbase_m)
     made = []
     for index in range(first, len(track.motion.speeds_mps)):
         values = {

@@ -56,6 +56,12 @@ def sumo_class_of(commonroad_type: str) -> str:
     return "pedestrian" if commonroad_type == "pedestrian" else "passenger"
 
 
+def nearest_class(commonroad_type: str, length_m: float) -> VehicleClass:
+    """The class of a CommonRoad type whose length is nearest to a recorded one; a car for types without a class."""
+    fitting = [known for known in _CLASSES if known.commonroad_type == commonroad_type] or _CLASSES[:1]
+    return min(fitting, key=lambda known: abs(known.length_m - length_m))
+
+
 def class_by_size(commonroad_type: str, length_m: float) -> VehicleClass | None:
     """The class that a recorded obstacle of a CommonRoad type and this length can be; None for other sizes."""
     fitting = (known for known in _CLASSES if known.commonroad_type == commonroad_type)
