@@ -15,7 +15,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from plannerforge.engine.planners.candidate_batch import CandidateBatch
 from plannerforge.engine.planners.frenetix import Frenetix
@@ -52,7 +52,7 @@ class Listened:
 
     def spearman(self) -> float:
         """The rank correlation over all candidates."""
-        return _rank_correlation(self.prediction, self.responsibility)
+        return _rank_correlation(np.array(self.prediction), np.array(self.responsibility))
 
     def spearman_with_either(self) -> float:
         """The rank correlation without the candidates of which both terms are 0."""
@@ -60,7 +60,7 @@ class Listened:
         return _rank_correlation(np.array(self.prediction)[chosen], np.array(self.responsibility)[chosen])
 
 
-def _rank_correlation(first: ArrayLike, second: ArrayLike) -> float:
+def _rank_correlation(first: "Values", second: "Values") -> float:
     from scipy.stats import spearmanr
 
     return float(spearmanr(first, second).statistic)
