@@ -1,11 +1,12 @@
 """``make bench-selection``: selection over real scenarios against ground truth, and how fast it is.
 
-Keys: ``sat_all_funnel``, ``ids_exact`` (slots of the ground truth, funnel), ``sat_top1_spoiled`` and
-``sat_top1_spoiled_strict`` (spoiled slots, with and without the fallback), ``sat_top1_spoiled_text`` (with the
-request's words), ``bm25_top1``, ``refused_right``, ``search_median_ms_500``, ``search_median_ms_100k``,
-``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which puts the starter
-catalogue in), ``first_text_search_s``, ``warm_text_search_ms``. Needs the real scenarios and the corpus:
-``PLANNERFORGE_SHARED``, else ``../shared``.
+Keys: ``sat_all_funnel``, ``ids_exact`` (slots of the ground truth, all pages of the tool), ``empty_right`` (requests
+that nothing satisfies: no match, and the right stage named), ``sat_top1_spoiled`` and ``sat_top1_spoiled_strict``
+(spoiled slots, with and without the fallback), ``sat_top1_spoiled_text`` (with the request's words), ``bm25_top1``,
+``refused_right``, ``search_median_ms_500``, ``search_median_ms_100k`` (the tool as a client waits for it),
+``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which puts the starter catalogue in),
+``first_text_search_s``, ``warm_text_search_ms``. Needs the real scenarios and the corpus: ``PLANNERFORGE_SHARED``, else
+``../shared``.
 """
 
 import argparse
@@ -14,6 +15,7 @@ import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import anyio
@@ -25,9 +27,9 @@ from plannerforge.engine.catalog.tables import facts_of
 from plannerforge.engine.workspace.database import Database
 from plannerforge.evals.bench_output import print_figures
 from plannerforge.evals.bench_selection_quality import SEEDS, SelectionQuality
-from plannerforge.evals.bench_selection_speed import measure_starts, search_ms
-from plannerforge.evals.selection_corpus import read_requests
-from plannerforge.evals.synthetic_catalog import make_catalog
+from plannerforge.evals.bench_selection_speed import measure_searches, measure_starts
+from plannerforge.evals.selection_corpus import Request, read_requests
+from plannerforge.evals.selection_pages import Answered, answer_all
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
@@ -64,15 +66,15 @@ def measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
     added, import_s = anyio.run(import_folder, settings, folder)
     database = Database(workspace / "workspace.sqlite")
     connection = database.connection()
+    tell("all pages of every request")
+    pages = anyio.run(_pages, settings, folder, requests)
     figures, rows = SelectionQuality(database, scratch / "index", requests, folder, tell).measure(seeds)
     numbers = frozenset(row[0] for row in connection.execute("SELECT number FROM catalog_scenarios"))
     real = list(facts_of(connection, [entry.scenario_id for entry in entries_of(connection, numbers)]).values())
     medians = []
     for size in (SMALL, largest):
-        tell(f"making a catalogue of {size:,}")
-        made = make_catalog(scratch / f"{size}.sqlite", real, size)
         tell(f"searching among {size:,}")
-        medians.append(statistics.median(search_ms(made, requests)))
+        medians.append(statistics.median(anyio.run(measure_searches, scratch / f"{size}", real, size, requests)))
     database.close()
     tell("starting servers")
     starts = anyio.run(measure_starts, sys.executable, workspace, scratch / "new")
@@ -81,6 +83,7 @@ def measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
         "Selection",
         [
             *rows,
+            *_page_rows(pages),
             (f"search, median at {SMALL}", f"{medians[0]:.1f} ms"),
             (f"search, median at {largest:,}", f"{medians[1]:.1f} ms"),
             (f"import of {added} scenarios", f"{added / import_s:.1f} scenarios/s"),
@@ -90,6 +93,7 @@ def measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
             ("search by text, warm", f"{starts.warm_text_search_ms:.0f} ms"),
         ],
         figures
+        | _page_figures(pages)
         | {
             "search_median_ms_500": round(medians[0], 2),
             f"search_median_ms_{'100k' if largest == LARGE else largest}": round(medians[1], 2),
@@ -100,6 +104,28 @@ def measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
             "warm_text_search_ms": round(starts.warm_text_search_ms, 1),
         },
     )
+
+
+async def _pages(settings: Settings, folder: Path, requests: Sequence[Request]) -> list[Answered]:
+    async with Client(create_server(settings, start_folder=folder)) as client:
+        return await answer_all(client, requests)
+
+
+def _page_figures(pages: Sequence[Answered]) -> dict[str, float]:
+    """Over all pages of the tool: what was found where something should be, and nothing where nothing should."""
+    with_answer = [one for one in pages if one.request.expect == "ok"]
+    empty = [one for one in pages if one.request.expect == "empty"]
+    satisfied = [bool(one.facts) and set(one.facts) <= one.request.matching for one in with_answer]
+    return {
+        "sat_all_funnel": round(statistics.mean(satisfied), 4),
+        "ids_exact": round(statistics.mean(one.is_exact for one in with_answer), 4),
+        "empty_right": round(statistics.mean(one.is_rightly_empty for one in empty), 4),
+    }
+
+
+def _page_rows(pages: Sequence[Answered]) -> list[tuple[str, str]]:
+    shares = [(key, f"{value}") for key, value in _page_figures(pages).items()]
+    return shares + [("differs from the corpus", one.difference()) for one in pages if not one.is_exact]
 
 
 def _arguments() -> argparse.Namespace:

@@ -70,10 +70,6 @@ class SelectionQuality:
             )
         ]
         figures: dict[str, float | int | str] = {
-            "sat_all_funnel": _share(
-                tables["funnel (slots)"], lambda wanted, found: bool(found) and set(found) <= wanted
-            ),
-            "ids_exact": _share(tables["funnel (slots)"], lambda wanted, found: set(found) == wanted),
             "sat_top1_spoiled": _share(fallback, _top1),
             "sat_top1_spoiled_text": _share(with_text, _top1),
             "sat_top1_spoiled_strict": _share(strict, _top1),

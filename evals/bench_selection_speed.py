@@ -1,7 +1,6 @@
 """How long searches take: among many entries, and from the start of a server."""
 
 import os
-import sqlite3
 import statistics
 import time
 from collections.abc import Sequence
@@ -11,8 +10,12 @@ from pathlib import Path
 import anyio
 from mcp import Client, StdioServerParameters
 
-from plannerforge.engine.catalog.search import Search
-from plannerforge.evals.selection_corpus import Request, arguments_of
+from plannerforge.evals.selection_corpus import Request
+from plannerforge.evals.selection_pages import search_ms
+from plannerforge.evals.synthetic_catalog import make_catalog
+from plannerforge.schemas.scenarios import ScenarioFacts
+from plannerforge.server.assembly import create_server
+from plannerforge.server.settings import Settings
 
 WARM_TEXTS = 15
 
@@ -27,18 +30,15 @@ class Starts:
     warm_text_search_ms: float
 
 
-def search_ms(connection: sqlite3.Connection, requests: Sequence[Request]) -> list[float]:
-    """Milliseconds of every valid request by its slots, from the arguments to the answer with its evidence."""
-    durations = []
-    for request in requests:
-        if request.expect not in ("ok", "empty"):
-            continue
-        arguments = arguments_of(request.truth).model_copy(update={"limit": 5})
-        started = time.perf_counter()
-        search = Search(connection, arguments)
-        search.answer("search", search.find(None), None)
-        durations.append((time.perf_counter() - started) * 1000)
-    return durations
+async def measure_searches(
+    folder: Path, real: Sequence[ScenarioFacts], size: int, requests: Sequence[Request]
+) -> list[float]:
+    """Milliseconds of find_scenarios for every request, in a new workspace with so many entries made of real facts."""
+    folder.mkdir()
+    make_catalog(folder / "workspace.sqlite", real, size).close()
+    settings = Settings(workspace=folder, starter=False, warm_up=False)
+    async with Client(create_server(settings, start_folder=folder)) as client:
+        return await search_ms(client, requests)
 
 
 async def measure_starts(python: str, workspace: Path, new_workspace: Path) -> Starts:
