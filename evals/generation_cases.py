@@ -16,7 +16,7 @@ from plannerforge.engine.scenarios.generate_place import convert_map
 from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
 from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.engine.tuning.configurations import named_configuration
-from plannerforge.evals.generation_figures import Made, Stages
+from plannerforge.evals.generation_figures import Made, Stages, tell
 from plannerforge.evals.generation_judge import MadeFiles, holds_vehicles, lies_at_street, lies_in, shows_type
 from plannerforge.evals.generation_maps import BenchMaps
 from plannerforge.evals.generation_motion import measure_motion
@@ -49,16 +49,28 @@ def convert_whole(name: str, maps: BenchMaps) -> str:
     return "" if network.lanelets else "no lanelets"
 
 
-def make_all(request: BenchRequest, maps: BenchMaps, seed: int) -> list[Made]:
-    """Make and judge all scenarios of a request as the tool orders them; ``seed`` draws the tracks that are checked."""
+def make_group(requests: Sequence[tuple[BenchRequest, int]], maps: BenchMaps) -> list[list[Made]]:
+    """Make and judge the scenarios of requests for one map, each with the seed that draws the tracks to be checked."""
+    read: set[str] = set()
+    return [make_all(request, maps, seed, read) for request, seed in requests]
+
+
+def make_all(request: BenchRequest, maps: BenchMaps, seed: int, read: set[str]) -> list[Made]:
+    """Make and judge all scenarios of a request as the tool orders them; ``read``: maps that were read here before."""
     try:
         orders = _orders(request.arguments, maps.entries)
     except PlannerForgeError as error:
         return [_failed(request, error)]
+    if request.arguments.count > 1:  # the sites were counted, so that these maps are read
+        read |= {str(order.match.entry.path) for order in orders.planned}
     spare = list(orders.spare)
-    return [
-        _make_somewhere(request, order, spare, maps, index, seed + index) for index, order in enumerate(orders.planned)
+    made = [
+        _make_somewhere(request, order, spare, maps, index, seed + index, read)
+        for index, order in enumerate(orders.planned)
     ]
+    for one in made:
+        tell(one)
+    return made
 
 
 def _orders(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> Orders:
@@ -70,28 +82,35 @@ def _failed(request: BenchRequest, error: PlannerForgeError) -> Made:
 
 
 def _make_somewhere(
-    request: BenchRequest, order: Order, spare: list[MapMatch], maps: BenchMaps, index: int, seed: int
+    request: BenchRequest,
+    order: Order,
+    spare: list[MapMatch],
+    maps: BenchMaps,
+    index: int,
+    seed: int,
+    read: set[str],
 ) -> Made:
     """A scenario as ordered, otherwise on the first spare map where it can be made, as the tool does it."""
     try:
         wish = request_for(request.arguments, order.match, order.site_index, index, order.site_step)
-        return make(request, wish, maps, seed)
+        return make(request, wish, maps, seed, read)
     except NotPossible as error:
         if not spare:
             return _failed(request, error)
-        return _make_somewhere(request, Order(spare.pop(0)), spare, maps, index, seed)
+        return _make_somewhere(request, Order(spare.pop(0)), spare, maps, index, seed, read)
     except PlannerForgeError as error:
         return _failed(request, error)
 
 
-def make(request: BenchRequest, wish: GenerationRequest, maps: BenchMaps, seed: int) -> Made:
+def make(request: BenchRequest, wish: GenerationRequest, maps: BenchMaps, seed: int, read: set[str]) -> Made:
     """Make one scenario and judge it.
 
     Raises:
         PlannerForgeError: it cannot be made.
     """
     with tempfile.TemporaryDirectory() as text:
-        folder, stages = Path(text), Stages()
+        folder, stages = Path(text), Stages(first_read=wish.map_path not in read)
+        read.add(wish.map_path)
         report = generate(wish.model_copy(update={"folder": text}), stages)
         stages(1.0)
         faults = schema_errors(folder / "scenario.xml")

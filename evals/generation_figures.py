@@ -3,6 +3,7 @@
 import os
 import statistics
 import sys
+import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,35 +14,54 @@ from plannerforge.evals.generation_motion import MotionFigures
 from plannerforge.evals.generation_refusals import Refusal
 from plannerforge.evals.generation_requests import BenchRequest
 
-READING = ("reading the map",)
+READING = "reading the map"
 PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
+
+
+@dataclass(frozen=True)
+class Spent:
+    """Seconds: on the clock, and of the processors in the process and in its children (netconvert)."""
+
+    wall_s: float = 0.0
+    processor_s: float = 0.0
+
+    def __add__(self, other: "Spent") -> "Spent":
+        return Spent(self.wall_s + other.wall_s, self.processor_s + other.processor_s)
+
+    def __sub__(self, other: "Spent") -> "Spent":
+        return Spent(self.wall_s - other.wall_s, self.processor_s - other.processor_s)
+
+
+def _now() -> Spent:
+    times = os.times()
+    return Spent(time.perf_counter(), times.user + times.system + times.children_user + times.children_system)
 
 
 @dataclass
 class Stages:
-    """Processor seconds by stage, read off the progress of a generation: its messages name the stages."""
+    """Time by stage, read off the progress of a generation: its messages name the stages.
 
-    seconds: dict[str, float] = field(default_factory=dict)
-    _began: float = field(default_factory=lambda: _processor_s())
+    ``first_read``: no scenario was made from this map in this process before, so that reading it does not count.
+    """
+
+    first_read: bool = False
+    spent: dict[str, Spent] = field(default_factory=dict)
+    _began: Spent = field(default_factory=_now)
     _stage: str = ""
 
     def __call__(self, share: float, message: str = "") -> None:
         """A new stage begins."""
         del share
-        now = _processor_s()
+        now = _now()
         if self._stage:
-            self.seconds[self._stage] = self.seconds.get(self._stage, 0.0) + now - self._began
+            self.spent[self._stage] = self.spent.get(self._stage, Spent()) + (now - self._began)
         self._began, self._stage = now, message
 
     @property
-    def without_reading_s(self) -> float:
-        """All stages but the reading of the map."""
-        return sum(seconds for stage, seconds in self.seconds.items() if stage not in READING)
-
-
-def _processor_s() -> float:
-    times = os.times()
-    return times.user + times.system + times.children_user + times.children_system
+    def counted(self) -> Spent:
+        """All stages, the first reading of the map left out."""
+        left_out = (READING,) if self.first_read else ()
+        return sum((spent for stage, spent in self.spent.items() if stage not in left_out), Spent())
 
 
 @dataclass(frozen=True)
@@ -83,9 +103,11 @@ def print_generation(
         "feasible": _share(sum(m.feasible for m in motions), sum(m.checked for m in motions)),
         "inside_lanelets": _share(sum(m.inside for m in motions), sum(m.positions for m in motions)),
         "overlaps": sum(m.overlapping_pairs for m in motions),
-        "median_low_s": _median(whole, "low"),
-        "median_high_s": _median(whole, "high"),
     }
+    for density in ("low", "high"):
+        counted = [stages.counted for stages in _timed(whole, density)]
+        figures[f"median_{density}_s"] = _median([spent.processor_s for spent in counted])
+        figures[f"median_{density}_wall_s"] = _median([spent.wall_s for spent in counted])
     rows = [(key, str(value)) for key, value in figures.items()]
     rows += [("scenarios", str(len(made))), ("tracks checked", str(sum(m.checked for m in motions)))]
     rows += [(f"refused: {reason}", told) for reason, told in _by_reason(refusals)]
@@ -95,11 +117,14 @@ def print_generation(
     )
     rows += [("the default planner collides", f"{told}; paper {PAPER_COLLISIONS:.1%}, SF 2.0 {FACTORY_COLLISIONS:.1%}")]
     for density in ("low", "high"):
-        rows += [(f"{density}: {stage}", f"{seconds:.3f} s") for stage, seconds in _stages(whole, density)]
+        rows += [
+            (f"{density}: {stage}", f"{spent.processor_s:.3f} s, on the clock {spent.wall_s:.3f} s")
+            for stage, spent in _stages(whole, density)
+        ]
     print_figures("Generation", rows, figures)
 
 
-def tell(number: str, one: Made) -> None:
+def tell(one: Made) -> None:
     """Say at once what came of a scenario, because a whole run takes long and may be broken off."""
     wrong = [f"not {key}" for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
     motion = one.motion
@@ -107,7 +132,7 @@ def tell(number: str, one: Made) -> None:
         wrong += [f"{name} cannot be driven" for name in motion.infeasible_names]
         wrong += ["overlaps"] if motion.overlapping_pairs else []
     arguments = one.request.arguments
-    what = f"{number} {one.request.name} {one.request.map_name} {arguments.scenario_type} {arguments.density}"
+    what = f"{one.request.name} {one.request.map_name} {arguments.scenario_type} {arguments.density}"
     sys.stderr.write(f"{what}: {one.fault or ', '.join([one.outcome, *wrong])}\n")
     sys.stderr.flush()
 
@@ -133,13 +158,16 @@ def _timed(made: Sequence[Made], density: str) -> list[Stages]:
     return [one.stages for one in fitting if one.stages is not None and one.request.arguments.duration_s == 20]
 
 
-def _median(made: Sequence[Made], density: str) -> float:
-    times = [stages.without_reading_s for stages in _timed(made, density)]
-    return round(statistics.median(times), 3) if times else 0.0
+def _median(times_s: Sequence[float]) -> float:
+    return round(statistics.median(times_s), 3) if times_s else 0.0
 
 
-def _stages(made: Sequence[Made], density: str) -> list[tuple[str, float]]:
-    """The mean of every stage, in the order in which they first came."""
+def _stages(made: Sequence[Made], density: str) -> list[tuple[str, Spent]]:
+    """The mean of every stage, in the order in which they first came; a first reading counts as none."""
     timed = _timed(made, density)
-    names = dict.fromkeys(name for stages in timed for name in stages.seconds)
-    return [(name, sum(stages.seconds.get(name, 0.0) for stages in timed) / len(timed)) for name in names]
+    names = dict.fromkeys(name for stages in timed for name in stages.spent)
+    sums = {
+        name: sum((s.spent.get(name, Spent()) for s in timed if name != READING or not s.first_read), Spent())
+        for name in names
+    }
+    return [(name, Spent(one.wall_s / len(timed), one.processor_s / len(timed))) for name, one in sums.items()]

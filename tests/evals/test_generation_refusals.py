@@ -57,7 +57,7 @@ def test_what_is_made_though_it_had_to_be_refused_is_told_of() -> None:
 def test_several_scenarios_where_no_site_fits_are_a_failure() -> None:
     arguments = GenerateScenariosArguments.model_validate({**NO_RAMP, "count": 2})
     maps = BenchMaps(tuple(built_in_maps()), {}, {}, {})
-    made = make_all(BenchRequest("ramps", arguments, "landmoor.osm"), maps, seed=0)
+    made = make_all(BenchRequest("ramps", arguments, "landmoor.osm"), maps, seed=0, read=set())
     assert [one.fault for one in made] == ["NotPossible: Landmoor (map_landmoor) holds no ramp site"]
 
 
