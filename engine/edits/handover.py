@@ -13,7 +13,12 @@ from plannerforge.engine.traffic.vehicle_classes import nearest_class
 
 HISTORY_STEPS = 15
 FEWEST_STATES = 5
-POSE_DECAY_S, SPEED_DECAY_S = 1.5, 0.8
+POSE_DECAY_S = 1.5
+SPEED_DECAYS_S = (0.8, 1.6, 3.2)
+"""Tried in this order, each time made up for what is over, until the first step changes the speed by no more than
+``LARGEST_SPEED_STEP_MPS``; a slower one moves the vehicle more."""
+
+LARGEST_SPEED_STEP_MPS = 0.95
 LANE_S = 3.0
 """A vehicle recorded beside its lane is led into it in so long, as in a lane change; SUMO puts it there at once."""
 
@@ -122,10 +127,15 @@ def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float, 
     rear = front[:3] - drag * _directions(headings[:3])
     first_speeds = np.linalg.norm(np.diff(rear, axis=0), axis=1) / step_s
     missing = speed - (1.5 * first_speeds[0] - 0.5 * first_speeds[-1])
-    front = front + forward * (missing * times * np.exp(-times / SPEED_DECAY_S))[:, None]
-    headings = tractrix(front, float(start.headings_rad[index]), drag)
-    centers = front - start.length_m / 2 * _directions(headings)
-    speeds = _rear_axle_speeds(centers - rear_axle_m * _directions(headings), headings, speed, step_s)
+    for decay_s in SPEED_DECAYS_S:
+        sped = front + forward * (missing * times * np.exp(-times / decay_s))[:, None]
+        headings = tractrix(sped, float(start.headings_rad[index]), drag)
+        centers = sped - start.length_m / 2 * _directions(headings)
+        speeds = _rear_axle_speeds(centers - rear_axle_m * _directions(headings), headings, speed, step_s)
+        step_mps = speeds[1] - speeds[0]
+        if abs(step_mps) <= LARGEST_SPEED_STEP_MPS:
+            break
+        missing -= step_mps - math.copysign(LARGEST_SPEED_STEP_MPS, step_mps)
     return Motion(centers, headings, speeds, np.gradient(speeds, step_s))
 
 

@@ -7,6 +7,10 @@ import pytest
 from builders import driving, town_road
 from edit_support import Apply
 
+from plannerforge.engine.edits.handover import touched_track
+from plannerforge.engine.edits.resimulation import DrivenTrack
+from plannerforge.engine.scenarios.tracks import Track
+
 EDITS = (
     {"op": "reroute", "vehicles": ["35"], "turn": "right"},
     {"op": "reroute", "vehicles": ["31"], "to": ["21"]},
@@ -75,3 +79,25 @@ def test_a_vehicle_recorded_askew_beside_its_lane_is_led_into_it_without_a_leap(
     assert vehicle.handover_speed_step_mps is not None
     assert vehicle.handover_speed_step_mps <= 1.0
     assert vehicle.feasible
+
+
+@pytest.mark.parametrize("braking_mps2", [4.0, 7.0, 8.0])
+def test_one_that_brakes_into_a_tight_bend_at_once_changes_speed_step_by_step(braking_mps2: float) -> None:
+    start = Track(
+        obstacle_id=36,
+        kind="car",
+        length_m=5.0,
+        width_m=2.0,
+        first_step=0,
+        positions=np.zeros((1, 2)),
+        headings_rad=np.zeros(1),
+        speeds_mps=np.array([10.8]),
+    )
+    times_s = np.minimum(np.arange(60) * 0.1, 9.8 / braking_mps2)
+    turned_rad = np.clip((9.8 * times_s - braking_mps2 * times_s**2 / 2) / 6.0, 0.0, np.pi / 2)
+    front = np.stack([2.5 + 6.0 * np.sin(turned_rad), 6.0 * (np.cos(turned_rad) - 1)], axis=1)
+    touched = touched_track(start, DrivenTrack(0, front, ("e1_0",) * 60, leaves=False), 0.1, 60)
+    assert touched is not None
+    speeds = touched.motion.speeds_mps
+    assert speeds[0] == 10.8
+    assert abs(speeds[1] - speeds[0]) <= 1.0
