@@ -26,9 +26,12 @@ trajectory that the vehicle can drive; ``invalid``: the problem cannot be solved
 never a planner's failure.
 """
 
-InvalidReason = Literal["no_goal_state", "initial_collision", "ego_off_road", "goal_unreachable", "goal_out_of_time"]
-"""Why a problem is invalid. ``goal_unreachable``: no route on the lanelet graph, or it lies behind the ego and no way
-leads back; ``goal_out_of_time``: not even the vehicle's largest acceleration brings the ego there in time."""
+InvalidReason = Literal[
+    "no_goal_state", "initial_collision", "ego_off_road", "ego_against_route", "goal_unreachable", "goal_out_of_time"
+]
+"""Why a problem is invalid. ``ego_against_route``: the ego begins with its heading more than 90° off the way to its
+goal; ``goal_unreachable``: no route on the lanelet graph, or it lies behind the ego and no way leads back;
+``goal_out_of_time``: not even the vehicle's largest acceleration brings the ego there in time."""
 
 Prediction = Literal["constant_velocity", "growing_covariance", "lane", "ground_truth"]
 Traffic = Literal["recorded", "reactive"]

@@ -1,9 +1,9 @@
 """When a run ends and how: the judge of the loop, apart from the planner."""
 
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, degrees, pi
 
-from plannerforge.engine.geometry.polyline import project
+from plannerforge.engine.geometry.polyline import point_at, project, wrap_angle
 from plannerforge.engine.planners.goal import Goal, Timing
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.reachability import out_of_reach
@@ -65,8 +65,17 @@ class Judge:
             return invalid("initial_collision", f"the ego overlaps obstacle {hit[0]} ({hit[1]}) in its initial state")
         if not self._road.holds(initial.position):
             return invalid("ego_off_road", "the ego starts off the road")
+        turned_rad = self._off_route_rad(initial)
+        if turned_rad > pi / 2:
+            turned = f"the ego heads {degrees(turned_rad):.0f}° off the way to its goal, and nobody drives backwards"
+            return invalid("ego_against_route", turned)
         too_far = out_of_reach(self._goal, initial, self._vehicle, self._step_s)
         return invalid("goal_out_of_time", too_far) if too_far else None
+
+    def _off_route_rad(self, ego: EgoState) -> float:
+        """The angle between the ego's heading and the reference path beside it."""
+        path = self._reference.points
+        return abs(wrap_angle(ego.heading_rad - point_at(path, project(path, ego.position)[0])[1]))
 
     def after_step(self, ego: EgoState) -> Verdict | None:
         """The verdict if this state ends the run."""

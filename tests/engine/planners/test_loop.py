@@ -16,6 +16,8 @@ from builders_planning import (
     straight_road,
 )
 
+from plannerforge.engine.planners.registry import make_planner
+
 FAR_GOAL = goal_state((35, 45), rectangle_at(40.0, 0.0))
 
 
@@ -69,12 +71,19 @@ def test_a_problem_without_goal_states_is_the_problems_fault() -> None:
     assert "no goal state" in run.final.reason
 
 
-def test_an_ego_against_the_driving_direction_is_infeasible_not_an_error() -> None:
-    problem = problem_for(goal_state((20, 30)))
-    problem.initial_state.orientation = math.pi
-    run = drive(scenario_on(straight_road()), problem)
-    assert run.final.outcome == "infeasible"
-    assert "route" in run.final.reason
+@pytest.mark.parametrize("name", ["frenetix:Default", "idm"])
+@pytest.mark.parametrize(("turned_deg", "is_the_problems_fault"), [(180, True), (-100, True), (80, False)])
+def test_an_ego_that_heads_back_along_its_route_is_the_problems_fault(
+    name: str, turned_deg: int, is_the_problems_fault: bool
+) -> None:
+    problem = problem_for(goal_state((20, 30)), speed_mps=3.0)
+    problem.initial_state.orientation = math.radians(turned_deg)
+    config = configuration(name)
+    final = drive(scenario_on(straight_road()), problem, config, planner=make_planner(config.planner)).final
+    assert (final.outcome == "invalid") == is_the_problems_fault
+    if is_the_problems_fault:
+        assert final.invalid_reason == "ego_against_route"
+        assert f"{abs(turned_deg)}° off the way" in final.reason
 
 
 def test_a_lane_change_to_the_goal_lane_is_smooth_and_complete() -> None:
