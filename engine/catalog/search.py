@@ -135,8 +135,15 @@ class Search:
             emptied_by=self._emptied(),
             relaxations=self._relaxations(),
             fallback=self._found(self._fallback(found, ranking), scores),
-            notes=tuple(never_carried(self._connection, self.funnel.constraints)),
+            notes=(*never_carried(self._connection, self.funnel.constraints), *self._left_out()),
         )
+
+    def _left_out(self) -> list[str]:
+        """What a diverse choice did not look at; its coverage says nothing about these."""
+        total = len(self._matching)
+        if self.arguments.diverse is None or total <= MOST_CONSIDERED:
+            return []
+        return [f"The choice looked at the first {MOST_CONSIDERED:,} of {total:,} matches only; narrow the search."]
 
     def stage_counts(self) -> tuple[StageCount, ...]:
         """The counts after every stage that has conditions."""

@@ -1,0 +1,54 @@
+"""The orders of an answer: by size, by both rankings, and few unlike ones."""
+
+import sqlite3
+from typing import Any
+
+import pytest
+from builders_catalog import catalogue, facts
+
+from plannerforge.engine.catalog import search as search_module
+from plannerforge.engine.catalog.search import Ranking, Search
+from plannerforge.schemas.catalog import FindScenariosArguments, FindScenariosResult
+
+SMALL, LARGE, ABROAD = "DEU_Bonn-1_1_T-1", "DEU_Bonn-2_1_T-1", "ESP_Bilbao-1_1_T-1"
+
+
+@pytest.fixture
+def three() -> sqlite3.Connection:
+    return catalogue([facts(SMALL, tags=["urban"]), facts(LARGE, tags=["urban"], counts={"car": 9}), facts(ABROAD)])
+
+
+def answer(connection: sqlite3.Connection, ranked: tuple[str, ...] = (), **slots: Any) -> FindScenariosResult:
+    search = Search(connection, FindScenariosArguments(**slots))
+    chosen = tuple(key for key in ranked if key in search.candidates())
+    ranking = Ranking(chosen, {key: 1.0 / place for place, key in enumerate(chosen, start=1)}) if ranked else None
+    return search.answer("search", search.find(ranking), ranking)
+
+
+def ids(found: FindScenariosResult) -> list[str]:
+    return [match.scenario_id for match in found.matches]
+
+
+def test_the_largest_traffic_comes_first(three: sqlite3.Connection) -> None:
+    assert ids(answer(three, sort="size")) == [LARGE, SMALL, ABROAD]
+
+
+def test_hybrid_ranks_the_country_and_matches_satisfy_all(three: sqlite3.Connection) -> None:
+    order = (ABROAD, LARGE, SMALL)
+    found = answer(three, order, method="hybrid", text="a town", country="DEU", tags=["urban"])
+    assert ids(found) == [LARGE, SMALL]
+    assert found.fallback == ()
+
+
+def test_rrf_puts_what_both_rankings_like_first_and_the_rest_apart(three: sqlite3.Connection) -> None:
+    found = answer(three, (ABROAD, LARGE, SMALL), method="rrf", text="a town", tags=["urban"])
+    assert set(ids(found)) == {SMALL, LARGE}
+    assert [one.scenario_id for one in found.fallback] == [ABROAD]
+
+
+def test_a_diverse_choice_says_which_matches_it_did_not_look_at(
+    three: sqlite3.Connection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert answer(three, diverse=2).notes == ()
+    monkeypatch.setattr(search_module, "MOST_CONSIDERED", 2)
+    assert "first 2 of 3 matches" in answer(three, diverse=2).to_text()
