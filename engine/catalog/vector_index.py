@@ -10,6 +10,8 @@ collection: CVE-2026-45829) and without telemetry.
 
 import hashlib
 import json
+import math
+import os
 import shutil
 import sqlite3
 import time
@@ -50,13 +52,12 @@ def ensure_generation(
         ResourceFailure: the folder cannot be written, or another process holds the lock for too long.
     """
     folder = root / generation_name(texts, model)
-    if (folder / COMPLETE).is_file():
-        (folder / COMPLETE).touch()
-        return folder, False
     try:
+        if _used_now(folder, GRACE_S / 2):
+            return folder, False
         root.mkdir(parents=True, exist_ok=True)
         with _lock(root):
-            if (folder / COMPLETE).is_file():
+            if _used_now(folder):
                 return folder, False
             _reader().close()  # what it holds open may be what is made anew
             shutil.rmtree(folder, ignore_errors=True)
@@ -69,6 +70,22 @@ def ensure_generation(
             f"the search index in {root} cannot be written: {error}", next_step="search without text, or free the disk"
         ) from error
     return folder, True
+
+
+def _used_now(folder: Path, at_most_unused_s: float = math.inf) -> bool:
+    """Whether the generation is complete and was not unused for longer; its marker is dated now, so that it stays.
+
+    Without the lock only a generation that nobody may remove yet can be dated. And only an existing marker is: made
+    anew, it would call complete what another process has just removed.
+    """
+    marker = folder / COMPLETE
+    try:
+        if time.time() - marker.stat().st_mtime > at_most_unused_s:
+            return False
+        os.utime(marker)
+    except FileNotFoundError:
+        return False
+    return True
 
 
 def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit: int) -> list[tuple[str, float]]:

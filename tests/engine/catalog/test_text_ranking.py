@@ -1,5 +1,6 @@
 """Ranking by text: BM25, fusion, and a real Chroma index in its generations."""
 
+import os
 import shutil
 import sqlite3
 from collections.abc import Sequence
@@ -94,6 +95,34 @@ def test_old_generations_go_when_nobody_used_them_for_long(tmp_path: Path, monke
     second, _ = ensure_generation(tmp_path, {"one": TEXTS["one"]}, "letters", embed)
     assert not first.exists()
     assert second.exists()
+
+
+def test_a_generation_that_vanishes_meanwhile_is_not_called_complete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    embed = CountingEmbedding()
+    folder, _ = ensure_generation(tmp_path, TEXTS, "letters", embed)
+    seen_by_this_process = Path.is_file
+
+    def removed_after_the_look(path: Path) -> bool:
+        there = seen_by_this_process(path)
+        if path == folder / COMPLETE and there:
+            path.unlink()
+            shutil.rmtree(folder / "chroma")
+        return there
+
+    monkeypatch.setattr(Path, "is_file", removed_after_the_look)
+    again, _ = ensure_generation(tmp_path, TEXTS, "letters", embed)
+    monkeypatch.undo()
+    assert len(query(again, embed(["bus"])[0], None, 5)) == 3
+
+
+def test_a_generation_that_is_in_use_is_not_old(tmp_path: Path) -> None:
+    folder, _ = ensure_generation(tmp_path, TEXTS, "letters", CountingEmbedding())
+    os.utime(folder / COMPLETE, (0.0, 0.0))
+    ensure_generation(tmp_path, TEXTS, "letters", CountingEmbedding())
+    ensure_generation(tmp_path, {"one": TEXTS["one"]}, "letters", CountingEmbedding())
+    assert folder.exists()
 
 
 def test_collections_carry_no_embedding_function(tmp_path: Path) -> None:
