@@ -82,6 +82,31 @@ def stored_runs(folder: Path) -> Counter[str]:
     return Counter(row[0] for row in rows)
 
 
+COUNTING = """
+CREATE TABLE executions (digest TEXT NOT NULL);
+CREATE TRIGGER count_executions AFTER INSERT ON claims
+WHEN NOT EXISTS (SELECT 1 FROM artifacts WHERE kind = 'run' AND digest = NEW.digest)
+BEGIN INSERT INTO executions VALUES (NEW.digest); END;
+"""
+"""A run is carried out by whoever claims its recipe while no run of it is stored; a second one leaves no other trace,
+because the artifact that is there already stays."""
+
+
+def count_executions(folder: Path) -> None:
+    """Have the workspace count every run that is carried out from now on."""
+    connection = sqlite3.connect(folder / "workspace" / "workspace.sqlite")
+    connection.executescript(COUNTING)
+    connection.close()
+
+
+def executed_runs(folder: Path) -> Counter[str]:
+    """How often each run was carried out, by recipe."""
+    connection = sqlite3.connect(folder / "workspace" / "workspace.sqlite")
+    rows = connection.execute("SELECT digest FROM executions").fetchall()
+    connection.close()
+    return Counter(row[0] for row in rows)
+
+
 def codes(result: Any) -> set[str]:
     return {cell["error"].partition("[")[2].partition("]")[0] for cell in result["lost"]}
 
@@ -238,6 +263,7 @@ async def test_two_servers_on_one_workspace_lose_nothing_and_do_nothing_twice(
 ) -> None:
     servers = [server("--workers", "1"), server("--workers", "1")]
     servers[0].call("import_files", path=str(files))
+    count_executions(tmp_path)
     answers: dict[int, Any] = {}
 
     def work(index: int) -> None:
@@ -250,6 +276,7 @@ async def test_two_servers_on_one_workspace_lose_nothing_and_do_nothing_twice(
         assert answers[index]["finished"] == int(grid[-1])
         assert (answers[index]["state"], answers[index]["lost"]) == ("done", [])
     assert list(stored_runs(tmp_path).values()) == [1] * 9
+    assert executed_runs(tmp_path) == stored_runs(tmp_path), "each run was carried out once"
     made = sum(answer["finished"] - answer["reused"] for answer in answers.values())
     if grids[0] != grids[1]:
         assert made == 9, "a run that one makes is waited for by the other"
