@@ -22,8 +22,8 @@ from plannerforge.evals.generation_maps import BenchMaps
 from plannerforge.evals.generation_motion import measure_motion
 from plannerforge.evals.generation_refusals import Refusal, is_right_reason
 from plannerforge.evals.generation_requests import BenchRequest
+from plannerforge.evals.generation_session import Session
 from plannerforge.evals.in_process import call_in_process
-from plannerforge.evals.map_evidence import MapEvidence, read_evidence
 from plannerforge.schemas.errors import NotPossible, PlannerForgeError
 from plannerforge.schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
 from plannerforge.server.argument_errors import read_arguments
@@ -51,21 +51,22 @@ def convert_whole(name: str, maps: BenchMaps) -> str:
 
 def make_group(requests: Sequence[tuple[BenchRequest, int]], maps: BenchMaps) -> list[list[Made]]:
     """Make and judge the scenarios of requests for one map, each with the seed that draws the tracks to be checked."""
-    read: set[str] = set()
-    return [make_all(request, maps, seed, read) for request, seed in requests]
+    session = Session(maps)
+    return [make_all(request, session, seed) for request, seed in requests]
 
 
-def make_all(request: BenchRequest, maps: BenchMaps, seed: int, read: set[str]) -> list[Made]:
-    """Make and judge all scenarios of a request as the tool orders them; ``read``: maps that were read here before."""
+def make_all(request: BenchRequest, session: Session, seed: int) -> list[Made]:
+    """Make and judge all scenarios of a request as the tool orders them; ``seed`` draws the tracks that are checked."""
     try:
-        orders = _orders(request.arguments, maps.entries)
+        orders = _orders(request.arguments, session.maps.entries)
     except PlannerForgeError as error:
         return [_failed(request, error)]
-    if request.arguments.count > 1:  # the sites were counted, so that these maps are read
-        read |= {str(order.match.entry.path) for order in orders.planned}
+    if request.arguments.count > 1:  # the sites were counted, for which these maps were read
+        for order in orders.planned:
+            session.reads(order.match.entry.path)
     spare = list(orders.spare)
     made = [
-        _make_somewhere(request, order, spare, maps, index, seed + index, read)
+        _make_somewhere(request, order, spare, session, index, seed + index)
         for index, order in enumerate(orders.planned)
     ]
     for one in made:
@@ -85,39 +86,37 @@ def _make_somewhere(
     request: BenchRequest,
     order: Order,
     spare: list[MapMatch],
-    maps: BenchMaps,
+    session: Session,
     index: int,
     seed: int,
-    read: set[str],
 ) -> Made:
     """A scenario as ordered, otherwise on the first spare map where it can be made, as the tool does it."""
     try:
         wish = request_for(request.arguments, order.match, order.site_index, index, order.site_step)
-        return make(request, wish, maps, seed, read)
+        return make(request, wish, session, seed)
     except NotPossible as error:
         if not spare:
             return _failed(request, error)
-        return _make_somewhere(request, Order(spare.pop(0)), spare, maps, index, seed, read)
+        return _make_somewhere(request, Order(spare.pop(0)), spare, session, index, seed)
     except PlannerForgeError as error:
         return _failed(request, error)
 
 
-def make(request: BenchRequest, wish: GenerationRequest, maps: BenchMaps, seed: int, read: set[str]) -> Made:
+def make(request: BenchRequest, wish: GenerationRequest, session: Session, seed: int) -> Made:
     """Make one scenario and judge it.
 
     Raises:
         PlannerForgeError: it cannot be made.
     """
     with tempfile.TemporaryDirectory() as text:
-        folder, stages = Path(text), Stages(first_read=wish.map_path not in read)
-        read.add(wish.map_path)
+        folder, stages = Path(text), Stages(first_read=session.reads(wish.map_path))
         report = generate(wish.model_copy(update={"folder": text}), stages)
         stages(1.0)
         faults = schema_errors(folder / "scenario.xml")
         if faults:
             return Made(request, fault=f"breaks the schema: {faults[0]}")
         loaded = read_scenario(folder / "scenario.xml")
-        files, evidence = MadeFiles.read(folder), read_evidence(Path(wish.map_path))
+        files, evidence = MadeFiles.read(folder), session.evidence(wish.map_path)
         executable, outcome = drive(loaded)
         return Made(
             request,
@@ -125,7 +124,7 @@ def make(request: BenchRequest, wish: GenerationRequest, maps: BenchMaps, seed: 
             outcome=outcome,
             road_type=shows_type(files, wish.scenario_type, evidence),
             vehicles=holds_vehicles(files, wished_vehicles(wish)),
-            place=_place_is_right(request, wish, report, files, maps, evidence),
+            place=_place_is_right(request, wish, report, files, session),
             motion=measure_motion(loaded, CHECKED_TRACKS, seed),
             stages=stages,
         )
@@ -153,15 +152,14 @@ def _place_is_right(
     wish: GenerationRequest,
     report: GeneratedScenario,
     files: MadeFiles,
-    maps: BenchMaps,
-    evidence: MapEvidence,
+    session: Session,
 ) -> bool:
     """On the map meant, or on another one of the same place; in the country and the box asked for; near the street."""
-    name, country = maps.name_of(wish.map_id), request.arguments.country
-    shown, box, street = maps.places[name], request.arguments.bbox, request.street
+    name, country = session.maps.name_of(wish.map_id), request.arguments.country
+    shown, box, street = session.maps.places[name], request.arguments.bbox, request.street
     meant = name == request.map_name or request.arguments.place in shown["places"]
     there = lies_in(files, shown["bbox"], BEYOND_MAP_DEG) and (box is None or lies_in(files, box, BEYOND_BOX_DEG))
-    on_street = street is None or lies_at_street(files, street, shown["places"], evidence)
+    on_street = street is None or lies_at_street(files, street, shown["places"], session.evidence(wish.map_path))
     return meant and there and on_street and country in (None, report.benchmark_id[:3])
 
 

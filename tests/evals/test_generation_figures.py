@@ -1,11 +1,14 @@
 """Times of generated scenarios: what counts, and where it goes."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from plannerforge.evals import generation_figures
 from plannerforge.evals.generation_figures import READING, Spent, Stages
+from plannerforge.evals.generation_maps import BenchMaps
+from plannerforge.evals.generation_session import Session
 
 
 def measured(*, first_read: bool) -> Stages:
@@ -32,3 +35,8 @@ def test_waiting_counts_on_the_clock_and_netconvert_for_the_processor(monkeypatc
     stages(1.0)
     assert stages.spent == {"waiting": Spent(5.0, 0.0), "running netconvert": Spent(3.0, 2.5)}
     assert stages.counted == Spent(8.0, 2.5)
+
+
+def test_a_session_knows_the_first_reading_of_every_map() -> None:
+    session = Session(BenchMaps((), {}, {}, {}))
+    assert [session.reads(name) for name in ("a.osm", Path("b.osm"), "a.osm", "b.osm")] == [True, True, False, False]

@@ -10,6 +10,7 @@ from plannerforge.evals.generation_cases import make_all, refused_right
 from plannerforge.evals.generation_maps import BenchMaps
 from plannerforge.evals.generation_refusals import Refusal, corpus_refusals, is_right_reason
 from plannerforge.evals.generation_requests import BenchRequest
+from plannerforge.evals.generation_session import Session
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import GenerateScenariosArguments
 
@@ -57,7 +58,7 @@ def test_what_is_made_though_it_had_to_be_refused_is_told_of() -> None:
 def test_several_scenarios_where_no_site_fits_are_a_failure() -> None:
     arguments = GenerateScenariosArguments.model_validate({**NO_RAMP, "count": 2})
     maps = BenchMaps(tuple(built_in_maps()), {}, {}, {})
-    made = make_all(BenchRequest("ramps", arguments, "landmoor.osm"), maps, seed=0, read=set())
+    made = make_all(BenchRequest("ramps", arguments, "landmoor.osm"), Session(maps), seed=0)
     assert [one.fault for one in made] == ["NotPossible: Landmoor (map_landmoor) holds no ramp site"]
 
 
