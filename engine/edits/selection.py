@@ -138,10 +138,11 @@ def _the_only(what: str, found: tuple[int, ...], scene: Scene) -> tuple[int, ...
 def _outermost(side: str, scene: Scene) -> tuple[int, ...]:
     if side not in ("leftmost", "rightmost"):
         raise UnknownName(f"there is no lane '{side}'", valid=["leftmost", "rightmost"])
-    found = []
+    found, step = [], scene.ego.step if scene.ego else 0
     for key in _vehicles(scene):
-        if key in scene.matches:
-            lane = scene.layout.table.lanes[scene.matches[key].lanelets[0]]
+        index = scene.tracks[key].index_at(step)
+        if key in scene.matches and index is not None:
+            lane = scene.layout.table.lanes[scene.matches[key].at(index)]
             outer, inner = (lane.left, lane.right) if side == "leftmost" else (lane.right, lane.left)
             if outer is None and inner is not None:
                 found.append(key)

@@ -36,6 +36,11 @@ def test_selectors(apply: Apply, selectors: list[str], expected: tuple[int, ...]
     assert meant(apply, *selectors) == expected
 
 
+def test_who_comes_later_is_in_no_outer_lane_at_the_start(apply: Apply) -> None:
+    late = driving(36, (20, 3.5), 8.0, 20, first_step=5)
+    assert meant(apply, "leftmost", builder=town_road().cut(11).with_vehicles(*town_road().vehicles, late)) == (33,)
+
+
 def test_standing_vehicles(apply: Apply) -> None:
     builder = town_road().with_vehicles(driving(31, (90, 0), 0.0, 101), driving(32, (60, 3.5), 5.0, 101))
     assert meant(apply, "standing", builder=builder) == (31,)
