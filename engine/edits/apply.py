@@ -136,7 +136,7 @@ def _outcome(
         checked_by="closed_form" if agree is None else "drivability_checker",
         checkers_agree=agree,
         untouched=len(recorded),
-        warnings=(*notes, *_warnings(scene, changes, result)),
+        warnings=(*notes, *_warnings(request, scene, changes, result)),
     )
 
 
@@ -151,7 +151,7 @@ def _judged(
     return checked, sum(one.feasible == other.feasible for one, other in zip(screened, checked, strict=True))
 
 
-def _warnings(scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
+def _warnings(request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
     late = [key for key, plan in result.plans.items() if plan.cause == "added" and plan.from_step > 0]
     late += [key for key, replay in changes.replays.items() if replay.track.first_step > 0]
     unseen = sorted(key for key in scene.tracks if key not in scene.matches and not changes.is_added(key))
@@ -164,4 +164,18 @@ def _warnings(scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
         found.append(
             f"recorded off the lanelets, so that driven vehicles do not see them: {', '.join(map(str, unseen))}"
         )
+    return found + _kept_recordings(request, scene, changes, result)
+
+
+def _kept_recordings(request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
+    """Who should react to the edits and does not."""
+    found = []
+    if result.missing:
+        found.append(
+            f"vehicle {', '.join(map(str, result.missing))} keeps its recording, although it should react: SUMO did "
+            "not take it, or the scenario ends"
+        )
+    mute = [key for key in scene.tracks if key not in {*result.plans, *changes.removed, *changes.replays}]
+    if request.traffic == "reactive" and mute:
+        found.append(f"cannot be driven, so that they keep their recording: {', '.join(map(str, mute))}")
     return found

@@ -46,3 +46,15 @@ def test_a_queue_that_builds_up_behind_is_handed_over_to_its_end(apply: Apply) -
     applied = apply(BRAKES, builder=town_road().with_vehicles(*queue))
     assert applied.outcome.handed_over == (32, 33, 34, 35, 36, 37, 38)
     assert applied.outcome.collisions == ()
+
+
+def test_who_keeps_a_recording_where_everybody_should_react_is_named(apply: Apply) -> None:
+    walker = driving(36, (75, 5), 0.5, 101, kind="pedestrian", size_m=(0.6, 0.6))
+    last = driving(37, (20, 3.5), 8.0, 2, first_step=99)
+    applied = apply(
+        {"op": "set_behaviour", "vehicles": ["31"], "preset": "balanced"},
+        builder=town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), walker, last),
+        traffic="reactive",
+    )
+    assert "cannot be driven, so that they keep their recording: 36" in applied.outcome.warnings
+    assert any(text.startswith("vehicle 37 keeps its recording") for text in applied.outcome.warnings)
