@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from plannerforge.engine.geometry.polyline import Values
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
 SHORTEST_PLAN_S = 1.0
@@ -63,8 +64,15 @@ def _trajectory(trajectory: PlannedTrajectory, observation: Observation, step_s:
 
 
 def _same(first: Plan, second: Plan) -> bool:
-    if (first.trajectory is None) != (second.trajectory is None) or dict(first.costs) != dict(second.costs):
+    """Whether everything but the time that it took is the same."""
+    told = [(dict(p.costs), dict(p.rejected), p.candidates, p.kind, p.trajectory is None) for p in (first, second)]
+    if told[0] != told[1]:
         return False
     if first.trajectory is None or second.trajectory is None:
         return True
-    return bool(np.array_equal(first.trajectory.positions, second.trajectory.positions))
+    pairs = zip(_arrays(first.trajectory), _arrays(second.trajectory), strict=True)
+    return all(np.array_equal(mine, theirs) for mine, theirs in pairs)
+
+
+def _arrays(trajectory: PlannedTrajectory) -> tuple[Values, ...]:
+    return trajectory.positions, trajectory.headings_rad, trajectory.speeds_mps, trajectory.accelerations_mps2

@@ -1,6 +1,7 @@
 """Route, reference path, road, prediction and sampling: what a planner is given."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -193,3 +194,25 @@ def test_the_contract_names_what_is_broken() -> None:
     found = " ".join(check_planner(Careless, task, Observation(EgoState(0, ORIGIN, 0.0, 1.0), ())))
     for part in ("cost jerk is inf", "only 0.10 s", "from the ego", "farther in a step", "another plan after a reset"):
         assert part in found
+
+
+@pytest.mark.parametrize("part", ["headings_rad", "speeds_mps", "accelerations_mps2", "rejected", "candidates", "kind"])
+def test_the_contract_asks_for_every_part_of_the_same_plan_again(part: str) -> None:
+    class Forgetful:
+        calls = 0
+
+        def reset(self, task: PlanningTask) -> None:
+            del task
+
+        def plan(self, observation: Observation) -> Plan:
+            Forgetful.calls += 1
+            x = observation.ego.position[0] + 0.1 * np.arange(12)
+            line = PlannedTrajectory(np.stack([x, np.zeros(12)], axis=1), np.zeros(12), np.ones(12), np.zeros(12))
+            if part in ("rejected", "candidates", "kind"):
+                changed = {"rejected": {"collision": 1}, "candidates": 2, "kind": "stopping"}[part]
+                return replace(Plan(line), **({part: changed} if Forgetful.calls > 1 else {}))
+            return Plan(replace(line, **{part: getattr(line, part) + 0.01 * Forgetful.calls}))
+
+    task = task_on(scenario_on(straight_road(300.0)), problem_for(goal_state((40, 60), rectangle_at(60.0, 0.0))))
+    found = check_planner(Forgetful, task, Observation(EgoState(0, ORIGIN, 0.0, 1.0), ()))
+    assert "gives another plan after a reset" in found
