@@ -1,7 +1,8 @@
 """Collisions that edits bring about: overlaps of touched vehicles that are not in the recording."""
 
+import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ from plannerforge.engine.scenarios.tracks import Track
 
 TOUCH_M = 0.05
 """Bodies that overlap by less are not colliding: recorded positions are not better than that."""
+
+NEAR_STEPS = 10
+"""An overlap that begins so soon before or after a recorded one of the same two is the recorded one."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Overlap:
-    """The first step at which two bodies overlap; ``first`` is a touched one."""
+    """The step from which on two bodies overlap; ``first`` is a touched one."""
 
     first: int
     second: int
@@ -50,24 +54,24 @@ def body_of_touched(track: TouchedTrack) -> Body:
 def new_overlaps(touched: Iterable[Body], others: Iterable[Body], recorded: Mapping[int, Body]) -> tuple[Overlap, ...]:
     """First overlaps of touched bodies with all others and with one another, ordered by step.
 
-    Pairs that overlap in the recording as well are left out: no edit caused them.
+    An overlap that begins where the same two overlap in the recording is left out: no edit caused it.
     """
     moved, rest = list(touched), list(others)
     found = []
     for number, body in enumerate(moved):
         for other in [*moved[number + 1 :], *rest]:
-            step = first_overlap(body, other)
-            if step is not None and not _recorded(body.key, other.key, recorded):
+            step = _first_new(body, other, recorded)
+            if step is not None:
                 found.append(Overlap(body.key, other.key, step))
     return tuple(sorted(found, key=lambda hit: (hit.step, hit.first, hit.second)))
 
 
-def first_overlap(first: Body, second: Body) -> int | None:
-    """The first step at which two bodies overlap, or None."""
+def overlap_steps(first: Body, second: Body) -> Iterator[int]:
+    """The steps at which two bodies overlap, ascending."""
     begin = max(first.first_step, second.first_step)
     end = min(first.first_step + len(first.positions), second.first_step + len(second.positions))
     if begin >= end:
-        return None
+        return
     one, two = (
         slice(begin - first.first_step, end - first.first_step),
         slice(begin - second.first_step, end - second.first_step),
@@ -80,11 +84,19 @@ def first_overlap(first: Body, second: Body) -> int | None:
             for body, index in ((first, one.start + offset), (second, two.start + offset))
         ]
         if rectangles_overlap(corners[0], corners[1], TOUCH_M):
-            return int(begin + offset)
+            yield int(begin + offset)
+
+
+def _first_new(first: Body, second: Body, recorded: Mapping[int, Body]) -> int | None:
+    """The first step at which two bodies begin to overlap and did not about then in the recording; or None."""
+    steps = overlap_steps(first, second)
+    step = next(steps, None)
+    if step is None or first.key not in recorded or second.key not in recorded:
+        return step
+    known = tuple(overlap_steps(recorded[first.key], recorded[second.key]))
+    before = -2
+    for now in itertools.chain([step], steps):
+        if now > before + 1 and not any(abs(now - one) <= NEAR_STEPS for one in known):
+            return now
+        before = now
     return None
-
-
-def _recorded(first: int, second: int, recorded: Mapping[int, Body]) -> bool:
-    if first not in recorded or second not in recorded:
-        return False
-    return first_overlap(recorded[first], recorded[second]) is not None

@@ -1,9 +1,11 @@
 """A replayed vehicle that would run into an edited one is handed over too; what is left is reported."""
 
+import numpy as np
 import pytest
 from builders import driving, town_road
 from edit_support import Apply
 
+from plannerforge.engine.edits.collisions import Body, Overlap, new_overlaps
 from plannerforge.schemas.errors import NotPossible
 
 BRAKES = {"op": "set_behaviour", "vehicles": ["31"], "params": ["speedFactor=0.2"]}
@@ -39,6 +41,18 @@ def test_overlaps_of_the_recording_are_nobody_s_fault(apply: Apply) -> None:
     overlapping = town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), driving(32, (58, 0), 10.0, 101))
     applied = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "balanced"}, builder=overlapping)
     assert applied.outcome.collisions == ()
+
+
+def test_two_that_overlap_once_in_the_recording_can_collide_later() -> None:
+    def moving(key: int, places_m: list[float]) -> Body:
+        return Body(key, 0, np.array([[x, 0.0] for x in places_m]), np.zeros(len(places_m)), (4.0, 2.0))
+
+    one, apart = moving(1, [0.0] * 60), [50.0] * 5
+    recorded = {1: one, 2: moving(2, apart + [3.0] * 5 + [50.0] * 50)}
+    prolonged = moving(2, apart + [3.0] * 20 + [50.0] * 35)
+    again = moving(2, apart + [3.0] * 5 + [50.0] * 30 + [3.0] * 20)
+    assert new_overlaps([one], [prolonged], recorded) == ()
+    assert new_overlaps([one], [again], recorded) == (Overlap(1, 2, 40),)
 
 
 def test_a_queue_that_builds_up_behind_is_handed_over_to_its_end(apply: Apply) -> None:
