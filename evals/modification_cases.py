@@ -18,6 +18,7 @@ from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.drivability import check_drivability
 from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.traffic.vehicle_classes import nearest_class
 from plannerforge.evals.modification_checks import (
     Written,
     checks_of,
@@ -242,7 +243,11 @@ def _verdicts(written: Written, one: TouchedVehicle, track: Track) -> Physical:
 
 
 def _is_drivable(track: Track, begin: int, end: int, step_s: float) -> bool:
-    return check_drivability(_motion(track, begin, end), step_s).feasible
+    """Whether a vehicle with the axles of its class can drive a part of a track."""
+    chassis = nearest_class(track.kind, track.length_m)
+    motion = _motion(track, begin, end)
+    axles = {"wheelbase_m": chassis.wheelbase_m, "rear_axle_m": chassis.rear_axle_m}
+    return check_drivability(motion, step_s, **axles).feasible
 
 
 def _motion(track: Track, begin: int, end: int) -> Motion:
