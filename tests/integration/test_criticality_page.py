@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.anyio, pytest.mark.parametrize("era", ["auto"], indire
 CHECKOUT = Path(__file__).resolve().parents[2]
 PAGE = (CHECKOUT / "docs" / "criticality.md").read_text(encoding="utf-8")
 RECIPE = re.compile(r"^## (.+?)\n.*?```sh\n(.+?)```\n```text\n(.+?)\n```", re.DOTALL | re.MULTILINE)
-SCENARIO = "ZAM_Neuland-11_1_T-1"
+SCENARIO = "ZAM_Neuland-25_1_T-1"
 
 
 async def answer(client: Client, tool: str, arguments: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -41,8 +41,8 @@ async def test_every_recipe_does_what_the_page_says(connect: Connect) -> None:
     ("edit", "score"),
     [
         ({"op": "set_speed", "vehicles": ["lead"], "speed": "15m/s", "time_s": 2}, 0),
-        ({"op": "shift_time", "vehicles": ["follow"], "time_s": -1}, 0),
-        ({"op": "set_behaviour", "vehicles": ["follow"], "preset": "aggressive"}, 5),
+        ({"op": "shift_time", "vehicles": ["follow"], "time_s": -1.3}, 0),
+        ({"op": "set_behaviour", "vehicles": ["follow"], "preset": "aggressive"}, 4),
         ({"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 20, "speed": "26m/s"}, 0),
     ],
     ids=["harder braking", "a shift alone", "aggressive alone", "a usual driver ahead"],
