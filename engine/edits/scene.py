@@ -15,7 +15,14 @@ from plannerforge.engine.network.sumo_net_signals import Signal, signals_of
 from plannerforge.engine.network.sumo_net_speeds import lane_speeds, posted_speeds
 from plannerforge.engine.network.sumo_net_writer import sumo_net
 from plannerforge.engine.scenarios.reader import LoadedScenario
-from plannerforge.engine.scenarios.tracks import Track, last_recorded_step, recorded_tracks, size_of
+from plannerforge.engine.scenarios.tracks import (
+    Track,
+    center_of,
+    last_recorded_step,
+    middle_of,
+    recorded_tracks,
+    size_of,
+)
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -29,7 +36,10 @@ EGO_SIZE_M = (4.508, 1.61)
 
 @dataclass(frozen=True)
 class Ego:
-    """A planning problem's start: centre (2,) in m, heading, speed, and the lanelets there (best first)."""
+    """A planning problem's start, the middle of an uncertain one.
+
+    The centre (2,) in m, heading in rad, speed, and the lanelets there (best first).
+    """
 
     problem_id: int
     step: int
@@ -122,14 +132,14 @@ def _ego(loaded: LoadedScenario, matcher: LaneMatcher, problem_id: int | None) -
         return None
     problem = loaded.problem(problem_id)
     state = problem.initial_state
-    position, heading = np.asarray(state.position, dtype=float), float(state.orientation)
+    position, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
     near = sorted(matcher.near(position, heading, 1.0), key=lambda found: (found[1], found[0]))
     return Ego(
         problem_id=int(problem.planning_problem_id),
         step=int(state.time_step),
         position=position,
         heading_rad=heading,
-        speed_mps=float(state.velocity),
+        speed_mps=middle_of(state.velocity),
         lanelets=tuple(key for key, _ in near),
     )
 
@@ -138,8 +148,6 @@ def _standing(loaded: LoadedScenario, last_step: int) -> dict[int, Track]:
     found = {}
     for obstacle in sorted(loaded.scenario.static_obstacles, key=lambda obstacle: int(obstacle.obstacle_id)):
         state = obstacle.initial_state
-        if not isinstance(state.position, np.ndarray):
-            continue
         length, width = size_of(obstacle.obstacle_shape)
         count = last_step + 1
         found[int(obstacle.obstacle_id)] = Track(
@@ -148,8 +156,8 @@ def _standing(loaded: LoadedScenario, last_step: int) -> dict[int, Track]:
             length_m=length,
             width_m=width,
             first_step=0,
-            positions=np.repeat(np.asarray(state.position, dtype=float)[None], count, axis=0),
-            headings_rad=np.full(count, float(getattr(state, "orientation", 0.0))),
+            positions=np.repeat(np.asarray(center_of(state.position), dtype=float)[None], count, axis=0),
+            headings_rad=np.full(count, middle_of(getattr(state, "orientation", 0.0))),
             speeds_mps=np.zeros(count),
         )
     return found

@@ -100,18 +100,21 @@ def _track(obstacle: "DynamicObstacle", states: PlainStates | None, step_s: floa
 
 def _states(states: list[Any]) -> PlainStates:
     return PlainStates(
-        positions=np.array([_center(state.position) for state in states], dtype=float),
-        headings_rad=np.array([_middle(getattr(state, "orientation", 0.0)) for state in states], dtype=float),
-        speeds_mps=np.array([_middle(getattr(state, "velocity", None)) for state in states], dtype=float),
+        positions=np.array([center_of(state.position) for state in states], dtype=float),
+        headings_rad=np.array([middle_of(getattr(state, "orientation", 0.0)) for state in states], dtype=float),
+        speeds_mps=np.array([middle_of(getattr(state, "velocity", None)) for state in states], dtype=float),
     )
 
 
-def _center(position: Any) -> Any:
-    """A point's or region's centre without its height."""
+def center_of(position: Any) -> Any:
+    """A point's or region's centre (2,) in m, without its height; of several regions, the middle of their centres."""
+    if hasattr(position, "shapes"):
+        return np.mean([center_of(part) for part in position.shapes], axis=0)
     return (position.center if hasattr(position, "center") else position)[:2]
 
 
-def _middle(value: Any) -> float:
+def middle_of(value: Any) -> float:
+    """A value as it is, or the middle of an interval; NaN for None."""
     if value is None:
         return float("nan")
     return 0.5 * (float(value.start) + float(value.end)) if hasattr(value, "start") else float(value)
