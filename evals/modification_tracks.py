@@ -21,14 +21,17 @@ def fronts(track: Track) -> Points:
 
 
 def arrives_on(network: "LaneletNetwork", track: Track, begin: int, targets: set[int]) -> bool:
-    """Whether the vehicle's front gets onto one of the lanelets, and then stays there or drives on from it.
+    """Whether the vehicle's front half gets onto one of the lanelets, and then stays there or drives on from it.
 
     ``begin``: index of the track from which on it was driven. A vehicle that arrives does not vanish: whoever is on the
     target early drives on along what follows it.
     """
     there = fronts(track)[max(begin, 0) :]
+    # A lanelet may be shorter than one step of the way, so that the way between the steps counts and not their ends.
+    centres = track.positions[max(begin, 0) :]
+    steps = shapely.linestrings(np.stack([np.vstack([there[:1], there[:-1]]), there, centres], axis=1))
     for key in sorted(targets):
-        on = shapely.contains_xy(network.find_lanelet_by_id(key).polygon.shapely_object, there[:, 0], there[:, 1])
+        on = shapely.intersects(network.find_lanelet_by_id(key).polygon.shapely_object, steps)
         if on.any() and follows(network, _onwards(network, key), there[int(np.argmax(on)) :]):
             return True
     return False

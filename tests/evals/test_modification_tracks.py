@@ -37,6 +37,15 @@ def test_only_the_lanelet_that_is_driven_counts_as_reached(scene: Scene) -> None
     assert not follows(scene.network, (first,), track.positions + np.array([500.0, 0.0]))
 
 
+def test_a_lanelet_that_a_fast_vehicle_leaps_over_within_a_step_is_reached(scene: Scene) -> None:
+    first = int(scene.network.lanelets[0].lanelet_id)
+    line = scene.network.find_lanelet_by_id(first).center_vertices
+    ahead = (line[-1] - line[0]) / np.linalg.norm(line[-1] - line[0])
+    leap = np.array([line[0] - 9.0 * ahead, line[-1] - 2.25 * ahead + 0.9 * ahead])
+    track = along(scene, first, 2)
+    assert arrives_on(scene.network, replace(track, positions=leap), 0, {first})
+
+
 def test_a_target_that_is_left_again_for_a_road_that_does_not_follow_is_not_reached(scene: Scene) -> None:
     first = int(scene.network.lanelets[0].lanelet_id)
     track = along(scene, first)
