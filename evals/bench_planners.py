@@ -4,8 +4,9 @@ Keys: ``runs``, ``lost`` (cells without a run), ``solvable`` (not invalid), ``su
 (share of the solvable problems that reach the goal), ``trap_infeasible`` (infeasible runs that look like a heading
 wrap: the yaw rate rejected the most candidates of the last attempt), ``step_over_core`` (planning step ÷ its time in
 the core, median), ``run_median_s`` (a run in a single warm worker, nothing else at work: the median wall time of the
-runs with which the throughput of one worker is measured), ``two_worker_speedup``, ``weights_acting``,
-``rear_scenarios`` (scenarios with a follower), ``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were
+runs with which the throughput of one worker is measured), ``two_worker_speedup``, ``weights_acting`` (those of Default
+whose raising changes the first choice in one of some scenarios), ``rear_scenarios`` (scenarios with a follower),
+``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were
 hit from behind, over all planners; the whole measurement is ``make bench-reactive``).
 """
 
@@ -17,7 +18,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import anyio
 from mcp import Client
@@ -25,10 +26,11 @@ from rich.console import Console
 from rich.table import Table
 
 from plannerforge.engine.analysis.intervals import rate
+from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.tuning.configurations import named_configuration
 from plannerforge.engine.workspace.artifacts import Workspace
+from plannerforge.evals.acting_weights import acting_weights
 from plannerforge.evals.bench_client import (
-    ask,
     drawn,
     finished_batch,
     import_scenarios,
@@ -49,6 +51,7 @@ PREDICTIONS = {"gt": "ground_truth", "cv": "constant_velocity"}
 TIMED_RUNS = 72
 """So many that the worker that is left alone with the last run hardly counts."""
 
+SITUATIONS = 12
 WORKERS = 2
 Content = TypeVar("Content", bound=Model)
 
@@ -99,7 +102,6 @@ async def measure(workspace: Path, folder: Path, limit: int | None) -> None:
             )
             for prediction in PREDICTIONS.values()
         ]
-        acting = _weights_acting(await ask(client, "list_planners", config_id=CONFIGS["default"]))
     opened = Workspace(workspace)
     records = [opened.get(batch_id, "batch").read(BatchRecord) for batch_id in batches]
     runs = tuple(opened.get(key, "run").read(RunRecord) for batch in records for key in batch.runs)
@@ -107,8 +109,9 @@ async def measure(workspace: Path, folder: Path, limit: int | None) -> None:
     timings = tuple(_file(opened, run.run_id, "timing.json", RunTiming) for run in driven)
     failures = tuple((run, _cause(opened, run)) for run in _of(runs, "default", "gt") if run.outcome != "goal_reached")
     traps = sum(trapped(run, _steps(opened, run)) for run in driven if run.outcome == "infeasible")
-    opened.close()
     timed = drawn(sorted({run.scenario_id for run in driven}), TIMED_RUNS)
+    acting = _weights_acting(opened, timed[:SITUATIONS])
+    opened.close()
     one, walls = await throughput(workspace, folder, timed, 1)
     two, _ = await throughput(workspace, folder, timed, 2)
     braked = tuple(braked_runs(files, WORKERS))
@@ -128,10 +131,12 @@ def _file(workspace: Workspace, run_id: str, name: str, model: type[Content]) ->
     return model.model_validate_json(workspace.file("run", run_id, name).read_text(encoding="utf-8"))
 
 
-def _weights_acting(listed: Any) -> int:
+def _weights_acting(workspace: Workspace, scenarios: Sequence[str]) -> int:
     configuration = named_configuration(CONFIGS["default"])
-    own = set(configuration.weights) if configuration else set()
-    return sum(entry["acts"] for entry in listed["weights"] if entry["name"] in own)
+    if configuration is None:
+        raise RuntimeError(f"the built-in configuration {CONFIGS['default']} is gone")
+    files = (workspace.file("scenario", scenario_id, "scenario.xml") for scenario_id in scenarios)
+    return len(acting_weights(configuration, [read_scenario(file) for file in files]))
 
 
 def _of(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunRecord]:
