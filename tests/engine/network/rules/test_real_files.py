@@ -1,4 +1,4 @@
-"""What the rules find in real files, and that they are silent on more than 100 good ones: a change of a rule shows here."""
+"""What the rules find in real files, and that they are silent on over 100 good ones: a changed rule shows here."""
 
 import io
 import zipfile
