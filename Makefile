@@ -15,7 +15,7 @@ help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
 	@echo "make test    set everything up and run the tests"
 	@echo "make check   lint, types and import directions (developers)"
-	@echo "make bench   measure what the README states (developers)"
+	@echo "make bench   measure what the README states, one bench after the other; takes long (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
 	@echo "make clean   remove what was built"
 
@@ -51,7 +51,8 @@ layers: $(DEV_STAMP)
 	@echo "==> Import directions"
 	@$(VENV)/bin/lint-imports
 
-bench: bench-server
+bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
+	bench-selection bench-import-crashes
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.bench_server

@@ -1,6 +1,7 @@
 """Name and head of a generated scenario: benchmark id, place on the globe, tags."""
 
 import unicodedata
+from importlib.metadata import version
 
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.network.net_parser import SumoNet
@@ -47,7 +48,7 @@ def head_of(request: GenerationRequest, site: Site, net: SumoNet, step_s: float)
     return ScenarioHead(
         benchmark_id=benchmark_id(request),
         affiliation=f"PlannerForge; map data: {request.attribution}",
-        source="PlannerForge MCP, SUMO 1.28.0",
+        source=f"PlannerForge MCP, SUMO {version('libsumo')}",
         latitude=site.latitude,
         longitude=site.longitude,
         projection=net.projection,
