@@ -189,8 +189,12 @@ def _is_placed(written: Written, track: Track, truth: dict[str, Any], index: int
 
 
 def _goal_checks(written: Written, truth: dict[str, Any]) -> dict[str, bool]:
-    """The goal as written: over its lanelet, along it where the word says, and nothing changed that was not named."""
-    state, former = (one.goal.state_list[0] for one in (written.new.problem(), written.scene.loaded.problem()))
+    """The goal as written: over its lanelet, along it where the word says, and nothing changed that was not named.
+
+    A problem that had no goal state has nothing to keep.
+    """
+    state = written.new.problem().goal.state_list[0]
+    former = next(iter(written.scene.loaded.problem().goal.state_list), None)
     lanelet = written.new.scenario.lanelet_network.find_lanelet_by_id(int(truth["lanelet"]))
     center = np.asarray(state.position.center)
     share = POSITION_WORDS.get(str(truth.get("position") or "final"))
@@ -198,7 +202,9 @@ def _goal_checks(written: Written, truth: dict[str, Any]) -> dict[str, bool]:
     near = share is None or abs(station_m - share * length_m(lanelet)) <= GOAL_TOLERANCE_M
     on = lanelet.polygon.shapely_object.buffer(0.2).contains(shapely.Point(center))
     kept = ["velocity"] if truth.get("time") else ["velocity", "time_step"]
-    preserved = all(str(getattr(state, name, None)) == str(getattr(former, name, None)) for name in kept)
+    preserved = former is None or all(
+        str(getattr(state, name, None)) == str(getattr(former, name, None)) for name in kept
+    )
     return {"G_edge": bool(on), "G_position": near, "G_preserve": preserved}
 
 
