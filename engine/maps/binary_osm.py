@@ -6,7 +6,6 @@ from typing import Any
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.maps.osm_reader import LIMITS
-from plannerforge.engine.maps.unpacking import plain_name
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import ConvertedMap, ConvertMapRequest
 
@@ -33,7 +32,8 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
     """
     import osmium
 
-    path, target = Path(request.path), Path(request.folder) / plain_name(Path(request.path))
+    path = Path(request.path)
+    target = Path(request.folder) / path.stem
     report(0.1, "unpacking the map")
     try:
         _check(path)
@@ -41,7 +41,9 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
             for element in _kept(path):
                 writer.add(element)
     except (RuntimeError, ValueError) as error:  # all that osmium raises on a broken file
-        raise UnsafeInput(f"{path.name} cannot be unpacked: {error}") from error
+        raise UnsafeInput(
+            f"{path.name} cannot be unpacked: {error}", next_step="get the extract again, or convert it to .osm"
+        ) from error
     return ConvertedMap(path=str(target))
 
 

@@ -23,7 +23,7 @@ def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path
     ending = path.suffix.lower()
     if ending not in (".gz", ".bz2"):
         return path
-    target, size = folder / plain_name(path), 0
+    target, size = folder / path.stem, 0
     opened = gzip.open if ending == ".gz" else bz2.open
     try:
         with opened(path, "rb") as source, target.open("wb") as sink:
@@ -52,11 +52,6 @@ def is_net(path: Path) -> bool:
 def is_binary(path: Path) -> bool:
     """Whether a file is an extract in OpenStreetMap's binary format by its name."""
     return path.name.lower().endswith(BINARY_ENDING)
-
-
-def plain_name(path: Path) -> str:
-    """The name of a packed or binary map without the last ending."""
-    return path.stem
 
 
 def stored_name(path: Path) -> str:
