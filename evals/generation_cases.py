@@ -100,6 +100,8 @@ def _make_somewhere(
         return _make_somewhere(request, Order(spare.pop(0)), spare, session, index, seed)
     except PlannerForgeError as error:
         return _failed(request, error)
+    except Exception as error:  # noqa: BLE001 - a defect of ours is the failure of one scenario, not the bench's end
+        return Made(request, fault=f"defect: {error!r}")
 
 
 def make(request: BenchRequest, wish: GenerationRequest, session: Session, seed: int) -> Made:

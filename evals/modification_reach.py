@@ -20,6 +20,9 @@ SHARES: Mapping[str, float] = {"beginning": 0.0, "quarter": 0.25, "middle": 0.5,
 LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS = 11.5, 50.8
 """Limits of CommonRoad's vehicle 2 (BMW 320i)."""
 
+HARD_BRAKING_MPS2, CLEARLY_SLOW_MPS2, BEND_M = 6.0, 5.0, 5.0
+"""How a car brakes before a bend, its lateral acceleration there, and the length over which a bend is measured."""
+
 LEAST_AHEAD_M, SHARE_IN_REACH = 1.0, 0.95
 """A goal that a request is drawn for is clearly ahead and clearly within reach, so that rounding decides nothing."""
 
@@ -29,21 +32,23 @@ def length_m(lanelet: "Lanelet") -> float:
     return float(np.linalg.norm(np.diff(lanelet.center_vertices, axis=0), axis=1).sum())
 
 
-def distances_m(network: "LaneletNetwork", position: Points) -> dict[int, float]:
-    """Way in m from a point (2,) to the start of every lanelet that it leads to, along successors and lane changes.
+def distances_m(network: "LaneletNetwork", position: Points, heading_rad: float, speed_mps: float) -> dict[int, float]:
+    """Way in m from a car to the start of every lanelet that it gets to, along successors and lane changes.
 
-    Shortest ways (Dijkstra 1959) from all lanelets under the point; below 0 where the start of one lies behind it.
+    Shortest ways (Dijkstra 1959) from all lanelets under its centre (2,) that do not lead against its heading; below 0
+    where the start of one lies behind it. Lanelets whose bends it comes to too fast, however it brakes, lead nowhere.
     """
     best: dict[int, float] = {}
     under = network.find_lanelet_by_position([position])[0]
-    queue = [(-project(network.find_lanelet_by_id(key).center_vertices, position)[0], key) for key in under]
+    stations = {key: project(network.find_lanelet_by_id(key).center_vertices, position)[0] for key in under}
+    queue = [(-station, key) for key, station in stations.items() if _leads(network, key, station, heading_rad)]
     heapq.heapify(queue)
     while queue:
         way_m, key = heapq.heappop(queue)
-        if key in best:
+        lanelet = network.find_lanelet_by_id(key)
+        if key in best or not _takes_bends(lanelet, way_m, speed_mps):
             continue
         best[key] = way_m
-        lanelet = network.find_lanelet_by_id(key)
         ahead = [(way_m + length_m(lanelet), after) for after in lanelet.successor]
         for pair in (*ahead, *((way_m, beside) for beside in _beside(lanelet))):
             heapq.heappush(queue, pair)
@@ -94,6 +99,23 @@ def _at_station(network: "LaneletNetwork", key: int, station_m: float, seen: set
         step = -total if station_m > total else length_m(network.find_lanelet_by_id(other))
         found += _at_station(network, int(other), station_m + step, seen | {key})
     return found
+
+
+def _leads(network: "LaneletNetwork", key: int, station_m: float, heading_rad: float) -> bool:
+    """Whether a lanelet does not lead against a heading."""
+    line = network.find_lanelet_by_id(key).center_vertices
+    return math.cos(point_at(line, station_m)[1] - heading_rad) > 0.0
+
+
+def _takes_bends(lanelet: "Lanelet", way_m: float, speed_mps: float) -> bool:
+    """Whether a car that brakes hard from a speed to a lanelet's start is clearly slow enough for all of its bends."""
+    slowest = math.sqrt(max(speed_mps**2 - 2 * HARD_BRAKING_MPS2 * max(way_m, 0.0), 0.0))
+    steps = np.diff(lanelet.center_vertices, axis=0)
+    lengths, along = np.linalg.norm(steps, axis=1), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    middles = np.cumsum(lengths) - lengths / 2
+    within = np.abs(middles[:, None] - middles[None, :]) <= BEND_M
+    sharpest = float((np.abs(along[:, None] - along[None, :]) * within).max()) / BEND_M
+    return slowest**2 * sharpest <= CLEARLY_SLOW_MPS2
 
 
 def _beside(lanelet: "Lanelet") -> list[Any]:

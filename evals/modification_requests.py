@@ -116,7 +116,8 @@ def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
     """Goals that a car can reach in the time of the problem, by the lanelets of the file."""
     if scene.ego is None:
         return []
-    problem, ways = scene.loaded.problem(scene.ego.problem_id), distances_m(scene.network, scene.ego.position)
+    problem, ego = scene.loaded.problem(scene.ego.problem_id), scene.ego
+    ways = distances_m(scene.network, ego.position, ego.heading_rad, ego.speed_mps)
     found = [
         (key, word)
         for key, way_m in sorted(ways.items(), key=lambda pair: (pair[1], pair[0]))

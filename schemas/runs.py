@@ -131,6 +131,10 @@ class RunRecord(Model):
     collision: CollisionRecord | None
     off_the_lanes: tuple[int, ...] = Field((), description="lane prediction: obstacles predicted straight on")
     on_recording: tuple[int, ...] = Field((), description="reactive traffic: obstacles that SUMO could not drive")
+    eased_over_m: float | None = Field(
+        None,
+        description="metres of a curve onto the route, where the start allows no way along its centre",
+    )
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None
     ego_length_m: float = 4.508

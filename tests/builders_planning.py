@@ -118,9 +118,10 @@ def problem_for(
     angle_rad: float = 0.0,
     position: Sequence[float] = (0.0, 0.0),
     lanelets: dict[int, list[int]] | None = None,
+    askew_rad: float = 0.0,
 ) -> PlanningProblem:
-    """An ego at a position, heading as the angle."""
-    state = _initial(rotation(angle_rad) @ np.array(position), angle_rad, speed_mps)
+    """An ego at a position, heading as the angle, or askew of it."""
+    state = _initial(rotation(angle_rad) @ np.array(position), angle_rad + askew_rad, speed_mps)
     return PlanningProblem(1000, state, GoalRegion(list(goals), lanelets))
 
 

@@ -33,7 +33,7 @@ def answer(
             "summary": _summary(records),
             "runs": tuple(_line(record) for record in records[:LISTED_RUNS]),
             "lost": tuple(lost[:10]),
-            "notes": (*notes, *_prediction_notes(records), *_traffic_notes(records)),
+            "notes": (*notes, *_prediction_notes(records), *_traffic_notes(records), *_path_notes(records)),
             "next_step": _next_step(records, batch_id, job_id, state),
         }
     )
@@ -56,6 +56,15 @@ def _traffic_notes(records: Sequence[RunRecord]) -> list[str]:
         return []
     told = f"{sum(counts)} (in {len(counts)} of {len(records)} runs)"
     return [f"reactive traffic: moving obstacles that followed their recording all the same: {told}"]
+
+
+def _path_notes(records: Sequence[RunRecord]) -> list[str]:
+    """Whose start is too askew or too fast for the lane's centre line."""
+    lengths_m = sorted(record.eased_over_m for record in records if record.eased_over_m is not None)
+    if not lengths_m:
+        return []
+    told = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
+    return [f"the ego's start allows no way along the lane's centre in {len(lengths_m)} runs: joined within {told}"]
 
 
 def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:

@@ -73,7 +73,7 @@ def _plan(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClas
     if edges is None:
         raise NotPossible(f"{who} cannot drive from lanelet {way[0]} to {way[-1]}: the lanes do not connect")
     asked = None if edit.speed is None else _speed(edit.speed, vehicle_class)
-    speed = entry_speed(scene, changes, vehicle_class, place, step) if asked is None else asked
+    speed = entry_speed(scene, changes, vehicle_class, place, step, way) if asked is None else asked
     return DrivePlan(
         start=_start(changes.next_id, vehicle_class, scene, place, step, speed),
         cause="added",

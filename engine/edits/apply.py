@@ -9,6 +9,7 @@ from plannerforge.engine.edits.changes import Changes, EditStep
 from plannerforge.engine.edits.danger import danger_to
 from plannerforge.engine.edits.edit_report import edit_reports, reported_collisions, touched_vehicles
 from plannerforge.engine.edits.kept_scene import scene_of
+from plannerforge.engine.edits.missed_aims import check_not_driven_past
 from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
 from plannerforge.engine.edits.operations import resolve_edits
 from plannerforge.engine.edits.ordinary_ego import drive_after, ego_participant
@@ -77,6 +78,8 @@ def _check(request: ModificationRequest, scene: Scene, changes: Changes, result:
             valid=[key for key in scene.tracks if key not in lost],
             next_step="choose another vehicle or place",
         )
+    for key in changes.driven:
+        check_not_driven_past(scene, result.plans[key], result.tracks[key])
     hits = reported_collisions(scene, result)
     if hits and request.on_conflict == "refuse":
         pairs = [f"{hit.vehicles[0]} with {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in hits]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.placing import Place
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.edits.turn_speed import HARDEST_BRAKING_MPS2
+from plannerforge.engine.edits.turn_speed import HARDEST_BRAKING_MPS2, highest_entry_speed
 from plannerforge.engine.geometry.polyline import project
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass
@@ -32,19 +32,24 @@ class _Neighbour:
         return max(abs(self.distance_m) - (self.length_m + vehicle_class.length_m) / 2, 0.0)
 
 
-def entry_speed(scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int) -> float:
-    """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane, never too fast for the leader.
+def entry_speed(
+    scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, way: tuple[int, ...]
+) -> float:
+    """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane.
+
+    Never too fast for the leader, nor for the bends of the way, which begins with the lanelet of the place.
 
     Raises:
         NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.
     """
-    usual = min(SHARE_OF_LANE_SPEED * scene.lane_speeds_mps[place.lanelet_id], vehicle_class.maximum_speed_mps)
+    fastest = min(vehicle_class.maximum_speed_mps, highest_entry_speed(scene, way, place.station_m))
+    usual = min(SHARE_OF_LANE_SPEED * scene.lane_speeds_mps[place.lanelet_id], fastest)
     neighbours = _same_lane(scene, changes, place, step)
     if not neighbours:
         return usual
     nearest = min(neighbours, key=lambda one: (abs(one.distance_m), one.distance_m))
     is_near = abs(nearest.distance_m) < LOOK_M
-    speed = min(nearest.speed_mps, vehicle_class.maximum_speed_mps) if is_near else usual
+    speed = min(nearest.speed_mps, fastest) if is_near else usual
     leaders = [one for one in neighbours if one.distance_m > 0]
     if leaders:
         leader = min(leaders, key=lambda one: one.distance_m)

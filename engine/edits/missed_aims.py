@@ -4,8 +4,10 @@ import numpy as np
 
 from plannerforge.engine.edits.cascade import Resimulated
 from plannerforge.engine.edits.changes import DrivePlan, EditStep
+from plannerforge.engine.edits.driven_way import driven_lanelets
 from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.schemas.errors import NotPossible
 
 SPEED_TOLERANCE_MPS = 0.3
 STILL_CHANGING_MPS2 = 0.3
@@ -15,7 +17,7 @@ def why_not(
     scene: Scene, plan: DrivePlan, track: TouchedTrack, driven: tuple[int, ...], targets: frozenset[int]
 ) -> str:
     """The reason for which a vehicle, which drives over these lanelets, gets to none of the targets."""
-    if not targets & (set(plan.lanelets) | _beside(scene, plan)):
+    if not _is_still_sent_to(scene, plan, targets):
         return "a later edit sends it another way"
     target = _first_target(plan, targets)
     if track.leaves:
@@ -29,6 +31,26 @@ def why_not(
     if float(track.motion.speeds_mps[-1]) < 0.1:
         return f"it stands on lanelet {driven[-1] if driven else plan.lanelets[0]} when {end}"
     return f"{end} while it is on its way to lanelet {target}"
+
+
+def check_not_driven_past(scene: Scene, plan: DrivePlan, track: TouchedTrack) -> None:
+    """Refuse to send a recorded vehicle to a target that it passes for good.
+
+    One that waits for a gap, or can still come back to its target, is on its way.
+
+    Raises:
+        NotPossible: naming the target, and why the vehicle does not get there.
+    """
+    driven = driven_lanelets(scene, track, plan)
+    if plan.cause != "edited" or not _is_still_sent_to(scene, plan, plan.targets) or plan.targets & set(driven):
+        return
+    ahead = None if track.leaves else scene.lanelet_graph.shortest_route(driven[-1:], sorted(plan.targets))
+    if ahead is None:
+        raise NotPossible(
+            f"vehicle {track.vehicle_id} would drive past lanelet {_first_target(plan, plan.targets)}: "
+            f"{why_not(scene, plan, track, driven, plan.targets)}, and it is too fast to wait for a gap",
+            next_step="choose a target farther on or straight ahead, or make room beside it",
+        )
 
 
 def speeds_reached(scene: Scene, step: EditStep, result: Resimulated) -> list[str]:
@@ -47,6 +69,11 @@ def speeds_reached(scene: Scene, step: EditStep, result: Resimulated) -> list[st
             closest = float(speeds[np.argmin(np.abs(speeds - wanted))])
             found.append(f"{key} does not reach it, {closest:.1f} m/s at best: {_held_back(scene, track, wanted)}")
     return found
+
+
+def _is_still_sent_to(scene: Scene, plan: DrivePlan, targets: frozenset[int]) -> bool:
+    """Whether the way of a plan still leads to one of some targets, or past it in the lane beside."""
+    return bool(targets & (set(plan.lanelets) | _beside(scene, plan)))
 
 
 def _held_back(scene: Scene, track: TouchedTrack, wanted_mps: float) -> str:

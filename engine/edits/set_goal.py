@@ -9,6 +9,7 @@ from plannerforge.engine.edits.changes import Changes, EditStep, GoalChange
 from plannerforge.engine.edits.lanelet_targets import reach, reachable_lanelets, target_lanelets
 from plannerforge.engine.edits.placing import Place
 from plannerforge.engine.edits.scene import Ego, Scene
+from plannerforge.engine.edits.turn_speed import first_bend_too_tight
 from plannerforge.engine.geometry.polyline import project
 from plannerforge.engine.network.positions import station_m
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
@@ -28,7 +29,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
     Raises:
         InvalidRequest: no lanelet, a bad rectangle or interval.
-        NotPossible: no ego, or a goal that it cannot reach, or not in the time named.
+        NotPossible: no ego, or a goal that it cannot reach, not in the time named, or only through too tight a bend.
     """
     ego = scene.ego
     if ego is None or not ego.lanelets:
@@ -40,6 +41,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     lane = scene.layout.table.lanes[way[-1]]
     place = Place(way[-1], station_m(edit.position or "final", way[-1], lane.length_m))
     distance = _distance(scene, ego, way, place)
+    _check_bends(scene, ego, way)
     goal = GoalChange(
         problem_id=ego.problem_id,
         lanelet_id=place.lanelet_id,
@@ -73,6 +75,17 @@ def _distance(scene: Scene, ego: Ego, way: tuple[int, ...], place: Place) -> flo
             next_step="choose a later position or a lanelet ahead",
         )
     return total
+
+
+def _check_bends(scene: Scene, ego: Ego, way: tuple[int, ...]) -> None:
+    """Refuse a way with a bend that no car in the ego's place takes.
+
+    Raises:
+        NotPossible: naming the lanelet and the highest speed there.
+    """
+    found = first_bend_too_tight(scene, way, ego.position, ego.speed_mps)
+    if found is not None:
+        raise NotPossible(f"the ego {found}", next_step="choose a goal straight ahead, or a slower start by set_ego")
 
 
 def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:

@@ -56,6 +56,12 @@ class FrameKeeper:
     """Gives the frame in which no heading ahead comes near ±π, and a new one only where the old does not serve."""
 
     def __init__(self, path: Points) -> None:
+        try:
+            self._follow(path)
+        except RuntimeError:
+            self._follow(longest_accepted(path))
+
+    def _follow(self, path: Points) -> None:
         self._path = path
         self._stations = arc_length(path)[:-1]
         self._headings = headings(path)
@@ -75,6 +81,27 @@ class FrameKeeper:
     def _window(self, station_m: float, ahead_m: float) -> Values:
         near = (self._stations >= station_m - 10.0) & (self._stations <= station_m + ahead_m)
         return self._headings[near] if near.any() else self._headings[-1:]
+
+
+def longest_accepted(path: Points) -> Points:
+    """The path, or as much of it from its beginning as the core takes.
+
+    Where a path comes back over itself, as one does that goes on around the loop of a dead end, the core finds no area
+    in which every point has one place along the path, and refuses the whole.
+    """
+    accepted, refused = 2, len(path)
+    while refused - accepted > 1:
+        middle = (accepted + refused) // 2
+        accepted, refused = (middle, refused) if _is_accepted(path[:middle]) else (accepted, middle)
+    return path[:accepted]
+
+
+def _is_accepted(path: Points) -> bool:
+    try:
+        FrenetFrame.of(path, 0.0)
+    except RuntimeError:
+        return False
+    return True
 
 
 def tangents(segments_rad: Values) -> Values:

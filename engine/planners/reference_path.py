@@ -69,10 +69,10 @@ def build_reference_path(
     if through is not None:
         line = _bent(line, position, through, change_m)
     extended = np.concatenate(
-        [_straight(line[1], line[0], BEFORE_M)[::-1], line, _straight(line[-2], line[-1], beyond_m)]
+        [straight_on_from(line[1], line[0], BEFORE_M)[::-1], line, straight_on_from(line[-2], line[-1], beyond_m)]
     )
     return ReferencePath(
-        points=_evenly(extended),
+        points=evenly(extended),
         lanelets=route.lanelets,
         goal_lanelet=None if route.goal_index is None else route.lanelets[route.goal_index],
         network_end_m=BEFORE_M + float(arc_length(line)[-1]),
@@ -124,17 +124,21 @@ def _joined(line: Points, following: Points, change_m: float) -> Points:
     head = _cut(line, 0.0, leave / before[-1])
     tail = _cut(following, arrive / after[-1], 1.0)
     start, end = head[-1], tail[0]
-    distance = float(np.linalg.norm(end - start))
-    tangent_in = _unit(head[-1] - head[-2]) * distance
-    tangent_out = _unit(tail[1] - tail[0]) * distance
-    share = np.linspace(0.0, 1.0, max(int(distance / SPACING_M), 2) + 1)[1:-1, None]
-    curve = (
-        (2 * share**3 - 3 * share**2 + 1) * start
-        + (share**3 - 2 * share**2 + share) * tangent_in
-        + (-2 * share**3 + 3 * share**2) * end
-        + (share**3 - share**2) * tangent_out
-    )
+    curve = cubic(start, unit(head[-1] - head[-2]), end, unit(tail[1] - tail[0]))
     return np.concatenate([head, curve, tail])
+
+
+def cubic(start: Points, start_direction: Points, end: Points, end_direction: Points) -> Points:
+    """Points (n, 2) between two points on a cubic Hermite curve that leaves and arrives in the unit directions (2,)."""
+    distance = float(np.linalg.norm(end - start))
+    share = np.linspace(0.0, 1.0, max(int(distance / SPACING_M), 2) + 1)[1:-1, None]
+    curve: Points = (
+        (2 * share**3 - 3 * share**2 + 1) * start
+        + (share**3 - 2 * share**2 + share) * start_direction * distance
+        + (-2 * share**3 + 3 * share**2) * end
+        + (share**3 - share**2) * end_direction * distance
+    )
+    return curve
 
 
 def _bent(line: Points, position: Points, through: Points, change_m: float) -> Points:
@@ -155,21 +159,23 @@ def _bent(line: Points, position: Points, through: Points, change_m: float) -> P
 
 
 def _smooth(line: Points) -> Points:
-    even = _evenly(line)
+    even = evenly(line)
     return gaussian(even, SMOOTHING_M / SPACING_M) if len(even) > 3 else even
 
 
-def _evenly(line: Points) -> Points:
+def evenly(line: Points) -> Points:
+    """The line with points about one spacing apart."""
     line = without_repeats(line, 1e-2)
     return resample(line, max(round(float(arc_length(line)[-1]) / SPACING_M), 2) + 1)
 
 
-def _straight(before: Points, end: Points, length_m: float) -> Points:
+def straight_on_from(before: Points, end: Points, length_m: float) -> Points:
     """Points one spacing apart that go straight on from ``end``, without ``end``."""
     count = int(np.ceil(length_m / SPACING_M))
-    return end + np.arange(1, count + 1)[:, None] * SPACING_M * _unit(end - before)
+    return end + np.arange(1, count + 1)[:, None] * SPACING_M * unit(end - before)
 
 
-def _unit(vector: Points) -> Points:
-    unit: Points = vector / max(float(np.linalg.norm(vector)), 1e-9)
-    return unit
+def unit(vector: Points) -> Points:
+    """A vector (2,) made one long."""
+    one_long: Points = vector / max(float(np.linalg.norm(vector)), 1e-9)
+    return one_long

@@ -50,6 +50,7 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
         collision=driven.final.collision,
         off_the_lanes=driven.off_the_lanes,
         on_recording=driven.traffic.on_recording,
+        eased_over_m=driven.eased_over_m,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, vehicle, loaded.step_s),
         ego_length_m=vehicle.length_m,

@@ -3,7 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +11,10 @@ import numpy as np
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.planners.aim import aimed_at
+from plannerforge.engine.planners.eased_start import EASED_OVER_M, eased_start
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, Planner, PlanningTask
-from plannerforge.engine.planners.prediction import observe, off_the_lanes, predictor
+from plannerforge.engine.planners.prediction import Predictor, observe, off_the_lanes, predictor
 from plannerforge.engine.planners.reachability import left_behind
 from plannerforge.engine.planners.reference_path import BEYOND_GOAL_M, build_reference_path
 from plannerforge.engine.planners.road import build_road
@@ -37,6 +38,7 @@ class DrivenRun:
     """What a run has given so far.
 
     ``plan_s`` and ``rejections`` hold the last attempt too where it gave no trajectory; ``plans`` does not.
+    ``eased_over_m``: length of the curve by which the reference path leads the ego onto its route, where it needs one.
     """
 
     states: list[EgoState]
@@ -47,6 +49,7 @@ class DrivenRun:
     rejections: list[Mapping[str, int]] = field(default_factory=list)
     verdict: Verdict | None = None
     off_the_lanes: tuple[int, ...] = ()
+    eased_over_m: float | None = None
 
     @property
     def rejected(self) -> Counter[str]:
@@ -55,6 +58,11 @@ class DrivenRun:
         for counts in self.rejections:
             total.update(counts)
         return total
+
+    @property
+    def has_not_begun(self) -> bool:
+        """Whether it ended because the first step found nothing that can be driven."""
+        return self.verdict is not None and self.verdict.outcome == "infeasible" and not self.plans
 
     @property
     def final(self) -> Verdict:
@@ -79,21 +87,39 @@ def simulate(
     with a code and without a plan.
     The traffic is the recorded one by default; one that reacts must stand at the ego's first step.
     """
-    step_s = float(scenario.dt)
     ego = initial_ego(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
     task = _task(scenario, problem, configuration, ego)
     if isinstance(task, Verdict):
         run.verdict = task
         return run
-    judge = Judge(Goal(problem.goal), task.reference, task.road, run.traffic, task.vehicle, ego, step_s)
-    run.verdict = judge.before_the_run(ego)
+    run.verdict = _judge(task, run).before_the_run(ego)
     if run.verdict is None:
-        planner.reset(task)
         predict = predictor(prediction, scenario.lanelet_network)
-        _drive(run, planner, judge, predict, task, report)
+        _drive(run, planner, predict, task, report)
+        if run.has_not_begun:
+            run = _eased(run, planner, predict, task, report)
         run.off_the_lanes = off_the_lanes(predict)
     return run
+
+
+def _eased(
+    stuck: DrivenRun, planner: Planner, predict: Predictor, task: PlanningTask, report: ProgressReporter
+) -> DrivenRun:
+    """The run on the first eased path that the planner can begin on; the run as it was where there is none."""
+    ego = stuck.states[0]
+    for over_m in EASED_OVER_M:
+        reference = eased_start(task.reference, ego, task.vehicle, over_m)
+        run = DrivenRun([ego], stuck.traffic, eased_over_m=over_m)
+        _drive(run, planner, predict, replace(task, reference=reference), report)
+        if not run.has_not_begun:
+            return run
+    return stuck
+
+
+def _judge(task: PlanningTask, run: DrivenRun) -> Judge:
+    goal = Goal(task.problem.goal)
+    return Judge(goal, task.reference, task.road, run.traffic, task.vehicle, run.states[0], task.step_s)
 
 
 def initial_ego(state: Any) -> EgoState:
@@ -143,10 +169,9 @@ def _task(
     return PlanningTask(scenario, problem, configuration, reference, road, vehicle, step_s, aim)
 
 
-def _drive(
-    run: DrivenRun, planner: Planner, judge: Judge, predict: Any, task: PlanningTask, report: ProgressReporter
-) -> None:
-    settings, step_s = task.configuration.settings, task.step_s
+def _drive(run: DrivenRun, planner: Planner, predict: Predictor, task: PlanningTask, report: ProgressReporter) -> None:
+    planner.reset(task)
+    judge, settings, step_s = _judge(task, run), task.configuration.settings, task.step_s
     first, horizon = run.states[0].step, round(settings.horizon_s / step_s)
     while run.verdict is None:
         ego = run.states[-1]

@@ -1,10 +1,12 @@
 """The modification bench judges written motion by its own rules, and draws only what a car can do."""
 
+import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import town_road
+from builders import Lane, ScenarioBuilder, arc, line, town_road
 
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.scenarios.reader import read_scenario
@@ -81,10 +83,23 @@ def test_a_goal_behind_the_ego_or_out_of_reach_in_time_is_not_drawn(scene: Scene
 
 def test_ways_lead_to_what_follows_and_lies_beside(scene: Scene) -> None:
     assert scene.ego is not None
-    ways = distances_m(scene.network, scene.ego.position)
+    ways = distances_m(scene.network, scene.ego.position, scene.ego.heading_rad, scene.ego.speed_mps)
     here = scene.ego.lanelets[0]
     assert ways[here] <= 0.0
     assert all(ways[key] > 0.0 for key in _after(scene, here))
+
+
+def test_no_way_leads_against_the_heading_or_through_a_bend_at_full_speed(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((0.0, 0.0), (40.0, 0.0)), successors=(2, 3)),
+        Lane(2, line((40.0, 0.0), (90.0, 0.0)), predecessors=(1,)),
+        Lane(3, arc((40.0, 8.0), 8.0, -math.pi / 2, 0.0, 21), predecessors=(1,)),
+    )
+    network = read_scenario(ScenarioBuilder(lanes).write(tmp_path / "bend.xml")).scenario.lanelet_network
+    here = np.array([36.0, 0.0])
+    assert set(distances_m(network, here, 0.0, 4.0)) == {1, 2, 3}
+    assert set(distances_m(network, here, 0.0, 15.0)) == {1, 2}
+    assert not distances_m(network, here, math.pi, 4.0)
 
 
 def test_a_place_is_told_from_one_elsewhere(scene: Scene) -> None:

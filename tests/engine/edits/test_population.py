@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from builders import Problem, driving, town_road
+from builders import Lane, Problem, ScenarioBuilder, arc, driving, line, town_road
 from edit_support import Apply
 
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
@@ -197,3 +197,17 @@ def test_a_place_that_the_vehicle_behind_cannot_brake_for_is_refused_unless_a_sp
     with pytest.raises(NotPossible, match=r"hit by vehicle 31, which comes 9.5 m behind with 25.0 m/s"):
         apply(place, builder=between)
     assert apply(place | {"speed": "2m/s"}, builder=between).outcome.collisions
+
+
+def test_it_enters_no_faster_than_the_bends_ahead_allow_however_fast_the_traffic_is(apply: Apply) -> None:
+    corner = (
+        Lane(1, line((0.0, 0.0), (60.0, 0.0)), successors=(2,)),
+        Lane(2, arc((60.0, 12.0), 12.0, -math.pi / 2, 0.0, 21), successors=(3,), predecessors=(1,)),
+        Lane(3, line((72.0, 12.0), (72.0, 200.0)), predecessors=(2,)),
+    )
+    fast = ScenarioBuilder(corner, (driving(31, (0.0, 0.0), 20.0, 20),))
+    entries = [apply(CAR | {"at": "1", "position": place}, builder=fast) for place in ("35m", "55m")]
+    early, late = (float(one.tracks()[one.outcome.edits[0].vehicles[0]].speeds_mps[0]) for one in entries)
+    assert late == pytest.approx(math.sqrt(4.0 * 12.0 + 2 * 4.0 * 5.0), abs=0.5)
+    assert early > late + 3.0
+    assert all(applied.outcome.touched[0].feasible for applied in entries)

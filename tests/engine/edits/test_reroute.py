@@ -137,12 +137,19 @@ def test_one_that_finds_no_gap_waits_at_the_end_of_its_lane(apply: Apply) -> Non
     assert track.speeds_mps.min() < 5.0
 
 
-def test_one_that_passes_its_last_gap_is_reported_with_the_way_that_it_drives(apply: Apply) -> None:
-    applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=beside_a_column(184, 14.0))
-    (route,) = applied.outcome.edits[0].routes
-    assert route.arrives is False
-    assert route.lanelets == (1, 11)
-    assert route.reason == "it leaves the network on lanelet 11 before lanelet 2"
+def test_one_that_passes_its_last_gap_too_fast_to_wait_is_refused(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="36 would drive past lanelet 2: it leaves the network on lanelet 11") as told:
+        apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=beside_a_column(184, 14.0))
+    assert "too fast to wait for a gap" in told.value.text
+
+
+def test_one_that_a_later_edit_sends_elsewhere_does_not_drive_past_its_target(apply: Apply) -> None:
+    there, back = (
+        {"op": "reroute", "vehicles": ["36"], "to": ["2"]},
+        {"op": "reroute", "vehicles": ["36"], "to": ["11"]},
+    )
+    applied = apply(there, back, builder=beside_a_column(184, 14.0))
+    assert [one.routes[0].arrives for one in applied.outcome.edits] == [False, True]
 
 
 def test_a_lanelet_too_short_to_be_seen_on_counts_as_driven(apply: Apply) -> None:

@@ -31,6 +31,7 @@ from plannerforge.engine.planners.frenet_frame import SAFE_RANGE_RAD, FrameKeepe
 from plannerforge.engine.planners.frenet_memory import copied_curvilinear, copied_trajectory, initial_state
 from plannerforge.engine.planners.frenet_sampling import CurvilinearState, EndState, SamplingSettings, sampling_matrix
 from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.reference_path import evenly
 from plannerforge.engine.planners.route import start_lanelets
 from plannerforge.engine.planners.vehicle import BMW_320I
 
@@ -100,6 +101,19 @@ def test_a_route_of_more_than_a_full_circle_gets_new_frames_on_the_way() -> None
         near = ahead[int(max(station - 10, 0)) : int(station + 30)]
         turned = np.abs(np.remainder(near - frame.angle_rad + math.pi, math.tau) - math.pi)
         assert turned.max() <= SAFE_RANGE_RAD + 0.05
+
+
+def test_of_a_route_that_comes_back_across_itself_the_core_gets_the_part_before() -> None:
+    """Up a road, around the loop at its end, and back across the road: the core refuses the whole."""
+    around = np.linspace(math.pi, -0.5 * math.pi, 40)[:, None]
+    loop = np.array([6.0, 120.0]) + 6.0 * np.hstack([np.cos(around), np.sin(around)])
+    path = evenly(np.concatenate([[[0.0, 0.0]], loop, [[-60.0, 114.0]], [[-60.0, 60.0], [60.0, 50.0]]]))
+    with pytest.raises(RuntimeError, match="projection domain"):
+        FrenetFrame.of(path, 0.0)
+    keeper = FrameKeeper(path)
+    ego = EgoState(0, np.array([0.0, 20.0]), 0.5 * math.pi, 10.0)
+    assert initial_state(keeper.frame_for(20.0, 40.0), ego, BMW_320I, low_speed=False) is not None
+    assert np.allclose(FrameKeeper(path[:100]).frame.origin, keeper.frame.origin)
 
 
 def test_copies_of_a_sample_outlive_the_cores_memory() -> None:
