@@ -20,8 +20,8 @@ SHARES: Mapping[str, float] = {"beginning": 0.0, "quarter": 0.25, "middle": 0.5,
 LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS = 11.5, 50.8
 """Limits of CommonRoad's vehicle 2 (BMW 320i)."""
 
-HARD_BRAKING_MPS2, CLEARLY_SLOW_MPS2, BEND_M = 6.0, 5.0, 5.0
-"""How a car brakes before a bend, its lateral acceleration there, and the length over which a bend is measured."""
+HARD_BRAKING_MPS2, LATERAL_MPS2, BEND_M = 8.0, 8.0, 5.0
+"""The most that a car brakes before a bend and turns in it, and the length over which a bend is measured."""
 
 LEAST_AHEAD_M, SHARE_IN_REACH = 1.0, 0.95
 """A goal that a request is drawn for is clearly ahead and clearly within reach, so that rounding decides nothing."""
@@ -108,14 +108,14 @@ def _leads(network: "LaneletNetwork", key: int, station_m: float, heading_rad: f
 
 
 def _takes_bends(lanelet: "Lanelet", way_m: float, speed_mps: float) -> bool:
-    """Whether a car that brakes hard from a speed to a lanelet's start is clearly slow enough for all of its bends."""
+    """Whether a car that brakes hard from a speed to a lanelet's start is slow enough for all of its bends."""
     slowest = math.sqrt(max(speed_mps**2 - 2 * HARD_BRAKING_MPS2 * max(way_m, 0.0), 0.0))
     steps = np.diff(lanelet.center_vertices, axis=0)
     lengths, along = np.linalg.norm(steps, axis=1), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     middles = np.cumsum(lengths) - lengths / 2
     within = np.abs(middles[:, None] - middles[None, :]) <= BEND_M
     sharpest = float((np.abs(along[:, None] - along[None, :]) * within).max()) / BEND_M
-    return slowest**2 * sharpest <= CLEARLY_SLOW_MPS2
+    return slowest**2 * sharpest <= LATERAL_MPS2
 
 
 def _beside(lanelet: "Lanelet") -> list[Any]:

@@ -60,9 +60,10 @@ def first_bend_too_tight(
         at_best = math.sqrt(max(speed_mps**2 - 2 * HARDEST_BRAKING_MPS2 * max(ahead_m, 0.0), 0.0))
         highest = math.sqrt(HARDEST_LATERAL_MPS2 / curvature)
         if at_best > highest:
+            where = f"{ahead_m:.0f} m before" if ahead_m > 0.0 else "on"
             return (
-                f"drives {speed_mps:.1f} m/s {max(ahead_m, 0.0):.0f} m before lanelet {key}, whose bend takes "
-                f"at most {highest:.1f} m/s: it cannot brake enough"
+                f"drives {speed_mps:.1f} m/s {where} lanelet {key}, whose bend takes at most {highest:.1f} m/s: "
+                "it cannot brake enough"
             )
     return None
 

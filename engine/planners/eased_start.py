@@ -11,6 +11,7 @@ import numpy as np
 from plannerforge.engine.geometry.polyline import Points, arc_length, interpolate, point_at, project
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.reference_path import BEFORE_M, ReferencePath, cubic, evenly, straight_on_from
+from plannerforge.engine.planners.road import Road
 from plannerforge.engine.planners.vehicle import VehicleParameters, rear_axle
 
 EASED_OVER_M = (10.0, 15.0, 22.0, 33.0, 50.0)
@@ -33,6 +34,14 @@ def eased_start(reference: ReferencePath, ego: EgoState, vehicle: VehicleParamet
     points = evenly(np.concatenate([behind, start[None], curve, rest]))
     straight_m = float(stations[-1]) - reference.network_end_m
     return replace(reference, points=points, network_end_m=float(arc_length(points)[-1]) - straight_m)
+
+
+def stays_on(road: Road, eased: ReferencePath, ego: EgoState, over_m: float) -> bool:
+    """Whether the curve of an eased path does not cut a corner across the edge of the road."""
+    begin = project(eased.points, ego.position)[0]
+    stations = arc_length(eased.points)
+    curve = eased.points[(stations >= begin) & (stations <= begin + over_m)]
+    return all(road.holds(point) for point in curve)
 
 
 def _direction(heading_rad: float) -> Points:

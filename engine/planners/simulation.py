@@ -11,7 +11,7 @@ import numpy as np
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.planners.aim import aimed_at
-from plannerforge.engine.planners.eased_start import EASED_OVER_M, eased_start
+from plannerforge.engine.planners.eased_start import EASED_OVER_M, eased_start, stays_on
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, Planner, PlanningTask
 from plannerforge.engine.planners.prediction import Predictor, observe, off_the_lanes, predictor
@@ -110,6 +110,8 @@ def _eased(
     ego = stuck.states[0]
     for over_m in EASED_OVER_M:
         reference = eased_start(task.reference, ego, task.vehicle, over_m)
+        if not stays_on(task.road, reference, ego, over_m):
+            continue
         run = DrivenRun([ego], stuck.traffic, eased_over_m=over_m)
         _drive(run, planner, predict, replace(task, reference=reference), report)
         if not run.has_not_begun:

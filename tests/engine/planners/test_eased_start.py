@@ -52,3 +52,10 @@ def test_an_eased_path_runs_through_the_rear_axle_and_joins_the_route(
     joined = eased.points[eased.points[:, 0] > axle[0] + over_m + 1.0]
     assert np.allclose(project_all(line, joined)[1], 0.0, atol=1e-6)
     assert math.isclose(float(arc_length(eased.points)[-1]) - eased.network_end_m, 50.0, abs_tol=1e-6)
+
+
+def test_a_curve_that_would_cut_across_the_edge_of_the_road_is_not_driven() -> None:
+    """As above, but on a road of one lane: the curve that the start needs does not fit on it."""
+    run = drive(scenario_on(straight_road(lanes=1)), problem_for(FAR_GOAL, speed_mps=12.0, askew_rad=1.2))
+    assert run.final.outcome == "infeasible"
+    assert run.eased_over_m is None
