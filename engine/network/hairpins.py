@@ -10,9 +10,10 @@ from plannerforge.engine.network.road_network import RoadNetwork
 MAXIMUM_ROUNDS = 3
 
 
-def remove_hairpins(net_path: Path, scratch: Path) -> int:
-    """Delete the connections of all lanes without a valid ribbon, in place; how many were deleted."""
+def remove_hairpins(net_path: Path, scratch: Path) -> tuple[int, tuple[str, ...]]:
+    """Delete the connections of all lanes without a valid ribbon, in place; how many, and what netconvert warned of."""
     removed = 0
+    warnings: list[str] = []
     for _ in range(MAXIMUM_ROUNDS):
         net = read_net(net_path)
         network = build_road_network(net, step_s=0.1, elapsed_s=0.0)
@@ -20,8 +21,8 @@ def remove_hairpins(net_path: Path, scratch: Path) -> int:
         if not connections:
             break
         removed += len(connections)
-        remove_connections(net_path, connections, scratch)
-    return removed
+        warnings += remove_connections(net_path, connections, scratch).warnings
+    return removed, tuple(warnings)
 
 
 def _owners(net: SumoNet, network: RoadNetwork) -> list[tuple[str, str, int, int]]:

@@ -80,14 +80,16 @@ def build_place(
         conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
         notes.append("junctions close together were not joined, because one of them became too large to be drawn")
         network = _network(net_path, step_s)
+    warnings = conversion.warnings
     if network.dropped_lanes:
-        removed = remove_hairpins(net_path, scratch)
+        removed, later = remove_hairpins(net_path, scratch)
+        warnings += later
         notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
         network = _network(net_path, step_s)
     if request.country is None and not isinstance(osm, NetMap):  # a network says itself on which side it drives
         notes.append(UNKNOWN_SIDE)
     cap_speeds(net_path)
-    return Place(site, radius, read_net(net_path), network, conversion.warnings, tuple(notes))
+    return Place(site, radius, read_net(net_path), network, warnings, tuple(notes))
 
 
 def _network(net_path: Path, step_s: float) -> RoadNetwork:

@@ -1,0 +1,55 @@
+"""A turn that no lanelet can follow leaves the net and the lanelets together."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.network import hairpins
+from plannerforge.engine.network.hairpins import remove_hairpins
+from plannerforge.engine.network.lanelet_builder import build_road_network
+from plannerforge.engine.network.net_parser import read_net
+from plannerforge.engine.network.netconvert import Conversion, convert_osm, remove_connections
+
+
+@pytest.fixture
+def net_path(tmp_path: Path) -> Path:
+    """A road that forks into two at an angle of 5°: from one of them into the other nobody can turn."""
+    fork_rad = math.radians(5.0)
+    places = {1: (0.0, -200.0), 2: (0.0, 0.0), 3: (0.0, 200.0), 4: (200 * math.sin(fork_rad), 200 * math.cos(fork_rad))}
+    nodes = [f'<node id="{k}" lat="{48 + y / 111195:.7f}" lon="{11 + x / 74400:.7f}"/>' for k, (x, y) in places.items()]
+    roads = [
+        f'<way id="{10 + end}"><nd ref="{start}"/><nd ref="{end}"/><tag k="highway" v="residential"/></way>'
+        for start, end in ((1, 2), (2, 3), (2, 4))
+    ]
+    (tmp_path / "fork.osm").write_text(f'<osm version="0.6">{"".join([*nodes, *roads])}</osm>')
+    convert_osm(tmp_path / "fork.osm", tmp_path / "site.net.xml", lefthand=False)
+    return tmp_path / "site.net.xml"
+
+
+def dropped(net_path: Path) -> int:
+    return len(build_road_network(read_net(net_path), step_s=0.1, elapsed_s=0.0).dropped_lanes)
+
+
+def test_a_hairpin_is_taken_out_of_the_net_and_netconverts_warnings_are_kept(
+    net_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def warned(net: Path, connections: Sequence[tuple[str, str, int, int]], scratch: Path) -> Conversion:
+        return Conversion(remove_connections(net, connections, scratch).net_path, ("a lane is lost",))
+
+    monkeypatch.setattr(hairpins, "remove_connections", warned)
+    before = len(read_net(net_path).connections)
+    assert dropped(net_path) == 1
+    assert remove_hairpins(net_path, tmp_path) == (1, ("a lane is lost",))
+    assert dropped(net_path) == 0
+    assert len(read_net(net_path).connections) < before
+
+
+def test_a_net_without_hairpins_stays_as_it_is(tmp_path: Path) -> None:
+    net_path = tmp_path / "site.net.xml"
+    convert_osm(LIBRARY / "musterstadt.osm", net_path, lefthand=False)
+    before = net_path.read_bytes()
+    assert remove_hairpins(net_path, tmp_path) == (0, ())
+    assert net_path.read_bytes() == before
