@@ -157,7 +157,10 @@ def _judged(
 def _warnings(request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
     late = [key for key, plan in result.plans.items() if plan.cause == "added" and plan.from_step > 0]
     late += [key for key, replay in changes.replays.items() if replay.track.first_step > 0]
-    unseen = sorted(key for key in scene.tracks if key not in scene.matches and not changes.is_added(key))
+    unseen = {key for key in scene.tracks if key not in scene.matches and not changes.is_added(key)}
+    unseen |= {region.obstacle_id for region in scene.regions if region.match is None}
+    unseen -= changes.removed
+    phantoms = sorted(int(one.obstacle_id) for one in scene.loaded.scenario.phantom_obstacle)
     found = []
     if late:
         found.append(
@@ -165,8 +168,10 @@ def _warnings(request: ModificationRequest, scene: Scene, changes: Changes, resu
         )
     if unseen and result.plans:
         found.append(
-            f"recorded off the lanelets, so that driven vehicles do not see them: {', '.join(map(str, unseen))}"
+            f"recorded off the lanelets, so that driven vehicles do not see them: {', '.join(map(str, sorted(unseen)))}"
         )
+    if phantoms and result.plans:
+        found.append(f"phantom obstacles, which nobody sees or hits: {', '.join(map(str, phantoms))}")
     return found + _kept_recordings(request, scene, changes, result)
 
 

@@ -57,10 +57,11 @@ def resimulate_until_clear(
 
 
 def tracks_after(scene: Scene, changes: Changes, result: Resimulated) -> tuple[Track, ...]:
-    """Everybody as the edits leave them: recorded, standing and driven road users, by ascending id."""
+    """Everybody as the edits leave them: recorded, standing and driven road users by ascending id, then regions."""
     recorded = {key: track for key, track in (scene.tracks | scene.standing).items() if key not in changes.removed}
     driven = {key: track.whole(result.plans[key].start) for key, track in result.tracks.items()}
-    return tuple(track for _, track in sorted((recorded | driven).items()))
+    regions = [region.track for region in scene.regions if region.obstacle_id not in changes.removed]
+    return (*(track for _, track in sorted((recorded | driven).items())), *regions)
 
 
 def _everybody(scene: Scene, changes: Changes) -> dict[int, DrivePlan]:
@@ -89,6 +90,8 @@ def _round(
     moved = [bodies[key] for key in changes.replays if key not in tracks]
     recorded = {key: body for key, body in bodies.items() if key not in changes.replays}
     others = [body for key, body in recorded.items() if key not in tracks and key not in changes.removed]
+    regions = [region for region in scene.regions if region.obstacle_id not in changes.removed]
+    others += [replace(body_of_track(region.track), key=region.obstacle_id) for region in regions]
     overlaps = new_overlaps([*moved, *(body_of_touched(track) for track in tracks.values())], others, recorded)
     return Resimulated(plans, tracks, overlaps, tuple(key for key in plans if key not in tracks))
 

@@ -54,16 +54,18 @@ def body_of_touched(track: TouchedTrack) -> Body:
 def new_overlaps(touched: Iterable[Body], others: Iterable[Body], recorded: Mapping[int, Body]) -> tuple[Overlap, ...]:
     """First overlaps of touched bodies with all others and with one another, ordered by step.
 
-    An overlap that begins where the same two overlap in the recording is left out: no edit caused it.
+    An overlap that begins where the same two overlap in the recording is left out: no edit caused it. Several of the
+    others may have one key: they stand for one obstacle.
     """
     moved, rest = list(touched), list(others)
-    found = []
+    found: dict[tuple[int, int], Overlap] = {}
     for number, body in enumerate(moved):
-        for other in [*moved[number + 1 :], *rest]:
-            step = _first_new(body, other, recorded)
-            if step is not None:
-                found.append(Overlap(body.key, other.key, step))
-    return tuple(sorted(found, key=lambda hit: (hit.step, hit.first, hit.second)))
+        among_moved = [(other, recorded.get(other.key)) for other in moved[number + 1 :]]
+        for other, before in among_moved + [(other, recorded.get(other.key, other)) for other in rest]:
+            step, pair = _first_new(body, other, recorded.get(body.key), before), (body.key, other.key)
+            if step is not None and (pair not in found or step < found[pair].step):
+                found[pair] = Overlap(*pair, step)
+    return tuple(sorted(found.values(), key=lambda hit: (hit.step, hit.first, hit.second)))
 
 
 def overlap_steps(first: Body, second: Body) -> Iterator[int]:
@@ -87,13 +89,13 @@ def overlap_steps(first: Body, second: Body) -> Iterator[int]:
             yield int(begin + offset)
 
 
-def _first_new(first: Body, second: Body, recorded: Mapping[int, Body]) -> int | None:
-    """The first step at which two bodies begin to overlap and did not about then in the recording; or None."""
+def _first_new(first: Body, second: Body, first_before: Body | None, second_before: Body | None) -> int | None:
+    """The first step at which two bodies begin to overlap and did not about then as they were before; or None."""
     steps = overlap_steps(first, second)
     step = next(steps, None)
-    if step is None or first.key not in recorded or second.key not in recorded:
+    if step is None or first_before is None or second_before is None:
         return step
-    known = tuple(overlap_steps(recorded[first.key], recorded[second.key]))
+    known = tuple(overlap_steps(first_before, second_before))
     before = -2
     for now in itertools.chain([step], steps):
         if now > before + 1 and not any(abs(now - one) <= NEAR_STEPS for one in known):

@@ -72,6 +72,12 @@ def _bodies(scene: Scene, changes: Changes, step: int) -> Iterator[tuple[str, Po
         size = (track.length_m, track.width_m)
         position = track.positions[index]
         yield f"vehicle {key}", position, oriented_rectangle(position, float(track.headings_rad[index]), size)
+    for region in scene.regions:
+        index = region.track.index_at(step)
+        if index is not None and region.obstacle_id not in changes.removed:
+            box, position = region.track, region.track.positions[index]
+            corners = oriented_rectangle(position, float(box.headings_rad[index]), (box.length_m, box.width_m))
+            yield f"obstacle {region.obstacle_id}", position, corners
     if scene.ego is not None and scene.ego.step == step:
         corners = oriented_rectangle(scene.ego.position, scene.ego.heading_rad, EGO_SIZE_M)
         yield "the ego", scene.ego.position, corners

@@ -39,7 +39,10 @@ def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
     if base.ego is None:
         return None
     track = ordinary_drive(base, base.ego, problem_goals(base, base.ego), setup)
-    return None if track is None else EgoDrive(track, danger_to(track, (base.tracks | base.standing).values()))
+    if track is None:
+        return None
+    others = [*(base.tracks | base.standing).values(), *(region.track for region in base.regions)]
+    return EgoDrive(track, danger_to(track, others))
 
 
 def drive_after(

@@ -86,6 +86,11 @@ def participants(scene: Scene, changes: Changes, plans: Mapping[int, DrivePlan])
     for key, track in (scene.tracks | scene.standing).items():
         if key not in plans and key not in changes.removed and key in scene.matches:
             found.append(replayed_participant(scene, track, scene.matches[key]))
+    found += [
+        replayed_participant(scene, region.track, region.match)
+        for region in scene.regions
+        if region.obstacle_id not in changes.removed and region.match is not None
+    ]
     for replay in changes.replays.values():
         if replay.recording is None:
             shadows = walker_shadows(scene, replay.track)

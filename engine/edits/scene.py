@@ -8,6 +8,7 @@ import numpy as np
 
 from plannerforge.engine.edits.edge_routes import EdgeGraph
 from plannerforge.engine.edits.lane_matching import LaneMatch, LaneMatcher
+from plannerforge.engine.edits.occupied_regions import occupied_regions
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.network.sumo_net_layout import NetLayout
@@ -50,11 +51,21 @@ class Ego:
 
 
 @dataclass(frozen=True)
+class Region:
+    """A bounding track of an obstacle that is given by occupancies, and its lanelets; None where it is near none."""
+
+    obstacle_id: int
+    track: Track
+    match: LaneMatch | None
+
+
+@dataclass(frozen=True)
 class Scene:
     """The base scenario of an edit; nothing here changes while edits are applied.
 
     ``tracks``: recorded vehicles that move by a trajectory, by id. ``standing``: static obstacles as tracks of one
-    pose. ``matches``: the lanelets of each track that was found near any.
+    pose. ``matches``: the lanelets of each track that was found near any. ``regions``: dynamic obstacles without a
+    trajectory, which are in the way of all others.
     """
 
     loaded: LoadedScenario
@@ -65,6 +76,7 @@ class Scene:
     matches: dict[int, LaneMatch]
     last_step: int
     ego: Ego | None
+    regions: tuple[Region, ...] = ()
 
     @classmethod
     def of(
@@ -83,7 +95,8 @@ class Scene:
         last = last_recorded_step(loaded.scenario)
         standing = _standing(loaded, last)
         matches = matcher.match_all(tracks | standing)
-        return cls(loaded, layout, matcher, tracks, standing, matches, last, _ego(loaded, matcher, problem_id))
+        ego, regions = _ego(loaded, matcher, problem_id), _regions(loaded, matcher)
+        return cls(loaded, layout, matcher, tracks, standing, matches, last, ego, regions)
 
     @property
     def step_s(self) -> float:
@@ -141,6 +154,14 @@ def _ego(loaded: LoadedScenario, matcher: LaneMatcher, problem_id: int | None) -
         heading_rad=heading,
         speed_mps=middle_of(state.velocity),
         lanelets=tuple(key for key, _ in near),
+    )
+
+
+def _regions(loaded: LoadedScenario, matcher: LaneMatcher) -> tuple[Region, ...]:
+    found = occupied_regions(loaded.scenario)
+    matches = matcher.match_all({track.obstacle_id: track for tracks in found.values() for track in tracks})
+    return tuple(
+        Region(key, track, matches.get(track.obstacle_id)) for key, tracks in found.items() for track in tracks
     )
 
 
