@@ -190,6 +190,7 @@ class ModificationRequest(Model):
     traffic: TrafficAfterEdits = "recorded"
     detail: EditDetail = "brief"
     dry_run: bool = False
+    keep_simulation: bool = Field(False, description="leave SUMO's vehicle types and driven routes in output too")
     seed: int = 0
 
 

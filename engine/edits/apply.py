@@ -1,5 +1,6 @@
 """The operation behind ``modify_scenario``: edits in, a new scenario file out."""
 
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -13,10 +14,10 @@ from plannerforge.engine.edits.missed_aims import check_not_driven_past
 from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
 from plannerforge.engine.edits.operations import resolve_edits
 from plannerforge.engine.edits.ordinary_ego import drive_after, ego_participant
-from plannerforge.engine.edits.resimulation import SimulationSetup
 from plannerforge.engine.edits.scenario_document import ScenarioDocument
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.state_elements import added_obstacle, write_goal, write_touched
+from plannerforge.engine.edits.sumo_process import ROUTES_FILE, TYPES_FILE, SimulationSetup
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.drivability import check_drivability
@@ -45,7 +46,9 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         net = Path(folder) / NET_FILE
         net.write_text(base.sumo_net, encoding="utf-8")
         report(0.4, "simulating")
-        setup = SimulationSetup(net, net.parent, scene.step_s, scene.last_step, request.seed)
+        setup = SimulationSetup(
+            net, net.parent, scene.step_s, scene.last_step, request.seed, keeps_routes=request.keep_simulation
+        )
         before = kept.ego_before(setup)
         ego = drive_after(before, base, scene, changes, setup)
         result = _simulated(request, scene, changes, setup, ego)
@@ -53,6 +56,8 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         report(0.8, "writing")
         notes = _write_changes(document, scene, changes, result)
         files = (None, None) if request.dry_run else _write_files(request, document, net)
+        if request.keep_simulation and not request.dry_run and result.tracks:
+            _keep_simulation(setup, request.output)
     after = None if ego is None else danger_to(ego, tracks_after(scene, changes, result))
     dangers = (None if before is None else before.danger, after)
     return _outcome(request, scene, changes, steps, result, dangers, files, notes)
@@ -113,6 +118,12 @@ def _write_files(request: ModificationRequest, document: ScenarioDocument, net: 
     document.write(xml, request.benchmark_id)
     kept_net.write_bytes(net.read_bytes())
     return xml, kept_net
+
+
+def _keep_simulation(setup: SimulationSetup, output: Path) -> None:
+    """What the last simulation left, which is the one whose motion was written."""
+    for name in (TYPES_FILE, ROUTES_FILE):
+        shutil.copyfile(setup.folder / name, output / name)
 
 
 def _outcome(

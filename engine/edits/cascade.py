@@ -7,8 +7,9 @@ from plannerforge.engine.edits.changes import Changes, DrivePlan, drivable_ids, 
 from plannerforge.engine.edits.collisions import Overlap, body_of_touched, body_of_track, new_overlaps
 from plannerforge.engine.edits.handover import TouchedTrack, touched_track
 from plannerforge.engine.edits.participants import Participant, participants
-from plannerforge.engine.edits.resimulation import DrivenTrack, SimulationSetup, front_of, resimulate
+from plannerforge.engine.edits.resimulation import DrivenTrack, front_of, resimulate
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.sumo_process import SimulationSetup
 from plannerforge.engine.geometry.polyline import project
 from plannerforge.engine.scenarios.tracks import Track
 

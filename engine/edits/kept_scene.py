@@ -6,8 +6,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from plannerforge.engine.edits.ordinary_ego import EgoDrive, base_drive
-from plannerforge.engine.edits.resimulation import SimulationSetup
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.sumo_process import SimulationSetup
 from plannerforge.engine.scenarios.recorded_scenario import read_recorded
 
 KEPT = 4

@@ -15,8 +15,9 @@ from plannerforge.engine.edits.changes import Changes, DrivePlan
 from plannerforge.engine.edits.danger import danger_to
 from plannerforge.engine.edits.handover import touched_track
 from plannerforge.engine.edits.participants import Participant, driven_participant, participants, replayed_participant
-from plannerforge.engine.edits.resimulation import SimulationSetup, resimulate
+from plannerforge.engine.edits.resimulation import resimulate
 from plannerforge.engine.edits.scene import EGO_SIZE_M, Ego, Scene
+from plannerforge.engine.edits.sumo_process import SimulationSetup
 from plannerforge.engine.planners.route import goal_lanelets
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes

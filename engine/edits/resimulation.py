@@ -6,16 +6,14 @@ One libsumo simulation may run in a process at a time.
 """
 
 import math
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from plannerforge.engine.edits.manoeuvring import LANE_CHANGE_S, Manoeuvring
 from plannerforge.engine.edits.participants import Participant
+from plannerforge.engine.edits.sumo_process import SimulationSetup, sumo_running
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.errors import WorkerFailure
@@ -29,9 +27,6 @@ MATCH_REACH_M = 20.0
 STOP_BEFORE_END_M = 0.1
 PASSING_MPS = "100"
 """The speed of a stop that is passed and not stopped at: above all that vehicles drive."""
-
-LANE_CHANGES_LAST = ("--lanechange.duration", LANE_CHANGE_S)
-"""SUMO's usual lane change is a leap; the alternative to a duration is to divide the lanes into sublanes."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +49,6 @@ class ShownState:
     front: tuple[float, float]
     angle_deg: float
     speed_mps: float
-
-
-@dataclass(frozen=True)
-class SimulationSetup:
-    """Where the network is, and how long and how finely is simulated; ``folder`` takes the vehicle types."""
-
-    net: Path
-    folder: Path
-    step_s: float
-    last_step: int
-    seed: int
 
 
 def front_of(track: Track, index: int) -> Points:
@@ -131,42 +115,6 @@ def _run(
         except (sumo.TraCIException, sumo.FatalTraCIError) as error:
             raise WorkerFailure(f"SUMO stopped: {error}") from error
         return run.tracks(setup.last_step), frozenset(run.astray)
-
-
-@contextmanager
-def sumo_running(
-    setup: SimulationSetup, vehicle_types: Iterable[str], sideways: tuple[str, float] = LANE_CHANGES_LAST
-) -> Iterator[Any]:
-    """The module libsumo with a simulation started in it; ``sideways``: the option for motion across lanes.
-
-    Raises:
-        WorkerFailure: SUMO refused the network, a vehicle type or an option.
-    """
-    import libsumo
-
-    types = setup.folder / "types.add.xml"
-    types.write_text("\n".join(["<additional>", *vehicle_types, "</additional>\n"]))
-    options = {
-        "--net-file": setup.net,
-        "--additional-files": types,
-        "--step-length": setup.step_s,
-        "--default.action-step-length": setup.step_s,
-        "--seed": setup.seed,
-        "--time-to-teleport": -1,
-        "--max-depart-delay": -1,
-        "--collision.action": "none",
-        "--collision.check-junctions": "false",
-        sideways[0]: sideways[1],
-    }
-    arguments = [str(part) for option in options.items() for part in option]
-    try:
-        try:
-            libsumo.start(["sumo", "--no-step-log", "--no-warnings", *arguments])
-        except libsumo.TraCIException as error:
-            raise WorkerFailure(f"SUMO did not start: {error}") from error
-        yield libsumo
-    finally:
-        libsumo.close()
 
 
 class _Run:

@@ -9,8 +9,9 @@ import numpy as np
 
 from plannerforge.engine.edits.lane_matching import LaneMatch
 from plannerforge.engine.edits.participants import Participant, replayed_participant
-from plannerforge.engine.edits.resimulation import ShownState, SimulationSetup, replayed_states
+from plannerforge.engine.edits.resimulation import ShownState, replayed_states
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.sumo_process import SimulationSetup
 from plannerforge.engine.network.sumo_net_writer import write_sumo_net
 from plannerforge.engine.scenarios.tracks import Track
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from plannerforge.engine.edits.resimulation import SimulationSetup, sumo_running
+from plannerforge.engine.edits.sumo_process import SimulationSetup, sumo_running
 from plannerforge.engine.planners.aim import aimed_at
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.reactive_cast import Cast, ego_type, first_index

@@ -8,8 +8,8 @@ from edit_support import apply_to
 
 from plannerforge.engine.edits.kept_scene import scene_of
 from plannerforge.engine.edits.ordinary_ego import EgoDrive, base_drive
-from plannerforge.engine.edits.resimulation import SimulationSetup
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.sumo_process import SimulationSetup
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.scenarios.describe import describe
 from plannerforge.engine.scenarios.recorded_scenario import RecordedScenario

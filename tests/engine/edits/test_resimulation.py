@@ -9,8 +9,9 @@ from builders import Vehicle, driving, town_road
 
 from plannerforge.engine.edits.changes import Changes, recorded_plan
 from plannerforge.engine.edits.participants import Participant, participants
-from plannerforge.engine.edits.resimulation import SimulationSetup, front_of, resimulate
+from plannerforge.engine.edits.resimulation import front_of, resimulate
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.sumo_process import SimulationSetup
 from plannerforge.engine.network.sumo_net_writer import write_sumo_net
 from plannerforge.engine.scenarios.reader import read_scenario
 
