@@ -42,14 +42,23 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         plan = _plan(edit, scene, changes, vehicle_class, ahead(scene, place, number * spacing))
         added.append(changes.next_id)
         changes = replace(changes.with_plan(plan), next_id=changes.next_id + 1)
-    speed = float(changes.driven[added[0]].start.speeds_mps[0])
-    departs = changes.driven[added[0]].from_step * scene.step_s
-    what = (
-        f"{vehicle_class.name} {', '.join(map(str, added))} on lanelet {place.lanelet_id} at {place.station_m:.1f} m, "
-        f"{speed:.1f} m/s, from {departs:.1f} s on"
-    )
+    where = f"on lanelet {place.lanelet_id} at {place.station_m:.1f} m"
+    what = f"{vehicle_class.name} {', '.join(map(str, added))} {where}, {_entries(edit, scene, changes, added)}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
     return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
+
+
+def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> str:
+    """How fast and when the vehicles enter, once where it is the same for all of them, with the time asked for."""
+    words = []
+    for key in added:
+        start = changes.driven[key].start
+        entry = f"{start.speeds_mps[0]:.1f} m/s, from {start.first_step * scene.step_s:.1f} s on"
+        late = start.first_step > _asked_step(edit, scene)
+        words.append(f"{entry} (asked: {edit.time_s:g} s, but the place is taken until then)" if late else entry)
+    if len(set(words)) == 1:
+        return words[0]
+    return "; ".join(f"{key}: {entry}" for key, entry in zip(added, words, strict=True))
 
 
 def _class(word: str | None) -> VehicleClass:
@@ -89,7 +98,7 @@ def _plan(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClas
 def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> int:
     """The step at which the vehicle enters: at once, or as soon after a named departure as there is room."""
     size = (vehicle_class.length_m, vehicle_class.width_m)
-    first = round((edit.time_s or 0.0) / scene.step_s)
+    first = _asked_step(edit, scene)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {edit.time_s} s is not before the scenario's end",
@@ -106,6 +115,10 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
         valid=free_places(scene, changes, place, size, first),
         next_step="choose a free place or another departure",
     )
+
+
+def _asked_step(edit: Edit, scene: Scene) -> int:
+    return round((edit.time_s or 0.0) / scene.step_s)
 
 
 def _speed(text: str, vehicle_class: VehicleClass) -> float:

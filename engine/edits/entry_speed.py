@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from plannerforge.engine.edits.altered_scene import populated
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.placing import Place
 from plannerforge.engine.edits.scene import Scene
@@ -84,11 +85,11 @@ def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[
             starts[before] = -lanes[before].length_m
     for after in scene.layout.table.successors[place.lanelet_id]:
         starts[after] = lanes[place.lanelet_id].length_m
-    found = []
-    for key, match in sorted(scene.matches.items()):
-        track: Track | None = scene.tracks.get(key) or scene.standing.get(key)
+    there, found = populated(scene, changes), []
+    for key, match in sorted(there.matches.items()):
+        track: Track | None = there.tracks.get(key) or there.standing.get(key)
         index = track.index_at(step) if track else None
-        if track is None or index is None or key in changes.removed or match.at(index) not in starts:
+        if track is None or index is None or match.at(index) not in starts:
             continue
         lanelet = match.at(index)
         station, _ = project(lanes[lanelet].center, track.positions[index])

@@ -3,7 +3,7 @@
 import heapq
 from collections.abc import Mapping
 
-from plannerforge.engine.edits.scene import Ego, Scene
+from plannerforge.engine.edits.scene import NOT_DRIVEN, Ego, Scene
 from plannerforge.engine.geometry.polyline import project
 
 LOOK_M = 300.0
@@ -45,7 +45,7 @@ def _stations(scene: Scene, step: int) -> dict[int, tuple[int, float]]:
     found = {}
     for key, match in scene.matches.items():
         track = scene.tracks.get(key)
-        index = track.index_at(step) if track else None
+        index = track.index_at(step) if track and track.kind not in NOT_DRIVEN else None
         if track is not None and index is not None:
             lanelet = match.at(index)
             station, _ = project(scene.layout.table.lanes[lanelet].center, track.positions[index])

@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
+from plannerforge.engine.edits.altered_scene import populated
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import nearest_ids, select
@@ -22,9 +25,8 @@ def target_lanelets(texts: Sequence[str], scene: Scene, changes: Changes) -> fro
 
 def _named(text: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
     if text.startswith("lanelet_of:"):
-        return tuple(
-            _lanelet_at_start(key, scene) for key in select([text.removeprefix("lanelet_of:")], scene, changes)
-        )
+        meant = select([text.removeprefix("lanelet_of:")], scene, changes)
+        return tuple(_lanelet_at_start(key, populated(scene, changes)) for key in meant)
     if text in scene.layout.edges:
         return scene.layout.edges[text]
     return (known_lanelet(text, scene),)
@@ -52,7 +54,7 @@ def reach(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str)
     """Lanelets from a start to the nearest target, both included.
 
     Raises:
-        NotPossible: no target can be reached; those that can are named, the nearest first.
+        NotPossible: no target can be reached; those that can are named, the nearest to a target first.
     """
     begin, wanted = tuple(starts), sorted(targets)
     route = scene.lanelet_graph.shortest_route(begin, wanted)
@@ -60,7 +62,7 @@ def reach(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str)
         raise NotPossible(
             f"lanelet {' or '.join(map(str, wanted))} cannot be reached by {who}"
             f" from lanelet {', '.join(map(str, begin))}: no successors or lane changes lead there",
-            valid=reachable_lanelets(scene, begin),
+            valid=_by_distance_to(wanted, reachable_lanelets(scene, begin), scene),
             next_step="choose a lanelet that can be reached",
         )
     return route
@@ -88,6 +90,17 @@ def reachable_lanelets(scene: Scene, starts: Sequence[int]) -> list[int]:
         onward = {*scene.lanelet_graph.successors.get(key, ()), *scene.lanelet_graph.neighbours.get(key, ())}
         order += sorted(after for after in onward if after not in order)
     return [key for key in order if key not in starts and key in scene.layout.lane_of]
+
+
+def _by_distance_to(targets: Sequence[int], lanelets: Sequence[int], scene: Scene) -> list[int]:
+    """Lanelets by how near their centre line comes to that of any target, as the crow flies."""
+    lanes = scene.layout.table.lanes
+    wanted = np.vstack([lanes[key].center for key in targets])
+
+    def distance_m(key: int) -> float:
+        return float(np.linalg.norm(lanes[key].center[:, None] - wanted[None], axis=2).min())
+
+    return sorted(lanelets, key=lambda key: (round(distance_m(key), 3), key))
 
 
 def _lanelet_at_start(vehicle_id: int, scene: Scene) -> int:

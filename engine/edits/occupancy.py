@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from plannerforge.engine.edits.altered_scene import populated
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.placing import Place
 from plannerforge.engine.edits.scene import EGO_SIZE_M, Scene
@@ -64,10 +65,10 @@ def _free_on(
 
 def _bodies(scene: Scene, changes: Changes, step: int) -> Iterator[tuple[str, Points, Points]]:
     """Everybody who is there at a step: name, centre (2,) and corners (4, 2)."""
-    added = {key: plan.start for key, plan in changes.driven.items() if plan.cause == "added"}
-    for key, track in (scene.tracks | scene.standing | added).items():
+    there = populated(scene, changes)
+    for key, track in (there.tracks | there.standing).items():
         index = track.index_at(step)
-        if index is None or key in changes.removed:
+        if index is None:
             continue
         size = (track.length_m, track.width_m)
         position = track.positions[index]

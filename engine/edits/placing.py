@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from plannerforge.engine.edits.altered_scene import populated
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.lane_matching import straightness
 from plannerforge.engine.edits.lanelet_targets import known_lanelet
@@ -52,7 +53,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
             "add_vehicle needs a place",
             valid=["at=LANELET with position", "at=ego with lane and offset_m", "at=VEHICLE with lane and offset_m"],
         )
-    lanelet = _lanelet(edit.at, scene)
+    lanelet = _lanelet(edit.at, scene, changes)
     if lanelet is not None:
         if edit.lane not in (None, "same"):
             raise InvalidRequest(
@@ -83,10 +84,11 @@ def ahead(scene: Scene, place: Place, distance_m: float) -> Place:
         forward = station > lanes[key].length_m
         onward = [other for other in (table.successors if forward else table.predecessors)[key] if other not in seen]
         if not onward:
+            beyond = station - lanes[key].length_m if forward else station
             raise NotPossible(
-                f"the road ends before {distance_m:+.1f} m from lanelet {place.lanelet_id}",
-                valid=[f"lanelet {key} is {lanes[key].length_m:.1f} m long"],
-                next_step="choose a smaller offset",
+                f"the road ends before {distance_m:+.1f} m from lanelet {place.lanelet_id} at {place.station_m:.1f} m",
+                valid=[f"up to {distance_m - beyond:+.1f} m, where lanelet {key} {'ends' if forward else 'begins'}"],
+                next_step="choose a place within the road",
             )
         before, current = lanes[key].length_m, lanes[key].center
         if forward:
@@ -99,14 +101,14 @@ def ahead(scene: Scene, place: Place, distance_m: float) -> Place:
     return Place(key, station)
 
 
-def _lanelet(text: str, scene: Scene) -> int | None:
+def _lanelet(text: str, scene: Scene, changes: Changes) -> int | None:
     """The lanelet that ``at`` names, or None if it names the ego or a vehicle."""
-    body = text.strip()
+    body, vehicles = text.strip(), {*scene.tracks, *scene.standing, *changes.driven}
     if body in scene.layout.edges:
         return scene.layout.edges[body][0]
     if body in scene.layout.lanelets_of_lane:
         return known_lanelet(body, scene)
-    if body.isdigit() and int(body) not in scene.tracks and int(body) not in scene.standing:
+    if body.isdigit() and int(body) not in vehicles:
         return known_lanelet(body, scene)
     return None
 
@@ -120,12 +122,10 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
     found = select([body.removeprefix("vehicle:")], scene, changes)
     if len(found) != 1:
         raise NotPossible(f"'{text}' means {len(found)} vehicles", valid=found, next_step="name one by its id")
-    if changes.is_added(found[0]) and found[0] in changes.driven:
-        added = changes.driven[found[0]]
-        return _Reference(f"vehicle {found[0]}", added.lanelets[0], added.start.positions[0])
-    if found[0] not in scene.tracks or found[0] not in scene.matches:
+    there = populated(scene, changes)
+    if found[0] not in there.tracks or found[0] not in there.matches:
         raise NotPossible(f"vehicle {found[0]} is recorded on no lanelet", next_step="name a lanelet")
-    track, match = scene.tracks[found[0]], scene.matches[found[0]]
+    track, match = there.tracks[found[0]], there.matches[found[0]]
     index = track.index_at(scene.ego.step if scene.ego else 0) or 0
     return _Reference(f"vehicle {found[0]}", match.at(index), track.positions[index])
 

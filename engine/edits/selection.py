@@ -1,9 +1,10 @@
-"""Which vehicles an edit means. Selectors are resolved on the base scenario, at the ego's first time step."""
+"""Which vehicles an edit means: among those that the edits before it leave, at the ego's first time step."""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from plannerforge.engine.edits.altered_scene import populated
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.lane_order import leader_and_follower
 from plannerforge.engine.edits.scene import NOT_DRIVEN, Ego, Scene
@@ -22,29 +23,30 @@ EGO_WORDS = ("ego", "the ego", "me", "self")
 def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, ...]:
     """Ids of the vehicles that the selectors mean together, ascending.
 
+    Vehicles that earlier edits added count like recorded ones; those that they removed count no more.
+
     Raises:
         InvalidRequest: nothing is selected, or only exclusions are given.
         UnknownName: an id, class or word that does not exist.
-        NotPossible: the ego, an ambiguous description, or a description that nobody fits.
+        NotPossible: the ego, a removed vehicle, an ambiguous description, or a description that nobody fits.
     """
+    there = populated(scene, changes)
     if not texts:
-        raise InvalidRequest("no vehicle is named", valid=[*_listed(scene), *SELECTORS[1:]], next_step="name vehicles")
+        raise InvalidRequest("no vehicle is named", valid=[*_listed(there), *SELECTORS[1:]], next_step="name vehicles")
     selectors = [_parsed(text, scene) for text in texts]
     wanted = [selector for selector in selectors if not selector.negated]
     if not wanted:
         raise InvalidRequest(
             "only exclusions are given", valid=["all", "class:car"], next_step="add whom they exclude from"
         )
-    meant = {key for selector in wanted for key in _resolve(selector, scene, changes)}
-    excluded = {key for selector in selectors if selector.negated for key in _resolve(selector, scene, changes)}
-    gone = sorted(
-        key for key in meant & changes.removed if any(s.kind == "id" and s.argument == str(key) for s in wanted)
-    )
+    meant = {key for selector in wanted for key in _resolve(selector, there, changes)}
+    excluded = {key for selector in selectors if selector.negated for key in _resolve(selector, there, changes)}
+    left = tuple(sorted(meant - excluded))
+    gone = _gone(there, changes) & set(left)
     if gone:
-        raise NotPossible(f"vehicle {gone[0]} was removed by an earlier edit", next_step="leave it out")
-    left = tuple(sorted(meant - excluded - changes.removed))
+        raise NotPossible(f"vehicle {min(gone)} was removed by an earlier edit", next_step="leave it out")
     if not left:
-        raise NotPossible(f"{', '.join(texts)} leaves no vehicle", valid=_listed(scene))
+        raise NotPossible(f"{', '.join(texts)} leaves no vehicle", valid=_listed(there))
     return left
 
 
@@ -90,10 +92,16 @@ def _resolve(selector: Selector, scene: Scene, changes: Changes) -> tuple[int, .
 
 
 def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
-    known = {*scene.tracks, *scene.standing, *changes.driven, *_sets(scene)}
-    if vehicle_id not in known:
+    gone = _gone(scene, changes)
+    known = {*scene.tracks, *scene.standing, *_sets(scene)} - gone
+    if vehicle_id not in known | gone:
         raise UnknownName(f"there is no vehicle {vehicle_id}", valid=nearest_ids(vehicle_id, sorted(known)))
     return vehicle_id
+
+
+def _gone(scene: Scene, changes: Changes) -> set[int]:
+    """Whom the edits so far removed; an added vehicle that was removed again has left no other trace."""
+    return {*changes.removed, *(key for added in changes.added_by_edit for key in added if key not in scene.tracks)}
 
 
 def _sets(scene: Scene) -> list[int]:
@@ -164,8 +172,20 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
     if selector.kind in ("lead", "follow"):
         found = leader_and_follower(scene, ego)[selector.kind == "follow"]
         return _fitting(f"is the ego's {selector.kind}", [] if found is None else [found], scene)
-    sign, count = (-1.0, 1) if selector.kind == "farthest" else (1.0, max(1, int(selector.argument)))
+    sign, count = (-1.0, 1) if selector.kind == "farthest" else (1.0, _number(selector, len(there)))
     return _first(selector, there, count, lambda track: sign * _distance(track, step, ego))
+
+
+def _number(selector: Selector, there: int) -> int:
+    """How many vehicles a selector asks for, of those that are there."""
+    count = int(selector.argument)
+    if count == 0:
+        raise InvalidRequest(f"'{selector}' asks for nobody", valid=["nearest:1", "nearest:3"])
+    if count > there:
+        raise NotPossible(
+            f"'{selector}' asks for more vehicles than are there when the ego starts", valid=[f"nearest:{there}", "all"]
+        )
+    return count
 
 
 def _fitting(what: str, found: Sequence[int], scene: Scene) -> tuple[int, ...]:

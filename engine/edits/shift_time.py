@@ -41,7 +41,7 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
     if changes.is_added(vehicle_id):
-        raise NotPossible(f"vehicle {vehicle_id} is not recorded", next_step="add it with another time_s")
+        raise NotPossible(f"vehicle {vehicle_id} is not recorded", next_step=f"leave it out with '!{vehicle_id}'")
     if vehicle_id in changes.driven:
         raise NotPossible(
             f"vehicle {vehicle_id} does not drive its recording any more",

@@ -65,7 +65,8 @@ def _center(scene: Scene, focus: str | None) -> tuple[Points, str]:
         middle = lanelet.center_vertices[len(lanelet.center_vertices) // 2]
         return np.asarray(middle, dtype=float), f"lanelet {word}"
     chosen = select([word], scene, Changes(next_id=0, driven={}))[0]
-    return tracks[chosen].positions[0], f"vehicle {chosen}"
+    index = tracks[chosen].index_at(scene.ego.step if scene.ego else 0) or 0
+    return tracks[chosen].positions[index], f"vehicle {chosen}"
 
 
 def _vehicles(scene: Scene, ego: DescribedEgo | None, center: Points) -> list[DescribedVehicle]:

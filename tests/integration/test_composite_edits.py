@@ -20,6 +20,10 @@ WALKER = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "2", "positi
 SLOW_NEW = {"op": "set_speed", "vehicles": ["new:0"], "speed": "3m/s"}
 SHIFT = {"op": "shift_time", "vehicles": ["34"], "time_s": -1}
 SWAP = {"op": "set_ego", "vehicles": ["31"], "former_ego": "traffic"}
+AHEAD = {"op": "add_vehicle", "vehicle_class": "truck", "at": "ego", "offset_m": 14}
+BRAKE = {"op": "set_speed", "vehicles": ["lead"], "speed": "2m/s", "time_s": 1}
+CLEAR = {"op": "remove_vehicle", "vehicles": ["nearest:1", "class:motorcycle"]}
+EVERYBODY = {"op": "set_behaviour", "vehicles": ["all"], "preset": "balanced"}
 LANE = {"op": "change_lane", "vehicles": ["32"], "lane": "left", "time_s": 2}
 
 
@@ -52,8 +56,8 @@ async def _edit(client: Client, scenario_id: str, edits: list[dict[str, Any]]) -
 @pytest.mark.parametrize("era", ["auto"], indirect=True)
 @pytest.mark.parametrize(
     "edits",
-    [[REROUTE, BEHAVIOUR, ADD, GOAL], [SHIFT, SWAP, LANE, WALKER]],
-    ids=["T+B+P+G", "shift+ego+lane+walker"],
+    [[REROUTE, BEHAVIOUR, ADD, GOAL], [SHIFT, SWAP, LANE, WALKER], [AHEAD, BRAKE, CLEAR, EVERYBODY]],
+    ids=["T+B+P+G", "shift+ego+lane+walker", "words after edits"],
 )
 async def test_one_call_equals_one_call_for_each_edit(
     connect: Connect, settings: Settings, base: Path, edits: list[dict[str, Any]]

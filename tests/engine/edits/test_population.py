@@ -72,8 +72,27 @@ def test_a_destination_is_driven_to(apply: Apply) -> None:
 def test_a_later_departure_enters_when_there_is_room(apply: Apply) -> None:
     applied = apply(CAR | {"at": "1", "position": "80m", "time_s": 1.0})
     track = applied.tracks()[101]
-    assert track.first_step >= 10
+    assert track.first_step == 15
     assert not applied.outcome.collisions
+    assert "from 1.5 s on (asked: 1 s, but the place is taken until then)" in applied.outcome.edits[0].what
+
+
+def test_of_several_each_departure_is_told_where_they_differ(apply: Apply) -> None:
+    alike = apply(CAR | {"at": "13", "position": "40m", "count": 2}, builder=SHORT, dry_run=True)
+    assert alike.outcome.edits[0].what.count("from 0.0 s on") == 1
+    row = CAR | {"at": "1", "position": "80m", "count": 2, "spacing_m": 12, "time_s": 1.0}
+    first, second = apply(row, dry_run=True).outcome.edits[0].what.split("; ")
+    assert "101: 10.0 m/s, from 1.5 s on (asked: 1 s" in first
+    assert second == "102: 10.0 m/s, from 1.0 s on"
+
+
+@pytest.mark.parametrize(("offset_m", "largest_m"), [(-50, "-40.0"), (300, "+260.0")])
+def test_beyond_the_road_the_largest_offset_is_named_and_works(apply: Apply, offset_m: float, largest_m: str) -> None:
+    with pytest.raises(NotPossible, match="the road ends before") as caught:
+        apply(CAR | {"at": "ego", "offset_m": offset_m}, builder=SHORT)
+    assert caught.value.valid[0].startswith(f"up to {largest_m} m")
+    alone = SHORT.with_vehicles(driving(31, (10, 7), 9, 31))
+    assert apply(CAR | {"at": "ego", "offset_m": float(largest_m)}, builder=alone).outcome.edits[0].done
 
 
 def test_a_taken_place_is_refused_with_the_nearest_free_one(apply: Apply) -> None:
