@@ -17,13 +17,16 @@ from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
 from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.engine.tuning.configurations import named_configuration
 from plannerforge.evals.generation_figures import Made, Stages, tell
-from plannerforge.evals.generation_judge import MadeFiles, holds_vehicles, lies_at_street, lies_in, shows_type
+from plannerforge.evals.generation_judge import holds_vehicles, lies_at_street, lies_in
 from plannerforge.evals.generation_maps import BenchMaps
 from plannerforge.evals.generation_motion import measure_motion
 from plannerforge.evals.generation_refusals import Refusal, is_right_reason
 from plannerforge.evals.generation_requests import BenchRequest
 from plannerforge.evals.generation_session import Session
 from plannerforge.evals.in_process import call_in_process
+from plannerforge.evals.made_files import MadeFiles
+from plannerforge.evals.map_evidence import MapEvidence
+from plannerforge.evals.road_type_judge import shows_type
 from plannerforge.schemas.errors import NotPossible, PlannerForgeError
 from plannerforge.schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
 from plannerforge.server.argument_errors import read_arguments
@@ -124,7 +127,7 @@ def make(request: BenchRequest, wish: GenerationRequest, session: Session, seed:
             request,
             executable=executable,
             outcome=outcome,
-            road_type=shows_type(files, wish.scenario_type, evidence),
+            road_type=_is_of_type(wish, report, files, evidence),
             vehicles=holds_vehicles(files, wished_vehicles(wish)),
             place=_place_is_right(request, wish, report, files, session),
             motion=measure_motion(loaded, CHECKED_TRACKS, seed),
@@ -132,9 +135,15 @@ def make(request: BenchRequest, wish: GenerationRequest, session: Session, seed:
         )
 
 
+def _is_of_type(wish: GenerationRequest, report: GeneratedScenario, files: MadeFiles, evidence: MapEvidence) -> bool:
+    """Of the type asked for, or, where any would do, of the one that the answer states; the answer states no other."""
+    stated = report.site.scenario_type
+    return wish.scenario_type in (stated, "any") and shows_type(files, stated, evidence)
+
+
 def wished_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int | None]]:
     """(least, most) of every class that has to be there, that of a wished ego included."""
-    wished = {demand.vehicle_class: (demand.least, demand.most) for demand in request.vehicles}
+    wished = {demand.vehicle_class: (demand.needed, demand.most) for demand in request.vehicles}
     other = request.ego.removeprefix("type:")
     return wished | ({other: (1, None)} if request.ego.startswith("type:") and other not in (*wished, "car") else {})
 

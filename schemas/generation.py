@@ -68,11 +68,20 @@ class ConvertedMap(Model):
 
 
 class VehicleDemand(Model):
-    """How many vehicles of a class have to be there beside the ego; ``most`` None: no upper bound."""
+    """How many vehicles of a class have to be there beside the ego.
+
+    ``least`` None: the class was named without a number, so that it gets a share of the traffic; with a number no more
+    are aimed for, except cars, which fill up the traffic. ``most`` None: no upper bound.
+    """
 
     vehicle_class: str
-    least: int = 1
+    least: int | None = None
     most: int | None = None
+
+    @property
+    def needed(self) -> int:
+        """How many have to be there: one of a class that was only named."""
+        return 1 if self.least is None else self.least
 
 
 class GenerationRequest(Model):

@@ -10,9 +10,9 @@ from plannerforge.engine.maps.sites import MERGE_M, SIGNAL_REACH_M
 from plannerforge.engine.maps.unpacking import LARGEST_BYTES, MAP_ENDINGS
 from plannerforge.engine.scenarios.generate import LEAST_FEASIBLE, LEAST_ON_LANELETS
 from plannerforge.engine.scenarios.site_choice import RADIUS_M
-from plannerforge.engine.traffic.demand import FEWEST, MOST, PAPER_TRIPS, VEHICLES_PER_LANE_KM
 from plannerforge.engine.traffic.simulation import WARM_UP_S
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.engine.traffic.vehicle_counts import FEWEST, MOST, PAPER_TRIPS, VEHICLES_PER_LANE_KM
 from plannerforge.schemas.generation import Checks, GenerateScenariosArguments
 from plannerforge.tools.generation_answer import verdicts
 from plannerforge.tools.generation_plan import MOST_VEHICLES

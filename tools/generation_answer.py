@@ -53,8 +53,8 @@ def _warnings(warnings: tuple[str, ...]) -> list[str]:
 def _density(found: DensityFacts) -> str:
     return (
         f"{found.at_start_per_lane_km:g} vehicles per lane-km at the start, {found.at_end_per_lane_km:g} at the end "
-        f"(asked: {found.wish}, {found.target_per_lane_km:g} on {found.lane_km:.1f} lane-km, at least 8 and at most "
-        f"120 vehicles; the paper: {found.paper_trips} trips)"
+        f"(asked: {found.wish}, {found.target_per_lane_km:g} on {found.lane_km:.1f} lane-km; the paper: "
+        f"{found.paper_trips} trips)"
     )
 
 

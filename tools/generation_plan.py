@@ -1,5 +1,6 @@
 """From the arguments of generate_scenarios to the requests for the engine: maps, classes, numbers of vehicles."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -103,21 +104,30 @@ def _code_of(country: str | None) -> str | None:
 
 def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
     demands = tuple(_vehicle_demand(text) for text in texts)
-    asked = sum(demand.least for demand in demands)
+    asked = sum(demand.needed for demand in demands)
     if asked > MOST_VEHICLES:
         raise InvalidRequest(
             f"vehicles ask for {asked:,} vehicles on one site",
             valid=[f"at most {MOST_VEHICLES} in all classes together"],
         )
+    often = sorted(name for name, times in Counter(d.vehicle_class for d in demands).items() if times > 1)
+    if often:
+        raise InvalidRequest(
+            f"vehicles {texts} name {' and '.join(often)} more than once",
+            valid=["truck", "truck=2", "car=4..4", "bicycle=0"],
+            next_step="name every class once, with the number of all its vehicles",
+        )
     return demands
 
 
 def _vehicle_demand(text: str) -> VehicleDemand:
-    """``truck`` and ``truck=2`` are least numbers, ``car=4..4`` bounds on both sides, ``bicycle=0`` none at all."""
+    """``truck``: some; ``truck=2``: a least number; ``car=4..4``: bounds on both sides; ``bicycle=0``: none at all."""
     wish = parse_comparison(text, whole=True)
     low, high = wish.interval.low, wish.interval.high
     if wish.negated:
         return VehicleDemand(vehicle_class=wish.name, least=0, most=0)
+    if text.strip() == wish.name:
+        return VehicleDemand(vehicle_class=wish.name)
     least = 0 if low is None else round(low)
     at_least = wish.interval.exact and least > 0
     most = None if high is None or at_least else round(high)

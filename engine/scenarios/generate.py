@@ -22,13 +22,14 @@ from plannerforge.engine.scenarios.scene_order import along_the_site
 from plannerforge.engine.scenarios.site_choice import fitting_sites
 from plannerforge.engine.scenarios.validate import check_scenario
 from plannerforge.engine.scenarios.writer import write_scenario
-from plannerforge.engine.traffic.demand import lane_km_of, plan_counts
-from plannerforge.schemas.errors import NotPossible
+from plannerforge.engine.traffic.demand import lane_km_of
+from plannerforge.engine.traffic.vehicle_counts import plan_counts
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.generation import Checks, GeneratedScenario, GenerationRequest, VehicleDemand
 
 STEP_S = 0.1
 OWN_ROUNDS, MOST_TRIES, MOST_SITES = 2, 5, 10
-"""Rounds of traffic at the site's own place, scenarios made in all, sites looked at in all."""
+"""Rounds of traffic at the site's own place, rounds of traffic in all, sites looked at in all."""
 LEAST_FEASIBLE = 0.97
 LEAST_ON_LANELETS = 0.985
 
@@ -72,6 +73,8 @@ def _no_collection() -> Iterator[None]:
 
 def _generate(request: GenerationRequest, report: ProgressReporter) -> GeneratedScenario:
     ego, goal = parse_ego(request.ego), parse_goal(request.goal)
+    ego_notes, vehicles = _vehicles(request, ego)
+    request = request.model_copy(update={"vehicles": vehicles})
     report(0.0, "reading the map")
     osm = read_map_file(Path(request.map_path))
     report(0.02, "looking for sites")
@@ -89,7 +92,8 @@ def _generate(request: GenerationRequest, report: ProgressReporter) -> Generated
     earlier = [fault for attempt in tried if attempt is not best for fault in attempt.faults]
     earlier += [refused.message for refused in refusals]
     notes = [f"an earlier try was given up: {reason}" for reason in dict.fromkeys(earlier)]
-    return best.scenario.model_copy(update={"notes": (*best.scenario.notes, *best.faults, *notes)})
+    told = (*ego_notes, *best.scenario.notes, *best.faults, *notes)
+    return best.scenario.model_copy(update={"notes": told})
 
 
 def _try_sites(
@@ -103,6 +107,7 @@ def _try_sites(
     """Attempts until one has no fault, and the refusals on the way: the site's own twice, then other sites."""
     tried: list[_Try] = []
     refusals: list[NotPossible] = []
+    rounds = 0
     for number, site in enumerate(sites[request.site_index :: request.site_step][:MOST_SITES]):
         folder = scratch / str(number)
         folder.mkdir()
@@ -112,12 +117,15 @@ def _try_sites(
             refusals.append(refused)
             continue
         for round_number in range(1 if number else OWN_ROUNDS):
+            rounds += 1
             try:
                 tried.append(_attempt(request, ground, round_number, task_wish, folder, report))
             except NotPossible as refused:
                 refusals.append(refused)
-                continue
-            if not tried[-1].faults or len(tried) == MOST_TRIES:
+            else:
+                if not tried[-1].faults:
+                    return tried, refusals
+            if rounds == MOST_TRIES:
                 return tried, refusals
         if task_wish[1].lanelet is not None:  # an id means another lanelet elsewhere
             break
@@ -145,10 +153,10 @@ def _attempt(
         NotPossible: the site does not hold what was asked for.
     """
     (ego, goal), place = task_wish, ground.place
-    notes, vehicles = _vehicles(request, ego)
+    notes: list[str] = []
     path = folder / f"scenario_{round_number}.xml"
     lane_km = lane_km_of(place.net)
-    demand = plan_counts(request.density, vehicles, lane_km)
+    demand = plan_counts(request.density, request.vehicles, lane_km)
     traffic = lively_traffic(request, demand, place, round_number, ground.net_path, folder, STEP_S, report)
     everyone = along_the_site(traffic.everyone, place.site, place.net, place.network)
     report(0.75, "choosing ego and goal")
@@ -177,23 +185,30 @@ def _attempt(
         notes=(*place.notes, *notes),
         warnings=place.warnings,
     )
-    absent = [name for name, least in demand.least.items() if least and not scenario.classes_realised.get(name)]
-    if absent:
-        raise NotPossible(
-            f"no {' and no '.join(absent)} found room at this site",
-            next_step="choose a higher density, another place or another seed",
-        )
     broken, weak = _faults(checks)
-    return _Try(scenario, path, ground.net_path, (*broken, *weak, *_short(demand.least, scenario)), bool(broken))
+    return _Try(scenario, path, ground.net_path, (*broken, *weak), bool(broken))
 
 
 def _vehicles(request: GenerationRequest, ego: EgoWish) -> tuple[list[str], tuple[VehicleDemand, ...]]:
-    """Notes on the ego, and the vehicles asked for with the class that was asked for as ego."""
-    if ego.other_class is None:
+    """Notes on the ego, and the vehicles asked for with the class that was asked for as ego.
+
+    Raises:
+        InvalidRequest: that class is kept out of the traffic.
+    """
+    other = ego.other_class
+    if other is None:
         return [], request.vehicles
-    notes = [f"the ego is always a car; the asked {ego.other_class} drives in the traffic"]
-    named = any(demand.vehicle_class == ego.other_class for demand in request.vehicles)
-    return notes, request.vehicles if named else (*request.vehicles, VehicleDemand(vehicle_class=ego.other_class))
+    notes = [f"the ego is always a car; the asked {other} drives in the traffic"]
+    asked = next((demand for demand in request.vehicles if demand.vehicle_class == other), None)
+    if asked is None:
+        return notes, (*request.vehicles, VehicleDemand(vehicle_class=other))
+    if asked.most == 0:
+        raise InvalidRequest(
+            f"ego type:{other} puts a {other} into the traffic, because the ego is always a car; vehicles ask for none",
+            next_step=f"leave {other}=0 out of vehicles, or choose the ego with first or index:N",
+        )
+    one = asked.model_copy(update={"least": 1})
+    return notes, tuple(one if demand is asked and asked.least == 0 else demand for demand in request.vehicles)
 
 
 def _faults(checks: Checks) -> tuple[list[str], list[str]]:
@@ -212,11 +227,3 @@ def _faults(checks: Checks) -> tuple[list[str], list[str]]:
         ),
     }
     return [text for text, wrong in broken.items() if wrong], [text for text, wrong in weak.items() if wrong]
-
-
-def _short(least: dict[str, int], scenario: GeneratedScenario) -> list[str]:
-    return [
-        f"asked for at least {wanted} {name}, {scenario.classes_realised.get(name, 0)} found room"
-        for name, wanted in least.items()
-        if scenario.classes_realised.get(name, 0) < wanted
-    ]

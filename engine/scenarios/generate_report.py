@@ -6,12 +6,12 @@ from pathlib import Path
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.maps.unpacking import is_net
 from plannerforge.engine.network.road_network import RoadNetwork
+from plannerforge.engine.scenarios.generate_density import density_facts, density_notes
 from plannerforge.engine.scenarios.planning_problem import PlanningTask
-from plannerforge.engine.traffic.demand import PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand
 from plannerforge.engine.traffic.motions import Participant
+from plannerforge.engine.traffic.vehicle_counts import Demand
 from plannerforge.schemas.generation import (
     Checks,
-    DensityFacts,
     EgoFacts,
     GeneratedScenario,
     GenerationRequest,
@@ -38,7 +38,9 @@ def describe(
     """The record of a generated scenario; classes are counted without the ego."""
     counts = Counter(vehicle.vehicle_class.name for vehicle in everyone if vehicle is not task.ego)
     realised = {name: counts[name] for name in demand.counts if counts[name]}
-    recorded_s = (max(vehicle.steps for vehicle in everyone) - 1) * step_s
+    recorded_s = round((max(vehicle.steps for vehicle in everyone) - 1) * step_s, 6)
+    density = density_facts(request, lane_km, everyone, step_s)
+    told = (*notes, *density_notes(density, demand, len(everyone)), *_cut_short(request, recorded_s, step_s))
     return GeneratedScenario(
         benchmark_id=benchmark_id,
         site=SiteFacts(
@@ -53,14 +55,14 @@ def describe(
         vehicles_realised=len(everyone),
         classes_asked=demand.least,
         classes_realised=realised,
-        density=_density(request, lane_km, everyone, step_s),
+        density=density,
         duration_s=request.duration_s,
-        recorded_s=round(recorded_s, 6),
+        recorded_s=recorded_s,
         lanelets=len(network.lanelets),
         traffic_lights=len(network.lights),
         ego=_ego(task, everyone, step_s),
         checks=checks,
-        notes=(*notes, *_shortfalls(demand, len(everyone))),
+        notes=told,
         netconvert_warnings=tuple(dict.fromkeys(warnings)),
         attribution=request.attribution,
     )
@@ -80,22 +82,9 @@ def _ego(task: PlanningTask, everyone: tuple[Participant, ...], step_s: float) -
     )
 
 
-def _shortfalls(demand: Demand, total: int) -> list[str]:
-    if total >= demand.total:
+def _cut_short(request: GenerationRequest, recorded_s: float, step_s: float) -> list[str]:
+    """A note where all vehicles have left before the time is up."""
+    if recorded_s > request.duration_s - 2 * step_s:
         return []
-    return [f"{total} of {demand.total} vehicles found room on the roads of the site"]
-
-
-def _density(
-    request: GenerationRequest, lane_km: float, everyone: tuple[Participant, ...], step_s: float
-) -> DensityFacts:
-    last = round(request.duration_s / step_s)
-    staying = sum(vehicle.steps > last - 1 for vehicle in everyone)
-    return DensityFacts(
-        wish=request.density,
-        paper_trips=PAPER_TRIPS[request.density],
-        lane_km=round(lane_km, 3),
-        target_per_lane_km=VEHICLES_PER_LANE_KM[request.density],
-        at_start_per_lane_km=round(len(everyone) / lane_km, 2),
-        at_end_per_lane_km=round(staying / lane_km, 2),
-    )
+    left = "the last vehicle has left the site by then, and CommonRoad's schema lets none come later"
+    return [f"{recorded_s:g} s of the asked {request.duration_s:g} s are recorded: {left}"]

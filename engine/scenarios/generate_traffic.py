@@ -1,34 +1,34 @@
 """Traffic for a generated scenario: drawn anew until every class that was asked for is there."""
 
 import random
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.scenarios.generate_place import Place
-from plannerforge.engine.traffic.demand import Demand, TripMaker
+from plannerforge.engine.traffic.demand import TripMaker
 from plannerforge.engine.traffic.motions import Participant, participants, sound
 from plannerforge.engine.traffic.simulation import WARM_UP_S, simulate_traffic
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.engine.traffic.vehicle_counts import Demand
+from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest
 
 ATTEMPTS = 3
 SPARE_SHARE = 0.12
-"""More cars than wanted are simulated, because some leave before step 0 or are left out."""
+"""More vehicles than wanted are simulated, because some leave before step 0 or are left out."""
 LASTING_S = 30.0
 """Trips prefer ways that last so long; preferring longer ones would keep traffic off the main roads of a small site."""
 
 
 @dataclass(frozen=True)
 class LivelyTraffic:
-    """Smoothed vehicles at a site, how many were left out because they overlapped another, and what is missing.
-
-    ``missing``: vehicles of classes that were asked for and found no room, or are more than asked.
-    """
+    """Smoothed vehicles at a site, and how many were left out because they overlapped another."""
 
     everyone: tuple[Participant, ...]
     left_out: int
-    missing: int
 
 
 def lively_traffic(
@@ -41,14 +41,14 @@ def lively_traffic(
     step_s: float,
     report: ProgressReporter,
 ) -> LivelyTraffic:
-    """Traffic without overlaps; of several attempts the first that holds all that was asked, or else most of it.
+    """Traffic without overlaps that holds all vehicles that were asked for: the first of several attempts.
 
     Raises:
-        NotPossible: no road at the site is open to a class that was asked for.
+        NotPossible: no road at the site is open to a class that was asked for, or too few of a class find room.
     """
     lasting_s = min(WARM_UP_S + request.duration_s, LASTING_S)
     needed = {name: least + (name == "car") for name, least in {"car": 0, **demand.least}.items()}
-    found: list[LivelyTraffic] = []
+    shortfalls: list[dict[str, int]] = []
     for attempt in range(ATTEMPTS):
         seed = mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         trips = TripMaker(place.net, lasting_s, random.Random(seed))  # noqa: S311 - reproducible, not secret
@@ -58,7 +58,7 @@ def lively_traffic(
         part(0.0, "simulating traffic")
         traffic = simulate_traffic(
             net_path,
-            demand.with_spare_cars(SPARE_SHARE),
+            demand.with_spares(SPARE_SHARE),
             trips,
             duration_s=request.duration_s,
             step_s=step_s,
@@ -71,18 +71,24 @@ def lively_traffic(
         part(1.0, "looking for overlaps")
         kept = sound(everyone, needed)
         left_out = len(everyone) - len(kept)
-        kept = _without_spare_cars(kept, demand)
-        found.append(LivelyTraffic(kept, left_out, _missing(demand, kept)))
-        if found[-1].missing == 0:
-            break
-    return min(found, key=lambda traffic: traffic.missing)
+        kept = without_spares(kept, demand)
+        absent = missing(demand, kept)
+        if not absent:
+            return LivelyTraffic(kept, left_out)
+        shortfalls.append(absent)
+    raise _no_room(demand, min(shortfalls, key=lambda absent: sum(absent.values())))
 
 
-def _without_spare_cars(everyone: tuple[Participant, ...], demand: Demand) -> tuple[Participant, ...]:
-    """Without the last cars beyond those that are wanted."""
-    cars = [vehicle for vehicle in everyone if vehicle.vehicle_class.name == "car"]
-    surplus = {vehicle.vehicle_id for vehicle in cars[demand.counts["car"] :]}
-    return tuple(vehicle for vehicle in everyone if vehicle.vehicle_id not in surplus)
+def without_spares(everyone: tuple[Participant, ...], demand: Demand) -> tuple[Participant, ...]:
+    """Without the last vehicles of every class beyond those that are wanted."""
+    seen: Counter[str] = Counter()
+    kept: list[Participant] = []
+    for vehicle in everyone:
+        name = vehicle.vehicle_class.name
+        seen[name] += 1
+        if seen[name] <= demand.counts[name]:
+            kept.append(vehicle)
+    return tuple(kept)
 
 
 class _Part:
@@ -100,10 +106,22 @@ def mixed_seed(seed: int, index: int, attempt: int) -> int:
     return (seed * 1_000_003 + index * 7_919 + attempt * 104_729 + 17) % 2**31
 
 
-def _missing(demand: Demand, everyone: tuple[Participant, ...]) -> int:
-    """How many vehicles of classes that were asked for are not there; one car is the ego and does not count."""
-    total = 0
-    for name, least in demand.least.items():
-        here = sum(vehicle.vehicle_class.name == name for vehicle in everyone) - (name == "car")
-        total += max(0, least - here) + max(0, here - demand.most.get(name, here))
-    return total
+def missing(demand: Demand, everyone: Sequence[Participant]) -> dict[str, int]:
+    """How many vehicles of the classes asked for are not there; one car is the ego and does not count."""
+    here = Counter(vehicle.vehicle_class.name for vehicle in everyone)
+    here["car"] -= 1
+    return {name: least - here[name] for name, least in demand.least.items() if here[name] < least}
+
+
+def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:
+    found = {name: demand.least[name] - absent[name] for name in absent}
+    return NotPossible(
+        f"asked for at least {_listed({name: demand.least[name] for name in absent})}; "
+        f"of them {_listed(found)} found room at this site",
+        valid=[f"{name}={count}" for name, count in found.items() if count],
+        next_step="ask for fewer, or choose another place, scenario_type or seed",
+    )
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    return " and ".join(f"{count} {name}" for name, count in counts.items())

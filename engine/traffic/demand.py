@@ -1,8 +1,8 @@
-"""What traffic is wanted on a site: how many vehicles of which class, and where each one drives."""
+"""Where the vehicles of a class begin and drive on a site, and SUMO's types for them."""
 
 import random
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from lxml import etree
@@ -11,72 +11,7 @@ from plannerforge.engine.geometry.polyline import length_m
 from plannerforge.engine.network.net_parser import SumoNet
 from plannerforge.engine.traffic.routes import EdgeGraph
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
-from plannerforge.schemas.errors import NotPossible, UnknownName, closest
-from plannerforge.schemas.generation import Density, VehicleDemand
-
-VEHICLES_PER_LANE_KM: dict[Density, float] = {"low": 7.0, "medium": 16.0, "high": 28.0}
-"""Vehicles on a kilometre of lane at the first step, the ego included.
-
-The bounds of levels of service A, C and E for motorways (Highway Capacity Manual, in passenger cars). The paper counts
-trips of a scenario instead (20, 50, 100), whatever the size of its map.
-"""
-PAPER_TRIPS: dict[Density, int] = {"low": 20, "medium": 50, "high": 100}
-FEWEST, MOST = 8, 120
-"""Bounds for vehicles on a site: fewer make no traffic, more would only be slow."""
-
-NAMED_SHARE = 0.2
-"""Share of the vehicles for a class that was asked for without a number, at least one."""
-
-
-@dataclass(frozen=True)
-class Demand:
-    """Vehicles wanted by class; ``least`` are those that the request names, beside the ego."""
-
-    counts: dict[str, int]
-    least: dict[str, int]
-    most: dict[str, int]
-
-    @property
-    def total(self) -> int:
-        """All vehicles wanted, the ego included."""
-        return sum(self.counts.values())
-
-    def with_spare_cars(self, share: float) -> "Demand":
-        """The same with more cars, by a share of all vehicles and at least one."""
-        spare = max(1, round(share * self.total))
-        return replace(self, counts={**self.counts, "car": self.counts["car"] + spare})
-
-
-def plan_counts(density: Density, vehicles: Iterable[VehicleDemand], lane_km: float) -> Demand:
-    """Split a density over the classes: named ones first, cars for the rest; one car more is the ego.
-
-    ``lane_km``: kilometres of lane at the site that are open to cars.
-
-    Raises:
-        UnknownName: a class that does not exist.
-    """
-    known = vehicle_classes()
-    asked = {demand.vehicle_class: demand for demand in vehicles}
-    for name in asked:
-        if name not in known:
-            raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known))
-    wanted = min(max(round(VEHICLES_PER_LANE_KM[density] * lane_km), FEWEST), MOST)
-    counts: dict[str, int] = {}
-    for name, demand in asked.items():
-        share = max(1, round(wanted * NAMED_SHARE / max(1, len(asked) / 2)))
-        fitting = demand.least if demand.least > 1 or demand.most is not None else max(demand.least, share)
-        counts[name] = fitting if demand.most is None else min(fitting, demand.most)
-    others = sum(count for name, count in counts.items() if name != "car")
-    cars = asked.get("car")
-    rest = max(wanted - others, 1)
-    if cars is not None:
-        rest = max(rest, cars.least + 1)
-        rest = rest if cars.most is None else min(rest, cars.most + 1)
-    counts["car"] = rest
-    counts = {name: counts[name] for name in known if counts.get(name)}
-    least = {name: asked[name].least for name in known if name in asked}
-    most = {name: limit for name, d in sorted(asked.items()) if (limit := d.most) is not None}
-    return Demand(counts, least, most)
+from plannerforge.schemas.errors import NotPossible
 
 
 @dataclass(frozen=True)

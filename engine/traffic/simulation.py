@@ -10,8 +10,9 @@ import numpy as np
 
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.traffic.demand import Demand, TripMaker, write_vehicle_types
+from plannerforge.engine.traffic.demand import TripMaker, write_vehicle_types
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
+from plannerforge.engine.traffic.vehicle_counts import Demand
 from plannerforge.schemas.errors import NotPossible
 
 WARM_UP_S = 20.0

@@ -45,6 +45,8 @@ async def test_no_site_is_taken_twice_and_fewer_are_made_where_there_are_not_eno
         ({"bbox": [54.6, 5.2, 54.6, 5.2]}, "is no box"),
         ({"bbox": [36.0, -9.0, 44.0, 4.0]}, "Musterstadt"),
         ({"vehicles": ["car=10000"]}, "at most 300"),
+        ({"vehicles": ["truck=5", "truck=2"]}, "name truck more than once"),
+        ({"vehicles": ["truck=0"], "ego": "type:truck"}, "vehicles ask for none"),
         ({"duration_s": 0}, "duration_s"),
         ({"road_classes": ["motorwy"]}, "motorway"),
         ({"goal": "tomorrow"}, "steps:N"),

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from generation_support import make, request_for
 
 from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.scenarios import generate_ground
 from plannerforge.engine.scenarios.generate import generate
 from plannerforge.engine.scenarios.generate_place import Place, build_place
@@ -18,29 +18,8 @@ from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.scenarios.tracks import recorded_tracks
 from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
-from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest, VehicleDemand
+from plannerforge.schemas.generation import VehicleDemand
 from plannerforge.tools.generation_answer import summarise
-
-MAPS = {entry.facts.place: entry for entry in built_in_maps()}
-
-
-def request_for(place: str, folder: Path, **changes: object) -> GenerationRequest:
-    entry = MAPS[place]
-    wish: dict[str, object] = {
-        "map_path": str(entry.path),
-        "map_id": entry.facts.map_id,
-        "place": place,
-        "country": "ZAM",
-        "attribution": entry.facts.attribution,
-        "duration_s": 6.0,
-        "folder": str(folder),
-        "seed": 3,
-    }
-    return GenerationRequest.model_validate(wish | changes)
-
-
-def make(place: str, folder: Path, **changes: object) -> GeneratedScenario:
-    return generate(request_for(place, folder, **changes), silent)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,72 @@
+"""How many vehicles of which class a site gets: those that are counted in the request, and a density for the rest."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.schemas.errors import UnknownName, closest
+from plannerforge.schemas.generation import Density, VehicleDemand
+
+VEHICLES_PER_LANE_KM: dict[Density, float] = {"low": 7.0, "medium": 16.0, "high": 28.0}
+"""Vehicles on a kilometre of lane at the first step, the ego included.
+
+The bounds of levels of service A, C and E for motorways (Highway Capacity Manual, in passenger cars). The paper counts
+trips of a scenario instead (20, 50, 100), whatever the size of its map.
+"""
+PAPER_TRIPS: dict[Density, int] = {"low": 20, "medium": 50, "high": 100}
+FEWEST, MOST = 8, 300
+"""Bounds for vehicles on a site: fewer make no traffic, more would only be slow."""
+
+NAMED_SHARE = 0.2
+"""Share of the vehicles for a class that was asked for without a number, at least one."""
+
+
+@dataclass(frozen=True)
+class Demand:
+    """Vehicles wanted by class; ``least`` and ``most`` are the request's own bounds, the ego not counted."""
+
+    counts: dict[str, int]
+    least: dict[str, int]
+    most: dict[str, int]
+
+    @property
+    def total(self) -> int:
+        """All vehicles wanted, the ego included."""
+        return sum(self.counts.values())
+
+    def with_spares(self, share: float) -> "Demand":
+        """The same with more cars, by a share of all vehicles and at least one, and more of every class by that share.
+
+        Of a class with few vehicles no spare one is added: it would be a good part of the traffic.
+        """
+        more = {name: count + round(share * count) for name, count in self.counts.items()}
+        more["car"] = self.counts["car"] + max(1, round(share * self.total))
+        return Demand(more, self.least, self.most)
+
+
+def plan_counts(density: Density, vehicles: Iterable[VehicleDemand], lane_km: float) -> Demand:
+    """Split a density over the classes: counted and named ones first, cars for the rest; one car more is the ego.
+
+    ``lane_km``: kilometres of lane at the site that are open to cars.
+
+    Raises:
+        UnknownName: a class that does not exist.
+    """
+    known = vehicle_classes()
+    asked = {demand.vehicle_class: demand for demand in vehicles}
+    for name in asked:
+        if name not in known:
+            raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known))
+    wanted = min(max(round(VEHICLES_PER_LANE_KM[density] * lane_km), FEWEST), MOST)
+    share = max(1, round(wanted * NAMED_SHARE / max(1, len(asked) / 2)))
+    counts = {name: share if demand.least is None else demand.least for name, demand in asked.items()}
+    rest = max(wanted - sum(count for name, count in counts.items() if name != "car"), 1)
+    if (cars := asked.get("car")) is not None:
+        rest = max(rest, cars.needed + 1)
+        rest = rest if cars.most is None else min(rest, cars.most + 1)
+    counts["car"] = rest
+    return Demand(
+        counts={name: counts[name] for name in known if counts.get(name)},
+        least={name: asked[name].needed for name in known if name in asked},
+        most={name: limit for name, demand in sorted(asked.items()) if (limit := demand.most) is not None},
+    )

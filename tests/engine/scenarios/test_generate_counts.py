@@ -1,0 +1,78 @@
+"""Numbers of vehicles: as asked, or refused with the number that found room; what is missed is told."""
+
+from pathlib import Path
+
+import pytest
+from generation_support import make
+
+from plannerforge.engine.scenarios.generate_density import density_notes
+from plannerforge.engine.traffic.vehicle_counts import Demand
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.generation import DensityFacts, VehicleDemand
+
+
+def test_a_counted_class_has_that_many_vehicles_and_no_more(tmp_path: Path) -> None:
+    made = make("Kreiselheim", tmp_path, vehicles=[VehicleDemand(vehicle_class="truck", least=1)], density="high")
+    assert made.classes_realised["truck"] == 1
+
+
+def test_more_than_find_room_are_refused_with_the_number_that_does(tmp_path: Path) -> None:
+    crowd = [VehicleDemand(vehicle_class="trailer", least=290)]
+    with pytest.raises(NotPossible, match="asked for at least 290 trailer; of them") as caught:
+        make("Landmoor", tmp_path, scenario_type="intersection", vehicles=crowd)
+    (room,) = caught.value.valid
+    name, _, count = str(room).partition("=")
+    assert name == "trailer"
+    assert 0 < int(count) < 290
+
+
+def test_an_ego_of_a_class_that_is_kept_out_of_the_traffic_is_a_contradiction(tmp_path: Path) -> None:
+    none = [VehicleDemand(vehicle_class="truck", least=0, most=0)]
+    with pytest.raises(InvalidRequest, match="vehicles ask for none"):
+        make("Fahrhausen", tmp_path, ego="type:truck", vehicles=none)
+
+
+def test_an_ego_of_a_class_that_may_be_absent_brings_one(tmp_path: Path) -> None:
+    few = [VehicleDemand(vehicle_class="truck", least=0, most=3)]
+    made = make("Fahrhausen", tmp_path, ego="type:truck", vehicles=few)
+    assert made.classes_realised["truck"] == 1
+
+
+def density(lane_km: float, target: float, found: float) -> DensityFacts:
+    return DensityFacts(
+        wish="high",
+        paper_trips=100,
+        lane_km=lane_km,
+        target_per_lane_km=target,
+        at_start_per_lane_km=found,
+        at_end_per_lane_km=found,
+    )
+
+
+@pytest.mark.parametrize(
+    ("facts", "counts", "realised", "reason"),
+    [
+        (density(0.4, 7, 20), {"car": 8}, 8, "only 0.4 lane-km"),
+        (density(1, 7, 30), {"car": 5, "truck": 25}, 30, "asked for by number"),
+        (density(20, 28, 15), {"car": 300}, 300, "no more than 300"),
+        (density(4, 28, 20), {"car": 112}, 80, "no more found room"),
+        (density(4, 28, 1.25), {"car": 5}, 5, "number of cars was bounded"),
+    ],
+)
+def test_a_missed_density_is_told_with_its_reason(
+    facts: DensityFacts, counts: dict[str, int], realised: int, reason: str
+) -> None:
+    told = density_notes(facts, Demand(counts, {}, {}), realised)
+    assert f"{facts.at_start_per_lane_km:g} vehicles per lane-km at the start instead of" in told[-1]
+    assert reason in told[-1]
+
+
+def test_a_density_near_its_target_needs_no_words() -> None:
+    assert density_notes(density(4, 28, 24), Demand({"car": 96}, {}, {}), 96) == []
+
+
+def test_a_recording_that_ends_early_is_told(tmp_path: Path) -> None:
+    made = make("Landmoor", tmp_path, scenario_type="rural", duration_s=120.0)
+    cut = [note for note in made.notes if "s of the asked 120 s are recorded" in note]
+    assert bool(cut) == (made.recorded_s < 119.8)
+    assert cut

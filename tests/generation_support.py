@@ -1,0 +1,31 @@
+"""Scenarios from the built-in maps, as tests of the generator ask for them."""
+
+from pathlib import Path
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.maps.index import built_in_maps
+from plannerforge.engine.scenarios.generate import generate
+from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest
+
+MAPS = {entry.facts.place: entry for entry in built_in_maps()}
+
+
+def request_for(place: str, folder: Path, **changes: object) -> GenerationRequest:
+    """A request for 6 s at a place of a built-in map; every field can be changed."""
+    entry = MAPS[place]
+    wish: dict[str, object] = {
+        "map_path": str(entry.path),
+        "map_id": entry.facts.map_id,
+        "place": place,
+        "country": "ZAM",
+        "attribution": entry.facts.attribution,
+        "duration_s": 6.0,
+        "folder": str(folder),
+        "seed": 3,
+    }
+    return GenerationRequest.model_validate(wish | changes)
+
+
+def make(place: str, folder: Path, **changes: object) -> GeneratedScenario:
+    """The scenario of such a request."""
+    return generate(request_for(place, folder, **changes), silent)
