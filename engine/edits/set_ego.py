@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from plannerforge.engine.edits.behaviours import usual_behaviour
+from plannerforge.engine.edits.car_limits import LARGEST_SPEED_MPS
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, GoalChange
+from plannerforge.engine.edits.goal_reach import check_task, distance_along, goal_task, kept_goal, kept_speeds
 from plannerforge.engine.edits.occupancy import free_places, occupant
 from plannerforge.engine.edits.placing import Place, first_place
 from plannerforge.engine.edits.scene import EGO_SIZE_M, Ego, Scene
 from plannerforge.engine.edits.selection import select
+from plannerforge.engine.geometry.polyline import project
 from plannerforge.engine.scenarios.ego_route import goal_lanelets
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
@@ -17,8 +20,7 @@ from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.grammar import parse_quantity
 from plannerforge.schemas.modification import Edit
 
-FASTEST_EGO_MPS = 50.8
-"""CommonRoad's vehicle 2 (BMW 320i)."""
+AFTER_START = "add a set_goal edit after set_ego, or choose another start"
 
 
 def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -53,20 +55,35 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def check_goal(scene: Scene, changes: Changes) -> None:
-    """Refuse a new start of the ego from which its goal cannot be reached.
+    """Refuse a new start of the ego from which its goal cannot be reached, or not in its time at its speed.
 
     Raises:
-        NotPossible: the goal lies where no lanelet leads from the start.
+        NotPossible: the goal lies where no lanelet leads from the start, or no car meets it from there.
     """
     if changes.ego is None:
         return
-    problem = scene.loaded.problem(changes.ego.problem_id)
+    _check_way(scene, changes, changes.ego)
+    goal = changes.goal or kept_goal(scene, changes.ego)
+    way = None if goal is None else scene.lanelet_graph.shortest_route(changes.ego.lanelets, (goal.lanelet_id,))
+    if goal is None or way is None:
+        return
+    station = project(scene.layout.table.lanes[goal.lanelet_id].center, goal.center)[0]
+    task = goal_task(scene, changes.ego, goal, distance_along(scene, changes.ego, way, station))
+    try:
+        check_task(scene, changes.ego, goal, task)
+    except NotPossible as error:
+        message = f"the goal on lanelet {goal.lanelet_id} cannot be met from the ego's new start: {error.message}"
+        raise NotPossible(message, valid=error.valid, next_step=AFTER_START) from error
+
+
+def _check_way(scene: Scene, changes: Changes, ego: Ego) -> None:
+    problem = scene.loaded.problem(ego.problem_id)
     goals = (changes.goal.lanelet_id,) if changes.goal else goal_lanelets(scene.network, problem)
-    if goals and scene.lanelet_graph.shortest_route(changes.ego.lanelets, goals) is None:
+    if goals and scene.lanelet_graph.shortest_route(ego.lanelets, goals) is None:
         raise NotPossible(
             f"the goal on lanelet {', '.join(map(str, goals))} cannot be reached from the ego's new start on lanelet "
-            f"{', '.join(map(str, changes.ego.lanelets))}",
-            next_step="add a set_goal edit after set_ego, or choose another start",
+            f"{', '.join(map(str, ego.lanelets))}",
+            next_step=AFTER_START,
         )
 
 
@@ -107,13 +124,15 @@ def _fits(scene: Scene, changes: Changes, track: Track, step: int) -> bool:
 
 
 def _goal_at_its_end(scene: Scene, track: Track) -> GoalChange | None:
-    """The last recorded place of a car as goal; None where the goal has no place that could be wrong."""
+    """The last recorded place of a car as goal, which time and speed are widened to; None where it has no place."""
     ego = scene.ego
     if ego is None or not goal_lanelets(scene.network, scene.loaded.problem(ego.problem_id)):
         return None
     state = scene.loaded.problem(ego.problem_id).goal.state_list[0]
     time = getattr(state, "time_step", track.last_step)
     first, last = int(getattr(time, "start", time)), int(getattr(time, "end", time))
+    asked, there = kept_speeds(scene, ego), max(float(track.speeds_mps[-1]), 0.0)
+    keeps_speeds = asked is None or asked[0] <= there <= asked[1]
     return GoalChange(
         problem_id=ego.problem_id,
         lanelet_id=scene.matches[track.obstacle_id].lanelets[-1],
@@ -121,14 +140,14 @@ def _goal_at_its_end(scene: Scene, track: Track) -> GoalChange | None:
         heading_rad=float(track.headings_rad[-1]),
         size_m=None,
         steps=(min(first, track.last_step), max(last, track.last_step)),
-        speed_mps=None,
+        speed_mps=None if asked is None or keeps_speeds else (min(asked[0], there), max(asked[1], there)),
     )
 
 
 def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
     speed = ego.speed_mps if edit.speed is None else parse_quantity(edit.speed, "m/s")
-    if not 0.0 <= speed <= FASTEST_EGO_MPS:
-        raise InvalidRequest(f"the ego does not drive {edit.speed}", valid=[f"0 … {FASTEST_EGO_MPS:g} m/s"])
+    if not 0.0 <= speed <= LARGEST_SPEED_MPS:
+        raise InvalidRequest(f"the ego does not drive {edit.speed}", valid=[f"0 … {LARGEST_SPEED_MPS:g} m/s"])
     if edit.at is None:
         return replace(changes, ego=replace(ego, speed_mps=speed)), f"the ego starts at {speed:.1f} m/s"
     place = first_place(edit, scene, changes, EGO_SIZE_M[0])
