@@ -55,13 +55,33 @@ def distances_m(network: "LaneletNetwork", position: Points, heading_rad: float,
     return best
 
 
+def leads_on(network: "LaneletNetwork", targets: frozenset[int]) -> frozenset[int]:
+    """All lanelets from which a way leads to any of some lanelets, these included."""
+    before: dict[int, list[int]] = {}
+    for lanelet in network.lanelets:
+        for after in (*lanelet.successor, *_beside(lanelet)):
+            before.setdefault(int(after), []).append(int(lanelet.lanelet_id))
+    found, queue = set(targets), sorted(targets)
+    while queue:
+        more = [key for key in before.get(queue.pop(), ()) if key not in found]
+        found.update(more)
+        queue += more
+    return frozenset(found)
+
+
 def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
-    """Whether a car gets so far until the goal's time is over (the scenario's last step where it has none)."""
-    start, times = problem.initial_state, [getattr(one, "time_step", None) for one in problem.goal.state_list[:1]]
-    last = int(getattr(times[0], "end", times[0])) if times and times[0] is not None else last_step
+    """Whether a car gets so far until the goal's time is over (the scenario's last step where it has none).
+
+    And whether it can stop on the way to wait for the goal's time, and gain the speed that the goal asks for again.
+    """
+    start, goal = problem.initial_state, next(iter(problem.goal.state_list), None)
+    time, speeds = getattr(goal, "time_step", None), getattr(goal, "velocity", None)
+    last = last_step if time is None else int(getattr(time, "end", time))
     seconds, speed = max(last - int(start.time_step), 0) * step_s, float(start.velocity)
     farthest = min(speed * seconds + LARGEST_ACCELERATION_MPS2 * seconds**2 / 2, LARGEST_SPEED_MPS * seconds)
-    return LEAST_AHEAD_M <= way_m <= SHARE_IN_REACH * farthest
+    least_mps = 0.0 if speeds is None else float(getattr(speeds, "start", speeds))
+    can_wait = speed**2 + least_mps**2 <= 2 * LARGEST_ACCELERATION_MPS2 * SHARE_IN_REACH * way_m
+    return LEAST_AHEAD_M <= way_m <= SHARE_IN_REACH * farthest and can_wait
 
 
 def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_length_m: float) -> list[Points]:
