@@ -30,7 +30,7 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     that SUMO drives to the former goal.
 
     Raises:
-        InvalidRequest: neither a car nor a start, or both.
+        InvalidRequest: neither a car nor a start, or both, or a former ego that stays where the ego still starts.
         NotPossible: no ego, no such car at the ego's first step, or a place that is taken.
     """
     ego = scene.ego
@@ -40,6 +40,12 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     if bool(edit.vehicles) == moved:
         raise InvalidRequest(
             "set_ego takes either a car in 'vehicles' or a start", valid=["vehicles=[ID]", "at=LANELET", "speed='8m/s'"]
+        )
+    if edit.former_ego == "traffic" and not edit.vehicles and edit.at is None:
+        raise InvalidRequest(
+            "former_ego=traffic would put a car where the ego still starts",
+            valid=["at=LANELET", "vehicles=[ID]", "former_ego=vanish"],
+            next_step="let the ego start elsewhere too",
         )
     before = changes
     if edit.vehicles:

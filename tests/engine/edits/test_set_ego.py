@@ -101,6 +101,14 @@ def test_either_a_car_or_a_start_is_needed(apply: Apply, edit: dict[str, object]
         apply({"op": "set_ego", **edit}, builder=SHORT)
 
 
+def test_the_former_ego_cannot_stay_where_the_ego_still_starts(apply: Apply) -> None:
+    with pytest.raises(InvalidRequest, match="where the ego still starts") as caught:
+        apply({"op": "set_ego", "speed": "5m/s", "former_ego": "traffic"}, builder=SHORT)
+    assert "at=LANELET" in caught.value.valid
+    away = {"op": "set_ego", "at": "2", "position": "80m", "speed": "5m/s", "former_ego": "traffic"}
+    assert 101 in apply(away, builder=SHORT).tracks()
+
+
 def test_untouched_recordings_stay(apply: Apply) -> None:
     applied = apply({"op": "set_ego", "vehicles": ["35"]}, builder=SHORT)
     old, new = applied.base_tracks(), applied.tracks()
