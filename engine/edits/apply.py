@@ -8,6 +8,7 @@ from plannerforge.engine.edits.altered_scene import altered
 from plannerforge.engine.edits.cascade import Resimulated, resimulate_until_clear, tracks_after
 from plannerforge.engine.edits.changes import Changes, EditStep
 from plannerforge.engine.edits.danger import danger_to
+from plannerforge.engine.edits.departures import check_departures, entering_onto
 from plannerforge.engine.edits.edit_report import edit_reports, reported_collisions, touched_vehicles
 from plannerforge.engine.edits.kept_scene import scene_of
 from plannerforge.engine.edits.missed_aims import check_not_driven_past
@@ -32,7 +33,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
 
     Raises:
         InvalidRequest: an edit that cannot be meant, or that the scenario does not allow.
-        NotPossible: collisions are left and the request refuses them.
+        NotPossible: a later departure onto a taken place; collisions are left and the request refuses them.
         UnsafeInput: the file is not readable.
     """
     report(0.0, "reading the scenario")
@@ -54,7 +55,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         result = _simulated(request, scene, changes, setup, ego)
         _check(request, scene, changes, result)
         report(0.8, "writing")
-        notes = _write_changes(document, scene, changes, result)
+        notes = [*_write_changes(document, scene, changes, result), *_entries_onto_ego(scene, changes, ego)]
         files = (None, None) if request.dry_run else _write_files(request, document, net)
         if request.keep_simulation and not request.dry_run and result.tracks:
             _keep_simulation(setup, request.output)
@@ -83,6 +84,7 @@ def _check(request: ModificationRequest, scene: Scene, changes: Changes, result:
             valid=[key for key in scene.tracks if key not in lost],
             next_step="choose another vehicle or place",
         )
+    check_departures(scene, changes, result)
     for key in changes.driven:
         check_not_driven_past(scene, result.plans[key], result.tracks[key])
     hits = reported_collisions(scene, result)
@@ -110,6 +112,14 @@ def _write_changes(document: ScenarioDocument, scene: Scene, changes: Changes, r
     if changes.ego is not None:
         write_ego_start(document, changes.ego)
     return [] if changes.goal is None else write_goal(document, changes.goal)
+
+
+def _entries_onto_ego(scene: Scene, changes: Changes, ego: Track | None) -> list[str]:
+    """A place is not refused for where the ego may be later: its planner decides that."""
+    found = () if ego is None else entering_onto(ego, scene, changes)
+    if not found:
+        return []
+    return [f"vehicle {', '.join(map(str, found))} enters just where an ego that drives ordinarily is then"]
 
 
 def _write_files(request: ModificationRequest, document: ScenarioDocument, net: Path) -> tuple[Path, Path]:

@@ -233,3 +233,43 @@ def test_it_enters_no_faster_than_the_bends_ahead_allow_however_fast_the_traffic
         assert applied.outcome.touched[0].feasible
     assert speeds_mps[1] == pytest.approx(math.sqrt(4.0 * 12.0 + 2 * 4.0 * 5.0), abs=0.5)
     assert speeds_mps[0] > speeds_mps[1] + 3.0
+
+
+STANDING = CAR | {"at": "3", "position": "200m", "speed": "0m/s"}
+HELD = {"op": "set_speed", "vehicles": ["new:0"], "speed": "0m/s"}
+
+
+def test_a_later_departure_is_refused_where_an_edited_vehicle_is_by_then(apply: Apply) -> None:
+    alone = SHORT.with_vehicles(driving(31, (10, 0), 5.0, 61))
+    onto = CAR | {"at": "3", "position": "201m", "time_s": 2}
+    with pytest.raises(NotPossible, match=r"car 102 cannot enter at 2.0 s: its place is taken by veh") as caught:
+        apply(STANDING, HELD, onto, builder=alone)
+    position = caught.value.valid[0].partition("position='")[2].rstrip("'")
+    applied = apply(STANDING, HELD, onto | {"position": position}, builder=alone)
+    assert applied.outcome.collisions == ()
+
+
+def test_a_later_departure_is_refused_where_a_recorded_vehicle_is_held(apply: Apply) -> None:
+    alone = SHORT.with_vehicles(driving(31, (100, 0), 8.0, 61))
+    hold = {"op": "set_speed", "vehicles": ["31"], "speed": "2m/s"}
+    onto = CAR | {"at": "1", "position": "113m", "time_s": 4}
+    assert apply(onto, builder=alone).outcome.edits[0].done
+    with pytest.raises(NotPossible, match="its place is taken by vehicle 31 then"):
+        apply(hold, onto, builder=alone)
+
+
+def test_who_walks_later_is_refused_where_an_edited_vehicle_stands(apply: Apply) -> None:
+    alone = SHORT.with_vehicles(driving(31, (10, 0), 5.0, 61))
+    walker = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "3", "position": "200m", "speed": "0m/s"}
+    with pytest.raises(NotPossible, match=r"pedestrian 102 cannot enter at 2.0 s"):
+        apply(STANDING, HELD, walker | {"time_s": 2}, builder=alone)
+
+
+def test_entering_where_the_ego_may_be_then_is_told(apply: Apply) -> None:
+    alone = SHORT.with_vehicles(driving(31, (10, 7), 5.0, 61))
+    ahead = CAR | {"at": "ego", "offset_m": 50, "time_s": 4, "speed": "8m/s"}
+    told = apply(ahead, builder=alone).outcome
+    assert any("101 enters just where an ego that drives ordinarily is then" in note for note in told.warnings)
+    assert told.ego_after is not None
+    assert told.ego_after.minimum_distance_m == 0.0
+    assert not any("just where" in note for note in apply(ahead | {"time_s": 1}, builder=alone).outcome.warnings)

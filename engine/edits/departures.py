@@ -1,0 +1,79 @@
+"""Whether who enters later finds his place free once everybody's motion is known.
+
+While edits are resolved, vehicles that they drive are known at their first step only.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from plannerforge.engine.edits.cascade import Resimulated
+from plannerforge.engine.edits.changes import Changes
+from plannerforge.engine.edits.occupancy import free_places, occupant_at
+from plannerforge.engine.edits.placing import Place
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.geometry.polyline import project
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.schemas.errors import NotPossible
+
+UNCHANGED = Changes(next_id=0, driven={})
+
+
+def check_departures(scene: Scene, changes: Changes, result: Resimulated) -> None:
+    """Refuse that somebody enters after the first step where a vehicle that the edits drive is by then.
+
+    Raises:
+        NotPossible: a place is taken; the nearest free ones at that step are named.
+    """
+    departures = _departures(changes)
+    for key, start in departures.items():
+        if start.first_step == 0:
+            continue
+        before = {one for one, other in departures.items() if other.first_step < start.first_step}
+        by_then = _as_driven(scene, changes, result, departures.keys() - before)
+        who = _occupant(by_then, start)
+        if who:
+            raise NotPossible(
+                f"{start.kind} {key} cannot enter at {start.first_step * scene.step_s:.1f} s: its place is taken by "
+                f"{who} then, as the edits have it drive",
+                valid=_free_places(by_then, changes, start),
+                next_step="choose a free place or another departure",
+            )
+
+
+def entering_onto(ego: Track, scene: Scene, changes: Changes) -> tuple[int, ...]:
+    """Who enters later just where an ego that drives like an ordinary driver is then, by ascending id."""
+    alone = replace(scene, tracks={ego.obstacle_id: ego}, standing={}, regions=(), ego=None)
+    later = {key: start for key, start in _departures(changes).items() if start.first_step > ego.first_step}
+    return tuple(key for key, start in later.items() if _occupant(alone, start))
+
+
+def _departures(changes: Changes) -> Mapping[int, Track]:
+    """Where and when everybody enters whom edits put in, by ascending id."""
+    driven = {key: plan.start for key, plan in changes.driven.items() if plan.cause == "added"}
+    walking = {key: replay.track for key, replay in changes.replays.items() if replay.recording is None}
+    return dict(sorted((driven | walking).items()))
+
+
+def _as_driven(scene: Scene, changes: Changes, result: Resimulated, without: set[int]) -> Scene:
+    """The scene with the simulated tracks in place of the recorded ones, and without some vehicles."""
+    driven = {key: track.whole(result.plans[key].start) for key, track in result.tracks.items()}
+    gone = without | changes.removed
+    tracks = {key: track for key, track in sorted((scene.tracks | driven).items()) if key not in gone}
+    regions = tuple(region for region in scene.regions if region.obstacle_id not in gone)
+    standing = {key: track for key, track in scene.standing.items() if key not in gone}
+    return replace(scene, tracks=tracks, standing=standing, regions=regions)
+
+
+def _occupant(scene: Scene, start: Track) -> str:
+    size, heading_rad = (start.length_m, start.width_m), float(start.headings_rad[0])
+    return occupant_at(scene, UNCHANGED, start.positions[0], heading_rad, size, start.first_step)
+
+
+def _free_places(scene: Scene, changes: Changes, start: Track) -> list[str]:
+    """The nearest free places for a vehicle; none are known for who walks."""
+    plan = changes.driven.get(start.obstacle_id)
+    if plan is None:
+        return []
+    lane = scene.layout.table.lanes[plan.lanelets[0]]
+    place = Place(plan.lanelets[0], project(lane.center, start.positions[0])[0])
+    return free_places(scene, UNCHANGED, place, (start.length_m, start.width_m), start.first_step)
