@@ -17,7 +17,7 @@ from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
 from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.engine.tuning.configurations import named_configuration
 from plannerforge.evals.generation_figures import Made, Stages, tell
-from plannerforge.evals.generation_judge import holds_vehicles, lies_at_street, lies_in
+from plannerforge.evals.generation_judge import EXIT_WITHIN_M, STREET_WITHIN_M, holds_vehicles, lies_at_street, lies_in
 from plannerforge.evals.generation_maps import BenchMaps
 from plannerforge.evals.generation_motion import measure_motion
 from plannerforge.evals.generation_refusals import Refusal, is_right_reason
@@ -170,7 +170,10 @@ def _place_is_right(
     shown, box, street = session.maps.places[name], request.arguments.bbox, request.street
     meant = name == request.map_name or request.arguments.place in shown["places"]
     there = lies_in(files, shown["bbox"], BEYOND_MAP_DEG) and (box is None or lies_in(files, box, BEYOND_BOX_DEG))
-    on_street = street is None or lies_at_street(files, street, shown["places"], session.evidence(wish.map_path))
+    within_m = EXIT_WITHIN_M if wish.scenario_type == "ramp" else STREET_WITHIN_M
+    on_street = street is None or lies_at_street(
+        files, street, shown["places"], session.evidence(wish.map_path), within_m
+    )
     return meant and there and on_street and country in (None, report.benchmark_id[:3])
 
 

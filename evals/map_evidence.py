@@ -52,6 +52,10 @@ class MapEvidence:
 
     mapped: tuple[Mapped, ...]
 
+    def holds(self, key: str, value: str) -> bool:
+        """Whether anything of the map has a tag."""
+        return any(found.tags.get(key) == value for found in self.mapped)
+
     def names_near(self, name: str, latitude: float, longitude: float, within_m: float) -> bool:
         """Whether something whose name, number or sign has all words of ``name`` lies so near."""
         words = _words(name)

@@ -19,7 +19,8 @@ SHOWN_IN_FULL = 5
 class MapFacts(Model):
     """What a map shows: read from the file, nothing guessed.
 
-    ``country`` is None where neither the file nor the caller names it; ``sites`` counts sites by scenario type.
+    ``country`` is None where neither the file nor the caller names it; ``countries_near`` are then those that it may
+    lie in (none: nothing is known). ``sites`` counts sites by scenario type.
     """
 
     map_id: str
@@ -27,6 +28,7 @@ class MapFacts(Model):
     place: str = Field(description="name for the map; the file's own where no place is known")
     places: tuple[str, ...]
     country: str | None
+    countries_near: tuple[str, ...] = ()
     south: float
     west: float
     north: float

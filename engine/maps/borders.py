@@ -27,6 +27,12 @@ def country_of(bounds: tuple[float, float, float, float]) -> str | None:
 
     None at sea, near a border, and in areas that several countries claim.
     """
+    near = countries_near(bounds)
+    return near[0] if len(near) == 1 else None
+
+
+def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]:
+    """Codes of all countries within ``DOUBT_M`` of a box, sorted; none at sea and in areas that several claim."""
     from shapely import box
 
     south, west, north, east = bounds
@@ -35,7 +41,7 @@ def country_of(bounds: tuple[float, float, float, float]) -> str | None:
     tree, codes = _table()
     near = tree.query(box(west - aside, south - up, east + aside, north + up), predicate="intersects")
     found = {codes[index] for index in near.tolist()}
-    return found.pop() or None if len(found) == 1 else None
+    return () if "" in found else tuple(sorted(found))
 
 
 @lru_cache(maxsize=1)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from plannerforge.engine.catalog.places import country_code, fold
 from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.maps.borders import country_of
+from plannerforge.engine.maps.borders import countries_near
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.maps.osm_reader import OSM_ATTRIBUTION, OsmMap, distance_m
 from plannerforge.engine.maps.road_classes import LINKS, ROADS
@@ -35,12 +35,15 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     names = list(dict.fromkeys(([request.place] if request.place else []) + found))
     roads = osm.roads(frozenset((*ROADS, *LINKS)))
     south, west, north, east = osm.bounds
+    near = countries_near(osm.bounds)
+    country = request.country or _country(osm) or (near[0] if len(near) == 1 else None)
     return MapFacts(
         map_id=request.map_id or map_id_of(path),
         file_name=path.name,
         place=names[0] if names else path.name.split(".")[0],
         places=tuple(names[:MOST_PLACES]),
-        country=request.country or _country(osm) or country_of(osm.bounds),
+        country=country,
+        countries_near=() if country else near,
         south=south,
         west=west,
         north=north,

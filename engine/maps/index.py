@@ -74,13 +74,17 @@ def find_maps(
     """
     if not maps:
         raise UnknownName("there is no map", next_step="import an .osm file with import_files")
-    found = [MapMatch(entry, ()) for entry in maps]
-    if country is not None:
-        found = _in_country(found, country)
+    everywhere = found = [MapMatch(entry, ()) for entry in maps]
+    code = None if country is None else country_code(country) or country.upper()
+    if country is not None and code is not None:
+        found = _in_country(found, country, code)
     if bbox is not None:
         found = _in_box(found, bbox)
     if place is not None:
-        found = _showing(found, place)
+        shown = _showing(found, place, code)
+        if not shown:
+            raise _not_shown(place, country, bbox, found, _showing(everywhere, place, code))
+        found = shown
     return sorted(
         found,
         key=lambda match: (
@@ -94,17 +98,18 @@ def same_street(one: str, other: str) -> bool:
     return bool(_street_keys(one) & _street_keys(other))
 
 
-def _in_country(found: list[MapMatch], country: str) -> list[MapMatch]:
-    code = country_code(country) or country.upper()
-    fitting = [match for match in found if match.entry.facts.country in (code, None)]
-    if not any(match.entry.facts.country == code for match in fitting):
-        known = sorted({match.entry.facts.country for match in found if match.entry.facts.country})
-        unnamed = [match for match in fitting if match.entry.facts.country is None]
-        if not unnamed:
-            raise UnknownName(
-                f"no map lies in {country!r}", valid=known, next_step="leave country out, or import a map"
-            )
+def _in_country(found: list[MapMatch], country: str, code: str) -> list[MapMatch]:
+    """Maps that lie there, and those that may: whose own country is not known, and no other is nearer."""
+    fitting = [match for match in found if code in _countries(match.entry.facts) or not _countries(match.entry.facts)]
+    if not fitting:
+        known = sorted({code for match in found for code in _countries(match.entry.facts)})
+        raise UnknownName(f"no map lies in {country!r}", valid=known, next_step="leave country out, or import a map")
     return fitting
+
+
+def _countries(facts: MapFacts) -> tuple[str, ...]:
+    """Where a map lies or may lie; empty where nothing is known."""
+    return facts.countries_near if facts.country is None else (facts.country,)
 
 
 def _in_box(found: list[MapMatch], bbox: Box) -> list[MapMatch]:
@@ -118,59 +123,94 @@ def _in_box(found: list[MapMatch], bbox: Box) -> list[MapMatch]:
         and east >= match.entry.facts.west
     ]
     if not fitting:
-        boxes = [
-            f"{f.place} [{f.south:.4f}, {f.west:.4f}, {f.north:.4f}, {f.east:.4f}]"
-            for f in (match.entry.facts for match in found)
-        ]
+        boxes = [_box_text(match.entry.facts) for match in found]
         raise UnknownName(
             f"no map shows the box {list(bbox)}", valid=boxes, next_step="choose a box inside one of these"
         )
     return fitting
 
 
-def _showing(found: list[MapMatch], place: str) -> list[MapMatch]:
+def _box_text(f: MapFacts) -> str:
+    return f"{f.place} [{f.south:.4f}, {f.west:.4f}, {f.north:.4f}, {f.east:.4f}]"
+
+
+def _showing(found: list[MapMatch], place: str, country: str | None) -> list[MapMatch]:
     """Maps in which every part of the text (``street, city`` or ``street A / street B``) is a place or a road."""
-    parts = [part.strip() for part in re.split(r"[,;/]|\s+(?:&|at|near|corner of)\s+", place) if part.strip()]
-    fitting = [match for entry in found if (match := _match(entry.entry, [place]) or _match(entry.entry, parts))]
-    if fitting:
-        return fitting
+    parts = _parts(place)
+    matches = (_match(map_.entry, [place], country) or _match(map_.entry, parts, country) for map_ in found)
+    return [match for match in matches if match is not None]
+
+
+def _parts(place: str) -> list[str]:
+    return [part.strip() for part in re.split(r"[,;/]|\s+(?:&|at|near|corner of)\s+", place) if part.strip()]
+
+
+def _not_shown(
+    place: str, country: str | None, bbox: Box | None, found: list[MapMatch], elsewhere: list[MapMatch]
+) -> UnknownName:
+    """No map that is left shows the place; where it is shown elsewhere, box or country contradict it."""
+    if elsewhere:
+        limits = [f"the box {list(bbox)}"] if bbox is not None else []
+        limits += [f"{country!r}"] if country is not None else []
+        return UnknownName(
+            f"no map shows {place!r} in {' and '.join(limits)}: it lies elsewhere",
+            valid=[_box_text(match.entry.facts) for match in elsewhere],
+            next_step=f"leave {' and '.join(['bbox'] * (bbox is not None) + ['country'] * (country is not None))} out, "
+            "or choose another place",
+        )
+    nameless = [
+        match.entry.facts
+        for match in found
+        if not match.entry.facts.places and any(_roads_called(part, match.entry.facts) for part in _parts(place))
+    ]
+    if nameless:
+        return UnknownName(
+            f"no map shows {place!r}; {nameless[0].map_id} shows such a road, but does not say in which place it lies",
+            valid=[facts.map_id for facts in nameless],
+            next_step="name the road alone, name its country, or add the map with its place",
+        )
     names = {name for match in found for name in _names(match.entry.facts)}
     shown = sorted({match.entry.facts.place for match in found})
     near = closest(place, sorted(names), 4)
-    raise UnknownName(
+    return UnknownName(
         f"no map shows {place!r}",
         valid=[*near, *(name for name in shown if name not in near)],
         next_step="choose one of these places, or import an .osm extract of the place with import_files",
     )
 
 
-def _match(entry: MapEntry, parts: list[str]) -> MapMatch | None:
+def _match(entry: MapEntry, parts: list[str], country: str | None) -> MapMatch | None:
+    """The map with the streets that are meant, where it shows every part.
+
+    A part that it does not name is let pass beside a street where another part names the map, or where the map knows
+    no place and the caller names its country.
+    """
+    facts = entry.facts
     streets: list[tuple[str, ...]] = []
     unnamed: list[str] = []
     for part in parts:
-        if _names_map(part, entry.facts):
+        if _names_map(part, facts):
             continue
-        roads = _roads_called(part, entry.facts)
+        roads = _roads_called(part, facts)
         if roads:
             streets.append(roads)
         else:
             unnamed.append(part)
-    if unnamed and (not streets or (entry.facts.places and len(unnamed) + len(streets) == len(parts))):
+    named = len(unnamed) + len(streets) < len(parts) or (not facts.places and country in _countries(facts))
+    if unnamed and not (streets and named):
         return None
     return MapMatch(entry, tuple(streets), tuple(unnamed)) if parts else None
 
 
 def _names_map(part: str, facts: MapFacts) -> bool:
     """Whether a word means the map itself: its id, its file, a place in it, or its country."""
-    if fold(part) in {fold(facts.map_id), fold(facts.map_id.removeprefix("map_")), fold(facts.file_name)}:
+    stem = facts.file_name.partition(".")[0]
+    if fold(part) in {fold(facts.map_id), fold(facts.map_id.removeprefix("map_")), fold(facts.file_name), fold(stem)}:
         return True
     if any(place_keys(part) & place_keys(name) for name in (facts.place, *facts.places)):
         return True
     code = country_code(part)
-    if code is not None and code == facts.country:
-        return True
-    words = {word for word in re.split(r"[^a-z0-9]+", facts.file_name.casefold()) if len(word) > 3}
-    return fold(part) in words
+    return code is not None and code == facts.country
 
 
 def _roads_called(part: str, facts: MapFacts) -> tuple[str, ...]:

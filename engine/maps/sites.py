@@ -1,15 +1,15 @@
 """Finding sites in a map: where in it there is a roundabout, a signalised crossing, a ramp, a motorway …"""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from plannerforge.engine.maps.crossings import Crossings
 from plannerforge.engine.maps.osm_reader import OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m
-from plannerforge.engine.maps.road_classes import LINKS, ROADS
+from plannerforge.engine.maps.road_classes import LINKS, ROADS, THROUGH_ROADS
+from plannerforge.engine.maps.way_points import length_m, spaced_points
 from plannerforge.schemas.generation import SiteType
 
 if TYPE_CHECKING:
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 SIGNAL_REACH_M = 45.0
 MERGE_M = 60.0
-RURAL_CLEAR_M, TOWN_CLEAR_M = 120.0, 400.0
+AMONG_HOUSES_M, RURAL_CLEAR_M, TOWN_CLEAR_M = 100.0, 120.0, 400.0
 TOWN_JUNCTIONS_PER_KM = 5.0
 MOST_BEHIND = 30
 NEAR_RAMP_M, AT_MOTORWAY_M = 200.0, 100.0
 RAMP_CLASSES = frozenset({"motorway_link", "trunk_link"})
-SPACING_M = 400.0
+SHORTEST_STRETCH_M = 40.0
 RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
 BUILT_UP_ROADS = frozenset({"residential", "living_street"})
 MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
@@ -46,10 +46,14 @@ class Site:
 
 
 class SiteFinder:
-    """Finds the sites of one map; every kind is looked for once, sites come in the order of the map."""
+    """Finds the sites of one map; every kind is looked for once, sites come in the order of the map.
 
-    def __init__(self, osm: OsmMap) -> None:
+    ``classes``: the road classes of which sites are made, all without; houses tell of a town in either case.
+    """
+
+    def __init__(self, osm: OsmMap, classes: Iterable[str] = ()) -> None:
         self.osm = osm
+        self._classes = frozenset(classes) or frozenset((*ROADS, *LINKS))
         self._kinds: dict[SiteType, Callable[[], list[Site]]] = {
             "roundabout": self._roundabouts,
             "signalised_intersection": self._signalised,
@@ -69,28 +73,41 @@ class SiteFinder:
         counts = {kind: len(self.find(kind)) for kind in self._kinds}
         return {kind: count for kind, count in counts.items() if count}
 
-    def longest_road(self) -> Site:
-        """The middle of the longest road of any class, for a map in which nothing else can be found."""
-        way = max(self.osm.roads(frozenset((*ROADS, *LINKS))), key=self._length_m)
+    def longest_road(self) -> Site | None:
+        """The middle of the longest road, for a map in which nothing else can be found; None where there is no road."""
+        way = max(self.osm.roads(self._classes), key=lambda way: length_m(self.osm, way), default=None)
+        if way is None:
+            return None
         nodes = [self.osm.nodes[key] for key in way.node_ids]
         middle = nodes[len(nodes) // 2]
-        return self._site("urban", middle, [way], middle.node_id)
+        kind: SiteType = "rural" if self._far_from_houses(middle, RURAL_CLEAR_M) else "urban"
+        return self._site(kind, middle, [way], middle.node_id if kind == "urban" else way.way_id)
 
     @cached_property
     def roads(self) -> list[OsmWay]:
         """Roads that lead somewhere; service roads and tracks only where there is nothing else."""
-        through = [way for way in self.osm.roads() if way.tags.get("area") != "yes"]
-        return through or self.osm.roads(frozenset(ROADS))
+        through = [way for way in self.osm.roads(THROUGH_ROADS & self._classes) if way.tags.get("area") != "yes"]
+        return through or self.osm.roads(frozenset(ROADS) & self._classes)
 
     @cached_property
     def streets(self) -> Crossings:
-        """Where the roads that lead somewhere meet."""
+        """Where the roads that lead somewhere meet; a slip road parts from its road there, and crosses nothing."""
+        return Crossings([way for way in self.roads if way.road_class not in LINKS])
+
+    @cached_property
+    def with_links(self) -> Crossings:
+        """Where the roads that lead somewhere and their links meet."""
         return Crossings(self.roads)
 
     @cached_property
     def everywhere(self) -> Crossings:
-        """Where roads meet, driveways and tracks included."""
-        return Crossings(self.osm.roads(frozenset((*ROADS, *LINKS))))
+        """Where roads meet, driveways and tracks included, links not."""
+        return Crossings(self.osm.roads(frozenset(ROADS) & self._classes))
+
+    @cached_property
+    def _fast(self) -> str:
+        """The class of the roads that highways and ramps are made of: trunk roads only where no motorway lies."""
+        return "motorway" if self.osm.roads(frozenset({"motorway"})) else "trunk"
 
     def _site(self, kind: SiteType, node: OsmNode, ways: list[OsmWay], mark: int) -> Site:
         streets = {name for way in ways for name in (way.tags.get("name"), way.tags.get("ref")) if name}
@@ -136,18 +153,15 @@ class SiteFinder:
 
     def _ramps(self) -> list[Site]:
         """Where a link leaves or joins a motorway, or a trunk road where there is no motorway."""
-        for family in ("motorway", "trunk"):
-            found = []
-            for key in self.streets.junctions:
-                ways = self.streets.ways_at[key]
-                classes = {way.road_class for way in ways}
-                if family in classes and classes & RAMP_CLASSES:
-                    node = self.osm.nodes[key]
-                    named = [*ways, *self._roads_behind(ways), *self._passing(node, NEAR_RAMP_M)]
-                    found.append(self._site("ramp", node, named, key))
-            if found:
-                return found
-        return []
+        found = []
+        for key in self.with_links.junctions:
+            ways = self.with_links.ways_at[key]
+            classes = {way.road_class for way in ways}
+            if self._fast in classes and classes & RAMP_CLASSES:
+                node = self.osm.nodes[key]
+                named = [*ways, *self._roads_behind(ways), *self._passing(node, NEAR_RAMP_M)]
+                found.append(self._site("ramp", node, named, key))
+        return found
 
     def _roads_behind(self, ways: list[OsmWay]) -> list[OsmWay]:
         """The roads to which the links among the ways lead: a ramp is called after them too."""
@@ -155,7 +169,7 @@ class SiteFinder:
         waiting = [way for way in ways if way.road_class in LINKS]
         while waiting:
             for key in waiting.pop().node_ids:
-                for way in self.streets.ways_at[key]:
+                for way in self.with_links.ways_at[key]:
                     if way.way_id not in found and len(found) < MOST_BEHIND:
                         found[way.way_id] = way
                         waiting += [way] if way.road_class in LINKS else []
@@ -175,12 +189,13 @@ class SiteFinder:
         return STRtree([LineString([self._metres(self.osm.nodes[key]) for key in way.node_ids]) for way in self.roads])
 
     def _motorways(self) -> list[Site]:
-        for family in ("motorway", "trunk"):
-            ways = [way for way in self.roads if way.road_class == family and self._length_m(way) > 40]
-            ways = [way for way in ways if family == "motorway" or _is_expressway(way)]
-            if ways:
-                return [self._site("highway", point, [way], way.way_id) for way in ways for point in self._along(way)]
-        return []
+        ways = [
+            way for way in self.roads if way.road_class == self._fast and length_m(self.osm, way) > SHORTEST_STRETCH_M
+        ]
+        ways = [way for way in ways if self._fast == "motorway" or _is_expressway(way)]
+        return [
+            self._site("highway", point, [way], way.way_id) for way in ways for point in spaced_points(self.osm, way)
+        ]
 
     def _rural(self) -> list[Site]:
         """Stretches of main roads away from houses; pavements, and limits below 60 km/h, tell of a town."""
@@ -189,15 +204,17 @@ class SiteFinder:
             if way.road_class not in RURAL_CLASSES or way.tags.get("junction"):
                 continue
             slow = 0 < (way.maxspeed_kmh or 0) < 60 or way.tags.get("sidewalk", "no") not in ("no", "none")
-            if self._length_m(way) > 60 and not slow:
-                points = [point for point in self._along(way) if self._far_from_houses(point, self._clear_m)]
+            if length_m(self.osm, way) > 60 and not slow:
+                points = [
+                    point for point in spaced_points(self.osm, way) if self._far_from_houses(point, self._clear_m)
+                ]
                 found += [self._site("rural", point, [way], way.way_id) for point in points]
         return found
 
     @cached_property
     def _clear_m(self) -> float:
         """How far houses have to be: farther on the map of a town, at whose edge houses may just not be drawn."""
-        road_km = sum(self._length_m(way) for way in self.roads) / 1000
+        road_km = sum(length_m(self.osm, way) for way in self.roads) / 1000
         dense = len(self.streets.junctions) > TOWN_JUNCTIONS_PER_KM * road_km
         lit = any(node.tags.get("highway") == "traffic_signals" for node in self.osm.nodes.values())
         return TOWN_CLEAR_M if dense or lit else RURAL_CLEAR_M
@@ -207,14 +224,14 @@ class SiteFinder:
         found = [
             Site("urban", site.latitude, site.longitude, site.streets, site.mark)
             for site in self._crossings()
-            if not self._far_from_houses(self.osm.nodes[site.mark])
+            if not self._far_from_houses(self.osm.nodes[site.mark], AMONG_HOUSES_M)
         ]
         return [site for site in found if not self._at_motorway(self.osm.nodes[site.mark])] or found
 
     def _at_motorway(self, node: OsmNode) -> bool:
         return any(way.road_class == "motorway" for way in self._passing(node, AT_MOTORWAY_M))
 
-    def _far_from_houses(self, node: OsmNode, clear_m: float = RURAL_CLEAR_M) -> bool:
+    def _far_from_houses(self, node: OsmNode, clear_m: float) -> bool:
         from shapely import Point
 
         return len(self._built_up.query(Point(*self._metres(node)), "dwithin", clear_m)) == 0
@@ -239,27 +256,6 @@ class SiteFinder:
         north = ground_distance_m((south, west), (node.latitude, west))
         east = ground_distance_m((node.latitude, west), (node.latitude, node.longitude))
         return math.copysign(east, node.longitude - west), math.copysign(north, node.latitude - south)
-
-    def _length_m(self, way: OsmWay) -> float:
-        nodes = [self.osm.nodes[key] for key in way.node_ids]
-        return sum(distance_m(one, other) for one, other in pairwise(nodes))
-
-    def _along(self, way: OsmWay) -> list[OsmNode]:
-        """Points evenly spaced along a way, one for every ``SPACING_M``, the ends left out."""
-        nodes = [self.osm.nodes[key] for key in way.node_ids]
-        total = self._length_m(way)
-        count = max(1, round(total / SPACING_M))
-        found: list[OsmNode] = []
-        gone = 0.0
-        for one, other in pairwise(nodes):
-            step = distance_m(one, other)
-            while len(found) < count and gone + step >= (wanted := total * (len(found) + 0.5) / count) - 1e-6:
-                share = (wanted - gone) / max(step, 1e-9)
-                latitude = one.latitude + share * (other.latitude - one.latitude)
-                longitude = one.longitude + share * (other.longitude - one.longitude)
-                found.append(OsmNode(0, latitude, longitude, {}))
-            gone += step
-        return found
 
 
 def _is_expressway(way: OsmWay) -> bool:

@@ -44,7 +44,7 @@ def prepare_ground(
     """
     net_path = folder / "scenario.net.xml"
     place = build_place(osm, site, request, net_path, folder, step_s, report)
-    if (reason := why_not_realised(site, place.net, place.network)) is not None:
+    if (reason := why_not_realised(site, place.net)) is not None:
         raise NotPossible(reason)
     report(0.25, "checking the network")
     head = head_of(request, site, place.net, step_s)

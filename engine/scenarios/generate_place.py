@@ -8,7 +8,6 @@ from plannerforge.engine.maps.cut import cut_map
 from plannerforge.engine.maps.net_cut import cut_net
 from plannerforge.engine.maps.net_map import NetMap
 from plannerforge.engine.maps.osm_reader import OsmMap
-from plannerforge.engine.maps.road_classes import LINKS, ROADS
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.network.hairpins import remove_hairpins
 from plannerforge.engine.network.lanelet_builder import build_road_network
@@ -16,9 +15,9 @@ from plannerforge.engine.network.net_parser import SumoNet, read_net
 from plannerforge.engine.network.netconvert import Conversion, convert_osm
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.network.speed_cap import cap_speeds
-from plannerforge.engine.scenarios.site_choice import radius_for
+from plannerforge.engine.scenarios.site_choice import classes_for, radius_for
 from plannerforge.engine.traffic.simulation import WARM_UP_S
-from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest
 
 _LEFT = """
@@ -59,10 +58,9 @@ def build_place(
 
     Raises:
         NotPossible: no road there is open to cars.
-        InvalidRequest: a ramp without link roads.
     """
     radius = radius_for(site, request)
-    center, classes = (site.latitude, site.longitude), _road_classes(request, site)
+    center, classes = (site.latitude, site.longitude), classes_for(site, request)
     cut = scratch / "site.osm"
     notes: list[str] = []
     report(0.05, "cutting out the site")
@@ -113,15 +111,3 @@ def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversio
     if not read_net(net_path).drivable_edges("passenger"):
         raise NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
     return conversion, ["only service roads lie here; they were opened to all vehicles"]
-
-
-def _road_classes(request: GenerationRequest, site: Site) -> tuple[str, ...]:
-    """OSM classes to keep: as asked, otherwise all roads, with links where the site is about them."""
-    chosen = request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") else ROADS)
-    if site.kind == "ramp" and not set(chosen) & set(LINKS):
-        raise InvalidRequest(
-            f"a ramp is made of link roads; road_classes {list(request.road_classes)} leaves them out",
-            valid=["roads, link", "all"],
-            next_step="add link to road_classes, or leave road_classes out",
-        )
-    return chosen

@@ -1,14 +1,22 @@
 """Whether a site has become in the net what the map promised: judged before traffic is made for it."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.maps.sites import Site
+from plannerforge.engine.maps.road_classes import LINKS, ROADS
+from plannerforge.engine.maps.sites import RURAL_CLASSES, Site
 from plannerforge.engine.network.net_parser import NetEdge, SumoNet
-from plannerforge.engine.network.road_network import RoadNetwork
+from plannerforge.schemas.generation import SiteType
 
-NEAR_M = 80.0
+AT_M, NEAR_M = 40.0, 60.0
+"""From the middle of a site to its road, and to its junction: sites that lie so close together are one."""
 LARGEST_RING_M = 160.0
+LEAST_ARMS = 3
+ALL_ROADS = frozenset((*ROADS, *LINKS))
+FAST_ROADS = frozenset({"motorway", "trunk"})
+RAMP_LINKS = frozenset({"motorway_link", "trunk_link"})
 
 
 def middle_of(site: Site, net: SumoNet) -> Points:
@@ -21,26 +29,23 @@ def middle_of(site: Site, net: SumoNet) -> Points:
     return np.array([x + net.offset_m[0], y + net.offset_m[1]])
 
 
-def why_not_realised(site: Site, net: SumoNet, network: RoadNetwork) -> str | None:
+def why_not_realised(site: Site, net: SumoNet) -> str | None:
     """The reason why the net does not show the site's type near its middle; None where it does."""
     middle = middle_of(site, net)
-    shown = {
-        "roundabout": lambda: _near_edges(
-            net, {e for ring in net.roundabout_edges for e in ring}, middle, LARGEST_RING_M
+    judges: dict[SiteType, Callable[[], bool]] = {
+        "roundabout": lambda: _passes(
+            net, middle, LARGEST_RING_M, {e for ring in net.roundabout_edges for e in ring}.__contains__
         ),
-        "signalised_intersection": lambda: any(
-            np.linalg.norm(light.position - middle) < NEAR_M for light in network.lights
-        ),
-        "ramp": lambda: _near_edges(net, _classes(net, "_link"), middle, NEAR_M),
-        "highway": lambda: _near_edges(net, _classes(net, "motorway") | _classes(net, "trunk"), middle, NEAR_M),
-    }.get(site.kind)
-    if shown is None or shown():
+        "signalised_intersection": lambda: any(_is_lit(net, key) for key in _junctions_near(net, middle)),
+        "intersection": lambda: bool(_junctions_near(net, middle)),
+        "ramp": lambda: _ramp_near(net, middle),
+        "highway": lambda: _passes(net, middle, AT_M, _one_of(net, FAST_ROADS)),
+        "rural": lambda: _passes(net, middle, AT_M, _none_of(net, ALL_ROADS - RURAL_CLASSES)),
+        "urban": lambda: _passes(net, middle, NEAR_M, _none_of(net, FAST_ROADS | frozenset(LINKS))),
+    }
+    if judges[site.kind]():
         return None
     return f"the {site.kind} at {site.latitude:.5f}, {site.longitude:.5f} is lost when the road network is built"
-
-
-def _classes(net: SumoNet, ending: str) -> set[str]:
-    return {edge.edge_id for edge in net.edges.values() if any(c.endswith(ending) for c in road_classes(edge))}
 
 
 def road_classes(edge: NetEdge) -> frozenset[str]:
@@ -48,14 +53,55 @@ def road_classes(edge: NetEdge) -> frozenset[str]:
     return frozenset(part.removeprefix("highway.") for part in edge.road_type.split("|"))
 
 
-def _near_edges(net: SumoNet, edges: set[str], middle: Points, within_m: float) -> bool:
-    lanes = (
-        lane for edge in sorted(edges) if edge in net.edges for lane in map(net.lanes.get, net.edges[edge].lane_ids)
-    )
-    return any(
-        lane is not None and float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m
-        for lane in lanes
-    )
+def _one_of(net: SumoNet, classes: frozenset[str]) -> Callable[[str], bool]:
+    return lambda edge: bool(road_classes(net.edges[edge]) & classes)
+
+
+def _none_of(net: SumoNet, classes: frozenset[str]) -> Callable[[str], bool]:
+    """Roads of other classes, and those of a user's network that say nothing of theirs."""
+    return lambda edge: bool(road_classes(net.edges[edge]) - classes)
+
+
+def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[str], bool]) -> bool:
+    """Whether a road that is wanted comes so near to the middle."""
+    lanes = (lane for lane in net.lanes.values() if not lane.internal and wanted(lane.edge_id))
+    return any(float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m for lane in lanes)
+
+
+def _junctions_near(net: SumoNet, middle: Points) -> list[str]:
+    """Junctions near the middle at which three roads or more meet, not only motorways; links left out."""
+    roads = [edge for edge in net.edges.values() if not edge.internal and road_classes(edge) - frozenset(LINKS)]
+    around: dict[str, list[NetEdge]] = {}
+    near: dict[str, None] = {}
+    for edge in roads:
+        line = net.lanes[edge.lane_ids[0]].shape
+        for junction, end in ((edge.from_junction, line[0]), (edge.to_junction, line[-1])):
+            around.setdefault(junction, []).append(edge)
+            if float(np.linalg.norm(end - middle)) < NEAR_M:
+                near[junction] = None
+    return [key for key in near if _is_crossing(key, around[key])]
+
+
+def _is_crossing(junction: str, roads: list[NetEdge]) -> bool:
+    arms = {
+        (edge.from_junction if edge.to_junction == junction else edge.to_junction, edge.edge_id.lstrip("-"))
+        for edge in roads
+    }
+    return len(arms) >= LEAST_ARMS and not all(road_classes(edge) <= FAST_ROADS for edge in roads)
+
+
+def _is_lit(net: SumoNet, junction: str) -> bool:
+    return net.junction_types.get(junction, "").startswith("traffic_light")
+
+
+def _ramp_near(net: SumoNet, middle: Points) -> bool:
+    """Whether a link leaves or joins a motorway or trunk road near the middle."""
+    for turn in net.connections:
+        ends = [road_classes(net.edges[key]) for key in (turn.from_edge, turn.to_edge)]
+        joins = any(one & FAST_ROADS and other & RAMP_LINKS for one, other in (ends, ends[::-1]))
+        if joins and float(np.linalg.norm(net.lanes[turn.from_lane].shape[-1] - middle)) < NEAR_M:
+            return True
+    return False
 
 
 def _dense(line: Points) -> Points:

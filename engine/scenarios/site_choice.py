@@ -8,8 +8,9 @@ from plannerforge.engine.catalog.places import fold
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.maps.osm_reader import OsmMap, ground_distance_m
+from plannerforge.engine.maps.road_classes import LINKS, ROADS
 from plannerforge.engine.maps.sites import Site, SiteFinder
-from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError
 from plannerforge.schemas.generation import GenerationRequest, SiteCount, SiteType
 
 RADIUS_M: dict[SiteType, float] = {
@@ -33,6 +34,7 @@ ANY_ORDER: tuple[SiteType, ...] = (
     "urban",
 )
 SAME_PLACE_M = 60.0
+SHOWN_CLASSES = 3
 
 
 def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCount:
@@ -49,16 +51,18 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     """All different sites for a request, in an order that the seed shuffles; of any type: the types take turns.
 
     Raises:
-        NotPossible: the map, street or box holds no such site; the types that it does hold are named.
+        NotPossible: the map, street or box holds no such site of the road classes asked for; the types that it does
+            hold are named.
+        InvalidRequest: a ramp without link roads.
     """
-    finder = SiteFinder(osm)
+    finder = SiteFinder(osm, request.road_classes)
     wanted = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder.find(kind), request))]
-    if not kinds and request.scenario_type == "any" and (anywhere := _fitting([finder.longest_road()], request)):
-        return anywhere
+    if not kinds and request.scenario_type == "any":
+        kinds = [anywhere] if (anywhere := _fitting(_longest_road(finder), request)) else []
     if not kinds:
-        raise _nothing_fits(finder, request)
+        raise _nothing_fits(osm, finder, request)
     for sites in kinds:
         choice.shuffle(sites)
     choice.shuffle(kinds)
@@ -73,21 +77,43 @@ def _distance_m(one: Site, other: Site) -> float:
     return ground_distance_m((one.latitude, one.longitude), (other.latitude, other.longitude))
 
 
-def _nothing_fits(finder: SiteFinder, request: GenerationRequest) -> NotPossible:
+def _longest_road(finder: SiteFinder) -> list[Site]:
+    longest = finder.longest_road()
+    return [] if longest is None else [longest]
+
+
+def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> PlannerForgeError:
+    """The reason in words: the map, its street or box, or the road classes that were to be left of it."""
+    wanted = request.scenario_type
+    if wanted == "ramp" and request.road_classes and not set(request.road_classes) & set(LINKS):
+        return InvalidRequest(
+            f"a ramp is made of link roads; road_classes {list(request.road_classes)} leaves them out",
+            valid=["roads, link", "all"],
+            next_step="add link to road_classes, or leave road_classes out",
+        )
     held = [kind for kind in ANY_ORDER if _fitting(finder.find(kind), request)]
     where = " on " + " / ".join(names[0] for names in request.streets) if request.streets else ""
     where += " in the box" if request.bbox is not None else ""
-    wish = "site of any type" if request.scenario_type == "any" else f"{request.scenario_type} site"
+    wish = "site of any type" if wanted == "any" else f"{wanted} site"
+    next_step = "choose one of these scenario types, or another place" if held else "choose another place"
+    if request.road_classes and (wanted == "any" or _fitting(SiteFinder(osm).find(wanted), request)):
+        where += f" that is made of {' or '.join(request.road_classes[:SHOWN_CLASSES])} only"
+        next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
     return NotPossible(
         f"{request.place} ({request.map_id}) holds no {wish}{where}",
         valid=held,
-        next_step="choose one of these scenario types, or another place" if held else "choose another place",
+        next_step=next_step,
     )
 
 
 def radius_for(site: Site, request: GenerationRequest) -> float:
     """Metres to cut out around a site: more for longer recordings, because vehicles can only leave after step 0."""
     return RADIUS_M[site.kind] * (1.0 + min(max(request.duration_s - 20.0, 0.0), 100.0) / 100.0)
+
+
+def classes_for(site: Site, request: GenerationRequest) -> tuple[str, ...]:
+    """OSM classes to keep around a site: as asked, otherwise all roads, with links where the site is about them."""
+    return request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") else ROADS)
 
 
 def _fitting(sites: list[Site], request: GenerationRequest) -> list[Site]:

@@ -1,150 +1,18 @@
-"""The judges of generated scenarios see what is right, and every one of them sees what is wrong."""
+"""The judges of a generated scenario's place, vehicles and motion see what is right, and what is wrong."""
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from made_cases import Road, made, mapped
 
-from plannerforge.engine.network.net_parser import ROAD_CLASSES, Connection, NetEdge, NetLane, SumoNet
 from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.evals.generation_judge import MadeFiles, holds_vehicles, lies_at_street, lies_in, shows_type
+from plannerforge.evals.generation_judge import holds_vehicles, lies_at_street, lies_in
 from plannerforge.evals.generation_motion import is_drivable, meet
-from plannerforge.evals.map_evidence import METRES_A_DEGREE, MapEvidence, Mapped
+from plannerforge.evals.map_evidence import MapEvidence
 
-NOTHING = MapEvidence(())
-LATITUDE, LONGITUDE = 50.0, 10.0
-
-
-@dataclass(frozen=True)
-class Road:
-    """A one-way road of a net between two junctions, from point to point in m."""
-
-    key: str
-    begin: str
-    end: str
-    points: Sequence[tuple[float, float]] = ((-50.0, 0.0), (50.0, 0.0))
-    kind: str = "highway.secondary"
-
-
-def made(roads: Sequence[Road], links: Sequence[tuple[str, str]] = (), lit: Sequence[str] = ()) -> MadeFiles:
-    """A scenario with its middle at (0, 0); ``links`` are turns from road to road, ``lit`` junctions with lights."""
-    lanes = [NetLane(f"{r.key}_0", r.key, 0, 10.0, 3.2, ROAD_CLASSES, np.array(r.points), False) for r in roads]
-    net = SumoNet(
-        lanes={lane.lane_id: lane for lane in lanes},
-        edges={r.key: NetEdge(r.key, r.begin, r.end, False, r.kind, "", (f"{r.key}_0",)) for r in roads},
-        connections=tuple(Connection(a, b, f"{a}_0", f"{b}_0", None, "s", None, -1) for a, b in links),
-        junction_types=dict.fromkeys(lit, "traffic_light"),
-        signals={},
-        roundabout_edges=(),
-        projection="",
-        offset_m=(0.0, 0.0),
-        lefthand=False,
-    )
-    return MadeFiles(net, np.zeros(2), LATITUDE, LONGITUDE, ())
-
-
-def mapped(*offsets_m: tuple[float, float], **tags: str) -> Mapped:
-    """Something at (north, east) of the middle in m."""
-    east_m = METRES_A_DEGREE * math.cos(math.radians(LATITUDE))
-    places = [(LATITUDE + north / METRES_A_DEGREE, LONGITUDE + east / east_m) for north, east in offsets_m]
-    return Mapped(np.array(places), tags)
-
-
-def around(half_m: float, **tags: str) -> Mapped:
-    """A square around the middle."""
-    return mapped(*((half_m * a, half_m * b) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))), **tags)
-
-
-def arc(begin: float, end: float) -> list[tuple[float, float]]:
-    return [(20 * math.cos(a), 20 * math.sin(a)) for a in np.linspace(begin, end, 9)]
-
-
-LEFT_ROUND = (Road("north", "a", "b", arc(0, math.pi)), Road("south", "b", "a", arc(math.pi, 2 * math.pi)))
-RIGHT_ROUND = (Road("north", "b", "a", arc(math.pi, 0)), Road("south", "a", "b", arc(2 * math.pi, math.pi)))
-INTO = (Road("east", "x", "a", [(80, 0), (20, 0)]), Road("west", "y", "b", [(-80, 0), (-20, 0)]))
-ENTRIES = (("east", "north"), ("west", "south"))
-ROUND = (("north", "south"), ("south", "north"))
-ARMS = [Road(f"arm{n}", f"end{n}", "middle", [(60 * x, 60 * y), (0, 0)]) for n, (x, y) in enumerate(((1, 0), (0, 1)))]
-THIRD = Road("arm2", "end2", "middle", [(-60, 0), (0, 0)])
-MOTORWAY = Road("main", "a", "b", kind="highway.motorway")
-LINK = Road("slip", "b", "c", [(50, 0), (90, -20)], kind="highway.motorway_link")
-SECONDARY, STREET = Road("road", "a", "b"), Road("road", "a", "b", kind="highway.residential")
-HOUSES = MapEvidence(tuple(mapped((15.0, 10.0 * n), building="yes") for n in range(3)))
-VILLAGE = MapEvidence((around(100.0, landuse="residential"),))
-FAST, SLOW = (MapEvidence((mapped((0, -50), (0, 50), highway="x", maxspeed=limit),)) for limit in ("100", "30 mph"))
-
-
-RIGHT = {
-    "roundabout": (made([*LEFT_ROUND, *INTO], [*ROUND, *ENTRIES]), NOTHING),
-    "signalised_intersection": (made([*ARMS, THIRD], lit=["middle"]), NOTHING),
-    "intersection": (made([*ARMS, THIRD]), NOTHING),
-    "highway": (made([MOTORWAY]), NOTHING),
-    "ramp": (made([MOTORWAY, LINK], [("main", "slip")]), NOTHING),
-    "rural": (made([SECONDARY]), NOTHING),
-    "urban": (made([STREET]), NOTHING),
-    "any": (made([SECONDARY]), NOTHING),
-}
-BLOCK = [(-30.0, -30.0), (30.0, -30.0), (30.0, 30.0), (-30.0, 30.0)]
-SIDES = [
-    [Road(f"side{n}", f"c{n}", f"c{(n + 1) % 4}", [a, b]), Road(f"-side{n}", f"c{(n + 1) % 4}", f"c{n}", [b, a])]
-    for n, (a, b) in enumerate(zip(BLOCK, [*BLOCK[1:], BLOCK[0]], strict=True))
-]
-BLOCK_ENTRIES = [Road(f"in{n}", f"far{n}", f"c{n}", [(2 * x, 2 * y), (x, y)]) for n, (x, y) in enumerate(BLOCK[:2])]
-BLOCK_LINKS = [(f"side{n}", f"side{(n + 1) % 4}") for n in range(4)] + [("in0", "side0"), ("in1", "side1")]
-FAR = tuple((x, y + 200.0) for x, y in SECONDARY.points)
-WRONG = {
-    "roundabout against the traffic": ("roundabout", made([*RIGHT_ROUND, *INTO], [*ROUND, *ENTRIES]), NOTHING),
-    "ring that is not closed": ("roundabout", made([*LEFT_ROUND, *INTO], [ROUND[0], *ENTRIES]), NOTHING),
-    "ring with one road into it": ("roundabout", made([*LEFT_ROUND, INTO[0]], [*ROUND, ENTRIES[0]]), NOTHING),
-    "block of two-way streets": (
-        "roundabout",
-        made([*(road for side in SIDES for road in side), *BLOCK_ENTRIES], BLOCK_LINKS),
-        NOTHING,
-    ),
-    "crossing without lights": ("signalised_intersection", made([*ARMS, THIRD]), NOTHING),
-    "lights elsewhere": ("signalised_intersection", made([*ARMS, THIRD], lit=["end0"]), NOTHING),
-    "bend": ("intersection", made(ARMS), NOTHING),
-    "main road as motorway": ("highway", made([SECONDARY]), NOTHING),
-    "motorway far away": ("highway", made([replace(MOTORWAY, points=FAR)]), NOTHING),
-    "link off another road": ("ramp", made([SECONDARY, LINK], [("road", "slip")]), NOTHING),
-    "link past a motorway": ("ramp", made([MOTORWAY, LINK]), NOTHING),
-    "country without a road": ("rural", made([replace(SECONDARY, points=FAR)]), NOTHING),
-    "country road in a village": ("rural", made([SECONDARY]), VILLAGE),
-    "country road among houses": ("rural", made([SECONDARY]), HOUSES),
-    "country road with houses along it": ("rural", made([STREET]), NOTHING),
-    "town without a road": ("urban", made([]), VILLAGE),
-    "town on a motorway": ("urban", made([MOTORWAY, STREET]), VILLAGE),
-    "town in the fields": ("urban", made([SECONDARY]), FAST),
-    "nothing near": ("any", made([replace(SECONDARY, points=FAR)]), NOTHING),
-}
-
-
-@pytest.mark.parametrize("kind", RIGHT)
-def test_a_road_of_the_type_is_seen(kind: str) -> None:
-    files, evidence = RIGHT[kind]
-    assert shows_type(files, kind, evidence)
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_a_road_of_another_type_is_seen(case: str) -> None:
-    kind, files, evidence = WRONG[case]
-    assert not shows_type(files, kind, evidence)
-
-
-def test_every_judge_of_a_type_has_a_wrong_case() -> None:
-    assert {kind for kind, _, _ in WRONG.values()} == set(RIGHT)
-
-
-@pytest.mark.parametrize("evidence", [HOUSES, VILLAGE, SLOW], ids=["houses", "land", "limit"])
-def test_houses_land_and_limits_tell_of_a_town(evidence: MapEvidence) -> None:
-    assert shows_type(made([SECONDARY]), "urban", evidence)
-
-
-def test_a_limit_above_a_towns_tells_of_the_country() -> None:
-    assert shows_type(made([SECONDARY]), "rural", MapEvidence((*HOUSES.mapped, *FAST.mapped)))
+SECONDARY = Road("road", "a", "b")
 
 
 def test_the_middle_has_to_lie_in_the_box() -> None:
