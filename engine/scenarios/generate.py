@@ -14,7 +14,7 @@ from plannerforge.engine.maps.osm_reader import OsmMap
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
 from plannerforge.engine.scenarios.generate_report import describe
-from plannerforge.engine.scenarios.generate_traffic import lively_traffic
+from plannerforge.engine.scenarios.generate_traffic import lively_traffic, without_spares
 from plannerforge.engine.scenarios.goal_wish import GoalWish, parse_goal
 from plannerforge.engine.scenarios.planning_problem import EgoWish, choose_task, parse_ego
 from plannerforge.engine.scenarios.scenario_head import benchmark_id
@@ -158,10 +158,12 @@ def _attempt(
     lane_km = lane_km_of(place.net)
     demand = plan_counts(request.density, request.vehicles, lane_km)
     traffic = lively_traffic(request, demand, place, round_number, ground.net_path, folder, STEP_S, report)
-    everyone = along_the_site(traffic.everyone, place.site, place.net, place.network)
+    ranked = along_the_site(traffic.everyone, place.site, place.net, place.network)
     report(0.75, "choosing ego and goal")
-    task = choose_task(ego, goal, everyone, place.network, STEP_S)
-    others = tuple(vehicle for vehicle in everyone if vehicle is not task.ego)
+    to_choose_from = ranked if ego.index is None else without_spares(ranked, demand)
+    task = choose_task(ego, goal, to_choose_from, place.network, STEP_S)
+    everyone = without_spares((task.ego, *(vehicle for vehicle in ranked if vehicle is not task.ego)), demand)
+    others = everyone[1:]
     report(0.8, "writing the file")
     write_scenario(path, ground.head, place.network, others, task)
     report(0.85, "reading back and checking")

@@ -25,7 +25,7 @@ LASTING_S = 30.0
 
 @dataclass(frozen=True)
 class LivelyTraffic:
-    """Smoothed vehicles at a site, and how many were left out because they overlapped another."""
+    """Smoothed vehicles at a site, spare ones among them; ``left_out``: how many were not sound, as they overlapped."""
 
     everyone: tuple[Participant, ...]
     left_out: int
@@ -71,7 +71,6 @@ def lively_traffic(
         part(1.0, "looking for overlaps")
         kept = sound(everyone, needed)
         left_out = len(everyone) - len(kept)
-        kept = without_spares(kept, demand)
         absent = missing(demand, kept)
         if not absent:
             return LivelyTraffic(kept, left_out)
@@ -80,7 +79,7 @@ def lively_traffic(
 
 
 def without_spares(everyone: tuple[Participant, ...], demand: Demand) -> tuple[Participant, ...]:
-    """Without the last vehicles of every class beyond those that are wanted."""
+    """Without the last vehicles of every class beyond those that are wanted; the ego has to come first."""
     seen: Counter[str] = Counter()
     kept: list[Participant] = []
     for vehicle in everyone:

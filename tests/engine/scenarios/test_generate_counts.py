@@ -26,6 +26,16 @@ def test_more_than_find_room_are_refused_with_the_number_that_does(tmp_path: Pat
     assert 0 < int(count) < 290
 
 
+def test_a_car_finds_its_way_through_a_crowd_of_trucks_because_spare_cars_may_become_the_ego(
+    shared_data: Path, tmp_path: Path
+) -> None:
+    path = shared_data / "data" / "osm" / "o2s_tempe_light_rail.osm"
+    crowd = [VehicleDemand(vehicle_class="truck", least=100)]
+    made = make("Fahrhausen", tmp_path, map_path=str(path), country="USA", vehicles=crowd, duration_s=20.0, seed=0)
+    assert made.classes_realised == {"truck": 100}
+    assert made.ego.goal_distance_m >= 10
+
+
 def test_an_ego_of_a_class_that_is_kept_out_of_the_traffic_is_a_contradiction(tmp_path: Path) -> None:
     none = [VehicleDemand(vehicle_class="truck", least=0, most=0)]
     with pytest.raises(InvalidRequest, match="vehicles ask for none"):
