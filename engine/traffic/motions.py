@@ -13,6 +13,7 @@ from plannerforge.engine.geometry.polyline import (
     without_repeats,
 )
 from plannerforge.engine.traffic.feasibility import check_kinematics
+from plannerforge.engine.traffic.lane_changes import on_wheels
 from plannerforge.engine.traffic.overlaps import Body, overlaps
 from plannerforge.engine.traffic.simulation import RawTrack, RecordedTraffic
 from plannerforge.engine.traffic.smoothing import Motion, drivable_motion
@@ -22,6 +23,8 @@ SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
 """(steps, metres) tried in this order until a motion is drivable; stronger smoothing moves the vehicle more."""
 
 DECIMALS = 4
+FARTHEST_ASTRAY_M = 4.0
+"""A vehicle that lies farther from where SUMO has it missed more than one lane change, and is not where it reacts."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,9 @@ def _apart(kept: list[Participant], counts: Counter[str], needed: Mapping[str, i
 
 def _participant(track: RawTrack, step_s: float) -> Participant:
     chassis = track.vehicle_class
-    center = _center_track(track)
+    front = on_wheels(track.front, track.along_m, track.aside_m)
+    center = _center_track(front, track)
+    astray = bool(np.any(np.linalg.norm((front - track.front)[track.lead_in :], axis=1) > FARTHEST_ASTRAY_M))
     tried: list[Participant] = []
     for sigma_steps, sigma_m in SMOOTHINGS:
         whole = drivable_motion(
@@ -104,13 +109,13 @@ def _participant(track: RawTrack, step_s: float) -> Participant:
         )
         motion = _rounded(_from(whole, track.lead_in))
         verdict = check_kinematics(motion, step_s, wheelbase_m=chassis.wheelbase_m, rear_axle_m=chassis.rear_axle_m)
-        tried.append(Participant(track.vehicle_id, chassis, motion, verdict.feasible))
+        tried.append(Participant(track.vehicle_id, chassis, motion, verdict.feasible and not astray))
         if verdict.feasible:
             return tried[-1]
     return tried[0]
 
 
-def _center_track(track: RawTrack) -> Points:
+def _center_track(front: Points, track: RawTrack) -> Points:
     """The centre's way, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
 
     A centre that is dragged behind the front bumper would cut corners by metres where the vehicle is long; on the
@@ -118,8 +123,8 @@ def _center_track(track: RawTrack) -> Points:
     """
     half = track.vehicle_class.length_m / 2
     backwards = -np.array([np.cos(track.first_heading_rad), np.sin(track.first_heading_rad)])
-    path = without_repeats(np.vstack([track.front[:1] + (half + 1.0) * backwards, track.front]))
-    stations = arc_length(track.front) + 1.0
+    path = without_repeats(np.vstack([front[:1] + (half + 1.0) * backwards, front]))
+    stations = arc_length(front) + 1.0
     return interpolate(path, arc_length(path), stations)
 
 

@@ -2,14 +2,14 @@
 
 import math
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.geometry.polyline import Points, Values
 from plannerforge.engine.traffic.demand import TripMaker, write_vehicle_types
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
 from plannerforge.engine.traffic.vehicle_counts import Demand
@@ -17,20 +17,23 @@ from plannerforge.schemas.errors import NotPossible
 
 WARM_UP_S = 20.0
 LAST_INSERTION_S = 18.5
-LEAD_IN_S = 6.0
-"""Recorded before step 0, so that smoothing has a history and long vehicles a way behind them."""
 
 
 @dataclass(frozen=True)
 class RawTrack:
-    """A vehicle as SUMO moved it: front bumper (n, 2) in m, the first heading in rad.
+    """A vehicle as SUMO moved it since it was inserted: front bumper (n, 2) in m, the first heading in rad.
 
-    ``lead_in``: how many of the points lie before step 0.
+    ``along_m`` and ``aside_m``: how far it has rolled along its lane, and lane changes have moved it sideways (left
+    positive), since the point before, shape (n,).
+    ``lead_in``: how many of the points lie before step 0; they give smoothing a history, and long vehicles a way
+    behind them.
     """
 
     vehicle_id: str
     vehicle_class: VehicleClass
     front: Points
+    along_m: Values
+    aside_m: Values
     first_heading_rad: float
     lead_in: int
 
@@ -124,27 +127,38 @@ class _Source:
 
 def _record(sumo: Any, source: _Source, duration_s: float, step_s: float, report: ProgressReporter) -> RecordedTraffic:
     warm_up, last_insertion = round(WARM_UP_S / step_s), round(LAST_INSERTION_S / step_s)
-    lead_in, steps = round(LEAD_IN_S / step_s), round(duration_s / step_s)
-    fronts: dict[str, list[tuple[float, float]]] = {}
-    headings: dict[str, float] = {}
-    present: dict[str, int] = {}
+    steps = round(duration_s / step_s)
+    seen: dict[str, _Seen] = {}
+    before: dict[str, int] = {}
     for step in range(1, warm_up + steps + 1):
         if step <= last_insertion and step % 10 == 1:
             source.fill()
         sumo.simulationStep()
         if step % 50 == 0:
             report(step / (warm_up + steps), "simulating traffic")
-        if step < warm_up - lead_in:
-            continue
         for key in sumo.vehicle.getIDList():
-            if key not in fronts:
-                fronts[key], headings[key] = [], math.radians(90.0 - sumo.vehicle.getAngle(key))
-            fronts[key].append(sumo.vehicle.getPosition(key)[:2])
+            if key not in seen:
+                seen[key] = _Seen(math.radians(90.0 - sumo.vehicle.getAngle(key)))
+            seen[key].fronts.append(sumo.vehicle.getPosition(key)[:2])
+            seen[key].speeds_mps.append(sumo.vehicle.getSpeed(key))
+            seen[key].sideways_mps.append(sumo.vehicle.getLateralSpeed(key))
         if step == warm_up:
-            present = {key: len(fronts[key]) - 1 for key in sorted(sumo.vehicle.getIDList())}
-    tracks = tuple(
-        RawTrack(key, source.class_of(key), np.array(fronts[key], dtype=float), headings[key], before)
-        for key, before in present.items()
-        if len(fronts[key]) - before >= 2
+            before = {key: len(seen[key].fronts) - 1 for key in sorted(sumo.vehicle.getIDList())}
+    tracks = (seen[key].track(key, source.class_of(key), lead_in, step_s) for key, lead_in in before.items())
+    return RecordedTraffic(
+        tuple(track for track in tracks if len(track.front) - track.lead_in >= 2), step_s, warm_up * step_s
     )
-    return RecordedTraffic(tracks, step_s, warm_up * step_s)
+
+
+@dataclass
+class _Seen:
+    """What has been recorded of a vehicle so far."""
+
+    first_heading_rad: float
+    fronts: list[tuple[float, float]] = field(default_factory=list)
+    speeds_mps: list[float] = field(default_factory=list)
+    sideways_mps: list[float] = field(default_factory=list)
+
+    def track(self, key: str, vehicle_class: VehicleClass, lead_in: int, step_s: float) -> RawTrack:
+        along, aside = np.array(self.speeds_mps) * step_s, np.array(self.sideways_mps) * step_s
+        return RawTrack(key, vehicle_class, np.array(self.fronts), along, aside, self.first_heading_rad, lead_in)

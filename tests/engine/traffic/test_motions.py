@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import project
+from plannerforge.engine.geometry.polyline import project, segment_lengths
 from plannerforge.engine.traffic.motions import Participant, participants, sound
 from plannerforge.engine.traffic.simulation import RawTrack, RecordedTraffic
 from plannerforge.engine.traffic.smoothing import Motion
@@ -44,8 +44,19 @@ def test_the_centre_of_a_long_vehicle_keeps_to_the_lane_in_a_bend() -> None:
     straight = np.stack([0.7 * np.arange(1, 61), np.zeros(60)], axis=1)
     before, after = -straight[::-1], straight[:, ::-1] + bend[-1]
     line = np.concatenate([before, bend, after])
-    track = RawTrack("long", CLASSES["trailer"], line, 0.0, 20)
+    along = np.concatenate([[0.0], segment_lengths(line)])
+    track = RawTrack("long", CLASSES["trailer"], line, along, np.zeros(len(line)), 0.0, 20)
     (made,) = participants(RecordedTraffic((track,), 0.1, 20.0))
     aside = [abs(project(line, position)[1]) for position in made.motion.positions]
     assert made.feasible
     assert max(aside) < 0.8
+
+
+def test_a_vehicle_that_missed_several_lane_changes_counts_as_one_that_cannot_be_driven() -> None:
+    """It stands while SUMO slides it over two lanes: others drive as if it were there."""
+    along = np.concatenate([np.full(100, 0.5), np.zeros(100)])
+    aside = np.concatenate([np.zeros(110), np.full(60, 0.107), np.zeros(30)])
+    track = np.stack([np.cumsum(along), np.cumsum(aside)], axis=1)
+    (made,) = participants(RecordedTraffic((RawTrack("a", CLASSES["car"], track, along, aside, 0.0, 50),), 0.1, 20.0))
+    assert not made.feasible
+    assert np.abs(made.motion.headings_rad).max() < math.radians(5)
