@@ -11,8 +11,6 @@ ScenarioType = Literal[
     "any", "highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"
 ]
 Density = Literal["low", "medium", "high"]
-
-
 SHOWN_IN_FULL = 5
 
 
@@ -183,7 +181,10 @@ class Checks(Model):
 
 
 class GeneratedScenario(Model):
-    """One scenario: files, and what was asked beside what came out."""
+    """One scenario: files, and what was asked beside what came out.
+
+    ``vehicle_classes``: the class of the request by CommonRoad's obstacle id, because CommonRoad has fewer types.
+    """
 
     benchmark_id: str
     site: SiteFacts
@@ -201,6 +202,7 @@ class GeneratedScenario(Model):
     notes: tuple[str, ...]
     netconvert_warnings: tuple[str, ...]
     attribution: str
+    vehicle_classes: dict[int, str] = Field(default_factory=dict)
 
 
 class GenerateScenariosArguments(Arguments):
@@ -270,9 +272,8 @@ class ScenarioSummary(Model):
         where = f"{self.place} ({self.map_id}), {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
         where += f" (OSM {self.osm_id})" if self.osm_id else ""
         first = f"{self.scenario_id}{reused}: {where}"
-        traffic = (
-            f"  vehicles {self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished}); {self.density}"
-        )
+        vehicles = f"{self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished})"
+        traffic = f"  vehicles {vehicles}; {self.density}"
         ego = f"  {self.recorded_s:g} s recorded; {self.ego}; goal {self.goal}"
         checks = f"  checks passed: {', '.join(self.checks_passed) or 'none'}{failed}"
         drivable = f"{self.feasible_share:.0%} of tracks drivable"

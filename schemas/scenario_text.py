@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 
 def scenario_text(result: "DescribeScenarioResult") -> str:
-    """Head, ego, vehicles, lanelets, checks and recipe, a line each."""
+    """Head, ego, vehicles, lanelets, checks, how it was generated and its recipe, a line each."""
     counts = ", ".join(f"{count} {kind}" for kind, count in result.counts.items()) or "no traffic"
     lines = [f"{result.scenario_id} ({result.origin}, {result.place}): {result.duration_s:g} s, {counts}."]
     lines.append(f"Tags: {', '.join(result.tags) or 'none'}. Computed: {', '.join(result.features) or 'nothing'}.")
@@ -25,6 +25,7 @@ def scenario_text(result: "DescribeScenarioResult") -> str:
         lines.append(f"Lanelets near {shown.focus} ({len(shown.lanelets)} of {shown.lanelets_total}):")
         lines += [_lanelet(lanelet) for lanelet in shown.lanelets]
     lines += [f"Check: {check}" for check in shown.checks]
+    lines += result.generation.lines() if result.generation is not None else []
     if result.recipe is not None:
         lines.append(f"Recipe: {json.dumps(result.recipe, ensure_ascii=False, sort_keys=True)}")
     return "\n".join(lines)
@@ -47,7 +48,8 @@ def _vehicle(vehicle: "DescribedVehicle") -> str:
     lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ""
     when = f", from {vehicle.from_s:g} s" if vehicle.from_s > 0 else ""
     speed = f"{vehicle.speed_mps:.1f} m/s" if vehicle.moves else "stands"
-    return f"- {vehicle.vehicle_id} {vehicle.kind}: {vehicle.where}, {speed}{gap}{lanelet}{when}"
+    kind = f"{vehicle.kind} ({vehicle.vehicle_class})" if vehicle.vehicle_class else vehicle.kind
+    return f"- {vehicle.vehicle_id} {kind}: {vehicle.where}, {speed}{gap}{lanelet}{when}"
 
 
 def _lanelet(lanelet: "DescribedLanelet") -> str:

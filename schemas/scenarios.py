@@ -6,6 +6,7 @@ from typing import Literal
 from pydantic import Field, JsonValue
 
 from plannerforge.schemas.base import Arguments, Model, Result
+from plannerforge.schemas.described_generation import DescribedGeneration
 from plannerforge.schemas.scenario_text import scenario_text
 from plannerforge.schemas.vocabulary import GoalForm
 
@@ -196,7 +197,8 @@ class DescribedEgo(Model):
 class DescribedVehicle(Model):
     """A vehicle when it is first there: where in words, and along the ego's lane in metres (ahead positive).
 
-    ``gap_m``: bumper to bumper, for vehicles in the ego's lane; ``from_s``: when it appears.
+    ``gap_m``: bumper to bumper, for vehicles in the ego's lane; ``from_s``: when it appears; ``vehicle_class``: what it
+    was generated as, where CommonRoad has no type of that name.
     """
 
     vehicle_id: int
@@ -210,6 +212,7 @@ class DescribedVehicle(Model):
     from_s: float
     until_s: float
     moves: bool
+    vehicle_class: str = ""
 
 
 class DescribedLanelet(Model):
@@ -252,6 +255,7 @@ class DescribeScenarioResult(Result):
     counts: dict[str, int]
     signs: tuple[str, ...]
     description: Description
+    generation: DescribedGeneration | None = None
     recipe: dict[str, JsonValue] | None = None
 
     def to_text(self) -> str:

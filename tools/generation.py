@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from plannerforge.engine.catalog.starter import open_catalogue
 from plannerforge.engine.maps.index import MapMatch
 from plannerforge.engine.workspace.recipe import Recipe, versions_of
 from plannerforge.schemas.errors import NotPossible, UnknownName, WorkerFailure
@@ -16,13 +17,12 @@ from plannerforge.tools.call import ToolCall
 from plannerforge.tools.generation_answer import summarise
 from plannerforge.tools.generation_orders import Order, Orders, plan_orders
 from plannerforge.tools.generation_plan import plan_maps, request_for
+from plannerforge.tools.generation_record import REPORT
 from plannerforge.tools.maps import maps_at_hand
 from plannerforge.tools.storing import content_digest, store_scenario
 from plannerforge.tools.trial_run import with_trial_run
 
 GENERATE_TIMEOUT_S = 180.0
-REPORT = "generation.json"
-"""What came out of the generation, kept with the scenario for when it is asked for again."""
 
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
@@ -33,6 +33,7 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     Raises:
         InvalidRequest: nothing could be made; the reason of the first scenario.
     """
+    open_catalogue(call.workspace, with_starter=call.services.with_starter)  # first, or a starter would be the latest
     at_hand = await maps_at_hand(call)
     plan = plan_maps(arguments, at_hand.entries)
     orders = await plan_orders(arguments, call, plan.matches)

@@ -46,7 +46,7 @@ def _warnings(warnings: tuple[str, ...]) -> list[str]:
     if not warnings:
         return []
     more = len(warnings) - SHOWN_WARNINGS
-    rest = f"; and {more} more" if more > 0 else ""
+    rest = f"; and {more} more (describe_scenario with detail checks lists all)" if more > 0 else ""
     return [f"netconvert warned {len(warnings)} time(s): {'; '.join(warnings[:SHOWN_WARNINGS])}{rest}"]
 
 

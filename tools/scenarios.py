@@ -9,6 +9,7 @@ from plannerforge.schemas.scenarios import (
     ScenarioRecord,
 )
 from plannerforge.tools.call import ToolCall
+from plannerforge.tools.generation_record import described_generation, kept_report, with_classes
 from plannerforge.tools.scenario_choice import one_scenario
 
 
@@ -31,6 +32,10 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
     facts = record.facts if problem_id is None else record.facts.seen_by(problem_id)
     limits = [f"limit {limit:g} km/h" for limit in facts.roads.limits_ego_kmh]
     light = ["traffic_light"] if facts.roads.traffic_light_ego else []
+    report = kept_report(artifact, call)
+    if report is not None:
+        vehicles = with_classes(description.vehicles, report)
+        description = description.model_copy(update={"vehicles": vehicles})
     return DescribeScenarioResult(
         scenario_id=facts.scenario_id,
         origin=record.origin,
@@ -42,5 +47,6 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
         counts=facts.participants.counts,
         signs=(*(sign for sign in facts.roads.signs_ego if sign != "speed_limit"), *limits, *light),
         description=description,
+        generation=described_generation(report, artifact, arguments.detail) if report is not None else None,
         recipe=artifact.recipe.model_dump(mode="json") if arguments.detail == "recipe" else None,
     )

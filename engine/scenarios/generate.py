@@ -165,7 +165,7 @@ def _attempt(
     everyone = without_spares((task.ego, *(vehicle for vehicle in ranked if vehicle is not task.ego)), demand)
     others = everyone[1:]
     report(0.8, "writing the file")
-    write_scenario(path, ground.head, place.network, others, task)
+    obstacle_ids = write_scenario(path, ground.head, place.network, others, task)
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, ground.findings)
     if traffic.left_out:
@@ -182,6 +182,7 @@ def _attempt(
         network=place.network,
         task=task,
         everyone=everyone,
+        obstacle_ids=obstacle_ids,
         checks=checks,
         step_s=STEP_S,
         notes=(*place.notes, *notes),

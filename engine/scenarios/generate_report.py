@@ -1,6 +1,7 @@
 """What came out of a generation, beside what was asked."""
 
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 from plannerforge.engine.maps.sites import Site
@@ -30,12 +31,16 @@ def describe(
     network: RoadNetwork,
     task: PlanningTask,
     everyone: tuple[Participant, ...],
+    obstacle_ids: Mapping[str, int],
     checks: Checks,
     step_s: float,
     notes: tuple[str, ...],
     warnings: tuple[str, ...],
 ) -> GeneratedScenario:
-    """The record of a generated scenario; classes are counted without the ego."""
+    """The record of a generated scenario; classes are counted without the ego.
+
+    ``obstacle_ids``: CommonRoad's id by the vehicle's id, the ego left out.
+    """
     counts = Counter(vehicle.vehicle_class.name for vehicle in everyone if vehicle is not task.ego)
     realised = {name: counts[name] for name in demand.counts if counts[name]}
     recorded_s = round((max(vehicle.steps for vehicle in everyone) - 1) * step_s, 6)
@@ -65,6 +70,11 @@ def describe(
         notes=told,
         netconvert_warnings=tuple(dict.fromkeys(warnings)),
         attribution=request.attribution,
+        vehicle_classes={
+            obstacle_ids[vehicle.vehicle_id]: vehicle.vehicle_class.name
+            for vehicle in everyone
+            if vehicle is not task.ego
+        },
     )
 
 

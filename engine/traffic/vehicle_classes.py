@@ -1,7 +1,7 @@
 """Vehicle classes: the words of a request, their SUMO class, CommonRoad type and real dimensions.
 
 Classes and mapping after the paper's generation intent (``request_types``); a class that CommonRoad has no type for
-(trailer, delivery, coach, moped) takes the nearest type, and its own name stays in the scenario's metadata.
+(trailer, delivery, coach, moped) takes the nearest type, and its own name is kept with the scenario.
 """
 
 from dataclasses import dataclass

@@ -1,0 +1,72 @@
+"""describe_scenario tells how a generated scenario came out, and what its vehicles were generated as."""
+
+import json
+
+import pytest
+from support import Connect
+
+from plannerforge.server.settings import Settings
+from plannerforge.tools.generation_record import REPORT
+
+pytestmark = pytest.mark.anyio
+WISH = {
+    "place": "Musterstadt",
+    "scenario_type": "urban",
+    "vehicles": ["delivery=2", "moped=1", "truck=1"],
+    "duration_s": 5,
+}
+
+
+async def test_classes_that_commonroad_has_no_type_for_are_told_of_every_vehicle(connect: Connect) -> None:
+    async with connect() as client:
+        await client.call_tool("generate_scenarios", WISH)
+        answer = await client.call_tool("describe_scenario", {"detail": "vehicles", "radius_m": 2000})
+        assert answer.structured_content is not None
+        vehicles = answer.structured_content["description"]["vehicles"]
+        classes = [(one["kind"], one["vehicle_class"]) for one in vehicles if one["kind"] != "car"]
+        assert sorted(classes) == [("motorcycle", "moped"), ("truck", ""), ("truck", "delivery"), ("truck", "delivery")]
+        assert str(answer.content).count(" truck (delivery): ") == 2
+        assert str(answer.content).count(" motorcycle (moped): ") == 1
+
+
+async def test_asked_and_realised_are_told_in_brief(connect: Connect) -> None:
+    async with connect() as client:
+        made = (await client.call_tool("generate_scenarios", WISH)).structured_content
+        assert made is not None
+        answer = await client.call_tool("describe_scenario", {})
+        assert answer.structured_content is not None
+        told = answer.structured_content["generation"]
+        assert told["site"]["latitude"] == made["scenarios"][0]["latitude"]
+        assert told["classes_asked"] == {"truck": 1, "delivery": 2, "moped": 1}
+        assert told["vehicles_realised"] == made["scenarios"][0]["vehicles_realised"]
+        assert told["checks_failed"] == []
+        assert "Generated: urban (asked: urban) at " in str(answer.content)
+        assert "5 s recorded (asked: 5 s)" in str(answer.content)
+
+
+async def test_notes_and_warnings_are_listed_whole_where_the_detail_asks_for_them(
+    connect: Connect, settings: Settings
+) -> None:
+    async with connect() as client:
+        made = (await client.call_tool("generate_scenarios", WISH)).structured_content
+        assert made is not None
+        path = settings.workspace / "scenarios" / made["scenarios"][0]["scenario_id"] / REPORT
+        warnings = [f"edge {number} is odd" for number in range(40)]
+        repair = "an earlier try was given up: vehicles overlap"
+        kept = json.loads(path.read_text()) | {"netconvert_warnings": warnings, "notes": [repair]}
+        path.write_text(json.dumps(kept))
+        brief = str((await client.call_tool("describe_scenario", {})).content)
+        assert "1 notes, 40 warnings: detail checks" in brief
+        assert warnings[7] not in brief
+        for detail in ("checks", "recipe"):
+            text = str((await client.call_tool("describe_scenario", {"detail": detail})).content)
+            assert all(f"netconvert: {warning}" in text for warning in warnings)
+            assert f"Generation note: {repair}" in text
+
+
+async def test_scenarios_of_other_origin_have_no_such_part(connect: Connect) -> None:
+    async with connect() as client:
+        answer = await client.call_tool("describe_scenario", {})
+        assert answer.structured_content is not None
+        assert answer.structured_content["generation"] is None
+        assert "Generated:" not in str(answer.content)
