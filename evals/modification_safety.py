@@ -3,7 +3,8 @@
 Recipes. B: the three nearest vehicles become aggressive. T: the nearest vehicle that has another branch within reach
 takes it. P: a car is put 15 m ahead of the ego in its lane, at half its speed. G: the goal moves to the nearest other
 lanelet that can be reached. The risk score (0 collision … 5 negligible) is that of an ego that drives ordinarily, and
-where a planner was run, of the planner.
+where a planner was run, of the planner. Vehicles that hit the ordinary ego from behind on their recording are left out,
+because they cannot react to it; the table says in how many scenarios an ego collides before any edit all the same.
 """
 
 import statistics
@@ -69,7 +70,7 @@ def executed(path: Path, base: RunRecord) -> bool | None:
 
 
 def safety_rows(shifts: Sequence[Shift]) -> list[tuple[str, str]]:
-    """The table: mean score before → after with the interval of the mean difference, and new collisions."""
+    """The table: mean score before → after with the interval of the mean difference, and collisions."""
     rows = []
     for task in ("B", "T", "P", "G"):
         mine = [one for one in shifts if one.task == task]
@@ -92,12 +93,12 @@ def _row(pairs: Sequence[tuple[int | None, int | None]]) -> str:
         return "not measured"
     low, high = difference_interval([after - before for before, after in scored])
     before, after = (statistics.fmean(values) for values in zip(*scored, strict=True))
-    hits = sum(after == 0 < before for before, after in scored)
+    hits, known = sum(after == 0 < before for before, after in scored), sum(before == 0 for before, _ in scored)
     more = sum(after < before for before, after in scored)
     less = sum(after > before for before, after in scored)
     return (
         f"{before:.2f} → {after:.2f} (difference {low:+.2f} … {high:+.2f}), {hits} new collisions, "
-        f"{more} more and {less} less critical of {len(scored)}"
+        f"{more} more and {less} less critical of {len(scored)} ({known} collide before)"
     )
 
 

@@ -148,7 +148,8 @@ class EditCollision(Model):
 class EgoDanger(Model):
     """The most critical figures of an ego that drives like an ordinary driver; None where nobody came near it.
 
-    ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions).
+    ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions). Replayed
+    vehicles that hit it from behind count until 4 s before; a time to collision above 60 s is None.
     """
 
     minimum_distance_m: float | None

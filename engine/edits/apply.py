@@ -5,9 +5,9 @@ import tempfile
 from pathlib import Path
 
 from plannerforge.engine.edits.altered_scene import altered
-from plannerforge.engine.edits.cascade import Resimulated, resimulate_until_clear, tracks_after
+from plannerforge.engine.edits.cascade import Resimulated, resimulate_until_clear
 from plannerforge.engine.edits.changes import Changes, EditStep
-from plannerforge.engine.edits.danger import danger_to
+from plannerforge.engine.edits.danger import Danger, danger_after, left_out_notes
 from plannerforge.engine.edits.departures import check_departures, entering_onto
 from plannerforge.engine.edits.edit_report import edit_reports, reported_collisions, touched_vehicles
 from plannerforge.engine.edits.kept_scene import scene_of
@@ -23,7 +23,7 @@ from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.drivability import check_drivability
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.modification import EgoDanger, ModificationOutcome, ModificationRequest, TouchedVehicle
+from plannerforge.schemas.modification import ModificationOutcome, ModificationRequest, TouchedVehicle
 
 SCENARIO_FILE, NET_FILE = "scenario.xml", "scenario.net.xml"
 
@@ -59,7 +59,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         files = (None, None) if request.dry_run else _write_files(request, document, net)
         if request.keep_simulation and not request.dry_run and result.tracks:
             _keep_simulation(setup, request.output)
-    after = None if ego is None else danger_to(ego, tracks_after(scene, changes, result))
+    after = None if ego is None else danger_after(ego, scene, changes, result)
     dangers = (None if before is None else before.danger, after)
     return _outcome(request, scene, changes, steps, result, dangers, files, notes)
 
@@ -142,7 +142,7 @@ def _outcome(
     changes: Changes,
     steps: tuple[EditStep, ...],
     result: Resimulated,
-    dangers: tuple[EgoDanger | None, EgoDanger | None],
+    dangers: tuple[Danger | None, Danger | None],
     files: tuple[Path | None, Path | None],
     notes: list[str],
 ) -> ModificationOutcome:
@@ -155,12 +155,12 @@ def _outcome(
         touched=touched,
         removed=tuple(sorted(changes.removed)),
         collisions=reported_collisions(scene, result),
-        ego_before=dangers[0],
-        ego_after=dangers[1],
+        ego_before=None if dangers[0] is None else dangers[0].figures,
+        ego_after=None if dangers[1] is None else dangers[1].figures,
         checked_by="closed_form" if agree is None else "drivability_checker",
         checkers_agree=agree,
         untouched=len(recorded),
-        warnings=(*notes, *_warnings(request, scene, changes, result)),
+        warnings=(*notes, *_warnings(request, scene, changes, result), *left_out_notes(*dangers)),
     )
 
 

@@ -2,14 +2,31 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from plannerforge.engine.planners.criticality import encounters, gaps_m, risk_scores
+import numpy as np
+
+from plannerforge.engine.edits.cascade import REACTION_S, Resimulated, tracks_after
+from plannerforge.engine.edits.changes import Changes
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.geometry.polyline import wrap_angle
+from plannerforge.engine.planners.criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.time_to_collision import times_to_collision_s
 from plannerforge.engine.planners.vehicle_models import BMW_320I
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.modification import EgoDanger
+
+LONGEST_TIME_S = 60.0
+"""A collision that would come later than this is none: nobody keeps speed and heading for so long."""
+
+
+@dataclass(frozen=True)
+class Danger:
+    """The figures, and who was left out of them: ids of replayed vehicles that run into the ego from behind."""
+
+    figures: EgoDanger
+    left_out: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -18,21 +35,90 @@ class _Others:
     standing: tuple[Track, ...] = ()
 
 
-def danger_to(drive: Track, others: Iterable[Track]) -> EgoDanger:
-    """The most critical figures of a motion of the ego among others that do as their tracks say."""
+def danger_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] = (), *, step_s: float) -> Danger:
+    """The most critical figures of a motion of the ego among others that do as their tracks say.
+
+    A replayed vehicle does not know of this ego. Where it runs into it from behind, a driver would have braked: the
+    collision is none of the ego's, and the vehicle counts until 4 s before only (when edits hand over, too).
+
+    Args:
+        drive: the ego's motion.
+        others: who is there and counts whatever happens.
+        replayed: vehicles that follow their recording.
+        step_s: duration of a time step in s.
+    """
     states = [
         EgoState(drive.first_step + index, position, float(heading), float(speed))
         for index, (position, heading, speed) in enumerate(
             zip(drive.positions, drive.headings_rad, drive.speeds_mps, strict=True)
         )
     ]
-    met = encounters(states, _Others(tuple(others)), BMW_320I)
+    there, recorded = tuple(others), tuple(replayed)
+    figures = _figures(states, (*there, *recorded))
+    if figures.minimum_distance_m != 0.0:
+        return Danger(figures)
+    hits = {track.obstacle_id: step for track in recorded if (step := _hit_from_behind(states, track)) is not None}
+    if not hits:
+        return Danger(figures)
+    last_steps = {key: step - round(REACTION_S / step_s) for key, step in hits.items()}
+    kept = [_until(track, last_steps[track.obstacle_id]) if track.obstacle_id in hits else track for track in recorded]
+    return Danger(_figures(states, (*there, *(track for track in kept if track is not None))), tuple(sorted(hits)))
+
+
+def danger_after(drive: Track, scene: Scene, changes: Changes, result: Resimulated) -> Danger:
+    """The figures among everybody as edits leave them; who was edited or re-simulated counts whatever happens."""
+    everybody = tracks_after(scene, changes, result)
+    recorded = scene.tracks.keys() - result.tracks.keys() - changes.replays.keys()
+    others = [track for track in everybody if track.obstacle_id not in recorded]
+    replayed = [track for track in everybody if track.obstacle_id in recorded]
+    return danger_to(drive, others, replayed, step_s=scene.step_s)
+
+
+def left_out_notes(*dangers: Danger | None) -> list[str]:
+    """A sentence on who was left out of any of the figures; none where nobody was."""
+    keys = sorted({key for danger in dangers if danger is not None for key in danger.left_out})
+    if not keys:
+        return []
+    return [f"left out of the ego's danger, as they hit it from behind on their recording: {', '.join(map(str, keys))}"]
+
+
+def _figures(states: list[EgoState], others: tuple[Track, ...]) -> EgoDanger:
+    met = encounters(states, _Others(others), BMW_320I)
     if not len(met.state):
         return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
     gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
+    times[times > LONGEST_TIME_S] = math.inf
     soonest = float(times.min())
     return EgoDanger(
         minimum_distance_m=round(float(gaps.min()), 3),
         minimum_time_to_collision_s=round(soonest, 3) if math.isfinite(soonest) else None,
         risk_score=int(risk_scores(gaps, times).min()),
+    )
+
+
+def _hit_from_behind(states: list[EgoState], track: Track) -> int | None:
+    """The step at which a vehicle first touches the ego, if it is behind it then and heads as it does; else None."""
+    met = encounters(states, _Others((track,)), BMW_320I)
+    touching = np.flatnonzero(gaps_m(met) == 0.0)
+    if not len(touching):
+        return None
+    first = touching[0]
+    heading = float(met.ego.headings_rad[first])
+    away = met.other.centers[first] - met.ego.centers[first]
+    ahead_m = float(away[0]) * math.cos(heading) + float(away[1]) * math.sin(heading)
+    follows = abs(wrap_angle(float(met.other.headings_rad[first]) - heading)) < SAME_DIRECTION_RAD
+    is_behind = follows and ahead_m < -BMW_320I.length_m / 2
+    return states[int(met.state[first])].step if is_behind else None
+
+
+def _until(track: Track, last_step: int) -> Track | None:
+    """The track up to a step; None where it begins later."""
+    count = last_step - track.first_step + 1
+    if count <= 0:
+        return None
+    return replace(
+        track,
+        positions=track.positions[:count],
+        headings_rad=track.headings_rad[:count],
+        speeds_mps=track.speeds_mps[:count],
     )

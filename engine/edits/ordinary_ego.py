@@ -12,7 +12,7 @@ import numpy as np
 
 from plannerforge.engine.edits.behaviours import usual_behaviour
 from plannerforge.engine.edits.changes import Changes, DrivePlan
-from plannerforge.engine.edits.danger import danger_to
+from plannerforge.engine.edits.danger import Danger, danger_to
 from plannerforge.engine.edits.handover import touched_track
 from plannerforge.engine.edits.participants import Participant, driven_participant, participants, replayed_participant
 from plannerforge.engine.edits.resimulation import resimulate
@@ -21,7 +21,6 @@ from plannerforge.engine.edits.sumo_process import SimulationSetup
 from plannerforge.engine.planners.route import goal_lanelets
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
-from plannerforge.schemas.modification import EgoDanger
 
 CLASS = "car"
 UNCHANGED = Changes(next_id=0, driven={})
@@ -32,7 +31,7 @@ class EgoDrive:
     """The ego's motion, and how dangerous it is among the recorded ones."""
 
     track: Track
-    danger: EgoDanger
+    danger: Danger
 
 
 def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
@@ -42,8 +41,8 @@ def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
     track = ordinary_drive(base, base.ego, problem_goals(base, base.ego), setup)
     if track is None:
         return None
-    others = [*(base.tracks | base.standing).values(), *(region.track for region in base.regions)]
-    return EgoDrive(track, danger_to(track, others))
+    others = [*base.standing.values(), *(region.track for region in base.regions)]
+    return EgoDrive(track, danger_to(track, others, base.tracks.values(), step_s=base.step_s))
 
 
 def drive_after(

@@ -167,7 +167,7 @@ def test_the_safety_table_gives_means_with_an_interval() -> None:
     shifts = [Shift("B", 4, after, 3, 3) for after in (0, 2, 4, 4)]
     rows = dict(safety_rows(shifts))
     assert rows["risk B, ordinary ego"].startswith("4.00 → 2.50")
-    assert "1 new collisions, 2 more and 0 less critical of 4" in rows["risk B, ordinary ego"]
+    assert "1 new collisions, 2 more and 0 less critical of 4 (0 collide before)" in rows["risk B, ordinary ego"]
     assert rows["risk T, ordinary ego"] == "not measured"
     low, high = difference_interval([after - 4 for after in (0, 2, 4, 4)])
     assert low <= -1.5 <= high

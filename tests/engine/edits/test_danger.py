@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from builders import Problem, driving, town_road
 from edit_support import Apply
@@ -20,6 +21,7 @@ EGO = Problem(start=(40.0, 0.0, 0.0, 10.0))
 SLOW = Problem(start=(40.0, 0.0, 0.0, 3.0))
 ONE_LANE = replace(town_road(), lanes=tuple(replace(lane, left=None) for lane in town_road().lanes))
 CHASED = replace(ONE_LANE.with_vehicles(driving(31, (20, 0), 13.0, 101)), problems=(SLOW,))
+RAMMED = replace(ONE_LANE.with_vehicles(driving(31, (15, 0), 20.0, 61)), problems=(SLOW,))
 FOLLOWED = replace(town_road().with_vehicles(driving(31, (10, 0), 14.0, 101)), problems=(EGO,))
 ALONE = replace(town_road().with_vehicles(driving(31, (150, 7), 8.0, 101)), problems=(EGO,))
 
@@ -64,10 +66,61 @@ def test_danger_is_the_criticality_of_the_same_drive(tmp_path: Path) -> None:
     steps = range(drive.first_step, drive.last_step + 1)
     poses = zip(steps, drive.positions, drive.headings_rad, drive.speeds_mps, strict=True)
     whole = criticality([EgoState(*pose) for pose in poses], Around(others), BMW_320I)
-    found = danger_to(drive, others)
+    found = danger_to(drive, others, step_s=0.1).figures
     assert found.minimum_distance_m == pytest.approx(whole.minimum_distance_m, abs=1e-3)
     assert found.minimum_time_to_collision_s == pytest.approx(whole.minimum_time_to_collision_s, abs=1e-3)
     assert found.risk_score == whole.risk_score
+
+
+def test_a_replayed_vehicle_that_hits_the_ego_from_behind_is_left_out_and_named(apply: Apply) -> None:
+    outcome = apply({"op": "set_goal", "to": ["1"], "goal_time": "<=15s"}, builder=RAMMED).outcome
+    for danger in (outcome.ego_before, outcome.ego_after):
+        assert danger is not None
+        assert danger.risk_score != 0
+    assert any("hit it from behind on their recording: 31" in one for one in outcome.warnings)
+    driven = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "aggressive"}, builder=RAMMED).outcome
+    assert driven.ego_after is not None
+    assert driven.ego_after.minimum_distance_m is not None
+
+
+def moving(key: int, x_m: float, speed_mps: float, *, y_m: float = 0.0, heading_rad: float = 0.0) -> Track:
+    """A car that drives for 10 s."""
+    along = speed_mps * 0.1 * np.arange(101)[:, None] * np.array([np.cos(heading_rad), np.sin(heading_rad)])
+    return Track(
+        key, "car", 4.5, 1.8, 0, np.array([x_m, y_m]) + along, np.full(101, heading_rad), np.full(101, speed_mps)
+    )
+
+
+@pytest.mark.parametrize(
+    ("other", "counts"),
+    [
+        (moving(2, -40.0, 20.0), False),
+        (moving(2, 40.0, 5.0), True),
+        (moving(2, 80.0, 5.0, heading_rad=np.pi), True),
+        (moving(2, 50.0, 10.0, y_m=-50.0, heading_rad=np.pi / 2), True),
+        (moving(2, -40.0, 20.0, y_m=4.0), True),
+    ],
+    ids=["from behind", "ahead", "oncoming", "across", "passing by"],
+)
+def test_only_who_hits_from_behind_is_left_out(other: Track, counts: bool) -> None:
+    ego = moving(1, 0.0, 10.0)
+    found = danger_to(ego, (), (other,), step_s=0.1)
+    assert found.left_out == (() if counts else (2,))
+    if counts:
+        assert found.figures == danger_to(ego, (other,), step_s=0.1).figures
+
+
+def test_who_is_left_out_counts_until_a_driver_would_have_reacted() -> None:
+    ego, follower = moving(1, 0.0, 10.0), moving(2, -64.5, 20.0)
+    figures = danger_to(ego, (), (follower,), step_s=0.1).figures
+    assert figures.minimum_time_to_collision_s == pytest.approx(4.0, abs=0.15)
+    assert danger_to(ego, (follower,), step_s=0.1).figures.risk_score == 0
+
+
+def test_a_collision_more_than_a_minute_away_is_none() -> None:
+    creeping = danger_to(moving(1, 0.0, 10.0), (moving(2, 30.0, 9.999),), step_s=0.1).figures
+    assert creeping.minimum_time_to_collision_s is None
+    assert creeping.minimum_distance_m is not None
 
 
 def test_both_checks_are_asked_for_with_detail(apply: Apply) -> None:
