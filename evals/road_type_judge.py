@@ -85,13 +85,21 @@ def _is_trunk_for_motorway(evidence: MapEvidence) -> bool:
 
 
 def _ramp(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """A link road that leaves or joins a motorway at the middle; a trunk road where the whole map has no motorway."""
-    mains = FAST_CLASSES if _is_trunk_for_motorway(evidence) else frozenset({"motorway"})
-    links = {"motorway_link", "trunk_link"}
-    for turn in made.net.connections:
-        one, other = (_classes(made.net.edges[key]) for key in (turn.from_edge, turn.to_edge))
-        joins = (one & mains and other & links) or (one & links and other & mains)
-        if joins and made.is_near(made.net.lanes[turn.from_lane].shape[-1], JUNCTION_M):
+    """A link road that leaves or joins a motorway at the middle; a trunk road where the whole map has no motorway.
+
+    Where a motorway becomes a trunk road at the junction of the link, the link may lead to that.
+    """
+    net, links = made.net, {"motorway_link", "trunk_link"}
+    roads = [edge for edge in net.edges.values() if not edge.internal]
+    at_motorway = {
+        key for edge in roads if "motorway" in _classes(edge) for key in (edge.from_junction, edge.to_junction)
+    }
+    for turn in net.connections:
+        here, there = net.edges[turn.from_edge], net.edges[turn.to_edge]
+        one, other = _classes(here), _classes(there)
+        joins = (one & FAST_CLASSES and other & links) or (one & links and other & FAST_CLASSES)
+        at_main = here.to_junction in at_motorway or _is_trunk_for_motorway(evidence)
+        if joins and at_main and made.is_near(net.lanes[turn.from_lane].shape[-1], JUNCTION_M):
             return True
     return False
 

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 
 SIGNAL_REACH_M = 45.0
 MERGE_M = 60.0
-AMONG_HOUSES_M, RURAL_CLEAR_M, TOWN_CLEAR_M = 100.0, 120.0, 400.0
+RURAL_CLEAR_M, TOWN_CLEAR_M = 120.0, 400.0
 TOWN_JUNCTIONS_PER_KM = 5.0
 MOST_BEHIND = 30
 NEAR_RAMP_M, AT_MOTORWAY_M = 200.0, 100.0
 RAMP_CLASSES = frozenset({"motorway_link", "trunk_link"})
 SHORTEST_STRETCH_M = 40.0
+FAST_CLASSES = frozenset({"motorway", "trunk"})
 RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
 BUILT_UP_ROADS = frozenset({"residential", "living_street"})
 MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
@@ -80,7 +81,7 @@ class SiteFinder:
             return None
         nodes = [self.osm.nodes[key] for key in way.node_ids]
         middle = nodes[len(nodes) // 2]
-        kind: SiteType = "rural" if self._far_from_houses(middle, RURAL_CLEAR_M) else "urban"
+        kind: SiteType = "rural" if self._far_from_houses(middle) else "urban"
         return self._site(kind, middle, [way], middle.node_id if kind == "urban" else way.way_id)
 
     @cached_property
@@ -220,18 +221,28 @@ class SiteFinder:
         return TOWN_CLEAR_M if dense or lit else RURAL_CLEAR_M
 
     def _urban(self) -> list[Site]:
-        """Junctions of streets among houses; those at a motorway only where there are none else."""
+        """Junctions of streets among houses, off motorways; where there are none, the middles of streets."""
         found = [
             Site("urban", site.latitude, site.longitude, site.streets, site.mark)
             for site in self._crossings()
-            if not self._far_from_houses(self.osm.nodes[site.mark], AMONG_HOUSES_M)
+            if not self._far_from_houses(self.osm.nodes[site.mark])
         ]
-        return [site for site in found if not self._at_motorway(self.osm.nodes[site.mark])] or found
+        off = [site for site in found if not self._at_motorway(self.osm.nodes[site.mark])]
+        return off or self._middles_of_streets() or found
+
+    def _middles_of_streets(self) -> list[Site]:
+        found = []
+        for way in self.roads:
+            node = self.osm.nodes[way.node_ids[len(way.node_ids) // 2]]
+            is_street = way.road_class not in LINKS and way.road_class not in FAST_CLASSES
+            if is_street and not self._far_from_houses(node) and not self._at_motorway(node):
+                found.append(self._site("urban", node, [way], node.node_id))
+        return found
 
     def _at_motorway(self, node: OsmNode) -> bool:
         return any(way.road_class == "motorway" for way in self._passing(node, AT_MOTORWAY_M))
 
-    def _far_from_houses(self, node: OsmNode, clear_m: float) -> bool:
+    def _far_from_houses(self, node: OsmNode, clear_m: float = RURAL_CLEAR_M) -> bool:
         from shapely import Point
 
         return len(self._built_up.query(Point(*self._metres(node)), "dwithin", clear_m)) == 0

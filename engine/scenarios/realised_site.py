@@ -12,7 +12,8 @@ from plannerforge.schemas.generation import SiteType
 
 AT_M, NEAR_M = 40.0, 60.0
 """From the middle of a site to its road, and to its junction: sites that lie so close together are one."""
-LARGEST_RING_M = 160.0
+LEAST_ENTRIES = 2
+RING_CLEAR_M = 15.0
 LEAST_ARMS = 3
 ALL_ROADS = frozenset((*ROADS, *LINKS))
 FAST_ROADS = frozenset({"motorway", "trunk"})
@@ -33,9 +34,7 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
     """The reason why the net does not show the site's type near its middle; None where it does."""
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
-        "roundabout": lambda: _passes(
-            net, middle, LARGEST_RING_M, {e for ring in net.roundabout_edges for e in ring}.__contains__
-        ),
+        "roundabout": lambda: any(_is_ring_at(net, middle, ring) for ring in net.roundabout_edges),
         "signalised_intersection": lambda: any(_is_lit(net, key) for key in _junctions_near(net, middle)),
         "intersection": lambda: bool(_junctions_near(net, middle)),
         "ramp": lambda: _ramp_near(net, middle),
@@ -66,6 +65,21 @@ def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[str
     """Whether a road that is wanted comes so near to the middle."""
     lanes = (lane for lane in net.lanes.values() if not lane.internal and wanted(lane.edge_id))
     return any(float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m for lane in lanes)
+
+
+def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...]) -> bool:
+    """Whether a ring is closed, has roads that lead into it, and surrounds the middle or passes near it."""
+    inside = frozenset(ring) & frozenset(net.edges)
+    onward = {turn.from_edge for turn in net.connections if turn.from_edge in inside and turn.to_edge in inside}
+    entries = {
+        turn.from_edge for turn in net.connections if turn.to_edge in inside and turn.from_edge not in inside
+    } & {edge.edge_id for edge in net.edges.values() if not edge.internal}
+    if onward != frozenset(ring) or len(entries) < LEAST_ENTRIES:
+        return False
+    line = np.vstack([net.lanes[net.edges[edge].lane_ids[0]].shape for edge in ring])
+    center = (line.min(axis=0) + line.max(axis=0)) / 2
+    reach = float(np.linalg.norm(line - center, axis=1).max()) + RING_CLEAR_M
+    return float(np.linalg.norm(middle - center)) < reach
 
 
 def _junctions_near(net: SumoNet, middle: Points) -> list[str]:

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.maps.borders import country_of
+from plannerforge.engine.maps.borders import countries_near, country_of
 
 
 def around(latitude: float, longitude: float) -> tuple[float, float, float, float]:
@@ -34,6 +34,11 @@ def test_at_sea_near_a_border_and_where_countries_disagree_nothing_is_guessed(
     latitude: float, longitude: float
 ) -> None:
     assert country_of(around(latitude, longitude)) in (None, "ATA")
+
+
+def test_near_a_border_the_countries_there_are_named() -> None:
+    assert countries_near(around(47.56, 7.59)) == ("CHE", "DEU", "FRA")
+    assert countries_near(around(54.6, 5.2)) == ()
 
 
 def test_a_box_over_two_countries_lies_in_neither() -> None:

@@ -1,6 +1,8 @@
+from dataclasses import replace
+
 import pytest
 
-from plannerforge.engine.maps.index import built_in_maps, find_maps, same_street
+from plannerforge.engine.maps.index import MapEntry, built_in_maps, find_maps, same_street
 from plannerforge.engine.maps.road_classes import resolve_road_classes
 from plannerforge.schemas.errors import UnknownName
 
@@ -42,6 +44,48 @@ def test_what_no_map_shows_is_refused_with_what_there_is(wish: dict[str, object]
     with pytest.raises(UnknownName) as caught:
         places(**wish)
     assert caught.value.valid
+
+
+def nameless(**facts: object) -> MapEntry:
+    """A map of Musterstadt that does not know its place."""
+    entry = next(entry for entry in built_in_maps() if entry.facts.place == "Musterstadt")
+    changes = {"map_id": "map_old_mill", "file_name": "old_mill.osm", "place": "old_mill", "places": (), **facts}
+    return replace(entry, facts=entry.facts.model_copy(update=changes))
+
+
+def test_a_town_that_a_map_does_not_name_is_not_guessed() -> None:
+    with pytest.raises(UnknownName, match="does not say in which place it lies") as caught:
+        find_maps([nameless()], place="Hauptstraße, London")
+    assert caught.value.valid == ("map_old_mill",)
+    assert find_maps([nameless()], place="Hauptstraße")[0].unnamed == ()
+    assert find_maps([nameless()], place="Hauptstraße, Anytown", country="ZAM")[0].unnamed == ("Anytown",)
+
+
+@pytest.mark.parametrize(("place", "shown"), [("old_mill", True), ("old_mill.osm", True), ("mill", False)])
+def test_a_file_is_named_whole(place: str, shown: bool) -> None:
+    if shown:
+        assert find_maps([nameless()], place=place)
+    else:
+        with pytest.raises(UnknownName):
+            find_maps([nameless()], place=place)
+
+
+def test_near_a_border_only_the_countries_there_are_believed() -> None:
+    border = nameless(country=None, countries_near=("CHE", "DEU", "FRA"))
+    for country in ("CHE", "Germany", None):
+        assert find_maps([border], country=country)
+    with pytest.raises(UnknownName, match="no map lies in 'JPN'") as caught:
+        find_maps([border], country="JPN")
+    assert caught.value.valid == ("CHE", "DEU", "FRA")
+    assert find_maps([nameless(country=None, countries_near=())], country="JPN")
+
+
+@pytest.mark.parametrize("wish", [{"bbox": (54.0, 6.0, 54.9, 9.0)}, {"country": "FRA"}], ids=["box", "country"])
+def test_a_place_that_box_or_country_contradict_is_said_to_lie_elsewhere(wish: dict[str, object]) -> None:
+    elsewhere = nameless(country="FRA", south=54.5, north=54.6, west=7.0, east=7.1)
+    with pytest.raises(UnknownName, match="it lies elsewhere") as caught:
+        find_maps([*built_in_maps(), elsewhere], place="Musterstadt", **wish)  # type: ignore[arg-type]
+    assert "Musterstadt [54." in caught.value.valid[0]
 
 
 def test_the_closest_place_is_named_first() -> None:

@@ -46,14 +46,41 @@ def test_a_ramp_is_called_after_the_road_that_it_lies_at(tmp_path: Path) -> None
     assert finder(tmp_path, sketch).find("ramp")[0].streets == ("A 1", "Bridge Road")
 
 
-def test_an_urban_site_does_not_lie_at_a_motorway_where_there_is_another(tmp_path: Path) -> None:
+def test_an_urban_site_lies_at_a_motorway_only_where_there_is_neither_another_junction_nor_street(
+    tmp_path: Path,
+) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-500, 0), (500, 0)], "motorway", "", ref="A 1", oneway="yes")
-    sketch.road([(0, 60), (0, 130), (0, 400)], "residential", "Main Road")
     sketch.road([(-200, 60), (0, 60), (200, 60)], "residential", "Motorway Road")
-    assert [site.streets for site in finder(tmp_path, sketch).find("urban")] == [("Main Road", "Motorway Road")]
+    sketch.road([(0, 60), (0, 90)], "residential", "Short Road")
+    assert [site.streets for site in finder(tmp_path, sketch).find("urban")] == [("Motorway Road", "Short Road")]
+    sketch.road([(0, 90), (0, 300), (0, 400)], "residential", "Main Road")
+    assert [site.streets for site in finder(tmp_path, sketch).find("urban")] == [("Main Road",)]
     sketch.road([(-200, 400), (0, 400), (200, 400)], "residential", "Quiet Road")
     assert [site.streets for site in finder(tmp_path, sketch).find("urban")] == [("Main Road", "Quiet Road")]
+
+
+def test_what_road_classes_leave_is_searched(tmp_path: Path) -> None:
+    sketch = crossing("residential")
+    sketch.road([(500, -400), (500, 0), (500, 400)], "primary", "Other Road")
+    sketch.write(tmp_path / "all.osm")
+    osm = read_osm(tmp_path / "all.osm")
+    crossings = [SiteFinder(osm, classes).find("intersection") for classes in ((), ("primary",), ("motorway",))]
+    assert [len(found) for found in crossings] == [2, 1, 0]
+    assert SiteFinder(osm, ("motorway",)).longest_road() is None
+
+
+def test_a_link_makes_no_crossing(tmp_path: Path) -> None:
+    assert "intersection" not in finder(tmp_path, crossing("primary_link")).kinds()
+
+
+def test_a_trunk_road_makes_a_highway_and_a_ramp_only_where_no_motorway_lies(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "trunk", "", oneway="yes", maxspeed="100")
+    sketch.road([(0, 0), (200, -60)], "trunk_link", "", oneway="yes")
+    assert {"highway", "ramp"} <= set(finder(tmp_path, sketch).kinds())
+    sketch.road([(2000, 0), (2020, 0)], "motorway", "", oneway="yes")
+    assert not {"highway", "ramp"} & set(finder(tmp_path, sketch).kinds())
 
 
 def test_driveways_make_a_crossing_only_where_no_streets_meet(tmp_path: Path) -> None:

@@ -15,13 +15,12 @@ from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
 from plannerforge.engine.scenarios.generate_place import UNKNOWN_SIDE, Place
 from plannerforge.engine.scenarios.site_choice import fitting_sites
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import GenerationRequest
+from plannerforge.schemas.generation import GenerationRequest, ScenarioType
 
 
-def ground_at(folder: Path, country: str | None = "DEU") -> Ground:
-    path = LIBRARY / "fahrhausen.osm"
-    request = GenerationRequest(
-        map_path=str(path),
+def request_for_fahrhausen(country: str | None = "DEU") -> GenerationRequest:
+    return GenerationRequest(
+        map_path=str(LIBRARY / "fahrhausen.osm"),
         map_id="map_fahrhausen",
         place="Fahrhausen",
         country=country,
@@ -29,7 +28,11 @@ def ground_at(folder: Path, country: str | None = "DEU") -> Ground:
         scenario_type="intersection",
         folder="",
     )
-    osm = read_map_file(path)
+
+
+def ground_at(folder: Path, country: str | None = "DEU") -> Ground:
+    request = request_for_fahrhausen(country)
+    osm = read_map_file(Path(request.map_path))
     return prepare_ground(request, osm, fitting_sites(osm, request)[0], folder, 0.1, silent)
 
 
@@ -72,3 +75,13 @@ def test_a_site_whose_network_breaks_a_rule_is_refused_with_the_rule(
     spoil(monkeypatch, swap)
     with pytest.raises(NotPossible, match=r"bounds_swapped \(1\)"):
         ground_at(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["urban", "intersection", "highway", "any"])
+def test_a_type_that_the_road_classes_leave_out_is_refused_with_what_they_leave(kind: ScenarioType) -> None:
+    request = request_for_fahrhausen().model_copy(update={"scenario_type": kind, "road_classes": ("track",)})
+    with pytest.raises(NotPossible, match=f"holds no .*{'any type' if kind == 'any' else kind}") as caught:
+        fitting_sites(read_map_file(Path(request.map_path)), request)
+    assert caught.value.valid == ()
+    made_of = "track only" in caught.value.message
+    assert made_of == (kind != "highway"), "where the whole map holds none, the classes are not to blame"
