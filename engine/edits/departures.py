@@ -22,7 +22,7 @@ def check_departures(scene: Scene, changes: Changes, result: Resimulated) -> Non
     """Refuse that somebody enters after the first step where a vehicle that the edits drive is by then.
 
     Raises:
-        NotPossible: a place is taken; the nearest free ones at that step are named.
+        NotPossible: a place is taken; the nearest free ones are named, and when it is free.
     """
     departures = _departures(changes)
     for key, start in departures.items():
@@ -30,12 +30,12 @@ def check_departures(scene: Scene, changes: Changes, result: Resimulated) -> Non
             continue
         before = {one for one, other in departures.items() if other.first_step < start.first_step}
         by_then = _as_driven(scene, changes, result, departures.keys() - before)
-        who = _occupant(by_then, start)
+        who = _occupant(by_then, start, start.first_step)
         if who:
             raise NotPossible(
                 f"{start.kind} {key} cannot enter at {start.first_step * scene.step_s:.1f} s: its place is taken by "
                 f"{who} then, as the edits have it drive",
-                valid=_free_places(by_then, changes, start),
+                valid=[*_free_places(by_then, changes, start), *_next_free_time(by_then, start)],
                 next_step="choose a free place or another departure",
             )
 
@@ -44,7 +44,7 @@ def entering_onto(ego: Track, scene: Scene, changes: Changes) -> tuple[int, ...]
     """Who enters later just where an ego that drives like an ordinary driver is then, by ascending id."""
     alone = replace(scene, tracks={ego.obstacle_id: ego}, standing={}, regions=(), ego=None)
     later = {key: start for key, start in _departures(changes).items() if start.first_step > ego.first_step}
-    return tuple(key for key, start in later.items() if _occupant(alone, start))
+    return tuple(key for key, start in later.items() if _occupant(alone, start, start.first_step))
 
 
 def _departures(changes: Changes) -> Mapping[int, Track]:
@@ -64,9 +64,16 @@ def _as_driven(scene: Scene, changes: Changes, result: Resimulated, without: set
     return replace(scene, tracks=tracks, standing=standing, regions=regions)
 
 
-def _occupant(scene: Scene, start: Track) -> str:
+def _occupant(scene: Scene, start: Track, step: int) -> str:
     size, heading_rad = (start.length_m, start.width_m), float(start.headings_rad[0])
-    return occupant_at(scene, UNCHANGED, start.positions[0], heading_rad, size, start.first_step)
+    return occupant_at(scene, UNCHANGED, start.positions[0], heading_rad, size, step)
+
+
+def _next_free_time(scene: Scene, start: Track) -> list[str]:
+    """When the place is free again, as ``time_s``; empty where it is not before the scenario ends."""
+    steps = range(start.first_step + 1, scene.last_step)
+    free = next((step for step in steps if not _occupant(scene, start, step)), None)
+    return [] if free is None else [f"time_s={free * scene.step_s:g}"]
 
 
 def _free_places(scene: Scene, changes: Changes, start: Track) -> list[str]:

@@ -64,11 +64,15 @@ def _free_on(
 
 
 def _bodies(scene: Scene, changes: Changes, step: int) -> Iterator[tuple[str, Points, Points]]:
-    """Everybody who is there at a step: name, centre (2,) and corners (4, 2)."""
+    """Everybody who is known to be there at a step: name, centre (2,) and corners (4, 2).
+
+    Where those are whom edits drive by then, only the simulation shows.
+    """
     there = populated(scene, changes)
+    driven = {key for key, plan in changes.driven.items() if plan.from_step < step}
     for key, track in (there.tracks | there.standing).items():
         index = track.index_at(step)
-        if index is None:
+        if index is None or key in driven:
             continue
         size = (track.length_m, track.width_m)
         position = track.positions[index]

@@ -250,12 +250,24 @@ def test_a_later_departure_is_refused_where_an_edited_vehicle_is_by_then(apply: 
 
 
 def test_a_later_departure_is_refused_where_a_recorded_vehicle_is_held(apply: Apply) -> None:
-    alone = SHORT.with_vehicles(driving(31, (100, 0), 8.0, 61))
+    alone = SHORT.with_vehicles(driving(31, (100, 0), 8.0, 101))
     hold = {"op": "set_speed", "vehicles": ["31"], "speed": "2m/s"}
     onto = CAR | {"at": "1", "position": "113m", "time_s": 4}
     assert apply(onto, builder=alone).outcome.edits[0].done
-    with pytest.raises(NotPossible, match="its place is taken by vehicle 31 then"):
+    with pytest.raises(NotPossible, match="its place is taken by vehicle 31 then") as caught:
         apply(hold, onto, builder=alone)
+    later = float(caught.value.valid[-1].removeprefix("time_s="))
+    assert apply(hold, onto | {"time_s": later, "speed": "2m/s"}, builder=alone).outcome.collisions == ()
+
+
+def test_a_place_that_an_edited_vehicle_has_left_by_then_is_free(apply: Apply) -> None:
+    alone = SHORT.with_vehicles(driving(31, (100, 0), 0.0, 61))
+    onto = CAR | {"at": "1", "position": "100m", "time_s": 4}
+    with pytest.raises(NotPossible, match="taken by vehicle 31"):
+        apply(onto, builder=alone)
+    applied = apply({"op": "set_speed", "vehicles": ["31"], "speed": "8m/s"}, onto, builder=alone)
+    assert applied.tracks()[101].first_step == 40
+    assert applied.outcome.collisions == ()
 
 
 def test_who_walks_later_is_refused_where_an_edited_vehicle_stands(apply: Apply) -> None:
