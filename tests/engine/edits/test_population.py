@@ -250,7 +250,8 @@ def test_a_later_departure_is_refused_where_an_edited_vehicle_is_by_then(apply: 
 
 
 def test_a_later_departure_is_refused_where_a_recorded_vehicle_is_held(apply: Apply) -> None:
-    alone = SHORT.with_vehicles(driving(31, (100, 0), 8.0, 101))
+    oncoming = Problem(start=(250.0, 7.0, math.pi, 10.0), goal=(50.0, 7.0, 8.0, 3.0))
+    alone = replace(SHORT, problems=(oncoming,)).with_vehicles(driving(31, (100, 0), 8.0, 101))
     hold = {"op": "set_speed", "vehicles": ["31"], "speed": "2m/s"}
     onto = CAR | {"at": "1", "position": "113m", "time_s": 4}
     assert apply(onto, builder=alone).outcome.edits[0].done
