@@ -32,10 +32,12 @@ def check_departures(scene: Scene, changes: Changes, result: Resimulated) -> Non
         by_then = _as_driven(scene, changes, result, departures.keys() - before)
         who = _occupant(by_then, start, start.first_step)
         if who:
+            place, when_s = _place(scene, changes, start), start.first_step * scene.step_s
+            where = "the place" if place is None else f"lanelet {place.lanelet_id} at {place.station_m:.1f} m"
             raise NotPossible(
-                f"{start.kind} {key} cannot enter at {start.first_step * scene.step_s:.1f} s: its place is taken by "
-                f"{who} then, as the edits have it drive",
-                valid=[*_free_places(by_then, changes, start), *_next_free_time(by_then, start)],
+                f"{where} is taken by {who} at {when_s:.1f} s, as the edits have it drive, so that {start.kind} {key} "
+                "cannot enter then",
+                valid=[*_free_places(by_then, place, start), *_next_free_time(by_then, start)],
                 next_step="choose a free place or another departure",
             )
 
@@ -76,11 +78,15 @@ def _next_free_time(scene: Scene, start: Track) -> list[str]:
     return [] if free is None else [f"time_s={free * scene.step_s:g}"]
 
 
-def _free_places(scene: Scene, changes: Changes, start: Track) -> list[str]:
-    """The nearest free places for a vehicle; none are known for who walks."""
+def _place(scene: Scene, changes: Changes, start: Track) -> Place | None:
+    """Where on its way a vehicle enters; None for who walks."""
     plan = changes.driven.get(start.obstacle_id)
     if plan is None:
-        return []
+        return None
     lane = scene.layout.table.lanes[plan.lanelets[0]]
-    place = Place(plan.lanelets[0], project(lane.center, start.positions[0])[0])
-    return free_places(scene, UNCHANGED, place, (start.length_m, start.width_m), start.first_step)
+    return Place(plan.lanelets[0], project(lane.center, start.positions[0])[0])
+
+
+def _free_places(scene: Scene, place: Place | None, start: Track) -> list[str]:
+    size = start.length_m, start.width_m
+    return [] if place is None else free_places(scene, UNCHANGED, place, size, start.first_step)
