@@ -4,8 +4,9 @@ All maps are converted whole; then 200 requests that the maps can meet and those
 generator, in worker processes. Standard error has a line for every scenario as soon as it is judged.
 
 Keys: ``maps``, ``maps_converted``; ``requests`` (that can be met), and of the scenarios asked for by them the shares
-``executable`` (Frenetix finishes, collisions allowed), ``road_type``, ``vehicles``, ``place``, ``inside_lanelets`` (of
-all positions), ``feasible`` (of a sample of tracks, by the drivability checker); ``overlaps`` (pairs),
+``executable`` (Frenetix finishes, collisions allowed), ``road_type``, ``vehicles``, ``place``, ``density`` (vehicles a
+lane-kilometre at the start within 25 % of the target, or a note tells why not), ``inside_lanelets`` (of all positions),
+``feasible`` (of a sample of tracks, by the drivability checker); ``overlaps`` (pairs),
 ``refused_right`` (share of the requests to be refused; by reason in the table),
 ``median_low_s`` and ``median_high_s`` (a scenario of 20 s: processor time of its process and of netconvert, without
 the first reading of a map), ``median_low_wall_s`` and ``median_high_wall_s`` (the same on the clock, which other work

@@ -16,6 +16,7 @@ from plannerforge.engine.scenarios.generate_place import convert_map
 from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
 from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.engine.tuning.configurations import named_configuration
+from plannerforge.evals.generation_density import judge_density
 from plannerforge.evals.generation_figures import Made, Stages, tell
 from plannerforge.evals.generation_judge import EXIT_WITHIN_M, STREET_WITHIN_M, holds_vehicles, lies_at_street, lies_in
 from plannerforge.evals.generation_maps import BenchMaps
@@ -130,6 +131,7 @@ def make(request: BenchRequest, wish: GenerationRequest, session: Session, seed:
             road_type=_is_of_type(wish, report, files, evidence),
             vehicles=holds_vehicles(files, wished_vehicles(wish)),
             place=_place_is_right(request, wish, report, files, session),
+            density=judge_density(files, wish.density, report.notes),
             motion=measure_motion(loaded, CHECKED_TRACKS, seed),
             stages=stages,
         )

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from plannerforge.engine.analysis.intervals import rate
 from plannerforge.evals.bench_output import print_figures
+from plannerforge.evals.generation_density import DensityVerdict
 from plannerforge.evals.generation_motion import MotionFigures
 from plannerforge.evals.generation_refusals import Refusal
 from plannerforge.evals.generation_requests import BenchRequest
@@ -75,6 +76,7 @@ class Made:
     road_type: bool = False
     vehicles: bool = False
     place: bool = False
+    density: DensityVerdict | None = None
     motion: MotionFigures | None = None
     stages: Stages | None = None
 
@@ -85,6 +87,7 @@ def print_generation(
     """Print every fault, the table and the figures; ``converted`` and ``refusals`` hold faults in words, or empty."""
     whole = [one for one in made if not one.fault]
     motions = [one.motion for one in whole if one.motion is not None]
+    densities = [one.density for one in whole if one.density is not None]
     for name, fault in converted.items():
         _tell(f"map {name}", fault)
     for refusal, fault in refusals:
@@ -99,6 +102,7 @@ def print_generation(
             key: _share(sum(bool(getattr(one, key)) for one in made), len(made))
             for key in ("executable", "road_type", "vehicles", "place")
         },
+        "density": _share(sum(found.honest for found in densities), len(made)),
         "refused_right": _share(sum(not fault for _, fault in refusals), len(refusals)),
         "feasible": _share(sum(m.feasible for m in motions), sum(m.checked for m in motions)),
         "inside_lanelets": _share(sum(m.inside for m in motions), sum(m.positions for m in motions)),
@@ -110,6 +114,7 @@ def print_generation(
         figures[f"median_{density}_wall_s"] = _median([spent.wall_s for spent in counted])
     rows = [(key, str(value)) for key, value in figures.items()]
     rows += [("scenarios", str(len(made))), ("tracks checked", str(sum(m.checked for m in motions)))]
+    rows += [("density within 25 % of its target", f"{sum(found.met for found in densities)} of {len(made)}")]
     rows += [(f"refused: {reason}", told) for reason, told in _by_reason(refusals)]
     rows += [(f"outcome {name}", str(count)) for name, count in outcomes.most_common()]
     told = (
@@ -127,6 +132,9 @@ def print_generation(
 def tell(one: Made) -> None:
     """Say at once what came of a scenario, because a whole run takes long and may be broken off."""
     wrong = [f"not {key}" for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
+    if one.density is not None and not one.density.met:
+        told = "told" if one.density.told else "not told"
+        wrong.append(f"{one.density.found:g} vehicles per lane-km instead of {one.density.target:g}, {told}")
     motion = one.motion
     if motion is not None:
         wrong += [f"{name} cannot be driven" for name in motion.infeasible_names]
