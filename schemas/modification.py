@@ -146,10 +146,9 @@ class EditCollision(Model):
 
 
 class EgoDanger(Model):
-    """The most critical figures of an ego that drives like an ordinary driver; None where nobody came near it.
+    """The most critical figures of an ego that drives ordinarily; None where nobody is near (or met in 60 s).
 
-    ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions). Replayed
-    vehicles that hit it from behind count until 4 s before; a time to collision above 60 s is None.
+    ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions).
     """
 
     minimum_distance_m: float | None
@@ -256,10 +255,8 @@ class ModifyScenarioResult(Result):
         lines.append(f"{self.untouched} vehicles exactly as recorded")
         lines += _danger_text(self.ego_before, self.ego_after)
         if self.checkers_agree is not None:
-            lines.append(
-                f"judged by the drivability checker; the closed form agrees on {self.checkers_agree} of "
-                f"{len(self.touched)}"
-            )
+            alike = f"{self.checkers_agree} of {len(self.touched)}"
+            lines.append(f"judged by the drivability checker; the closed form agrees on {alike}")
         lines += [f"note: {warning}" for warning in self.warnings]
         return "\n".join(lines)
 
