@@ -1,24 +1,28 @@
 """``make bench-modification``: does an edit do what was asked, and nothing else?
 
 All scenarios of a folder that have dynamic obstacles (a drawn edit of each task, refusals, the recipes of the safety
-table) and the requests of the modification corpus with their ground truth as arguments.
+table) and the requests of the modification corpus with their ground truth as arguments. Judged is what was written and
+what SUMO held in the run that made it: a vehicle's type, the route that it drove, the file.
 
 Keys (shares unless said otherwise): ``round_trip`` (files whose road users SUMO shows where and as fast as they were
-recorded), ``T_ends``, ``B_preset``, ``P_count``, ``G_edge`` (the paper's checks), ``checks_min`` (the least of all
-checks), ``valid_min``, ``executable_min`` (the least over the tasks), ``refused_right``, ``untouched_identical``,
-``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite`` (touched vehicles that the edits name, by the
-drivability checker from their hand-over + 1 s on), ``physical_handed_over`` (those that no edit names),
-``handovers_smooth`` (at most 5 cm beyond v·dt and 1 m/s, from the old and the new file), ``unreported_collisions`` (a
-touched vehicle), ``collisions_left``, ``several_calls_equal``,
-``edit_median_s``, ``edit_p95_s`` (seconds of a warm worker, reading and writing included; a scenario's first edit reads
-it, later ones find it kept), ``edit_first_median_s`` (first edits alone), ``edit_cpu_median_s`` (processor time of all,
-which other work does not lengthen).
+recorded), ``T_ends``, ``B_preset``, ``P_count``, ``G_edge`` (the paper's checks; a refusal of what can be done fails),
+``composite_done`` (all checks of all edits of a composite), ``T_arrives`` (vehicles sent somewhere that are there
+before the scenario ends: of the others ``T_ends`` demands that they are on their way, and had no time or were held up),
+``checks_min`` (the least of all checks), ``valid_min``, ``executable_min`` (the least over the tasks),
+``refused_right``, ``untouched_identical``, ``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite``
+(touched vehicles that the edits name, by the drivability checker from their hand-over + 1 s on),
+``physical_handed_over`` (those that no edit names), ``handovers_smooth`` (at most 5 cm beyond v·dt and 1 m/s, from the
+old and the new file), ``unreported_collisions`` (a touched vehicle), ``collisions_left``, ``several_calls_equal``
+(composites, by the tool's calls), ``edit_median_s``, ``edit_p95_s`` (seconds of a warm worker, reading and writing
+included; a scenario's first edit reads it, later ones find it kept), ``edit_first_median_s`` (first edits alone),
+``edit_cpu_median_s`` (processor time of all, which other work does not lengthen).
 """
 
 import argparse
 import os
+import re
 import statistics
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -31,8 +35,9 @@ from plannerforge.engine.analysis.intervals import wilson_interval
 from plannerforge.engine.execution.pool import PRELOAD
 from plannerforge.engine.execution.worker import warm_up
 from plannerforge.evals.bench_output import print_figures
-from plannerforge.evals.modification_cases import Case, Effort, Measured, measure_file, measure_line
+from plannerforge.evals.modification_cases import measure_file, measure_line
 from plannerforge.evals.modification_requests import published_presets
+from plannerforge.evals.modification_results import Case, Effort, Measured, Refusal
 from plannerforge.evals.modification_safety import safety_rows
 
 TASKS = ("T", "B", "P", "G")
@@ -42,9 +47,10 @@ EVERY_FILE_PLANNED, EVERY_FILE_SAFE, EVERY_FILE_WHOLE, EVERY_LINE_PLANNED = 4, 8
 eighth file; the drivability checker judges one drawn vehicle of each edit, and all that were touched on every fourth
 file. Either takes longer than the edits; the table says on how many each figure rests."""
 
-HEADLINES = ("T_ends", "B_preset", "P_count", "G_edge")
+HEADLINES = ("T_ends", "B_preset", "P_count", "G_edge", "composite_done")
 PHYSICAL = ("T", "B", "P", "composite")
 LARGEST_JUMP_M, LARGEST_STEP_MPS = 0.05, 1.0
+REASONS, REASON_LETTERS = 6, 110
 
 
 def measure(files: Sequence[Path], lines: Sequence[str], shared: Path, workers: int) -> list[Measured]:
@@ -70,10 +76,7 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
     """The figures by key."""
     cases = [case for one in measured for case in one.cases]
     made = [case for case in cases if not case.refused]
-    checks: dict[str, list[bool]] = defaultdict(list)
-    for case in cases:
-        for name in case.checks or _headlines(case):
-            checks[name].append(case.checks.get(name, False))
+    checks = _checks(cases)
     trips = [one.round_trip_error for one in measured if one.round_trip_error is not None]
     refused = [right for one in measured for _, right in one.refused_right]
     touched = max(sum(case.touched for case in made), 1)
@@ -82,7 +85,8 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
     first = [case.edit_s for case in made if case.is_first]
     found = {
         "round_trip": _share(not trip for trip in trips),
-        **{name: _share(checks[name]) for name in HEADLINES},
+        **{name: _share(checks.get(name, ())) for name in HEADLINES},
+        "T_arrives": _share(there for case in made for there in case.arrivals),
         "checks_min": min((_share(values) for values in checks.values()), default=0.0),
         "valid_min": _least(made, lambda case: case.valid),
         "executable_min": _least(
@@ -112,6 +116,10 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     for task in (*TASKS, "composite"):
         mine = [case for case in cases if case.task == task]
         rows.append((f"edits {task}", f"{sum(not case.refused for case in mine)} done of {len(mine)}"))
+    rows += [(f"check {name}", _interval(values)) for name, values in sorted(_checks(cases).items())]
+    arrivals = [there for case in made for there in case.arrivals]
+    rows.append(("arrive in time", f"{_interval(arrivals)}; the others are on their way, or T_ends fails"))
+    rows += refusal_rows([one for case in cases for one in case.tries])
     rows += [(f"physical {task}", _interval(_settled(made, task))) for task in PHYSICAL]
     rows.append(("physical, handed over besides", _interval(_settled(made))))
     rows += [(f"drivable {task}", _drivable([case for case in made if case.task == task])) for task in PHYSICAL]
@@ -132,12 +140,26 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     return rows + safety_rows([shift for one in measured for shift in one.shifts])
 
 
+def refusal_rows(tries: Sequence[Refusal]) -> list[tuple[str, str]]:
+    """How many requests that were drawn or are in the corpus were refused, and with which reasons, figures left out."""
+    rows = []
+    for task in (*TASKS, "composite"):
+        mine = [one for one in tries if one.task == task]
+        wrong = sum(one.is_right is False for one in mine)
+        judged = sum(one.is_right is not None for one in mine)
+        rows.append((f"tries refused {task}", f"{len(mine)}, {wrong} of {judged} judged wrongly"))
+        reasons = Counter(re.sub(r"-?\d[\d.]*", "N", one.reason)[:REASON_LETTERS] for one in mine)
+        rows += [(f"  because, {task}", f"{count} × {reason}") for reason, count in reasons.most_common(REASONS)]
+    return rows
+
+
 def failures_of(measured: Sequence[Measured]) -> list[str]:
     """Every request and check that went wrong, one line each."""
     found = [f"round trip: {one.round_trip_error}" for one in measured if one.round_trip_error]
     found += [f"not refused right: {name}" for one in measured for name, right in one.refused_right if not right]
     for case in (case for one in measured for case in one.cases):
         bad = [name for name, passed in case.checks.items() if not passed]
+        bad += [f"wrongly refused: {one.reason}" for one in case.tries if one.is_right is False]
         bad += [] if case.refused or case.valid else ["valid"]
         bad += [] if case.refused or case.untouched_identical else ["untouched"]
         bad += ["executed"] if case.executed is False else []
@@ -179,6 +201,23 @@ def _interval(values: Iterable[bool | None]) -> str:
         return "not measured"
     low, high = wilson_interval(sum(found), len(found))
     return f"{sum(found)} of {len(found)} ({low:.3f} … {high:.3f})"
+
+
+def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
+    """The verdicts by check; a request that could be carried out and was refused fails the headline of its task.
+
+    A try that is followed by another request is only counted where the bench knows that it was refused wrongly.
+    """
+    checks: dict[str, list[bool]] = defaultdict(list)
+    for case in cases:
+        for name, passed in case.checks.items():
+            checks[name].append(passed)
+        wrong = sum(one.is_right is False for one in case.tries)
+        last = case.tries[-1].is_right if case.tries else None
+        failed = wrong + (1 if case.refused and last is None else 0)
+        for name in _headlines(case):
+            checks[name] += [False] * failed
+    return checks
 
 
 def _headlines(case: Case) -> tuple[str, ...]:

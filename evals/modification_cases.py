@@ -4,14 +4,12 @@ import json
 import time
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from plannerforge.engine.edits.apply import SCENARIO_FILE, apply_edits
-from plannerforge.engine.edits.operations import resolve_edits
 from plannerforge.engine.edits.round_trip import round_trip
-from plannerforge.engine.edits.scenario_document import ScenarioDocument
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.scenarios.reader import read_scenario
@@ -19,8 +17,9 @@ from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.drivability import check_drivability
 from plannerforge.engine.traffic.smoothing import Motion
 from plannerforge.engine.traffic.vehicle_classes import nearest_class
+from plannerforge.evals.modification_arrivals import refusal_is_right
+from plannerforge.evals.modification_calls import several_calls_equal
 from plannerforge.evals.modification_checks import (
-    Written,
     checks_of,
     handovers_of,
     is_untouched_identical,
@@ -29,89 +28,19 @@ from plannerforge.evals.modification_checks import (
 )
 from plannerforge.evals.modification_refusals import corpus_refusal, drawn_refusals
 from plannerforge.evals.modification_requests import Asked, Presets, drawn_requests, edit_of
-from plannerforge.evals.modification_safety import Shift, executed, new_id, planner_run, shifts_of
-from plannerforge.schemas.errors import PlannerForgeError
+from plannerforge.evals.modification_reroutes import arrives
+from plannerforge.evals.modification_results import Case, Effort, Measured, Physical, Refusal
+from plannerforge.evals.modification_safety import executed, new_id, planner_run, shifts_of
+from plannerforge.evals.modification_written import Written
+from plannerforge.schemas.errors import PlannerForgeError, WorkerFailure
 from plannerforge.schemas.modification import ModificationOutcome, ModificationRequest, TouchedVehicle
 from plannerforge.schemas.runs import RunRecord
 
 POSITION_M, SPEED_MPS = 0.01, 0.01
 SETTLED_S = 1.0
+COMPOSITE = "composite"
 ON_FOOT = ("pedestrian",)
 """The drivability checker judges vehicles."""
-
-
-@dataclass(frozen=True)
-class Physical:
-    """The drivability checker's verdicts on a touched vehicle.
-
-    ``settled``: from its hand-over + 1 s on (an added one: from its start), None where nothing is left then;
-    ``recorded``: on its old recording; ``handed_over``: no edit names it.
-    """
-
-    settled: bool | None
-    whole: bool
-    closed_form: bool
-    recorded: bool | None
-    handed_over: bool = False
-
-
-@dataclass(frozen=True)
-class Case:
-    """What came of one request; ``refused`` holds the reason where nothing was made.
-
-    ``is_first``: nobody tried to edit the scenario before, so that its file was read for this. ``handovers``: m beyond
-    v·dt and m/s of each vehicle that SUMO took over.
-    """
-
-    task: str
-    name: str
-    refused: str = ""
-    checks: dict[str, bool] = field(default_factory=dict)
-    valid: bool = False
-    untouched_identical: bool = False
-    touched: int = 0
-    handed_over: int = 0
-    collisions: int = 0
-    unreported: int = 0
-    handovers: tuple[tuple[float, float], ...] = ()
-    physical: tuple[Physical, ...] = ()
-    edit_s: float = 0.0
-    edit_cpu_s: float = 0.0
-    is_first: bool = False
-    executed: bool | None = None
-    in_several_calls_equal: bool | None = None
-
-
-@dataclass(frozen=True)
-class Measured:
-    """All of one job: cases, refusals that were right and asked for, round trip, shifts of danger.
-
-    ``no_request``: tasks of which the scenario allows nothing. ``not_to_refuse``: lines of the corpus for which going
-    on is right too. ``off_lanes``: those of ``road_users`` off all lanelets: SUMO shows them in the round trip, while a
-    re-simulation keeps their recording and leaves them out of SUMO.
-    """
-
-    cases: tuple[Case, ...] = ()
-    refused_right: tuple[tuple[str, bool], ...] = ()
-    round_trip_error: str | None = None
-    shifts: tuple[Shift, ...] = ()
-    no_request: tuple[str, ...] = ()
-    not_to_refuse: tuple[str, ...] = ()
-    road_users: int = 0
-    off_lanes: int = 0
-
-
-@dataclass(frozen=True)
-class Effort:
-    """What is measured besides the edits, which takes longer than they do.
-
-    ``planner``: it drives what the drawn edits made; ``safety``: what the recipes of the safety table made too.
-    ``every_vehicle``: the drivability checker judges all touched vehicles, not one that an edit names.
-    """
-
-    planner: bool = False
-    safety: bool = False
-    every_vehicle: bool = False
 
 
 def measure_file(path: Path, presets: Presets, effort: Effort) -> Measured:
@@ -165,23 +94,38 @@ def _first_possible(
     name: str = "",
 ) -> Case:
     """The first request that the scenario allows, carried out and checked; the last refusal where none is."""
-    reason = ""
+    tries: list[Refusal] = []
     for attempt, one in enumerate(asked):
         try:
             outcome, wall_s, cpu_s = _edited(path, one, folder)
         except PlannerForgeError as error:
-            reason = error.text
+            tries.append(Refusal(one.task, error.text, _is_right(scene, one, error)))
             continue
         case = _checked(path, scene, one, outcome, name or path.stem, every_vehicle=effort.every_vehicle)
         ran = None if base is None else executed(folder / SCENARIO_FILE, base)
-        return replace(case, edit_s=wall_s, edit_cpu_s=cpu_s, executed=ran, is_first=attempt == 0)
-    return Case(asked[0].task, name or path.stem, reason)
+        first = attempt == 0
+        return replace(case, tries=tuple(tries), edit_s=wall_s, edit_cpu_s=cpu_s, executed=ran, is_first=first)
+    return Case(asked[0].task, name or path.stem, tries[-1].reason, tuple(tries))
 
 
-def _edited(path: Path, asked: Asked, folder: Path, earlier: int = 0) -> tuple[ModificationOutcome, float, float]:
-    """The outcome, and the wall and processor seconds that it took."""
+def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | None:
+    """Whether a request had to be refused, by the bench's own rules; a worker's failure is no refusal at all."""
+    if isinstance(error, WorkerFailure):
+        return False
+    if asked.task != "T":
+        return None
+    return any(
+        refusal_is_right(scene.network, scene.tracks[truth["vehicle_id"]], frozenset(truth["target_lanelets"]))
+        for truth in asked.truths
+    )
+
+
+def _edited(path: Path, asked: Asked, folder: Path) -> tuple[ModificationOutcome, float, float]:
+    """The outcome, and the wall and processor seconds that it took; files of edits before it are gone."""
+    for left in folder.iterdir():
+        left.unlink()
     request = ModificationRequest(
-        xml=path, edits=asked.edits, benchmark_id=new_id(path), output=folder, earlier=earlier
+        xml=path, edits=asked.edits, benchmark_id=new_id(path), output=folder, keep_simulation=True
     )
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     outcome = apply_edits(request, silent)
@@ -191,16 +135,18 @@ def _edited(path: Path, asked: Asked, folder: Path, earlier: int = 0) -> tuple[M
 def _checked(
     path: Path, scene: Scene, asked: Asked, outcome: ModificationOutcome, name: str, *, every_vehicle: bool
 ) -> Case:
-    changes, _ = resolve_edits(asked.edits, scene, ScenarioDocument.read(path).highest_id + 1)
-    written = Written.of(path, scene, changes, outcome)
+    written = Written.of(path, scene, asked.truths, outcome)
     checks: dict[str, bool] = {}
-    for truth, report in zip(asked.truths, outcome.edits, strict=True):
-        for check, passed in checks_of(written, truth, report).items():
+    for index in range(len(asked.truths)):
+        for check, passed in checks_of(written, index).items():
             checks[check] = checks.get(check, True) and passed
+    if asked.task == COMPOSITE:
+        checks[f"{COMPOSITE}_done"] = all(checks.values())
     return Case(
         task=asked.task,
         name=name,
         checks=checks,
+        arrivals=_arrivals(written),
         valid=is_valid(written),
         untouched_identical=is_untouched_identical(written),
         touched=len(outcome.touched),
@@ -209,13 +155,22 @@ def _checked(
         unreported=unreported_collisions(written),
         handovers=handovers_of(written),
         physical=_physical(written, name, every_vehicle=every_vehicle),
-        in_several_calls_equal=_in_several_calls(path, asked, written.xml) if len(asked.edits) > 1 else None,
+        in_several_calls_equal=several_calls_equal(path, asked.edits) if len(asked.edits) > 1 else None,
+    )
+
+
+def _arrivals(written: Written) -> tuple[bool, ...]:
+    return tuple(
+        arrives(written, key, frozenset(truth["target_lanelets"]))
+        for index, truth in enumerate(written.truths)
+        if truth["op"] == "reroute"
+        for key in sorted(written.meant_by(index))
     )
 
 
 def _physical(written: Written, seed: str, *, every_vehicle: bool) -> tuple[Physical, ...]:
     """Verdicts on all touched vehicles, or on one drawn of those that the edits name."""
-    tracks = written.tracks()
+    tracks = written.new
     there = [
         one
         for one in written.outcome.touched
@@ -253,13 +208,6 @@ def _is_drivable(track: Track, begin: int, end: int, step_s: float) -> bool:
 def _motion(track: Track, begin: int, end: int) -> Motion:
     speeds = track.speeds_mps[begin:end]
     return Motion(track.positions[begin:end], track.headings_rad[begin:end], speeds, speeds * 0.0)
-
-
-def _in_several_calls(path: Path, asked: Asked, xml: Path) -> bool:
-    """Whether the last of several calls, one for each edit, writes the same bytes."""
-    with TemporaryDirectory() as folder:
-        outcome, _, _ = _edited(path, asked, Path(folder), earlier=len(asked.edits) - 1)
-        return outcome.xml is not None and outcome.xml.read_bytes() == xml.read_bytes()
 
 
 def is_refused(path: Path, asked: Asked) -> bool:

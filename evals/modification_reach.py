@@ -5,7 +5,7 @@ None of this asks the code that edits, so that it can judge it.
 
 import heapq
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from plannerforge.engine.geometry.polyline import Points, point_at, project
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+
+    from plannerforge.engine.scenarios.tracks import Track
 
 SHARES: Mapping[str, float] = {"beginning": 0.0, "quarter": 0.25, "middle": 0.5, "three_quarter": 0.75, "final": 1.0}
 LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS = 11.5, 50.8
@@ -32,25 +34,75 @@ def length_m(lanelet: "Lanelet") -> float:
     return float(np.linalg.norm(np.diff(lanelet.center_vertices, axis=0), axis=1).sum())
 
 
-def distances_m(network: "LaneletNetwork", position: Points, heading_rad: float, speed_mps: float) -> dict[int, float]:
-    """Way in m from a car to the start of every lanelet that it gets to, along successors and lane changes.
+def distances_m(
+    network: "LaneletNetwork",
+    position: Points,
+    heading_rad: float,
+    speed_mps: float,
+    among: Collection[int] | None = None,
+) -> dict[int, float]:
+    """Way in m from a car to the start of every lanelet that it gets to, as in ``ways_m``.
 
-    Shortest ways (Dijkstra 1959) from all lanelets under its centre (2,) that do not lead against its heading; below 0
-    where the start of one lies behind it. Lanelets whose bends it comes to too fast, however it brakes, lead nowhere.
+    Lanelets whose bends it comes to too fast, however it brakes, lead nowhere.
+    """
+    return ways_m(network, position, heading_rad, lambda one, way_m: _takes_bends(one, way_m, speed_mps), among)
+
+
+def lanelets_at_first(network: "LaneletNetwork", track: "Track") -> frozenset[int]:
+    """The lanelets on which a recording begins: where several lie over one another, those that it stays on longest."""
+    under = [frozenset(map(int, found)) for found in network.find_lanelet_by_position(list(track.positions))]
+    stays = {key: sum(key in found for found in under) for key in under[0]}
+    return frozenset(key for key, count in stays.items() if count == max(stays.values()))
+
+
+def changes_needed(network: "LaneletNetwork", starts: Collection[int], targets: frozenset[int]) -> float:
+    """The fewest lane changes on any way to any target; infinite where none leads there."""
+    best: dict[int, int] = {}
+    queue = [(0, key) for key in sorted(starts)]
+    while queue:
+        changes, key = heapq.heappop(queue)
+        if key in targets:
+            return changes
+        if key in best:
+            continue
+        best[key] = changes
+        lanelet = network.find_lanelet_by_id(key)
+        onward = [(changes, int(after)) for after in lanelet.successor]
+        for pair in (*onward, *((changes + 1, int(other)) for other in beside(lanelet))):
+            heapq.heappush(queue, pair)
+    return math.inf
+
+
+def ways_m(
+    network: "LaneletNetwork",
+    position: Points,
+    heading_rad: float,
+    is_open: Callable[["Lanelet", float], bool] | None = None,
+    among: Collection[int] | None = None,
+) -> dict[int, float]:
+    """Way in m from a point to the start of every lanelet that it leads to, along successors and lane changes.
+
+    Shortest ways (Dijkstra 1959) from all lanelets under the point (2,) that do not lead against the heading; below 0
+    where the start of one lies behind it.
+
+    Args:
+        is_open: whether a lanelet, so far ahead in m, can be driven; None: all can.
+        among: the lanelets to begin with; None: all.
     """
     best: dict[int, float] = {}
     under = network.find_lanelet_by_position([position])[0]
     stations = {key: project(network.find_lanelet_by_id(key).center_vertices, position)[0] for key in under}
-    queue = [(-station, key) for key, station in stations.items() if _leads(network, key, station, heading_rad)]
+    begin = {key: station for key, station in stations.items() if among is None or key in among}
+    queue = [(-station, key) for key, station in begin.items() if _leads(network, key, station, heading_rad)]
     heapq.heapify(queue)
     while queue:
         way_m, key = heapq.heappop(queue)
         lanelet = network.find_lanelet_by_id(key)
-        if key in best or not _takes_bends(lanelet, way_m, speed_mps):
+        if key in best or (is_open is not None and not is_open(lanelet, way_m)):
             continue
         best[key] = way_m
         ahead = [(way_m + length_m(lanelet), after) for after in lanelet.successor]
-        for pair in (*ahead, *((way_m, beside) for beside in _beside(lanelet))):
+        for pair in (*ahead, *((way_m, other) for other in beside(lanelet))):
             heapq.heappush(queue, pair)
     return best
 
@@ -59,7 +111,7 @@ def leads_on(network: "LaneletNetwork", targets: frozenset[int]) -> frozenset[in
     """All lanelets from which a way leads to any of some lanelets, these included."""
     before: dict[int, list[int]] = {}
     for lanelet in network.lanelets:
-        for after in (*lanelet.successor, *_beside(lanelet)):
+        for after in (*lanelet.successor, *beside(lanelet)):
             before.setdefault(int(after), []).append(int(lanelet.lanelet_id))
     found, queue = set(targets), sorted(targets)
     while queue:
@@ -134,11 +186,13 @@ def _takes_bends(lanelet: "Lanelet", way_m: float, speed_mps: float) -> bool:
     lengths, along = np.linalg.norm(steps, axis=1), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     middles = np.cumsum(lengths) - lengths / 2
     within = np.abs(middles[:, None] - middles[None, :]) <= BEND_M
+    within &= middles[:, None] >= -way_m - BEND_M
     sharpest = float((np.abs(along[:, None] - along[None, :]) * within).max()) / BEND_M
     return slowest**2 * sharpest <= LATERAL_MPS2
 
 
-def _beside(lanelet: "Lanelet") -> list[Any]:
+def beside(lanelet: "Lanelet") -> list[Any]:
+    """The lanelets of the same direction on either side."""
     left = lanelet.adj_left if lanelet.adj_left_same_direction else None
     right = lanelet.adj_right if lanelet.adj_right_same_direction else None
     return [key for key in (left, right) if key is not None]

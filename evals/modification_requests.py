@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from plannerforge.engine.edits.changes import not_drivable
-from plannerforge.engine.edits.lanelet_targets import reachable_lanelets
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.evals.modification_reach import SHARES, distances_m, is_in_reach, length_m
+from plannerforge.evals.modification_reach import SHARES, distances_m, is_in_reach, lanelets_at_first, length_m, ways_m
 from plannerforge.schemas.modification import Edit
 
 CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle")
 MOST_TRIES, MOST_GOALS = 6, 30
 FEWEST_STATES, SLOWEST_MPS = 25, 1.0
+ON_LANELETS, ON_FOOT = 0.95, ("pedestrian",)
+"""Drawn edits are about vehicles that are on lanelets for that share of their recording, at first in any case."""
 
 Presets = Mapping[str, Mapping[str, float]]
 """Values of the paper's presets by name, from its facts and not from the code that is judged."""
@@ -75,7 +75,12 @@ def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[
 
 
 def _moves(scene: Scene, key: int) -> bool:
-    return not not_drivable(scene, key) and float(scene.tracks[key].speeds_mps.mean()) > SLOWEST_MPS
+    """Whether a road user is a vehicle that drives on lanelets."""
+    track = scene.tracks[key]
+    if track.kind in ON_FOOT or float(track.speeds_mps.mean()) <= SLOWEST_MPS:
+        return False
+    on = [bool(under) for under in scene.network.find_lanelet_by_position(list(track.positions))]
+    return on[0] and float(np.mean(on)) >= ON_LANELETS
 
 
 def _asked(task: str, **truth: Any) -> Asked:
@@ -89,8 +94,13 @@ def _preset(key: int, presets: Presets, preset: str) -> Asked:
 
 
 def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[Asked]:
-    way = scene.matches[key].sequence
-    near = [lanelet for lanelet in reachable_lanelets(scene, [way[0]])[:MOST_TRIES] if lanelet not in way]
+    """To lanelets that its way leads to and that it does not come over; the nearest few, in a drawn order."""
+    track = scene.tracks[key]
+    begin = lanelets_at_first(scene.network, track)
+    ways = ways_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
+    over = {int(one) for under in scene.network.find_lanelet_by_position(list(track.positions)) for one in under}
+    ahead = sorted((way_m, int(lanelet)) for lanelet, way_m in ways.items() if lanelet in scene.layout.table.lanes)
+    near = [lanelet for _, lanelet in ahead[:MOST_TRIES] if lanelet not in over]
     draw.shuffle(near)
     return [_asked("T", op="reroute", vehicle_id=key, target_lanelets=[lanelet]) for lanelet in near]
 

@@ -4,21 +4,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from builders import town_road
+from modification_support import carried_out, verdicts
 
-from plannerforge.engine.edits.apply import apply_edits
-from plannerforge.engine.edits.operations import resolve_edits
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.evals.bench_modification import failures_of, figures_of
-from plannerforge.evals.modification_cases import Case, Measured, Physical, is_refused
-from plannerforge.evals.modification_checks import Written, checks_of, is_untouched_identical, unreported_collisions
+from plannerforge.evals.modification_cases import is_refused
+from plannerforge.evals.modification_checks import is_untouched_identical, unreported_collisions
 from plannerforge.evals.modification_refusals import CORPUS, corpus_refusal, drawn_refusals
 from plannerforge.evals.modification_requests import Asked, drawn_requests, edit_of
+from plannerforge.evals.modification_results import Case, Measured, Physical
 from plannerforge.evals.modification_safety import Shift, difference_interval, new_id, safety_rows
-from plannerforge.schemas.modification import ModificationRequest
 
 TRUTHS: list[tuple[dict[str, Any], dict[str, Any]]] = [
     (
@@ -39,6 +40,7 @@ TRUTHS: list[tuple[dict[str, Any], dict[str, Any]]] = [
     ),
 ]
 
+EVERYBODY = {"selector": {"by": "ids", "ids": [31]}, "vehicle_ids": [31], "preset": "eco", "expected_params": {}}
 PRESETS = {"eco": {"tau": 1.8, "accel": 1.2}}
 
 
@@ -52,23 +54,12 @@ def base(tmp_path: Path) -> Path:
     return town_road().cut(80).write(tmp_path / "base.xml")
 
 
-def written(base: Path, asked: Asked, **request: Any) -> Written:
-    """What a request makes of the base."""
-    scene = Scene.of(read_scenario(base))
-    changes, _ = resolve_edits(asked.edits, scene, 1000)
-    made = ModificationRequest(
-        xml=base, edits=asked.edits, benchmark_id="ZAM_Bench-1_1_T-1", output=base.parent / "out", **request
-    )
-    return Written.of(base, scene, changes, apply_edits(made, silent))
-
-
 def test_drawn_requests_pass_their_own_checks(base: Path) -> None:
-    scene = Scene.of(read_scenario(base))
-    drawn = list(drawn_requests(scene, "seed", PRESETS))
+    drawn = list(drawn_requests(Scene.of(read_scenario(base)), "seed", PRESETS))
     assert [task for task, asked in drawn if asked] == ["B", "T", "P", "G"]
     for _, asked in drawn:
-        one = written(base, asked[0])
-        assert all(checks_of(one, asked[0].truths[0], one.outcome.edits[0]).values())
+        one = carried_out(base, *asked[0].truths)
+        assert all(verdicts(one).values())
         assert is_untouched_identical(one)
         assert unreported_collisions(one) == 0
 
@@ -79,34 +70,32 @@ def test_the_same_seed_draws_the_same_requests(base: Path) -> None:
     assert list(drawn_requests(scene, "a", PRESETS)) != list(drawn_requests(scene, "b", PRESETS))
 
 
-def test_a_wrong_target_or_preset_is_seen(base: Path) -> None:
-    scene = Scene.of(read_scenario(base))
-    for _, asked in drawn_requests(scene, "seed", PRESETS):
-        one, truth = written(base, asked[0]), dict(asked[0].truths[0])
-        if truth["op"] == "reroute":
-            truth["target_lanelets"] = [3]
-        elif truth["op"] == "set_behaviour":
-            truth["expected_params"] = {"tau": 99.0}
-        elif truth["op"] == "set_goal":
-            truth["lanelet"] = 3
-        elif truth["op"] == "remove_vehicle":
-            truth["vehicle_ids"] = [999]
-        else:
-            truth["count"] = 7
-        assert not all(checks_of(one, truth, one.outcome.edits[0]).values())
+def test_drawn_reroutes_lead_off_the_recorded_way(base: Path) -> None:
+    drawn = dict(drawn_requests(Scene.of(read_scenario(base)), "seed", PRESETS))
+    targets = {(one.truths[0]["vehicle_id"], one.truths[0]["target_lanelets"][0]) for one in drawn["T"]}
+    assert targets
+    assert not targets & {(31, 1), (32, 1), (33, 2), (34, 3), (35, 1)}
+
+
+CRASH = {"op": "add_vehicle", "class": "car", "count": 1, "where": {"lanelet": 1, "s_m": 50.0}, "speed_mps": 30}
 
 
 def test_a_collision_that_the_report_keeps_to_itself_is_seen(base: Path) -> None:
-    crash = Asked(
-        "P",
-        (edit_of(TRUTHS[2][0] | {"count": 1, "class": "car", "speed_mps": 30, "where": {"lanelet": 1, "s_m": 50.0}}),),
-    )
-    one = written(base, crash)
+    one = carried_out(base, CRASH)
     silent_outcome = one.outcome.model_copy(update={"collisions": ()})
-    told = unreported_collisions(one)
-    kept = unreported_collisions(Written(one.base, one.scene, one.changes, silent_outcome, one.xml, one.new))
-    assert told == 0
-    assert kept == len(one.outcome.collisions)
+    assert unreported_collisions(one) == 0
+    assert unreported_collisions(replace(one, outcome=silent_outcome)) == len(one.outcome.collisions)
+
+
+def test_a_recorded_overlap_excuses_a_pair_about_then_only(base: Path) -> None:
+    one = carried_out(base, {"op": "set_behaviour", **EVERYBODY})
+    silent_outcome, still = one.outcome.model_copy(update={"collisions": ()}), one.old[31]
+    first = replace(still, obstacle_id=1)
+    second = replace(still, obstacle_id=2, positions=still.positions + np.array([0.0, 9.0]))
+    meets = {step: replace(second, positions=_once_at(second, first, step)) for step in (5, 12, 60)}
+    moved = replace(one, outcome=silent_outcome, old={1: first, 2: meets[5]})
+    assert unreported_collisions(replace(moved, new={1: first, 2: meets[12]})) == 0
+    assert unreported_collisions(replace(moved, new={1: first, 2: meets[60]})) == 1
 
 
 def test_every_refusal_names_what_is_wrong(base: Path) -> None:
@@ -171,3 +160,10 @@ def test_the_safety_table_gives_means_with_an_interval() -> None:
     assert rows["risk T, ordinary ego"] == "not measured"
     low, high = difference_interval([after - 4 for after in (0, 2, 4, 4)])
     assert low <= -1.5 <= high
+
+
+def _once_at(away: Track, here: Track, step: int) -> Points:
+    """The places of one vehicle, but for one step those of another."""
+    found = away.positions.copy()
+    found[step] = here.positions[step]
+    return found

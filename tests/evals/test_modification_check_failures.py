@@ -3,146 +3,143 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
 from builders import town_road
+from modification_support import GOAL_TIME, TRUTHS, asked, carried_out, moving, respelt, told, typed, verdicts, without
 
-from plannerforge.engine.edits.apply import apply_edits
-from plannerforge.engine.edits.operations import resolve_edits
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.evals.modification_checks import Written, checks_of, is_untouched_identical, is_valid
-from plannerforge.evals.modification_requests import drawn_requests, edit_of
-from plannerforge.schemas.modification import ModificationRequest
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.evals.modification_checks import is_untouched_identical, is_valid
+from plannerforge.evals.modification_written import Written
 
-PRESETS = {"eco": {"tau": 1.8, "accel": 1.2}}
-Case = tuple[Written, dict[str, Any]]
+ADDED = 101
 
 
 @pytest.fixture(scope="module")
-def cases(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Case]:
-    """What was made of one request of each task, with its ground truth."""
-    folder = tmp_path_factory.mktemp("checks")
-    base = town_road().cut(80).write(folder / "base.xml")
-    scene = Scene.of(read_scenario(base))
-    truths = {task: dict(asked[0].truths[0]) for task, asked in drawn_requests(scene, "seed", PRESETS)}
-    where = {"relative_to": "ego", "lane": "same", "offset_m": 25.0}
-    truths["P"] = {"op": "add_vehicle", "class": "car", "count": 1, "where": where}
+def cases(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Written]:
+    """What was made of one request of each kind."""
     found = {}
-    for task, truth in truths.items():
-        edits, output = (edit_of(truth),), folder / task
-        changes, _ = resolve_edits(edits, scene, 1000)
-        request = ModificationRequest(xml=base, edits=edits, benchmark_id="ZAM_Bench-1_1_T-1", output=output)
-        found[task] = (Written.of(base, scene, changes, apply_edits(request, silent)), truth)
+    for task, truth in TRUTHS.items():
+        base = town_road().cut(100).write(tmp_path_factory.mktemp(task) / "base.xml")
+        found[task] = carried_out(base, truth)
     return found
 
 
-def verdicts(case: Case) -> dict[str, bool]:
-    return checks_of(case[0], case[1], case[0].outcome.edits[0])
+def elsewhere(track: Track) -> Track:
+    away = track.positions.copy()
+    away[20:, 1] += 40.0
+    return replace(track, positions=away)
 
 
-def told(case: Case, **edit: Any) -> Case:
-    """The same file with another report of the edit."""
-    report = case[0].outcome.edits[0].model_copy(update=edit)
-    return replace(case[0], outcome=case[0].outcome.model_copy(update={"edits": (report,)})), case[1]
+def never_arriving(written: Written) -> Written:
+    """The same file with the report of a vehicle that does not arrive."""
+    route = written.outcome.edits[0].routes[0]
+    return told(written, routes=(route.model_copy(update={"arrives": not route.arrives, "reason": "traffic"}),))
 
 
-def asked(case: Case, **truth: Any) -> Case:
-    """The same file for another request."""
-    return case[0], case[1] | truth
+def routed_past(written: Written) -> Written:
+    """The same file as if SUMO had had the vehicle on its recorded way."""
+    straight = written.sumo.routes[34][-1:]
+    return replace(written, sumo=replace(written.sumo, routes={**written.sumo.routes, 31: straight}))
 
 
-def without_its_vehicle(case: Case) -> Case:
-    """The same file as if its edited vehicle had been lost."""
-    new = read_scenario(case[0].xml)
-    new.scenario.remove_obstacle(new.scenario.obstacle_by_id(case[0].outcome.edits[0].vehicles[0]))
-    return replace(case[0], new=new), case[1]
+def at_last(track: Track) -> Track:
+    """The same motion, nothing of it before 3 s."""
+    return replace(track, first_step=30)
 
 
-def without_another(case: Case) -> Case:
-    """The same file as if a vehicle that no edit names had been lost."""
-    new, named = read_scenario(case[0].xml), case[0].outcome.edits[0].vehicles
-    other = next(key for key in case[0].scene.tracks if key not in named)
-    new.scenario.remove_obstacle(new.scenario.obstacle_by_id(other))
-    return replace(case[0], new=new), case[1]
-
-
-def never_arriving(case: Case) -> Case:
-    """The same file with the report of a vehicle that gets nowhere, for no reason."""
-    route = case[0].outcome.edits[0].routes[0]
-    return told(case, routes=(route.model_copy(update={"arrives": False, "reason": ""}),))
-
-
-def off_its_route(case: Case) -> Case:
-    """The same file with the report of a way that the vehicle does not drive."""
-    route = case[0].outcome.edits[0].routes[0]
-    driven = set(route.lanelets)
-    elsewhere = [key for key in case[0].scene.layout.table.lanes if key not in driven][-1:]
-    return told(case, routes=(route.model_copy(update={"lanelets": tuple(elsewhere)}),))
-
-
-def widened(case: Case) -> Case:
-    """The same file as if the edited vehicle had another body."""
-    key = case[0].outcome.edits[0].vehicles[0]
-    tracks = case[0].scene.tracks | {key: replace(case[0].scene.tracks[key], width_m=9.0)}
-    return replace(case[0], scene=replace(case[0].scene, tracks=tracks)), case[1]
-
-
-def moved_goal(case: Case) -> Case:
-    """The same file as if the goal's time had been changed without a word."""
-    new = read_scenario(case[0].xml)
-    new.problem().goal.state_list[0].time_step = 1
-    return replace(case[0], new=new), case[1]
-
-
-WRONG: list[tuple[str, str, Callable[[Case], Case]]] = [
-    ("T", "tgt", without_its_vehicle),
+WRONG: list[tuple[str, str, Callable[[Written], Written]]] = [
+    ("T", "tgt", lambda one: without(one, 31)),
     ("T", "T_ends", never_arriving),
-    ("T", "T_ends", off_its_route),
-    ("T", "T_preserve", without_another),
-    ("T", "T_preserve", widened),
-    ("B", "tgt", without_its_vehicle),
-    ("B", "B_preset", lambda case: asked(case, expected_params={"tau": 99.0})),
-    ("B", "vClass", widened),
-    ("P", "P_count", lambda case: asked(case, count=2)),
-    ("P", "P_target", lambda case: asked(case, where=case[1]["where"] | {"offset_m": 32.0})),
-    ("P", "P_others", without_another),
-    ("G", "G_position", lambda case: asked(case, position=_another_word(case[1]["position"]))),
-    ("G", "G_preserve", moved_goal),
+    ("T", "T_ends", lambda one: told(one, routes=())),
+    ("T", "T_ends", routed_past),
+    ("T", "T_ends", lambda one: moving(one, 31, elsewhere)),
+    ("T", "T_ends", lambda one: asked(one, target_lanelets=[3])),
+    ("T", "T_ends", lambda one: asked(one, via=[21])),
+    ("T", "T_preserve", lambda one: without(one, 33)),
+    ("T", "T_preserve", lambda one: moving(one, 31, lambda track: replace(track, width_m=9.0))),
+    ("T", "T_preserve", lambda one: told(one, vehicles=(31, 32))),
+    ("B", "tgt", lambda one: without(one, 31)),
+    ("B", "tgt", lambda one: asked(one, vehicle_ids=[31, 32])),
+    ("B", "B_preset", lambda one: asked(one, expected_params={"tau": 99.0})),
+    ("B", "B_preset", lambda one: asked(one, vehicle_ids=[31, 32])),
+    ("B", "B_preset", lambda one: typed(one, 31, accel="2.6")),
+    ("B", "vClass", lambda one: typed(one, 31, vClass="truck")),
+    ("B", "vClass", lambda one: moving(one, 31, lambda track: replace(track, kind="truck"))),
+    ("P", "P_count", lambda one: asked(one, count=2)),
+    ("P", "P_count", lambda one: replace(one, new={**one.new, 999: one.new[31]})),
+    ("P", "P_class", lambda one: asked(one, **{"class": "car"})),
+    ("P", "P_class", lambda one: moving(one, ADDED, lambda track: replace(track, length_m=4.5, width_m=1.8))),
+    ("P", "P_class", lambda one: typed(one, ADDED, vClass="passenger")),
+    ("P", "P_target", lambda one: asked(one, where={"lanelet": 2, "position": "quarter"})),
+    ("P", "P_speed", lambda one: asked(one, speed_mps=0.0)),
+    ("P", "P_departure", lambda one: asked(one, depart_s=0.0)),
+    ("P", "P_departure", lambda one: asked(one, depart_s=2.0)),
+    ("P", "P_departure", lambda one: moving(one, ADDED, at_last)),
+    ("P", "P_destination", lambda one: asked(one, destination_lanelet=13)),
+    ("P", "P_others", lambda one: without(one, 33)),
+    ("R", "P_count", lambda one: asked(one, vehicle_ids=[33])),
+    ("R", "P_target", lambda one: asked(one, vehicle_ids=[32])),
+    ("R", "P_others", lambda one: asked(one, vehicle_ids=[33])),
+    ("G", "G_edge", lambda one: asked(one, lanelet=3)),
+    ("G", "G_position", lambda one: asked(one, position="final")),
+    ("G", "G_rectangle", lambda one: asked(one, rectangle={"length_m": 50.0, "width_m": 50.0})),
+    ("G", "G_rectangle", lambda one: asked(one, rectangle=None)),
+    ("G", "G_time", lambda one: asked(one, time=GOAL_TIME | {"end_s": 7.4})),
+    ("G", "G_time", lambda one: asked(one, time=None)),
+    ("G", "G_time", lambda one: respelt(one, "planningProblem/goalState/time/intervalEnd", "99")),
 ]
 
 
-@pytest.mark.parametrize(("task", "check", "spoil"), WRONG, ids=[f"{task}-{check}" for task, check, _ in WRONG])
+@pytest.mark.parametrize(
+    ("task", "check", "spoil"), WRONG, ids=[f"{task}-{check}-{row}" for row, (task, check, _) in enumerate(WRONG)]
+)
 def test_a_fixture_wrong_in_one_respect_fails_that_check(
-    cases: dict[str, Case], task: str, check: str, spoil: Callable[[Case], Case]
+    cases: dict[str, Written], task: str, check: str, spoil: Callable[[Written], Written]
 ) -> None:
     assert verdicts(cases[task])[check]
     assert not verdicts(spoil(cases[task]))[check]
 
 
-def test_a_goal_on_another_lanelet_is_seen(cases: dict[str, Case]) -> None:
-    others = [key for key in cases["G"][0].scene.layout.table.lanes if key != cases["G"][1]["lanelet"]]
-    assert verdicts(cases["G"])["G_edge"]
-    assert not all(verdicts(asked(cases["G"], lanelet=key))["G_edge"] for key in others)
+def test_a_goal_velocity_that_nobody_named_is_kept(cases: dict[str, Written], tmp_path: Path) -> None:
+    interval = "<velocity><intervalStart>0</intervalStart><intervalEnd>9</intervalEnd></velocity>"
+    text = town_road().cut(100).xml().replace("</goalState>", f"{interval}</goalState>")
+    base = tmp_path / "base.xml"
+    base.write_text(text)
+    kept = carried_out(base, TRUTHS["G"])
+    assert verdicts(kept)["G_preserve"]
+    assert not verdicts(replace(cases["G"], base=base))["G_preserve"]
+    assert not verdicts(respelt(kept, "planningProblem/goalState/velocity/intervalEnd", "8"))["G_preserve"]
 
 
-def test_a_changed_byte_of_somebody_untouched_is_seen(cases: dict[str, Case], tmp_path: Path) -> None:
-    written = cases["G"][0]
+def test_everything_right_passes_every_check(cases: dict[str, Written]) -> None:
+    assert {name for written in cases.values() for name, passed in verdicts(written).items() if not passed} == set()
+
+
+def test_a_vehicle_that_enters_as_soon_as_its_place_is_free_departs_right(cases: dict[str, Written]) -> None:
+    track = cases["P"].new[ADDED]
+    standing = replace(track, obstacle_id=7, first_step=0, positions=np.repeat(track.positions[:1], 30, axis=0))
+    standing = replace(standing, headings_rad=np.zeros(30), speeds_mps=np.zeros(30))
+    late = moving(cases["P"], ADDED, at_last)
+    assert verdicts(replace(late, new={**late.new, 7: standing}))["P_departure"]
+
+
+def test_a_changed_byte_of_somebody_untouched_is_seen(cases: dict[str, Written], tmp_path: Path) -> None:
     spoiled = tmp_path / "spoiled.xml"
-    spoiled.write_text(written.xml.read_text(encoding="utf-8").replace("<type>car</type>", "<type>bus</type>", 1))
+    spoiled.write_text(cases["G"].xml.read_text(encoding="utf-8").replace("<type>car</type>", "<type>bus</type>", 1))
+    assert is_untouched_identical(cases["G"])
+    assert not is_untouched_identical(replace(cases["G"], xml=spoiled))
+
+
+def test_a_vehicle_that_is_touched_although_no_edit_names_it_is_seen(cases: dict[str, Written]) -> None:
+    written = cases["B"]
     assert is_untouched_identical(written)
-    assert not is_untouched_identical(replace(written, xml=spoiled))
+    assert not is_untouched_identical(asked(written, vehicle_ids=[32]))
 
 
-def test_a_schema_error_that_the_source_does_not_have_is_seen(cases: dict[str, Case], tmp_path: Path) -> None:
-    written = cases["G"][0]
+def test_a_schema_error_that_the_source_does_not_have_is_seen(cases: dict[str, Written], tmp_path: Path) -> None:
     spoiled = tmp_path / "spoiled.xml"
-    spoiled.write_text(written.xml.read_text(encoding="utf-8").replace("<type>car</type>", "<type>cow</type>", 1))
-    assert is_valid(written)
-    assert not is_valid(replace(written, xml=spoiled))
-
-
-def _another_word(word: str) -> str:
-    return "final" if word != "final" else "beginning"
+    spoiled.write_text(cases["G"].xml.read_text(encoding="utf-8").replace("<type>car</type>", "<type>cow</type>", 1))
+    assert is_valid(cases["G"])
+    assert not is_valid(replace(cases["G"], loaded=replace(cases["G"].loaded, path=spoiled)))

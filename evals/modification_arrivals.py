@@ -1,0 +1,230 @@
+"""Whether a vehicle had to get to its target in time, and whether it could have been sent there at all.
+
+Reckoned from the lanelets and the motion as written; none of this asks the code that edits.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from plannerforge.engine.geometry.polyline import Points, project
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.evals.modification_reach import (
+    HARD_BRAKING_MPS2,
+    beside,
+    changes_needed,
+    distances_m,
+    lanelets_at_first,
+    leads_on,
+    length_m,
+    ways_m,
+)
+from plannerforge.evals.modification_tracks import fronts
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+SLOW_MPS, EASY_MPS2, SLOW_SHARE = 6.0, 1.5, 0.5
+"""A driver in no hurry: the speed in the turns of a crossing, or half of the own where that is more."""
+
+DETOUR_SHARE, ROOM_M = 0.7, 15.0
+STANDING_MPS, LAST_S = 0.5, 1.0
+SLOWED_SHARE = 0.7
+GAP_M, GAP_S = 10.0, 2.0
+"""Somebody within these ahead holds a vehicle up."""
+
+SIDE_M = 0.5
+LOOK_S, LANE_CHANGE_S = 1.0, 3.0
+LANE_FROM_M, LANE_TO_M = 1.5, 5.5
+LEAST_GAP_M, HEADWAY_S = 2.5, 1.0
+"""A driver changes lanes where nobody in the next one is nearer than in ordinary traffic, and it takes so long."""
+
+
+@dataclass(frozen=True)
+class Journey:
+    """A vehicle's way as written, to any of some lanelets, among all others."""
+
+    network: "LaneletNetwork"
+    track: Track
+    targets: frozenset[int]
+    others: "Mapping[int, Track]"
+    step_s: float
+
+    def is_late_with_reason(self) -> bool:
+        """Whether a vehicle that does not arrive is on its way at last, and had no time or was held up.
+
+        It may not have driven past, or another way: what is left shrinks by most of what it drove.
+        """
+        before, left = (_way_m(self.network, self.track, index, self.targets) for index in (0, -1))
+        if not (math.isfinite(before) and math.isfinite(left)):
+            return False
+        driven = float(np.linalg.norm(np.diff(self.track.positions, axis=0), axis=1).sum())
+        if left > before - DETOUR_SHARE * driven + ROOM_M:
+            return False
+        return before > self._slow_reach_m() or self._lacks_time_to_change() or self._is_held_up()
+
+    def _lacks_time_to_change(self) -> bool:
+        """Whether the lane changes alone take longer than the vehicle is there."""
+        begin = lanelets_at_first(self.network, self.track)
+        changes = changes_needed(self.network, begin, self.targets)
+        return (len(self.track.positions) - 1) * self.step_s < changes * (LOOK_S + LANE_CHANGE_S)
+
+    def _slow_reach_m(self) -> float:
+        """How far a driver in no hurry gets in the time that the vehicle is there."""
+        first = max(float(self.track.speeds_mps[0]), 0.0)
+        aim, seconds = max(SLOW_MPS, SLOW_SHARE * first), (len(self.track.positions) - 1) * self.step_s
+        changing = min(abs(aim - first) / EASY_MPS2, seconds)
+        reached = first + math.copysign(EASY_MPS2, aim - first) * changing
+        return (first + reached) / 2 * changing + aim * (seconds - changing)
+
+    def _is_held_up(self) -> bool:
+        """Whether somebody ahead or the end of its lane keeps it slow at last, or it had no gap to change into."""
+        count = round(LAST_S / self.step_s)
+        last = self.track.speeds_mps[-count:]
+        slowed = float(last.mean()) <= SLOWED_SHARE * float(self.track.speeds_mps.max())
+        stands = float(last.max()) <= STANDING_MPS
+        behind = any(self._is_behind_somebody(index) for index in range(len(last)))
+        if behind or (stands and self._end_is_near()):
+            return True
+        side = self._side_to_change_to()
+        return side is not None and (slowed or stands or self._longest_gap_s(side) < LOOK_S + LANE_CHANGE_S)
+
+    def _is_behind_somebody(self, back: int) -> bool:
+        """Whether somebody is in the corridor ahead, so many steps before the last one."""
+        index = len(self.track.positions) - 1 - back
+        step, heading = self.track.first_step + index, float(self.track.headings_rad[index])
+        ahead = np.array([math.cos(heading), math.sin(heading)])
+        speed = float(self.track.speeds_mps[index])
+        for key, other in self.others.items():
+            there = other.index_at(step)
+            if key == self.track.obstacle_id or there is None:
+                continue
+            away = other.positions[there] - self.track.positions[index]
+            gap = float(away @ ahead) - (self.track.length_m + other.length_m) / 2
+            aside = abs(float(away @ np.array([-ahead[1], ahead[0]])))
+            beside = aside - (self.track.width_m + other.width_m) / 2
+            if -other.length_m < gap <= max(GAP_M, GAP_S * speed) and beside <= SIDE_M:
+                return True
+        return False
+
+    def _end_is_near(self) -> bool:
+        """Whether a lanelet under the front ends right ahead: a stop line, a junction, or the last place to change."""
+        front = fronts(self.track)[-1]
+        under = self.network.find_lanelet_by_position([front])[0]
+        found = [self.network.find_lanelet_by_id(key) for key in under]
+        return any(length_m(one) - project(one.center_vertices, front)[0] <= ROOM_M for one in found)
+
+    def _side_to_change_to(self) -> int | None:
+        """1 if a change to the left is needed from the last lanelet, -1 if to the right; None if none is."""
+        for key in _lanelets_at(self.network, self.track, -1):
+            lanelet, needed = self.network.find_lanelet_by_id(key), self._needs(key)
+            near = beside(lanelet)
+            for side, other in ((1, lanelet.adj_left), (-1, lanelet.adj_right)):
+                if other in near and self._needs(int(other)) < needed:
+                    return side
+        return None
+
+    def _needs(self, key: int) -> float:
+        return changes_needed(self.network, [key], self.targets)
+
+    def _longest_gap_s(self, side: int) -> float:
+        """How long at a stretch the lane beside was free enough to change into it."""
+        longest = run = 0
+        for index in range(len(self.track.positions)):
+            run = run + 1 if self._is_free_beside(index, side) else 0
+            longest = max(longest, run)
+        return longest * self.step_s
+
+    def _is_free_beside(self, index: int, side: int) -> bool:
+        """Whether nobody is beside, nor so close ahead or behind there that a driver would not change lanes."""
+        heading, step = float(self.track.headings_rad[index]), self.track.first_step + index
+        ahead = np.array([math.cos(heading), math.sin(heading)])
+        left = np.array([-ahead[1], ahead[0]]) * side
+        for key, other in self.others.items():
+            there = other.index_at(step)
+            if key == self.track.obstacle_id or there is None:
+                continue
+            away = other.positions[there] - self.track.positions[index]
+            along, across = float(away @ ahead), float(away @ left)
+            behind = self.track.speeds_mps[index] if along > 0 else other.speeds_mps[there]
+            gap = abs(along) - (self.track.length_m + other.length_m) / 2
+            if LANE_FROM_M <= across <= LANE_TO_M and gap < LEAST_GAP_M + HEADWAY_S * float(behind):
+                return False
+        return True
+
+
+def refusal_is_right(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> bool:
+    """Whether physics keep a recorded vehicle from being sent to any of some lanelets from its first state on.
+
+    No way leads there, or none without a bend that it comes to too fast, or it can neither change lanes nor stop in
+    the room that is left: v² / (2 · 8 m/s²).
+    """
+    speed, heading = max(float(track.speeds_mps[0]), 0.0), float(track.headings_rad[0])
+    begin = lanelets_at_first(network, track)
+    if begin and not targets & set(distances_m(network, track.positions[0], heading, speed, begin)):
+        return True
+    room = _room_m(network, track, targets)
+    return speed**2 / (2 * HARD_BRAKING_MPS2) > room
+
+
+def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> float:
+    """Way in m from the front to the last place from which a target can be reached; infinite if straight on."""
+    leading = leads_on(network, targets)
+    front, found = fronts(track)[0], 0.0
+    for key in _lanelets_at(network, track, 0):
+        if _straight_on(network, key) & targets:
+            return math.inf
+        station = project(network.find_lanelet_by_id(key).center_vertices, front)[0]
+        found = max(found, _longest_m(network, key, leading, frozenset()) - station)
+    return found
+
+
+def _longest_m(network: "LaneletNetwork", key: int, leading: frozenset[int], seen: frozenset[int]) -> float:
+    """The longest way from a lanelet's start straight on over lanelets that lead to a target."""
+    if key not in leading or key in seen:
+        return 0.0
+    lanelet = network.find_lanelet_by_id(key)
+    after = (_longest_m(network, int(one), leading, seen | {key}) for one in lanelet.successor)
+    return length_m(lanelet) + max(after, default=0.0)
+
+
+def _straight_on(network: "LaneletNetwork", key: int) -> set[int]:
+    """A lanelet and all that follow it without a lane change."""
+    found, queue = {key}, [key]
+    while queue:
+        after = [int(one) for one in network.find_lanelet_by_id(queue.pop()).successor if int(one) not in found]
+        found.update(after)
+        queue += after
+    return found
+
+
+def _lanelets_at(network: "LaneletNetwork", track: Track, index: int) -> list[int]:
+    """The lanelets under a vehicle that do not lead against its heading."""
+    under = network.find_lanelet_by_position([_inside(network, track, index)])[0]
+    return sorted(int(key) for key in set(under) & set(_ways(network, track, index)))
+
+
+def _way_m(network: "LaneletNetwork", track: Track, index: int, targets: frozenset[int]) -> float:
+    ways = _ways(network, track, index)
+    return min((ways[key] for key in targets if key in ways), default=math.inf)
+
+
+def _ways(network: "LaneletNetwork", track: Track, index: int) -> dict[int, float]:
+    return ways_m(network, _inside(network, track, index), float(track.headings_rad[index]))
+
+
+def _inside(network: "LaneletNetwork", track: Track, index: int) -> Points:
+    """The centre, the front where the centre is on no lanelet, or the nearest point of any lanelet."""
+    points = [track.positions[index], fronts(track)[index]]
+    for point in points:
+        if network.find_lanelet_by_position([point])[0]:
+            return np.asarray(point)
+    here = shapely.Point(points[0])
+    near = min(network.lanelets, key=lambda one: here.distance(one.polygon.shapely_object))
+    inner = near.polygon.shapely_object.buffer(-0.1)
+    return np.asarray(shapely.ops.nearest_points(inner, here)[0].coords[0])

@@ -1,0 +1,100 @@
+"""Who does not get to a target in time, and who is not sent there, is judged by lanelets, motion and physics alone."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import Vehicle, driving, town_road
+
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import recorded_tracks
+from plannerforge.evals.modification_arrivals import Journey, refusal_is_right
+from plannerforge.evals.modification_reach import changes_needed, lanelets_at_first, leads_on
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("arrivals")
+
+
+def journey(folder: Path, targets: set[int], *vehicles: Vehicle) -> Journey:
+    """The way of the first of some vehicles on the town road."""
+    scenario = read_scenario(town_road().with_vehicles(*vehicles).write(folder / "base.xml")).scenario
+    tracks = recorded_tracks(scenario)
+    return Journey(scenario.lanelet_network, tracks[vehicles[0].vehicle_id], frozenset(targets), tracks, 0.1)
+
+
+def slowing(one: Journey, final_mps: float) -> Journey:
+    """The same way, driven ever slower."""
+    speeds = np.linspace(float(one.track.speeds_mps[0]), final_mps, len(one.track.positions))
+    places = one.track.positions[0] + np.outer(np.concatenate([[0], np.cumsum(speeds[1:] * 0.1)]), (1, 0))
+    return replace(one, track=replace(one.track, positions=places, speeds_mps=speeds))
+
+
+def test_one_who_has_no_time_is_late_with_reason(folder: Path) -> None:
+    assert journey(folder, {13}, driving(51, (20, 0), 10.0, 60)).is_late_with_reason()
+
+
+def test_one_who_had_time_and_a_free_road_is_not(folder: Path) -> None:
+    dawdling = slowing(journey(folder, {12}, driving(51, (150, 0), 10.0, 150)), 1.0)
+    assert not dawdling.is_late_with_reason()
+
+
+def test_one_who_drove_past_or_another_way_is_not(folder: Path) -> None:
+    assert not journey(folder, {12}, driving(51, (150, 0), 10.0, 100)).is_late_with_reason()
+    assert not journey(folder, {12}, driving(51, (150, 3.5), 10.0, 100)).is_late_with_reason()
+
+
+def test_one_behind_a_queue_or_at_the_end_of_its_lane_is_late_with_reason(folder: Path) -> None:
+    queue = slowing(journey(folder, {12}, driving(51, (163, 0), 10.0, 60), driving(52, (200, 0), 0.0, 60)), 0.2)
+    free = replace(queue, others={51: queue.track})
+    assert queue.is_late_with_reason()
+    assert not free.is_late_with_reason()
+    waiting = slowing(journey(folder, {12}, driving(51, (188, 0), 2.0, 80)), 0.0)
+    assert waiting.is_late_with_reason()
+
+
+def test_one_beside_its_target_needs_a_slow_end_or_a_lane_without_a_gap(folder: Path) -> None:
+    alone = journey(folder, {2}, driving(51, (20, 0), 10.0, 100))
+    assert not alone.is_late_with_reason()
+    assert slowing(alone, 2.0).is_late_with_reason()
+    row = [driving(52 + place, (-4 + 12.0 * place, 3.5), 10.0, 100) for place in range(6)]
+    assert journey(folder, {2}, driving(51, (20, 0), 10.0, 100), *row).is_late_with_reason()
+
+
+def test_lane_changes_that_take_longer_than_the_scenario_are_a_reason(folder: Path) -> None:
+    assert journey(folder, {2}, driving(51, (20, 0), 10.0, 35)).is_late_with_reason()
+
+
+@pytest.mark.parametrize(
+    ("start", "speed_mps", "targets", "is_right"),
+    [
+        ((20.0, 0.0), 10.0, {12}, False),
+        ((20.0, 0.0), 10.0, {3}, True),
+        ((20.0, 0.0), 10.0, {21}, False),
+        ((20.0, 3.5), 10.0, {12}, False),
+        ((190.0, 3.5), 8.0, {12}, False),
+        ((190.0, 3.5), 18.0, {12}, True),
+        ((185.0, 0.0), 22.0, {12}, True),
+    ],
+    ids=["free", "no way", "beside", "far", "can stop", "too fast to stop", "too fast for the bend"],
+)
+def test_a_refusal_is_right_only_where_physics_ask_for_it(
+    folder: Path, start: tuple[float, float], speed_mps: float, targets: set[int], is_right: bool
+) -> None:
+    one = journey(folder, targets, driving(51, start, speed_mps, 30))
+    assert refusal_is_right(one.network, one.track, one.targets) is is_right
+
+
+def test_a_recording_begins_where_it_stays_and_not_on_what_lies_over_it(folder: Path) -> None:
+    one = journey(folder, {12}, driving(51, (201, 0), 8.0, 60))
+    assert lanelets_at_first(one.network, one.track) == {11}
+    assert refusal_is_right(one.network, one.track, frozenset({12}))
+
+
+def test_lane_changes_are_counted_and_ways_are_traced_back(folder: Path) -> None:
+    network = journey(folder, {12}, driving(51, (20, 0), 8.0, 30)).network
+    assert [changes_needed(network, [key], frozenset({12})) for key in (1, 2, 13)] == [0, 1, math.inf]
+    assert leads_on(network, frozenset({12})) == {1, 2, 12}

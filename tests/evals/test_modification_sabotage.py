@@ -1,0 +1,142 @@
+"""A product that does not do what was asked, but says so, passes no check of the modification bench."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from builders import town_road
+from modification_support import TRUTHS, carried_out, verdicts
+
+from plannerforge.engine.edits import add_vehicle, cascade, reroute, set_goal
+from plannerforge.engine.edits.behaviours import usual_behaviour
+from plannerforge.engine.edits.operations import OPERATIONS
+from plannerforge.evals import modification_cases
+from plannerforge.evals.bench_modification import figures_of, refusal_rows
+from plannerforge.evals.modification_calls import several_calls_equal
+from plannerforge.evals.modification_cases import measure_line
+from plannerforge.evals.modification_requests import edit_of
+from plannerforge.evals.modification_results import Case, Effort, Measured, Refusal
+from plannerforge.schemas.errors import NotPossible, WorkerFailure
+from plannerforge.tools import modification
+
+
+@pytest.fixture
+def base(tmp_path: Path) -> Path:
+    return town_road().cut(100).write(tmp_path / "ZAM_Builder-1_1_T-1.xml")
+
+
+def test_a_reroute_that_does_nothing_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reroute, "drive_along", lambda scene, plan, way, targets: replace(plan, targets=targets))
+    assert not verdicts(carried_out(base, TRUTHS["T"]))["T_ends"]
+
+
+def test_drivers_who_all_drive_as_usual_are_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    everybody = cascade.participants
+
+    def usual(scene: Any, changes: Any, plans: Any) -> Any:
+        plain = {key: replace(plan, behaviour=usual_behaviour(plan.vehicle_class)) for key, plan in plans.items()}
+        return everybody(scene, changes, plain)
+
+    monkeypatch.setattr(cascade, "participants", usual)
+    assert not verdicts(carried_out(base, TRUTHS["B"]))["B_preset"]
+
+
+def test_vehicles_that_are_all_cars_which_stand_at_once_anywhere_are_seen(
+    base: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known, add = add_vehicle._class, OPERATIONS["add_vehicle"]
+    monkeypatch.setattr(add_vehicle, "_class", lambda word: known("car"))
+    monkeypatch.setattr(add_vehicle, "_speed", lambda *_: 0.0)
+    monkeypatch.setattr(add_vehicle, "_free_step", lambda *_: 0)
+    operations = {**OPERATIONS, "add_vehicle": lambda edit, *rest: add(edit.model_copy(update={"to": []}), *rest)}
+    monkeypatch.setattr("plannerforge.engine.edits.operations.OPERATIONS", operations)
+    found = verdicts(carried_out(base, TRUTHS["P"] | {"destination_lanelet": 21}))
+    assert not any(found[name] for name in ("P_class", "P_speed", "P_departure"))
+
+
+def test_goals_of_one_size_at_one_time_are_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(set_goal, "_size", lambda *_: (50.0, 50.0))
+    monkeypatch.setattr(set_goal, "_steps", lambda *_: (0, 99))
+    found = verdicts(carried_out(base, TRUTHS["G"]))
+    assert not found["G_rectangle"]
+    assert not found["G_time"]
+
+
+def test_a_later_call_that_forgets_the_edits_before_it_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    edits = [edit_of(TRUTHS["B"]), edit_of(TRUTHS["R"])]
+    assert several_calls_equal(base, edits)
+    before = modification._base_and_edits
+    monkeypatch.setattr(modification, "_base_and_edits", lambda given: (before(given)[0], ()))
+    assert not several_calls_equal(base, edits)
+
+
+def test_a_later_call_with_another_seed_or_id_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    edits = [edit_of(TRUTHS["B"]), edit_of(TRUTHS["R"])]
+    monkeypatch.setattr(modification, "derived_benchmark_id", _counted_ids())
+    assert not several_calls_equal(base, edits)
+
+
+def test_several_calls_name_those_who_are_added_by_their_ids(base: Path) -> None:
+    added = edit_of(TRUTHS["P"])
+    named = edit_of(TRUTHS["B"] | {"selector": {"by": "new", "edit": 0}})
+    assert several_calls_equal(base, [added, named])
+
+
+def test_a_product_that_refuses_every_composite_lowers_a_key(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    row = {"id": "c", "task": "modification_composite", "expect": "ok", "scenario": base.name}
+    line = json.dumps(row | {"truth": {"edits": [TRUTHS["B"], TRUTHS["R"]]}})
+    done = [measure_line(line, base.parent, Effort())]
+    assert figures_of(done)["composite_done"] == 1.0
+    monkeypatch.setattr(modification_cases, "apply_edits", _refuse)
+    refused = [measure_line(line, base.parent, Effort())]
+    assert figures_of([*done, *refused])["composite_done"] == 0.5
+    assert figures_of([*done, *refused])["checks_min"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("error", "wrong"), [(NotPossible("no room"), 1), (WorkerFailure("SUMO stopped"), 1)], ids=["refused", "failed"]
+)
+def test_a_refused_reroute_of_somebody_who_can_be_sent_there_counts_as_failed(
+    base: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, wrong: int
+) -> None:
+    row = {"id": "t", "task": "modification_T", "expect": "ok", "scenario": base.name}
+    line = json.dumps(row | {"truth": {"edits": [TRUTHS["T"]]}})
+    done = measure_line(line, base.parent, Effort())
+
+    def fail(*_: Any) -> Any:
+        raise error
+
+    monkeypatch.setattr(modification_cases, "apply_edits", fail)
+    refused = measure_line(line, base.parent, Effort())
+    assert sum(one.is_right is False for one in refused.cases[0].tries) == wrong
+    assert figures_of([done, refused])["T_ends"] == 0.5
+
+
+def test_tries_that_were_refused_before_one_that_was_done_are_counted_with_their_reasons() -> None:
+    wrong, right = Refusal("T", "vehicle 5 would drive past 12", False), Refusal("T", "vehicle 6 is too fast", True)
+    open_ = Refusal("P", "lanelet 1 at 2.5 m is taken", None)
+    done = Case("T", "a", tries=(wrong, right), checks={"T_ends": True}, edit_s=0.1)
+    placed = Case("P", "b", tries=(open_,), checks={"P_count": True}, edit_s=0.1)
+    figures = figures_of([Measured((done, placed))])
+    assert figures["T_ends"] == 0.5
+    assert figures["P_count"] == 1.0
+    rows = refusal_rows([wrong, right, open_])
+    assert rows[0] == ("tries refused T", "2, 1 of 2 judged wrongly")
+    assert ("  because, T", "1 × vehicle N would drive past N") in rows
+    assert ("  because, P", "1 × lanelet N at N m is taken") in rows
+
+
+def _refuse(*_: Any) -> Any:
+    raise NotPossible("no")
+
+
+def _counted_ids() -> Any:
+    made: list[str] = []
+
+    def next_id(base_id: str, digest: str) -> str:
+        made.append(digest)
+        return f"{base_id.rpartition('-')[0]}-{100000000 + len(made)}"
+
+    return next_id

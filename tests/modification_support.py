@@ -1,0 +1,111 @@
+"""What tests of the modification bench share: carrying out ground truth, and doctoring what came of it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from plannerforge.engine.edits.apply import apply_edits
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.evals.modification_checks import checks_of
+from plannerforge.evals.modification_requests import edit_of
+from plannerforge.evals.modification_written import Written
+from plannerforge.schemas.modification import ModificationRequest
+
+GOAL_TIME = {"start_s": 2.0, "end_s": 7.5}
+TRUTHS: dict[str, dict[str, Any]] = {
+    "T": {"op": "reroute", "vehicle_id": 31, "target_lanelets": [12]},
+    "B": {
+        "op": "set_behaviour",
+        "selector": {"by": "ids", "ids": [31]},
+        "vehicle_ids": [31],
+        "preset": "eco",
+        "expected_params": {"tau": 1.8, "accel": 1.2},
+    },
+    "P": {
+        "op": "add_vehicle",
+        "class": "truck",
+        "count": 1,
+        "where": {"lanelet": 2, "position": "middle"},
+        "speed_mps": 6.0,
+        "depart_s": 1.0,
+        "destination_lanelet": 21,
+    },
+    "R": {
+        "op": "remove_vehicle",
+        "selector": {"by": "ids", "ids": [33, 34]},
+        "vehicle_ids": [33, 34],
+    },
+    "G": {
+        "op": "set_goal",
+        "lanelet": 1,
+        "position": "middle",
+        "rectangle": {"length_m": 7.0, "width_m": 3.0},
+        "time": GOAL_TIME,
+    },
+}
+"""One right edit of each kind for the town road, in the corpus's form."""
+
+
+def carried_out(base: Path, *truths: dict[str, Any]) -> Written:
+    """What edits of the corpus's form make of a file."""
+    request = ModificationRequest(
+        xml=base,
+        edits=tuple(edit_of(truth) for truth in truths),
+        benchmark_id="ZAM_Bench-1_1_T-1",
+        output=base.parent / "out",
+        keep_simulation=True,
+    )
+    return Written.of(base, Scene.of(read_scenario(base)), truths, apply_edits(request, silent))
+
+
+def verdicts(written: Written) -> dict[str, bool]:
+    """The checks of all edits together."""
+    found: dict[str, bool] = {}
+    for index in range(len(written.truths)):
+        for name, passed in checks_of(written, index).items():
+            found[name] = found.get(name, True) and passed
+    return found
+
+
+def asked(written: Written, **truth: Any) -> Written:
+    """The same file for another request."""
+    return replace(written, truths=({**written.truths[0], **truth},))
+
+
+def told(written: Written, **edit: Any) -> Written:
+    """The same file with another report of its first edit."""
+    reports = (written.outcome.edits[0].model_copy(update=edit), *written.outcome.edits[1:])
+    return replace(written, outcome=written.outcome.model_copy(update={"edits": reports}))
+
+
+def without(written: Written, key: int) -> Written:
+    """The same file as if a road user had been lost."""
+    return replace(written, new={other: track for other, track in written.new.items() if other != key})
+
+
+def moving(written: Written, key: int, change: Callable[[Track], Track]) -> Written:
+    """The same file with another motion of a road user."""
+    return replace(written, new={**written.new, key: change(written.new[key])})
+
+
+def typed(written: Written, key: int, **attributes: str) -> Written:
+    """The same file as if SUMO had driven a vehicle by another type."""
+    return replace(
+        written,
+        sumo=replace(written.sumo, types={**written.sumo.types, key: {**written.sumo.types[key], **attributes}}),
+    )
+
+
+def respelt(written: Written, path: str, value: str) -> Written:
+    """The same file with another text at a path, in a copy beside it."""
+    tree = etree.parse(written.xml)
+    tree.getroot().find(path).text = value
+    copy = written.xml.with_name("respelt.xml")
+    tree.write(copy)
+    return replace(written, xml=copy, loaded=read_scenario(copy))
