@@ -26,10 +26,12 @@ def check_lane_changes(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who:
         end = _last_beside(scene, way, place)
         left_m += lanes[way[place]].length_m
         needed_m = min(speed_mps**2 / (2 * HARDEST_BRAKING_MPS2), speed_mps * LANE_CHANGE_S * (end - place))
-        if end > place and left_m < needed_m and not _later_too(scene, way, place, end):
+        room_m, wrong, right = _last_place(scene, way, place, end)
+        if end > place and left_m + room_m < needed_m:
             raise NotPossible(
-                f"{who} drives {speed_mps:.1f} m/s and lanelet {way[place]}, which it has to leave for {way[end]}, "
-                f"ends {max(left_m, 0.0):.0f} m ahead of its front: it can neither change lanes nor stop before",
+                f"{who} drives {speed_mps:.1f} m/s and lanelet {wrong}, which it has to leave for {right}, "
+                f"ends {max(left_m + room_m, 0.0):.0f} m ahead of its front: it can neither change lanes nor stop "
+                "before",
                 next_step="choose a target farther on or straight ahead",
             )
         place = end + 1
@@ -43,8 +45,16 @@ def _last_beside(scene: Scene, way: tuple[int, ...], place: int) -> int:
     return place
 
 
-def _later_too(scene: Scene, way: tuple[int, ...], place: int, end: int) -> bool:
-    """Whether the lanes go on side by side after their end, so that the change can be made there."""
-    onward = way[end + 1 : end + 2]
-    straight = scene.layout.table.successors[way[place]]
-    return bool(onward) and not scene.lanelet_graph.beside(onward).isdisjoint(straight)
+def _last_place(scene: Scene, way: tuple[int, ...], place: int, end: int) -> tuple[float, int, int]:
+    """How much farther on in m the change can still be made, and its last place: the wrong lane, and that of the way.
+
+    The lanes may go on side by side after their end.
+    """
+    more_m, wrong, right = 0.0, way[place], way[end]
+    for onward in way[end + 1 :]:
+        straight = scene.lanelet_graph.beside([onward]).intersection(scene.layout.table.successors[wrong]) - {onward}
+        if not straight:
+            break
+        wrong, right = min(straight), onward
+        more_m += scene.layout.table.lanes[wrong].length_m
+    return more_m, wrong, right

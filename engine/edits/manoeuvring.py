@@ -6,6 +6,10 @@ from typing import Any
 from plannerforge.engine.network.sumo_net_speeds import USUAL_SPEED_MPS
 
 LANE_CHANGE_S = 2.5
+DRIVEN_SPEED_MODE = 31
+ABOVE_THE_BRAKES = 27
+"""SUMO's speed mode with all checks (gaps, power, right of way, lights) but that of the driver's own deceleration."""
+
 ABOVE_THE_LIMIT = 95
 """SUMO's speed mode with all checks (gaps, power, brakes, right of way, lights) but that of the speed limit."""
 
@@ -33,9 +37,15 @@ class Manoeuvring:
         self._vehicle, self._edge, self._lane = sumo.vehicle, sumo.edge, sumo.lane
         self._begun: dict[tuple[str, Manoeuvre], tuple[str, int]] = {}
         self._done: set[tuple[str, Manoeuvre]] = set()
+        self._braking: set[str] = set()
 
-    def act(self, key: str, manoeuvres: tuple[Manoeuvre, ...], step: int) -> None:
-        """Give the orders that hold at a step to a vehicle on the road; of several speeds, the latest holds."""
+    def act(self, key: str, manoeuvres: tuple[Manoeuvre, ...], step: int, highest_mps: float | None = None) -> None:
+        """Give the orders that hold at a step to a vehicle on the road; of several speeds, the latest holds.
+
+        ``highest_mps``: the speed that it has to brake to in the next step, however hard that is.
+        """
+        if highest_mps is None and key in self._braking:
+            self._let_go(key)
         for one in manoeuvres:
             if step < one.from_step:
                 continue
@@ -43,6 +53,18 @@ class Manoeuvring:
                 self._change_lane(key, one)
             else:
                 self._hold(key, one.speed_mps)
+        if highest_mps is not None:
+            self._brake(key, highest_mps)
+
+    def _brake(self, key: str, speed_mps: float) -> None:
+        self._braking.add(key)
+        self._vehicle.setSpeedMode(key, ABOVE_THE_BRAKES)
+        self._vehicle.setSpeed(key, speed_mps)
+
+    def _let_go(self, key: str) -> None:
+        self._braking.discard(key)
+        self._vehicle.setSpeedMode(key, DRIVEN_SPEED_MODE)
+        self._vehicle.setSpeed(key, -1)
 
     def _hold(self, key: str, speed_mps: float) -> None:
         """Keep a speed, faster than the limit too, but no faster through a bend than its lane says."""

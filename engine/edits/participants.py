@@ -15,8 +15,8 @@ from plannerforge.engine.edits.walker_shadows import walker_shadows
 from plannerforge.engine.scenarios.tracks import Track
 
 EMERGENCY_DECELERATION_MPS2 = 8.0
-SIDEWAYS_SHARE = 0.5
-"""Speed across a lane to speed along it, at most: a car steers over at 27°, and does not slide over while it stands."""
+SIDEWAYS_SHARE = 0.25
+"""Speed across a lane to speed along it, at most: a car steers over at 14°, and does not slide over while it stands."""
 
 Hint = tuple[str, int]
 """SUMO edge and lane index where a recorded pose lies; ("", -1) where nobody knows."""
@@ -29,7 +29,9 @@ class Participant:
     ``drive_from``: the step whose pose is still the recorded one and after which SUMO drives; None: replayed to the
     end. ``target``, ``through``: lanes that a driven vehicle changes to when on their edge. ``keep_to_route``: its
     poses are put onto its route's lanes, because SUMO took the recorded ones for another road. ``manoeuvres``: what it
-    is told while it is driven. ``awaits_target``: it does not drive past the target beside it.
+    is told while it is driven. ``lanes_to_target``: SUMO's lanes that lead to the target without a change of lane; the
+    vehicle waits for a gap into one of them instead of driving past (none: it does not). ``is_sent``: an edit sends it
+    another way than recorded.
     """
 
     track: Track
@@ -42,7 +44,8 @@ class Participant:
     sumo_class: str
     manoeuvres: tuple[Manoeuvre, ...] = ()
     through: tuple[Hint, ...] = ()
-    awaits_target: bool = False
+    lanes_to_target: frozenset[str] = frozenset()
+    is_sent: bool = False
 
     @cached_property
     def key(self) -> str:
@@ -57,6 +60,12 @@ class Participant:
             (x + ahead * math.cos(heading), y + ahead * math.sin(heading), (90.0 - math.degrees(heading)) % 360.0)
             for (x, y), heading in zip(self.track.positions.tolist(), self.track.headings_rad.tolist(), strict=True)
         )
+
+    @cached_property
+    def edges_to_target(self) -> tuple[str, ...]:
+        """The edges of the route up to that of the target."""
+        edge = self.target[0] if self.target else ""
+        return self.edges[: self.edges.index(edge) + 1] if edge in self.edges else ()
 
     def hint_at(self, index: int) -> Hint:
         """The lane of the pose at an index of the track."""
@@ -115,15 +124,25 @@ def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
         behaviour=plan.behaviour,
         sumo_class=plan.vehicle_class.sumo_class,
         manoeuvres=plan.manoeuvres,
-        awaits_target=_is_only_target(scene, plan, target),
+        lanes_to_target=_lanes_to(scene, plan, target),
+        is_sent=bool(plan.targets) and plan.cause == "edited",
         through=tuple(lane_of[key] for key in plan.lanelets if key in plan.through and key in lane_of),
     )
 
 
-def _is_only_target(scene: Scene, plan: DrivePlan, target: Hint | None) -> bool:
-    """Whether the lane of a target is the only one of its edge that a plan leads to."""
-    lanes = () if target is None else scene.layout.edges[target[0]]
-    return len(plan.targets & set(lanes)) == 1
+def _lanes_to(scene: Scene, plan: DrivePlan, target: Hint | None) -> frozenset[str]:
+    """SUMO's lanes on the way that lead to the only target on its edge without a change of lane; none for several."""
+    lanes = set() if target is None else plan.targets & set(scene.layout.edges[target[0]])
+    if target is None or len(lanes) != 1 or target[0] not in plan.edges:
+        return frozenset()
+    layout, found = scene.layout, {"{}_{}".format(*target)}
+    for edge in reversed(plan.edges[: plan.edges.index(target[0])]):
+        ways = [index for key in layout.edges[edge] for index in scene.edge_graph.paths_from.get(key, ())]
+        ways = [index for index in ways if layout.paths[index].exit in lanes]
+        lanes = {layout.paths[index].entry for index in ways}
+        found |= {f"{layout.internal_edge_of_path[index]}_0" for index in ways}
+        found |= {"{}_{}".format(*layout.lane_of[key]) for key in lanes}
+    return frozenset(found)
 
 
 def replayed_participant(scene: Scene, track: Track, match: LaneMatch) -> Participant:

@@ -11,22 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from plannerforge.engine.edits.manoeuvring import LANE_CHANGE_S, Manoeuvring
+from plannerforge.engine.edits.early_braking import EarlyBraking
+from plannerforge.engine.edits.manoeuvring import DRIVEN_SPEED_MODE, LANE_CHANGE_S, Manoeuvring
 from plannerforge.engine.edits.participants import Participant
 from plannerforge.engine.edits.sumo_process import SimulationSetup, sumo_running
+from plannerforge.engine.edits.waiting import Waiting
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.errors import WorkerFailure
 
-REPLAYED_SPEED_MODE, DRIVEN_SPEED_MODE = 32, 31
+REPLAYED_SPEED_MODE = 32
 REPLAYED_LANE_CHANGES, DRIVEN_LANE_CHANGES = 0, 1621
 KEEP_ROUTE, KEEP_POSE = 1, 2
 """SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
 
 MATCH_REACH_M = 20.0
-STOP_BEFORE_END_M = 0.1
-PASSING_MPS = "100"
-"""The speed of a stop that is passed and not stopped at: above all that vehicles drive."""
 
 
 @dataclass(frozen=True)
@@ -122,10 +121,9 @@ class _Run:
 
     def __init__(self, sumo: Any, everybody: tuple[Participant, ...]) -> None:
         self.sumo, self.everybody = sumo, everybody
-        self.manoeuvring = Manoeuvring(sumo)
+        self.manoeuvring, self.judges = Manoeuvring(sumo), (Waiting(sumo), EarlyBraking(sumo))
         self.present: set[str] = set()
         self.astray: set[str] = set()
-        self.awaiting: set[str] = set()
         self.used: set[tuple[str, str]] = set()
         self.seen: dict[int, list[tuple[int, float, float, str]]] = {}
         self.last_handover = max((one.drive_from for one in everybody if one.drive_from is not None), default=0)
@@ -205,36 +203,16 @@ class _Run:
             if vehicle.getRoute(one.key)[-1] != one.edges[-1]:
                 self.astray.add(one.key)
         lane_id = vehicle.getLaneID(one.key)
-        if one.awaits_target and one.key not in self.awaiting | self.astray:
-            self._await_target(one, lane_id)
+        highest = [] if one.key in self.astray else [judge.highest_speed(one, lane_id) for judge in self.judges]
+        highest_mps = min((speed for speed in highest if speed is not None), default=None)
         self.used.add((one.key, lane_id))
         through = [hint for hint in one.through if (one.key, f"{hint[0]}_{hint[1]}") not in self.used]
         here = [hint for hint in (*through, one.target) if hint and hint[0] == lane_id.rpartition("_")[0]]
         if here and lane_id != f"{here[0][0]}_{here[0][1]}":
             vehicle.changeLane(one.key, here[0][1], LANE_CHANGE_S)
-        self.manoeuvring.act(one.key, one.manoeuvres, step)
+        self.manoeuvring.act(one.key, one.manoeuvres, step, highest_mps)
         x, y = vehicle.getPosition(one.key)
         self.seen.setdefault(one.track.obstacle_id, []).append((step, x, y, lane_id))
-
-    def _await_target(self, one: Participant, lane_id: str) -> None:
-        """Have a vehicle that finds no room to change into its target wait at the end, instead of driving past it.
-
-        SUMO does so for a stop, and one with a speed holds up nobody who gets there; but the limit on its lane holds
-        on the whole way there, so that a slower one has its stop only when it is beside it. Where the vehicle could
-        not brake comfortably, SUMO takes no stop: it changes lanes in time or drives past, as its route says then.
-        """
-        edge, index = one.target or ("", 0)
-        before = one.edges[: one.edges.index(edge)] if edge in one.edges else ()
-        lane, limits = self.sumo.lane, [self.sumo.lane.getMaxSpeed(f"{key}_0") for key in before]
-        if lane_id.rpartition("_")[0] != edge and max(limits, default=0.0) > lane.getMaxSpeed(f"{edge}_{index}"):
-            return
-        self.awaiting.add(one.key)
-        end_m = max(lane.getLength(f"{edge}_{index}") - STOP_BEFORE_END_M, STOP_BEFORE_END_M)
-        try:
-            self.sumo.vehicle.setStop(one.key, edge, end_m, index, 0.0)
-        except self.sumo.TraCIException:
-            return
-        self.sumo.vehicle.setStopParameter(one.key, 0, "speed", PASSING_MPS)
 
 
 def _drives(one: Participant, step: int) -> bool:

@@ -118,41 +118,6 @@ def test_a_lane_change_whose_last_place_is_passed_before_it_can_be_made_is_refus
     assert later.outcome.edits[0].done
 
 
-def test_one_that_can_stop_before_waits_for_its_lane_change(apply: Apply) -> None:
-    slow = town_road().with_vehicles(driving(36, (190, 0), 3.0, 41))
-    assert apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=slow).outcome.edits[0].done
-
-
-def beside_a_column(x_m: float, speed_mps: float) -> ScenarioBuilder:
-    """Vehicle 36 in lane 1, with no gap beside it in lane 2."""
-    column = [driving(40 + place, (x_m - 60 + 9 * place, 3.5), speed_mps, 151) for place in range(9)]
-    return town_road().with_vehicles(driving(36, (x_m, 0), speed_mps, 151), *column)
-
-
-def test_one_that_finds_no_gap_waits_at_the_end_of_its_lane(apply: Apply) -> None:
-    applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=beside_a_column(140, 10.0))
-    (route,) = applied.outcome.edits[0].routes
-    assert route.lanelets[:2] == (1, 2)
-    track = applied.tracks()[36]
-    assert all(y > 1.75 for x, y in track.positions if x > 200)
-    assert track.speeds_mps.min() < 5.0
-
-
-def test_one_that_passes_its_last_gap_too_fast_to_wait_is_refused(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="36 would drive past lanelet 2: it leaves the network on lanelet 11") as told:
-        apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=beside_a_column(184, 14.0))
-    assert "too fast to wait for a gap" in told.value.text
-
-
-def test_one_that_a_later_edit_sends_elsewhere_does_not_drive_past_its_target(apply: Apply) -> None:
-    there, back = (
-        {"op": "reroute", "vehicles": ["36"], "to": ["2"]},
-        {"op": "reroute", "vehicles": ["36"], "to": ["11"]},
-    )
-    applied = apply(there, back, builder=beside_a_column(184, 14.0))
-    assert [one.routes[0].arrives for one in applied.outcome.edits] == [False, True]
-
-
 def test_a_lanelet_too_short_to_be_seen_on_counts_as_driven(apply: Apply) -> None:
     joint = (
         Lane(1, line((0, 0), (100, 0)), successors=(2,)),
