@@ -148,7 +148,7 @@ def refusal_rows(tries: Sequence[Refusal]) -> list[tuple[str, str]]:
         wrong = sum(one.is_right is False for one in mine)
         judged = sum(one.is_right is not None for one in mine)
         rows.append((f"tries refused {task}", f"{len(mine)}, {wrong} of {judged} judged wrongly"))
-        reasons = Counter(re.sub(r"-?\d[\d.]*", "N", one.reason)[:REASON_LETTERS] for one in mine)
+        reasons = Counter(_in_short(one.reason) for one in mine)
         rows += [(f"  because, {task}", f"{count} × {reason}") for reason, count in reasons.most_common(REASONS)]
     return rows
 
@@ -201,6 +201,12 @@ def _interval(values: Iterable[bool | None]) -> str:
         return "not measured"
     low, high = wilson_interval(sum(found), len(found))
     return f"{sum(found)} of {len(found)} ({low:.3f} … {high:.3f})"
+
+
+def _in_short(reason: str) -> str:
+    """What was wrong, without the figures and what is said after it."""
+    wrong = re.split(r"[.] (?:Valid|Next):", reason)[0]
+    return re.sub(r"-?\d[\d.]*", "N", wrong)[:REASON_LETTERS]
 
 
 def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:

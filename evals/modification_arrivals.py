@@ -34,7 +34,7 @@ SLOW_MPS, EASY_MPS2, SLOW_SHARE = 6.0, 1.5, 0.5
 
 DETOUR_SHARE, ROOM_M = 0.7, 15.0
 STANDING_MPS, LAST_S = 0.5, 1.0
-SLOWED_SHARE = 0.7
+SLOWED_SHARE, START_S = 0.7, 4.0
 GAP_M, GAP_S = 10.0, 2.0
 """Somebody within these ahead holds a vehicle up."""
 
@@ -66,7 +66,22 @@ class Journey:
         driven = float(np.linalg.norm(np.diff(self.track.positions, axis=0), axis=1).sum())
         if left > before - DETOUR_SHARE * driven + ROOM_M:
             return False
-        return before > self._slow_reach_m() or self._lacks_time_to_change() or self._is_held_up()
+        return before > self._slow_reach_m() or self._lacks_time_to_change() or self._finds_no_gap()
+
+    def _slow_reach_m(self) -> float:
+        """How far a driver in no hurry gets in the time that the vehicle is there and not held up."""
+        first = max(float(self.track.speeds_mps[0]), 0.0)
+        aim, seconds = max(SLOW_MPS, SLOW_SHARE * first), self._free_s()
+        changing = min(abs(aim - first) / EASY_MPS2, seconds)
+        reached = first + math.copysign(EASY_MPS2, aim - first) * changing
+        return (first + reached) / 2 * changing + aim * (seconds - changing)
+
+    def _free_s(self) -> float:
+        """How long neither somebody close ahead nor the end of its lane holds it up; to start again takes time too."""
+        count = len(self.track.positions) - 1
+        held = sum(self._is_behind_somebody(index) or self._waits_at_end(index) for index in range(count))
+        held_s = held * self.step_s
+        return max(count * self.step_s - held_s - min(held_s, START_S), 0.0)
 
     def _lacks_time_to_change(self) -> bool:
         """Whether the lane changes alone take longer than the vehicle is there."""
@@ -74,29 +89,17 @@ class Journey:
         changes = changes_needed(self.network, begin, self.targets)
         return (len(self.track.positions) - 1) * self.step_s < changes * (LOOK_S + LANE_CHANGE_S)
 
-    def _slow_reach_m(self) -> float:
-        """How far a driver in no hurry gets in the time that the vehicle is there."""
-        first = max(float(self.track.speeds_mps[0]), 0.0)
-        aim, seconds = max(SLOW_MPS, SLOW_SHARE * first), (len(self.track.positions) - 1) * self.step_s
-        changing = min(abs(aim - first) / EASY_MPS2, seconds)
-        reached = first + math.copysign(EASY_MPS2, aim - first) * changing
-        return (first + reached) / 2 * changing + aim * (seconds - changing)
-
-    def _is_held_up(self) -> bool:
-        """Whether somebody ahead or the end of its lane keeps it slow at last, or it had no gap to change into."""
-        count = round(LAST_S / self.step_s)
-        last = self.track.speeds_mps[-count:]
-        slowed = float(last.mean()) <= SLOWED_SHARE * float(self.track.speeds_mps.max())
-        stands = float(last.max()) <= STANDING_MPS
-        behind = any(self._is_behind_somebody(index) for index in range(len(last)))
-        if behind or (stands and self._end_is_near()):
-            return True
+    def _finds_no_gap(self) -> bool:
+        """Whether a vehicle that has to change lanes at last slows or waits for it, or never had a gap for long."""
         side = self._side_to_change_to()
-        return side is not None and (slowed or stands or self._longest_gap_s(side) < LOOK_S + LANE_CHANGE_S)
+        if side is None:
+            return False
+        last = float(self.track.speeds_mps[-round(LAST_S / self.step_s) :].mean())
+        slowed = last <= max(SLOWED_SHARE * float(self.track.speeds_mps.max()), STANDING_MPS)
+        return slowed or self._longest_gap_s(side) < LOOK_S + LANE_CHANGE_S
 
-    def _is_behind_somebody(self, back: int) -> bool:
-        """Whether somebody is in the corridor ahead, so many steps before the last one."""
-        index = len(self.track.positions) - 1 - back
+    def _is_behind_somebody(self, index: int) -> bool:
+        """Whether somebody is in the corridor close ahead."""
         step, heading = self.track.first_step + index, float(self.track.headings_rad[index])
         ahead = np.array([math.cos(heading), math.sin(heading)])
         speed = float(self.track.speeds_mps[index])
@@ -107,14 +110,16 @@ class Journey:
             away = other.positions[there] - self.track.positions[index]
             gap = float(away @ ahead) - (self.track.length_m + other.length_m) / 2
             aside = abs(float(away @ np.array([-ahead[1], ahead[0]])))
-            beside = aside - (self.track.width_m + other.width_m) / 2
-            if -other.length_m < gap <= max(GAP_M, GAP_S * speed) and beside <= SIDE_M:
+            between = aside - (self.track.width_m + other.width_m) / 2
+            if -other.length_m < gap <= max(GAP_M, GAP_S * speed) and between <= SIDE_M:
                 return True
         return False
 
-    def _end_is_near(self) -> bool:
-        """Whether a lanelet under the front ends right ahead: a stop line, a junction, or the last place to change."""
-        front = fronts(self.track)[-1]
+    def _waits_at_end(self, index: int) -> bool:
+        """Whether it stands where a lanelet ends right ahead: a stop line, a junction, or the last place to change."""
+        if float(self.track.speeds_mps[index]) > STANDING_MPS:
+            return False
+        front = fronts(self.track)[index]
         under = self.network.find_lanelet_by_position([front])[0]
         found = [self.network.find_lanelet_by_id(key) for key in under]
         return any(length_m(one) - project(one.center_vertices, front)[0] <= ROOM_M for one in found)

@@ -36,7 +36,7 @@ def goal_checks(written: Written, truth: Truth) -> dict[str, bool]:
         "G_edge": bool(lanelet.polygon.shapely_object.buffer(EDGE_M).contains(shapely.Point(center))),
         "G_position": share is None or abs(station_m - share * length_m(lanelet)) <= GOAL_TOLERANCE_M,
         "G_rectangle": size is not None and any(_near(size, one) for one in _sizes(truth, old)),
-        "G_time": _interval(new, "time") == _steps(truth, written.scene.step_s, old),
+        "G_time": _is_at_its_time(_interval(new, "time"), truth, written.scene.step_s, old),
         "G_preserve": old is None or _interval(new, "velocity") == _interval(old, "velocity"),
     }
 
@@ -64,13 +64,15 @@ def _near(one: tuple[float, float], other: tuple[float, float]) -> bool:
     return all(abs(a - b) <= SIZE_TOLERANCE_M for a, b in zip(one, other, strict=True))
 
 
-def _steps(truth: Truth, step_s: float, old: Any) -> tuple[float, float] | None:
-    """First and last step as asked, rounded inwards; as before where none was asked."""
+def _is_at_its_time(steps: tuple[float, float] | None, truth: Truth, step_s: float, old: Any) -> bool:
+    """Whether first and last step are as asked, rounded inwards; as before where nothing was; some where none were."""
     asked = truth.get("time")
-    if not asked:
-        return None if old is None else _interval(old, "time")
-    first, last = asked["start_s"] / step_s, asked["end_s"] / step_s
-    return float(math.ceil(first - ROUNDING)), float(math.floor(last + ROUNDING))
+    if asked:
+        first, last = asked["start_s"] / step_s, asked["end_s"] / step_s
+        return steps == (math.ceil(first - ROUNDING), math.floor(last + ROUNDING))
+    if old is None:
+        return steps is not None and 0 <= steps[0] < steps[1]
+    return steps == _interval(old, "time")
 
 
 def _interval(goal: Any, name: str) -> tuple[float, float] | None:

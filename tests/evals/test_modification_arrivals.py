@@ -48,11 +48,11 @@ def test_one_who_drove_past_or_another_way_is_not(folder: Path) -> None:
 
 
 def test_one_behind_a_queue_or_at_the_end_of_its_lane_is_late_with_reason(folder: Path) -> None:
-    queue = slowing(journey(folder, {12}, driving(51, (163, 0), 10.0, 60), driving(52, (200, 0), 0.0, 60)), 0.2)
+    queue = slowing(journey(folder, {12}, driving(51, (166, 0), 10.0, 60), driving(52, (204, 0), 0.0, 60)), 0.2)
     free = replace(queue, others={51: queue.track})
     assert queue.is_late_with_reason()
     assert not free.is_late_with_reason()
-    waiting = slowing(journey(folder, {12}, driving(51, (188, 0), 2.0, 80)), 0.0)
+    waiting = slowing(journey(folder, {12}, driving(51, (192, 0), 0.6, 80)), 0.0)
     assert waiting.is_late_with_reason()
 
 

@@ -1,5 +1,6 @@
 """Every check of the modification bench fails on a fixture that is wrong in just that respect."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -143,3 +144,11 @@ def test_a_schema_error_that_the_source_does_not_have_is_seen(cases: dict[str, W
     spoiled.write_text(cases["G"].xml.read_text(encoding="utf-8").replace("<type>car</type>", "<type>cow</type>", 1))
     assert is_valid(cases["G"])
     assert not is_valid(replace(cases["G"], loaded=replace(cases["G"].loaded, path=spoiled)))
+
+
+def test_a_problem_without_a_goal_gets_some_time_for_its_first_one(cases: dict[str, Written], tmp_path: Path) -> None:
+    base = tmp_path / "base.xml"
+    base.write_text(re.sub(r"<goalState>.*?</goalState>", "", town_road().cut(100).xml(), flags=re.DOTALL))
+    first = carried_out(base, TRUTHS["G"] | {"rectangle": None, "time": None})
+    assert verdicts(first)["G_time"]
+    assert not verdicts(respelt(first, "planningProblem/goalState/time/intervalEnd", "0"))["G_time"]
