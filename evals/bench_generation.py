@@ -26,7 +26,12 @@ from typing import TypeVar
 from plannerforge.evals.generation_cases import convert_whole, make_group, refused_right
 from plannerforge.evals.generation_figures import Made, print_generation
 from plannerforge.evals.generation_maps import BenchMaps, read_maps
-from plannerforge.evals.generation_refusals import Refusal, corpus_refusals, missing_requests
+from plannerforge.evals.generation_refusals import (
+    Refusal,
+    corpus_refusals,
+    left_over_requests,
+    missing_requests,
+)
 from plannerforge.evals.generation_requests import BenchRequest, corpus_requests, seeded_requests
 
 Item = TypeVar("Item")
@@ -66,7 +71,8 @@ def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], li
     """What the maps can meet, and what has to be refused."""
     good = corpus_requests(lines, maps.names)
     good += seeded_requests(maps.places, maps.names, REQUESTS - len(good))
-    return good, corpus_refusals(lines) + missing_requests(maps.places, maps.names, MISSING)
+    bad = corpus_refusals(lines) + missing_requests(maps.places, maps.names, MISSING)
+    return good, bad + left_over_requests(maps.places, maps.names)
 
 
 def _make(pool: ProcessPoolExecutor, requests: list[BenchRequest], maps: BenchMaps) -> list[Made]:

@@ -12,7 +12,13 @@ from typing import Any, Literal, get_args
 from plannerforge.evals.generation_requests import SEED, corpus_wish, types_of
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 
-MAY_BE_MISSING = ("roundabout", "highway", "ramp", "rural", "signalised_intersection")
+MAY_BE_MISSING = ("roundabout", "highway", "ramp", "rural", "signalised_intersection", "intersection", "urban")
+VILLAGES = frozenset(
+    {"HND_Santa_Barbara-1.osm", "dueren-complete-excerpt.osm", "krautsand.osm", "o2s_overlapping_service_roads.osm"}
+)
+"""Maps whose list leaves ``urban`` out though they show streets among houses: the list is of towns, the type is not."""
+LEFT_OVER = {"urban": "motorway", "intersection": "motorway", "highway": "residential", "ramp": "motorway_link"}
+"""For each type a road class of which no site of it can be made."""
 Reason = Literal["unknown_place", "no_map_here", "no_such_site", "unknown_class", "invalid_value"]
 """``no_map_here``: a real place, which could be met with another set of maps; refused like an unknown one."""
 
@@ -73,7 +79,8 @@ def missing_requests(places: Mapping[str, Any], maps: frozenset[str], count: int
         (name, kind)
         for name in there
         for kind in MAY_BE_MISSING
-        if not any(
+        if not (kind == "urban" and name in VILLAGES)
+        and not any(
             kind in types_of(places[other]) for other in there if places[name]["places"][0] in places[other]["places"]
         )
     ]
@@ -86,12 +93,39 @@ def _missing(name: str, kind: str, shown: Mapping[str, Any]) -> Refusal:
     return Refusal(f"missing-{kind}-{name}", given, "no_such_site", (kind,))
 
 
+def left_over_requests(places: Mapping[str, Any], maps: frozenset[str]) -> list[Refusal]:
+    """Requests at motorways for a type of site that the map shows, but not in the road class that is to be left."""
+    return [
+        Refusal(
+            f"left-{kind}-{name}",
+            {
+                "place": places[name]["places"][0],
+                "country": places[name]["country"],
+                "scenario_type": kind,
+                "road_classes": [road_class],
+            },
+            "no_such_site",
+            (kind,),
+        )
+        for name in sorted(maps & set(places))
+        for kind, road_class in LEFT_OVER.items()
+        if {kind, "highway"} <= set(types_of(places[name]))
+    ]
+
+
 def is_right_reason(refusal: Refusal, error: PlannerForgeError) -> bool:
     """Whether an error is of the class that belongs to the reason, says what is wrong and names the subject."""
     kinds: dict[Reason, tuple[type[PlannerForgeError], tuple[str, ...]]] = {
         "unknown_place": (UnknownName, ("no map shows", "no map lies in")),
         "no_map_here": (UnknownName, ("no map shows", "no map lies in")),
-        "no_such_site": (NotPossible, tuple(f"holds no {subject} site" for subject in refusal.subjects)),
+        "no_such_site": (
+            NotPossible,
+            tuple(
+                saying
+                for subject in refusal.subjects
+                for saying in (f"holds no {subject} site", f"holds any {subject} site")
+            ),
+        ),
         "unknown_class": (UnknownName, ("no vehicle class",)),
         "invalid_value": (InvalidRequest, refusal.subjects),
     }

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from plannerforge.engine.catalog.places import country_code
 from plannerforge.engine.maps.index import Box, MapEntry, MapMatch, find_maps
 from plannerforge.engine.maps.road_classes import resolve_road_classes
-from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest, VehicleDemand
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioType, VehicleDemand
 from plannerforge.schemas.grammar import parse_comparison
 
 MOST_VEHICLES = 300
@@ -31,6 +31,7 @@ def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -
 
     Raises:
         UnknownName: no map shows the place, country or box.
+        NotPossible: several do, but none holds the asked type.
         InvalidRequest: a box that is none.
     """
     matches = find_maps(
@@ -40,13 +41,27 @@ def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -
         bbox=box_of(arguments.bbox),
         scenario_type=arguments.scenario_type,
     )
-    holding = [m for m in matches if arguments.scenario_type in ("any", *m.entry.facts.sites)] or matches[:1]
+    holding = [m for m in matches if arguments.scenario_type in ("any", *m.entry.facts.sites)]
+    if not holding and len(matches) > 1:
+        raise _held_nowhere(arguments.scenario_type, matches)
+    holding = holding or matches
     turn = arguments.seed % len(holding)
     unnamed = sorted({word for match in holding for word in match.unnamed})
     notes = [f"the map does not name {word!r}; its street was found" for word in unnamed]
     if (box := box_of(arguments.bbox)) is not None:
         notes += _beyond_the_maps(box, holding)
     return GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
+
+
+def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> NotPossible:
+    facts = [match.entry.facts for match in matches]
+    names = [f"{f.place} ({f.map_id})" for f in facts[:SHOWN_PLACES]]
+    more = f" nor any of {len(facts) - SHOWN_PLACES} more" * (len(facts) > SHOWN_PLACES)
+    return NotPossible(
+        f"none of {len(facts)} maps holds any {scenario_type} site: not {', '.join(names)}{more}",
+        valid=sorted({kind for f in facts for kind in f.sites}),
+        next_step="choose one of these scenario types, or another place",
+    )
 
 
 def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:

@@ -11,15 +11,15 @@ from pathlib import Path
 from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.maps.osm_reader import OsmMap
-from plannerforge.engine.maps.sites import Site
-from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
+from plannerforge.engine.maps.sites import Site, SiteFinder
+from plannerforge.engine.scenarios.generate_ground import ANOTHER_TYPE, Ground, prepare_ground
 from plannerforge.engine.scenarios.generate_report import describe
 from plannerforge.engine.scenarios.generate_traffic import lively_traffic, without_spares
 from plannerforge.engine.scenarios.goal_wish import GoalWish, parse_goal
 from plannerforge.engine.scenarios.planning_problem import EgoWish, choose_task, parse_ego
 from plannerforge.engine.scenarios.scenario_head import benchmark_id
 from plannerforge.engine.scenarios.scene_order import along_the_site
-from plannerforge.engine.scenarios.site_choice import fitting_sites
+from plannerforge.engine.scenarios.site_choice import fitting_sites, held_types
 from plannerforge.engine.scenarios.validate import check_scenario
 from plannerforge.engine.scenarios.writer import write_scenario
 from plannerforge.engine.traffic.demand import lane_km_of
@@ -85,7 +85,7 @@ def _generate(request: GenerationRequest, report: ProgressReporter) -> Generated
         tried, refusals = _try_sites(request, osm, sites, (ego, goal), Path(scratch), report)
         usable = [attempt for attempt in tried if not attempt.unusable]
         if not usable:
-            raise refusals[0] if refusals else _unusable(tried[0])
+            raise _refusal(refusals[0], osm, request) if refusals else _unusable(tried[0])
         best = min(usable, key=lambda attempt: len(attempt.faults))
         shutil.move(best.path, Path(request.folder) / "scenario.xml")
         shutil.move(best.net_path, Path(request.folder) / "scenario.net.xml")
@@ -104,11 +104,16 @@ def _try_sites(
     scratch: Path,
     report: ProgressReporter,
 ) -> tuple[list[_Try], list[NotPossible]]:
-    """Attempts until one has no fault, and the refusals on the way: the site's own twice, then other sites."""
+    """Attempts until one has no fault, and the refusals on the way: the site's own twice, then other sites.
+
+    Where there is no other site, all attempts are made at its own.
+    """
     tried: list[_Try] = []
     refusals: list[NotPossible] = []
     rounds = 0
-    for number, site in enumerate(sites[request.site_index :: request.site_step][:MOST_SITES]):
+    own_and_others = sites[request.site_index :: request.site_step][:MOST_SITES]
+    own_rounds = OWN_ROUNDS if len(own_and_others) > 1 else MOST_TRIES
+    for number, site in enumerate(own_and_others):
         folder = scratch / str(number)
         folder.mkdir()
         try:
@@ -116,7 +121,7 @@ def _try_sites(
         except NotPossible as refused:
             refusals.append(refused)
             continue
-        for round_number in range(1 if number else OWN_ROUNDS):
+        for round_number in range(1 if number else own_rounds):
             rounds += 1
             try:
                 tried.append(_attempt(request, ground, round_number, task_wish, folder, report))
@@ -130,6 +135,16 @@ def _try_sites(
         if task_wish[1].lanelet is not None:  # an id means another lanelet elsewhere
             break
     return tried, refusals
+
+
+def _refusal(first: NotPossible, osm: OsmMap, request: GenerationRequest) -> NotPossible:
+    """The first reason; where the site was lost on its way to the net, with the other types that the map holds."""
+    if first.next_step != ANOTHER_TYPE:
+        return first
+    held = [
+        kind for kind in held_types(SiteFinder(osm, request.road_classes), request) if kind != request.scenario_type
+    ]
+    return NotPossible(first.message, valid=held, next_step=first.next_step)
 
 
 def _unusable(attempt: _Try) -> NotPossible:
@@ -164,6 +179,11 @@ def _attempt(
     task = choose_task(ego, goal, to_choose_from, place.network, STEP_S)
     everyone = without_spares((task.ego, *(vehicle for vehicle in ranked if vehicle is not task.ego)), demand)
     others = everyone[1:]
+    if not others and demand.total > 1:
+        raise NotPossible(
+            "no vehicle but the ego found room on the roads of this site",
+            next_step="choose a higher density, another place or other road_classes",
+        )
     report(0.8, "writing the file")
     obstacle_ids = write_scenario(path, ground.head, place.network, others, task)
     report(0.85, "reading back and checking")

@@ -23,6 +23,9 @@ from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest
 from plannerforge.schemas.network_rules import RuleFinding
 
+ANOTHER_TYPE = "choose another scenario_type, or another place"
+"""What to do about a site that is lost: the types that the map holds besides are looked for only where all are."""
+
 
 @dataclass(frozen=True)
 class Ground:
@@ -45,7 +48,7 @@ def prepare_ground(
     net_path = folder / "scenario.net.xml"
     place = build_place(osm, site, request, net_path, folder, step_s, report)
     if (reason := why_not_realised(site, place.net)) is not None:
-        raise NotPossible(reason)
+        raise NotPossible(reason, next_step=ANOTHER_TYPE)
     report(0.25, "checking the network")
     head = head_of(request, site, place.net, step_s)
     findings = network_findings(place.network, head)

@@ -77,6 +77,11 @@ def _distance_m(one: Site, other: Site) -> float:
     return ground_distance_m((one.latitude, one.longitude), (other.latitude, other.longitude))
 
 
+def held_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
+    """The types of which the map holds a site on the asked streets, in the asked box."""
+    return [kind for kind in ANY_ORDER if _fitting(finder.find(kind), request)]
+
+
 def _longest_road(finder: SiteFinder) -> list[Site]:
     longest = finder.longest_road()
     return [] if longest is None else [longest]
@@ -91,7 +96,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
             valid=["roads, link", "all"],
             next_step="add link to road_classes, or leave road_classes out",
         )
-    held = [kind for kind in ANY_ORDER if _fitting(finder.find(kind), request)]
+    held = held_types(finder, request)
     where = " on " + " / ".join(names[0] for names in request.streets) if request.streets else ""
     where += " in the box" if request.bbox is not None else ""
     wish = "site of any type" if wanted == "any" else f"{wanted} site"

@@ -50,6 +50,12 @@ def test_another_reason_is_not_the_right_one(reason: str, error: PlannerForgeErr
     assert not is_right_reason(BY_REASON[reason], error)
 
 
+def test_a_type_that_none_of_several_maps_holds_is_refused_for_the_right_reason() -> None:
+    refusal = Refusal("box", {"bbox": [-80, -170, 80, 170], "scenario_type": "ramp"}, "no_such_site", ("ramp",))
+    without_ramps = [entry for entry in built_in_maps() if "ramp" not in entry.facts.sites]
+    assert refused_right(refusal, without_ramps) == ""
+
+
 def test_what_is_made_though_it_had_to_be_refused_is_told_of() -> None:
     possible = Refusal("made", {"place": "Landmoor", "duration_s": 5}, "no_such_site", ("ramp",))
     assert refused_right(possible, built_in_maps()) == "was made in map_landmoor"

@@ -1,7 +1,7 @@
 """The requests that the generator is measured with."""
 
 from plannerforge.evals.bench_generation import _spread
-from plannerforge.evals.generation_refusals import missing_requests
+from plannerforge.evals.generation_refusals import left_over_requests, missing_requests
 from plannerforge.evals.generation_requests import seeded_requests
 
 
@@ -20,6 +20,22 @@ def test_what_another_map_of_the_place_shows_is_not_asked_for_as_missing() -> No
     assert ("a.osm", "roundabout") not in asked
     assert ("c.osm", "roundabout") in asked
     assert ("a.osm", "ramp") in asked
+
+
+def test_a_type_is_asked_for_in_road_classes_that_leave_none_of_it() -> None:
+    listed = {"a.osm": shown("Town", "urban", "highway", "intersection"), "b.osm": shown("Village", "urban")}
+    asked = left_over_requests(listed, frozenset(listed))
+    assert [(r.given["place"], r.given["scenario_type"], r.given["road_classes"]) for r in asked] == [
+        ("Town", "urban", ["motorway"]),
+        ("Town", "intersection", ["motorway"]),
+        ("Town", "highway", ["residential"]),
+    ]
+
+
+def test_a_village_is_not_asked_for_a_town_that_its_list_leaves_out() -> None:
+    listed = {"krautsand.osm": shown("Krautsand", "rural"), "c.osm": shown("Moor", "rural")}
+    missing = {r.name for r in missing_requests(listed, frozenset(listed), 99) if r.given["scenario_type"] == "urban"}
+    assert missing == {"missing-urban-c.osm"}
 
 
 def test_seeded_requests_are_the_same_every_time_and_ask_for_what_is_there() -> None:

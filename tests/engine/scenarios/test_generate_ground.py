@@ -10,7 +10,7 @@ from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.maps.draw_library import LIBRARY
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.network.road_network import RoadNetwork
-from plannerforge.engine.scenarios import generate_ground
+from plannerforge.engine.scenarios import generate, generate_ground
 from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
 from plannerforge.engine.scenarios.generate_place import UNKNOWN_SIDE, Place
 from plannerforge.engine.scenarios.site_choice import fitting_sites
@@ -85,3 +85,38 @@ def test_a_type_that_the_road_classes_leave_out_is_refused_with_what_they_leave(
     assert caught.value.valid == ()
     made_of = "track only" in caught.value.message
     assert made_of == (kind != "highway"), "where the whole map holds none, the classes are not to blame"
+
+
+def refused(folder: Path, **changes: object) -> NotPossible:
+    request = request_for_fahrhausen().model_copy(update={"folder": str(folder), **changes})
+    with pytest.raises(NotPossible) as caught:
+        generate.generate(request, silent)
+    return caught.value
+
+
+def test_where_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(generate_ground, "why_not_realised", lambda site, net: f"the {site.kind} is lost")
+    error = refused(tmp_path)
+    assert error.message == "the intersection is lost"
+    assert "urban" in error.valid
+    assert "intersection" not in error.valid
+
+
+def test_a_site_without_another_gets_all_the_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rounds: list[int] = []
+
+    def attempt(request: object, ground: object, round_number: int, *rest: object) -> None:
+        rounds.append(round_number)
+        raise NotPossible("no room")
+
+    first = generate.fitting_sites
+    monkeypatch.setattr(generate, "_attempt", attempt)
+    monkeypatch.setattr(generate, "fitting_sites", lambda osm, request: first(osm, request)[:1])
+    refused(tmp_path)
+    assert rounds == list(range(generate.MOST_TRIES))
+
+
+def test_a_site_where_nobody_but_the_ego_drives_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(generate, "without_spares", lambda ranked, demand: ranked[:1])
+    error = refused(tmp_path, duration_s=6.0)
+    assert error.message == "no vehicle but the ego found room on the roads of this site"
