@@ -9,6 +9,7 @@ from plannerforge.engine.maps.osm_reader import LIMITS
 from plannerforge.engine.maps.sites import MERGE_M, SIGNAL_REACH_M
 from plannerforge.engine.maps.unpacking import LARGEST_BYTES, MAP_ENDINGS
 from plannerforge.engine.scenarios.generate import LEAST_FEASIBLE, LEAST_ON_LANELETS
+from plannerforge.engine.scenarios.generate_traffic import MOST_STATES
 from plannerforge.engine.scenarios.site_choice import RADIUS_M
 from plannerforge.engine.traffic.simulation import WARM_UP_S
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
@@ -49,6 +50,7 @@ def test_the_densities_are_those_of_the_code() -> None:
     assert table("`density`") == wanted
     assert f"at least {FEWEST} and at most {MOST} on a site" in PAGE
     assert f"At most {MOST_VEHICLES} vehicles" in PAGE
+    assert f"({MOST_STATES:,} states in one file)" in PAGE
     assert f"SUMO drives for {WARM_UP_S:g} s" in PAGE
 
 

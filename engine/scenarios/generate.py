@@ -173,6 +173,7 @@ def _attempt(
     lane_km = lane_km_of(place.net)
     demand = plan_counts(request.density, request.vehicles, lane_km)
     traffic = lively_traffic(request, demand, place, round_number, ground.net_path, folder, STEP_S, report)
+    demand = traffic.demand
     ranked = along_the_site(traffic.everyone, place.site, place.net, place.network)
     report(0.75, "choosing ego and goal")
     to_choose_from = ranked if ego.index is None else without_spares(ranked, demand)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from plannerforge.engine.traffic.motions import Participant
-from plannerforge.engine.traffic.vehicle_counts import FEWEST, MOST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand
+from plannerforge.engine.traffic.vehicle_counts import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand
 from plannerforge.schemas.generation import DensityFacts, GenerationRequest
 
 MISSED_BY = 0.25
@@ -46,6 +46,4 @@ def _reason(density: DensityFacts, demand: Demand, *, too_many: bool) -> str:
         return small if demand.total <= FEWEST else "so many vehicles were asked for by number"
     if demand.total >= (1 - MISSED_BY) * density.target_per_lane_km * density.lane_km:
         return "no more found room"
-    if demand.total == MOST:
-        return f"the site has {density.lane_km:g} lane-km, and no more than {MOST} vehicles are put on one"
-    return "the number of cars was bounded"
+    return demand.bounded_by or "the number of cars was bounded"

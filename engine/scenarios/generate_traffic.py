@@ -17,6 +17,8 @@ from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest
 
 ATTEMPTS = 3
+MOST_STATES = 100_000
+"""So many recorded states of vehicles fit into a file that is still read back; its reader bounds the elements."""
 SPARE_SHARE = 0.12
 """More vehicles than wanted are simulated, because some leave before step 0 or are left out."""
 LASTING_S = 30.0
@@ -25,10 +27,14 @@ LASTING_S = 30.0
 
 @dataclass(frozen=True)
 class LivelyTraffic:
-    """Smoothed vehicles at a site, spare ones among them; ``left_out``: how many were not sound, as they overlapped."""
+    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet.
+
+    ``left_out``: how many were not sound, as they could not be driven or overlapped others.
+    """
 
     everyone: tuple[Participant, ...]
     left_out: int
+    demand: Demand
 
 
 def lively_traffic(
@@ -66,6 +72,10 @@ def lively_traffic(
             scratch=scratch,
             report=part,
         )
+        states = sum(len(track.front) - track.lead_in for track in traffic.tracks) / (1 + SPARE_SHARE)
+        if states > MOST_STATES:
+            demand = _fewer(demand, MOST_STATES / states, request.duration_s)
+            continue
         part(1.0, "smoothing motion")
         everyone = participants(traffic)
         part(1.0, "looking for overlaps")
@@ -73,9 +83,31 @@ def lively_traffic(
         left_out = len(everyone) - len(kept)
         absent = missing(demand, kept)
         if not absent:
-            return LivelyTraffic(kept, left_out)
+            return LivelyTraffic(kept, left_out, demand)
         shortfalls.append(absent)
+    if not shortfalls:
+        raise _too_large(request.duration_s)
     raise _no_room(demand, min(shortfalls, key=lambda absent: sum(absent.values())))
+
+
+def _fewer(demand: Demand, share: float, duration_s: float) -> Demand:
+    """Fewer vehicles where a file would hold too many states; those that stay leave earlier, so not by much more.
+
+    Raises:
+        NotPossible: the request names them all.
+    """
+    reason = f"a recording of {duration_s:g} s holds no more than {MOST_STATES:,} states of vehicles"
+    less = demand.fewer(0.95 * share, reason)
+    if less.counts == demand.counts:
+        raise _too_large(duration_s)
+    return less
+
+
+def _too_large(duration_s: float) -> NotPossible:
+    return NotPossible(
+        f"so many vehicles for {duration_s:g} s make a file that is too large (more than {MOST_STATES:,} states)",
+        next_step="ask for a shorter duration_s, a lower density or fewer vehicles",
+    )
 
 
 def without_spares(everyone: tuple[Participant, ...], demand: Demand) -> tuple[Participant, ...]:

@@ -1,7 +1,7 @@
 """How many vehicles of which class a site gets: those that are counted in the request, and a density for the rest."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
 from plannerforge.schemas.errors import UnknownName, closest
@@ -23,11 +23,15 @@ NAMED_SHARE = 0.2
 
 @dataclass(frozen=True)
 class Demand:
-    """Vehicles wanted by class; ``least`` and ``most`` are the request's own bounds, the ego not counted."""
+    """Vehicles wanted by class; ``least`` and ``most`` are the request's own bounds, the ego not counted.
+
+    ``bounded_by``: in words, what keeps the vehicles from being as many as the density asks for, where something does.
+    """
 
     counts: dict[str, int]
     least: dict[str, int]
     most: dict[str, int]
+    bounded_by: str = ""
 
     @property
     def total(self) -> int:
@@ -41,7 +45,13 @@ class Demand:
         """
         more = {name: count + round(share * count) for name, count in self.counts.items()}
         more["car"] = self.counts["car"] + max(1, round(share * self.total))
-        return Demand(more, self.least, self.most)
+        return replace(self, counts=more)
+
+    def fewer(self, share: float, reason: str) -> "Demand":
+        """A share of the vehicles of every class, but as many as the request needs."""
+        needed = {name: self.least.get(name, 0) + (name == "car") for name in self.counts}
+        counts = {name: max(needed[name], int(share * count)) for name, count in self.counts.items()}
+        return replace(self, counts=counts, bounded_by=reason)
 
 
 def plan_counts(density: Density, vehicles: Iterable[VehicleDemand], lane_km: float) -> Demand:
@@ -57,7 +67,8 @@ def plan_counts(density: Density, vehicles: Iterable[VehicleDemand], lane_km: fl
     for name in asked:
         if name not in known:
             raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known))
-    wanted = min(max(round(VEHICLES_PER_LANE_KM[density] * lane_km), FEWEST), MOST)
+    dense = round(VEHICLES_PER_LANE_KM[density] * lane_km)
+    wanted = min(max(dense, FEWEST), MOST)
     share = max(1, round(wanted * NAMED_SHARE / max(1, len(asked) / 2)))
     counts = {name: share if demand.least is None else demand.least for name, demand in asked.items()}
     rest = max(wanted - sum(count for name, count in counts.items() if name != "car"), 1)
@@ -69,4 +80,5 @@ def plan_counts(density: Density, vehicles: Iterable[VehicleDemand], lane_km: fl
         counts={name: counts[name] for name in known if counts.get(name)},
         least={name: asked[name].needed for name in known if name in asked},
         most={name: limit for name, demand in sorted(asked.items()) if (limit := demand.most) is not None},
+        bounded_by=f"no more than {MOST} vehicles are put on a site" if dense > MOST else "",
     )

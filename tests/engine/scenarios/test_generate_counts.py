@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 from generation_support import make
 
+from plannerforge.engine.scenarios import generate_traffic
 from plannerforge.engine.scenarios.generate_density import density_notes
-from plannerforge.engine.traffic.vehicle_counts import Demand
+from plannerforge.engine.traffic.vehicle_counts import Demand, plan_counts
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.generation import DensityFacts, VehicleDemand
 
@@ -60,25 +61,39 @@ def density(lane_km: float, target: float, found: float) -> DensityFacts:
 
 
 @pytest.mark.parametrize(
-    ("facts", "counts", "realised", "reason"),
+    ("facts", "demand", "realised", "reason"),
     [
-        (density(0.4, 7, 20), {"car": 8}, 8, "only 0.4 lane-km"),
-        (density(1, 7, 30), {"car": 5, "truck": 25}, 30, "asked for by number"),
-        (density(20, 28, 15), {"car": 300}, 300, "no more than 300"),
-        (density(4, 28, 20), {"car": 112}, 80, "no more found room"),
-        (density(4, 28, 1.25), {"car": 5}, 5, "number of cars was bounded"),
+        (density(0.4, 7, 20), plan_counts("low", [], 0.4), 8, "only 0.4 lane-km"),
+        (density(1, 7, 30), Demand({"car": 5, "truck": 25}, {"truck": 25}, {}), 30, "asked for by number"),
+        (density(20, 28, 15), plan_counts("high", [], 20.0), 300, "no more than 300"),
+        (density(4, 28, 20), plan_counts("high", [], 4.0), 80, "no more found room"),
+        (density(4, 28, 1.25), Demand({"car": 5}, {"car": 4}, {"car": 4}), 5, "number of cars was bounded"),
     ],
 )
 def test_a_missed_density_is_told_with_its_reason(
-    facts: DensityFacts, counts: dict[str, int], realised: int, reason: str
+    facts: DensityFacts, demand: Demand, realised: int, reason: str
 ) -> None:
-    told = density_notes(facts, Demand(counts, {}, {}), realised)
+    told = density_notes(facts, demand, realised)
     assert f"{facts.at_start_per_lane_km:g} vehicles per lane-km at the start instead of" in told[-1]
     assert reason in told[-1]
 
 
 def test_a_density_near_its_target_needs_no_words() -> None:
     assert density_notes(density(4, 28, 24), Demand({"car": 96}, {}, {}), 96) == []
+
+
+def test_more_than_a_file_holds_are_made_fewer_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(generate_traffic, "MOST_STATES", 600)
+    made = make("Musterstadt", tmp_path, density="high", vehicles=[VehicleDemand(vehicle_class="truck", least=3)])
+    assert made.vehicles_realised <= 600 / 30
+    assert made.classes_realised["truck"] == 3
+    assert any("a recording of 6 s holds no more than 600 states of vehicles" in note for note in made.notes)
+
+
+def test_numbers_that_no_file_holds_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(generate_traffic, "MOST_STATES", 600)
+    with pytest.raises(NotPossible, match="too large"):
+        make("Kreiselheim", tmp_path, vehicles=[VehicleDemand(vehicle_class="truck", least=40)])
 
 
 def test_a_recording_that_ends_early_is_told(tmp_path: Path) -> None:

@@ -61,3 +61,10 @@ def test_an_unknown_class_is_refused_with_the_closest() -> None:
 def test_spare_vehicles_are_added_to_every_large_class_and_always_to_the_cars() -> None:
     spared = Demand({"car": 1, "truck": 100, "bus": 3}, {}, {}).with_spares(0.12)
     assert spared.counts == {"car": 13, "truck": 112, "bus": 3}
+
+
+def test_fewer_vehicles_are_still_as_many_as_the_request_needs() -> None:
+    demand = Demand({"car": 40, "truck": 10, "bus": 3}, {"truck": 8, "bus": 1}, {})
+    less = demand.fewer(0.5, "it is so")
+    assert less.counts == {"car": 20, "truck": 8, "bus": 1}
+    assert less.bounded_by == "it is so"
