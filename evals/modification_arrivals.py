@@ -22,7 +22,7 @@ from plannerforge.evals.modification_reach import (
     length_m,
     ways_m,
 )
-from plannerforge.evals.modification_tracks import fronts
+from plannerforge.evals.modification_tracks import BESIDE_M, fronts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -215,8 +215,12 @@ def _lanelets_at(network: "LaneletNetwork", track: Track, index: int) -> list[in
 
 
 def _way_m(network: "LaneletNetwork", track: Track, index: int, targets: frozenset[int]) -> float:
-    ways = _ways(network, track, index)
-    return min((ways[key] for key in targets if key in ways), default=math.inf)
+    """The shortest way to a target from a vehicle, which may drive a little beside its lanelet where it turns."""
+    heading = float(track.headings_rad[index])
+    aside = np.array([-math.sin(heading), math.cos(heading)]) * BESIDE_M
+    here = _inside(network, track, index)
+    ways = [ways_m(network, point, heading) for point in (here, here + aside, here - aside, fronts(track)[index])]
+    return min((found[key] for found in ways for key in targets if key in found), default=math.inf)
 
 
 def _ways(network: "LaneletNetwork", track: Track, index: int) -> dict[int, float]:
@@ -232,4 +236,4 @@ def _inside(network: "LaneletNetwork", track: Track, index: int) -> Points:
     here = shapely.Point(points[0])
     near = min(network.lanelets, key=lambda one: here.distance(one.polygon.shapely_object))
     inner = near.polygon.shapely_object.buffer(-0.1)
-    return np.asarray(shapely.ops.nearest_points(inner, here)[0].coords[0])
+    return np.asarray(shapely.shortest_line(inner, here).coords[0])

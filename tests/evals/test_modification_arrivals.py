@@ -47,6 +47,12 @@ def test_one_who_drove_past_or_another_way_is_not(folder: Path) -> None:
     assert not journey(folder, {12}, driving(51, (150, 3.5), 10.0, 100)).is_late_with_reason()
 
 
+def test_one_who_drives_a_little_beside_its_lanelet_is_on_its_way(folder: Path) -> None:
+    aside = journey(folder, {11}, driving(51, (20, -2.2), 10.0, 60))
+    assert aside.is_late_with_reason()
+    assert not replace(aside, targets=frozenset({3})).is_late_with_reason()
+
+
 def test_one_behind_a_queue_or_at_the_end_of_its_lane_is_late_with_reason(folder: Path) -> None:
     queue = slowing(journey(folder, {12}, driving(51, (166, 0), 10.0, 60), driving(52, (204, 0), 0.0, 60)), 0.2)
     free = replace(queue, others={51: queue.track})
