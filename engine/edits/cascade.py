@@ -89,8 +89,12 @@ def _round(
             tracks[key] = made
     bodies = {key: body_of_track(track) for key, track in (scene.tracks | scene.standing).items()}
     moved = [bodies[key] for key in changes.replays if key not in tracks]
-    recorded = {key: body for key, body in bodies.items() if key not in changes.replays}
-    others = [body for key, body in recorded.items() if key not in tracks and key not in changes.removed]
+    recorded = {key: body for key, body in bodies.items() if not changes.is_added(key)}
+    for key, replay in changes.replays.items():
+        if key in recorded:
+            recorded[key] = replace(recorded[key], shifted_steps=replay.shifted_steps)
+    kept = recorded.keys() - tracks.keys() - changes.replays.keys() - changes.removed
+    others = [recorded[key] for key in sorted(kept)]
     regions = [region for region in scene.regions if region.obstacle_id not in changes.removed]
     others += [replace(body_of_track(region.track), key=region.obstacle_id) for region in regions]
     overlaps = new_overlaps([*moved, *(body_of_touched(track) for track in tracks.values())], others, recorded)

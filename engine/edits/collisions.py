@@ -20,13 +20,17 @@ NEAR_STEPS = 10
 
 @dataclass(frozen=True)
 class Body:
-    """A moving rectangle: centres (n, 2) and headings (n,) from ``first_step`` on, length and width in m."""
+    """A moving rectangle: centres (n, 2) and headings (n,) from ``first_step`` on, length and width in m.
+
+    ``shifted_steps``: how much later than recorded it moves, of a recording moved in time.
+    """
 
     key: int
     first_step: int
     positions: Points
     headings_rad: Values
     size_m: tuple[float, float]
+    shifted_steps: int = 0
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,8 @@ def body_of_touched(track: TouchedTrack) -> Body:
 def new_overlaps(touched: Iterable[Body], others: Iterable[Body], recorded: Mapping[int, Body]) -> tuple[Overlap, ...]:
     """First overlaps of touched bodies with all others and with one another, ordered by step.
 
-    An overlap that begins where the same two overlap in the recording is left out: no edit caused it. Several of the
+    An overlap that begins where the same two overlap in the recording is left out: no edit caused it. The recordings
+    of two that are moved in time alike count as recorded, those of two that are moved otherwise do not. Several of the
     others may have one key: they stand for one obstacle.
     """
     moved, rest = list(touched), list(others)
@@ -94,6 +99,8 @@ def _first_new(first: Body, second: Body, first_before: Body | None, second_befo
     steps = overlap_steps(first, second)
     step = next(steps, None)
     if step is None or first_before is None or second_before is None:
+        return step
+    if first_before.shifted_steps != second_before.shifted_steps:
         return step
     known = tuple(overlap_steps(first_before, second_before))
     before = -2

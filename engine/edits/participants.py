@@ -18,6 +18,9 @@ EMERGENCY_DECELERATION_MPS2 = 8.0
 SIDEWAYS_SHARE = 0.25
 """Speed across a lane to speed along it, at most: a car steers over at 14°, and does not slide over while it stands."""
 
+NO_LIMIT_MPS = 70.0
+"""Replayed vehicles are put where they were, however fast that is."""
+
 Hint = tuple[str, int]
 """SUMO edge and lane index where a recorded pose lies; ("", -1) where nobody knows."""
 
@@ -31,7 +34,8 @@ class Participant:
     poses are put onto its route's lanes, because SUMO took the recorded ones for another road. ``manoeuvres``: what it
     is told while it is driven. ``lanes_to_target``: SUMO's lanes that lead to the target without a change of lane; the
     vehicle waits for a gap into one of them instead of driving past (none: it does not). ``is_sent``: an edit sends it
-    another way than recorded.
+    another way than recorded. ``maximum_speed_mps``: what a driven vehicle never exceeds, that of its class or of its
+    recording.
     """
 
     track: Track
@@ -46,6 +50,7 @@ class Participant:
     through: tuple[Hint, ...] = ()
     lanes_to_target: frozenset[str] = frozenset()
     is_sent: bool = False
+    maximum_speed_mps: float = NO_LIMIT_MPS
 
     @cached_property
     def key(self) -> str:
@@ -78,7 +83,7 @@ class Participant:
             "vClass": self.sumo_class,
             "length": f"{max(self.track.length_m, 0.5):.3f}",
             "width": f"{max(self.track.width_m, 0.3):.3f}",
-            "maxSpeed": "70",
+            "maxSpeed": f"{self.maximum_speed_mps:g}",
             "speedDev": "0",
             "lcMaxSpeedLatStanding": "0",
             "lcMaxSpeedLatFactor": f"{SIDEWAYS_SHARE:g}",
@@ -126,6 +131,7 @@ def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
         manoeuvres=plan.manoeuvres,
         lanes_to_target=_lanes_to(scene, plan, target),
         is_sent=bool(plan.targets) and plan.cause == "edited",
+        maximum_speed_mps=max(plan.vehicle_class.maximum_speed_mps, float(plan.start.speeds_mps.max())),
         through=tuple(lane_of[key] for key in plan.lanelets if key in plan.through and key in lane_of),
     )
 

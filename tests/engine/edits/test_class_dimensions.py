@@ -68,3 +68,18 @@ def test_a_bend_that_a_car_can_take_is_too_tight_for_a_bus(check: object) -> Non
 )
 def test_a_recorded_vehicle_is_of_the_class_that_is_nearest_in_length(kind: str, length_m: float, name: str) -> None:
     assert nearest_class(kind, length_m).name == name
+
+
+def test_no_added_vehicle_drives_faster_than_its_class_can(apply: Apply) -> None:
+    moped = {"op": "add_vehicle", "vehicle_class": "moped", "at": "1", "position": "5m", "speed": "5m/s"}
+    applied = apply(moped, builder=town_road().with_vehicles(driving(34, (280, 7), 11.0, 151, heading_rad=np.pi)))
+    speeds = applied.tracks()[101].speeds_mps
+    assert speeds[0] < 12.0 < speeds.max() < vehicle_classes()["moped"].maximum_speed_mps + 0.1
+
+
+def test_a_recorded_vehicle_may_be_as_fast_as_it_was(apply: Apply) -> None:
+    racer = driving(36, (20, 0), 9.0, 101, kind="bicycle", size_m=(1.6, 0.65))
+    applied = apply(
+        {"op": "set_behaviour", "vehicles": ["36"], "params": ["sigma=0"]}, builder=town_road().with_vehicles(racer)
+    )
+    assert applied.tracks()[36].speeds_mps[-1] == pytest.approx(9.0, abs=0.2)

@@ -34,6 +34,14 @@ def test_two_shifts_add_up_and_lose_nothing(apply: Apply) -> None:
     assert np.array_equal(applied.tracks()[34].positions, applied.base_tracks()[34].positions)
 
 
+def test_two_that_overlap_in_the_recording_still_do_if_moved_alike(apply: Apply) -> None:
+    overlapping = town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), driving(32, (58, 0), 10.0, 101))
+    both = {"op": "shift_time", "vehicles": ["31", "32"], "time_s": 2}
+    applied = apply(both, builder=overlapping, on_conflict="refuse")
+    assert applied.outcome.collisions == ()
+    assert applied.outcome.handed_over == ()
+
+
 def follower_and_leader() -> ScenarioBuilder:
     west = np.pi
     return town_road().with_vehicles(
