@@ -20,6 +20,7 @@ from plannerforge.engine.scenarios.planning_problem import EgoWish, choose_task,
 from plannerforge.engine.scenarios.scenario_head import benchmark_id
 from plannerforge.engine.scenarios.scene_order import along_the_site
 from plannerforge.engine.scenarios.site_choice import fitting_sites, held_types
+from plannerforge.engine.scenarios.site_heart import SiteHeart
 from plannerforge.engine.scenarios.validate import check_scenario
 from plannerforge.engine.scenarios.writer import write_scenario
 from plannerforge.engine.traffic.demand import lane_km_of
@@ -177,7 +178,8 @@ def _attempt(
     ranked = along_the_site(traffic.everyone, place.site, place.net, place.network)
     report(0.75, "choosing ego and goal")
     to_choose_from = ranked if ego.index is None else without_spares(ranked, demand)
-    task = choose_task(ego, goal, to_choose_from, place.network, STEP_S)
+    heart = SiteHeart(place.site, place.net, place.network)
+    task = choose_task(ego, goal, to_choose_from, place.network, heart, STEP_S)
     everyone = without_spares((task.ego, *(vehicle for vehicle in ranked if vehicle is not task.ego)), demand)
     others = everyone[1:]
     if not others and demand.total > 1:
@@ -189,6 +191,8 @@ def _attempt(
     obstacle_ids = write_scenario(path, ground.head, place.network, others, task)
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, ground.findings)
+    if not task.heart_passed:
+        notes.append(heart.missed(only_car=ego.index is not None))
     if traffic.left_out:
         notes.append(
             f"{traffic.left_out} vehicle(s) left out: their motion could not be driven, or overlapped another's"

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from plannerforge.engine.network.lanelet_lookup import LaneletLookup
 from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
 from plannerforge.engine.scenarios.ego_way import follows_smooth_lanes
 from plannerforge.engine.scenarios.goal_wish import SHORTEST_WAY_M, GoalWish, Passage, check_lanelet, passage
+from plannerforge.engine.scenarios.site_heart import SiteHeart
 from plannerforge.engine.traffic.motions import Participant
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
@@ -31,7 +32,8 @@ class PlanningTask:
     """Initial state and goal of the ego.
 
     The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, to be reached within
-    the steps of ``time_steps`` and headings within ``heading_margin_rad``.
+    the steps of ``time_steps`` and headings within ``heading_margin_rad``. ``heart_passed``: how many parts of
+    what the site is about the recorded way to it passes.
     """
 
     ego: Participant
@@ -43,6 +45,7 @@ class PlanningTask:
     size_m: tuple[float, float]
     time_steps: tuple[int, int]
     heading_margin_rad: float
+    heart_passed: int = 1
 
 
 def parse_ego(text: str) -> EgoWish:
@@ -61,11 +64,12 @@ def parse_ego(text: str) -> EgoWish:
 
 
 def choose_task(
-    ego: EgoWish, goal: GoalWish, everyone: Sequence[Participant], network: RoadNetwork, step_s: float
+    ego: EgoWish, goal: GoalWish, everyone: Sequence[Participant], network: RoadNetwork, heart: SiteHeart, step_s: float
 ) -> PlanningTask:
     """The planning task of the wished car, or of the first car that can have the wished goal.
 
-    Cars whose recorded way can be driven come before others, and of those the ones whose lanes can be followed.
+    Cars whose recorded way can be driven come before others, of those the ones that pass on it what the site is about,
+    and of those the ones whose lanes can be followed.
 
     Raises:
         NotPossible: no car, not so many cars, or none that reaches such a goal.
@@ -78,21 +82,24 @@ def choose_task(
             next_step="choose a smaller index or a higher density",
         )
     choice = [cars[ego.index]] if ego.index is not None else cars
-    rough: PlanningTask | None = None
-    reserve: PlanningTask | None = None
     check_lanelet(goal, network)
     lookup = LaneletLookup(network)
+    best: tuple[tuple[bool, int, bool], PlanningTask] | None = None
     for car in choice:
         task = _task(car, goal, network, lookup, step_s)
         if task is None:
             continue
-        if car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup):
-            return task
-        rough = rough or (task if car.feasible else None)
-        reserve = reserve or task
-    found = rough or reserve
-    if found is not None:
-        return found
+        task = replace(task, heart_passed=heart.parts_passed(car, task.goal_step))
+        if best is not None and (car.feasible, task.heart_passed, True) <= best[0]:
+            continue
+        smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup)
+        merit = (car.feasible, task.heart_passed, smooth)
+        if best is None or merit > best[0]:
+            best = merit, task
+        if merit == (True, heart.parts, True):
+            break
+    if best is not None:
+        return best[1]
     raise NotPossible(
         f"none of the {len(choice)} car(s) to choose from has a goal {goal} on its way (at least "
         f"{SHORTEST_WAY_M:g} m within the recording)",

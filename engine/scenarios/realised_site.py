@@ -34,9 +34,9 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
     """The reason why the net does not show the site's type near its middle; None where it does."""
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
-        "roundabout": lambda: any(_is_ring_at(net, middle, ring) for ring in net.roundabout_edges),
-        "signalised_intersection": lambda: any(_is_lit(net, key) for key in _junctions_near(net, middle)),
-        "intersection": lambda: bool(_junctions_near(net, middle)),
+        "roundabout": lambda: any(is_ring_at(net, middle, ring) for ring in net.roundabout_edges),
+        "signalised_intersection": lambda: any(is_lit(net, key) for key in junctions_near(net, middle)),
+        "intersection": lambda: bool(junctions_near(net, middle)),
         "ramp": lambda: _ramp_near(net, middle),
         "highway": lambda: _passes(net, middle, AT_M, _one_of(net, FAST_ROADS)),
         "rural": lambda: _passes(net, middle, AT_M, _none_of(net, ALL_ROADS - RURAL_CLASSES)),
@@ -67,7 +67,7 @@ def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[str
     return any(float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m for lane in lanes)
 
 
-def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...]) -> bool:
+def is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...]) -> bool:
     """Whether a ring is closed, has roads that lead into it, and surrounds the middle or passes near it."""
     inside = frozenset(ring) & frozenset(net.edges)
     onward = {turn.from_edge for turn in net.connections if turn.from_edge in inside and turn.to_edge in inside}
@@ -82,7 +82,7 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...]) -> bool:
     return float(np.linalg.norm(middle - center)) < reach
 
 
-def _junctions_near(net: SumoNet, middle: Points) -> list[str]:
+def junctions_near(net: SumoNet, middle: Points) -> list[str]:
     """Junctions near the middle at which three roads or more meet, not only motorways; links left out."""
     roads = [edge for edge in net.edges.values() if not edge.internal and road_classes(edge) - frozenset(LINKS)]
     around: dict[str, list[NetEdge]] = {}
@@ -104,7 +104,8 @@ def _is_crossing(junction: str, roads: list[NetEdge]) -> bool:
     return len(arms) >= LEAST_ARMS and not all(road_classes(edge) <= FAST_ROADS for edge in roads)
 
 
-def _is_lit(net: SumoNet, junction: str) -> bool:
+def is_lit(net: SumoNet, junction: str) -> bool:
+    """Whether a junction has traffic lights."""
     return net.junction_types.get(junction, "").startswith("traffic_light")
 
 
