@@ -7,13 +7,17 @@ from plannerforge.tools.configurations import resolve_configuration, store_confi
 from plannerforge.tools.run_grid import Cell, run_grid
 
 CHECK = "planner can run"
+NO_TRAJECTORY = frozenset({"invalid", "infeasible"})
+"""Outcomes in which the planner drove nowhere: it takes the problem for broken, or finds no trajectory for it."""
+ADVICE = "the default planner cannot run here; another seed makes other traffic and another ego"
 
 
 async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSummary:
     """The summary with what the default planner made of the scenario; the run is stored as any other.
 
     A collision or a missed goal is a result, not a fault of the scenario. The check fails where no run was possible:
-    the planner found the problem invalid, or the run was lost.
+    the planner found the problem invalid or no trajectory for it, or the run was lost. The scenario is handed out all
+    the same, with a note.
     """
     configuration = resolve_configuration(DEFAULT_CONFIGURATION, call)
     store_configuration(call, configuration)
@@ -22,6 +26,7 @@ async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSu
         told = f"{result.record.outcome} ({DEFAULT_CONFIGURATION}, {result.record.run_id}): {result.record.reason}"
     else:
         told = result.lost.error if result.lost is not None else "no result"
-    failed = result.record is None or result.record.outcome == "invalid"
-    verdict = "checks_failed" if failed else "checks_passed"
-    return summary.model_copy(update={"trial_run": told, verdict: [*getattr(summary, verdict), CHECK]})
+    if result.record is not None and result.record.outcome not in NO_TRAJECTORY:
+        return summary.model_copy(update={"trial_run": told, "checks_passed": [*summary.checks_passed, CHECK]})
+    failed = {"checks_failed": [*summary.checks_failed, CHECK], "notes": [*summary.notes, ADVICE]}
+    return summary.model_copy(update={"trial_run": told, **failed})
