@@ -184,6 +184,7 @@ class GeneratedScenario(Model):
     """One scenario: files, and what was asked beside what came out.
 
     ``vehicle_classes``: the class of the request by CommonRoad's obstacle id, because CommonRoad has fewer types.
+    ``unsigned_limits_kmh``: posted limits by lanelet, where CommonRoad has no sign for them in the country.
     """
 
     benchmark_id: str
@@ -203,6 +204,7 @@ class GeneratedScenario(Model):
     netconvert_warnings: tuple[str, ...]
     attribution: str
     vehicle_classes: dict[int, str] = Field(default_factory=dict)
+    unsigned_limits_kmh: dict[int, float] = Field(default_factory=dict)
 
 
 class GenerateScenariosArguments(Arguments):

@@ -9,6 +9,7 @@ from plannerforge.engine.maps.unpacking import is_net
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.scenarios.generate_density import density_facts, density_notes
 from plannerforge.engine.scenarios.planning_problem import PlanningTask
+from plannerforge.engine.scenarios.scenario_head import limits_without_sign
 from plannerforge.engine.traffic.motions import Participant
 from plannerforge.engine.traffic.vehicle_counts import Demand
 from plannerforge.schemas.generation import (
@@ -46,6 +47,7 @@ def describe(
     recorded_s = round((max(vehicle.steps for vehicle in everyone) - 1) * step_s, 6)
     density = density_facts(request, lane_km, everyone, step_s)
     told = (*notes, *density_notes(density, demand, len(everyone)), *_cut_short(request, recorded_s, step_s))
+    limits = limits_without_sign(request.country, network)
     return GeneratedScenario(
         benchmark_id=benchmark_id,
         site=SiteFacts(
@@ -67,15 +69,23 @@ def describe(
         traffic_lights=len(network.lights),
         ego=_ego(task, everyone, step_s),
         checks=checks,
-        notes=told,
+        notes=(*told, *_limits_told(limits)),
         netconvert_warnings=tuple(dict.fromkeys(warnings)),
         attribution=request.attribution,
+        unsigned_limits_kmh=limits,
         vehicle_classes={
             obstacle_ids[vehicle.vehicle_id]: vehicle.vehicle_class.name
             for vehicle in everyone
             if vehicle is not task.ego
         },
     )
+
+
+def _limits_told(limits_kmh: dict[int, float]) -> list[str]:
+    if not limits_kmh:
+        return []
+    values = ", ".join(f"{value:g}" for value in sorted(set(limits_kmh.values())))
+    return [f"the file holds no speed-limit signs: CommonRoad has none for this country; posted are {values} km/h"]
 
 
 def _ego(task: PlanningTask, everyone: tuple[Participant, ...], step_s: float) -> EgoFacts:

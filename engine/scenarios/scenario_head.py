@@ -5,6 +5,7 @@ from importlib.metadata import version
 
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.network.net_parser import SumoNet
+from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.scenarios.writer import ScenarioHead
 from plannerforge.schemas.generation import GenerationRequest, SiteType
 
@@ -57,6 +58,13 @@ def head_of(request: GenerationRequest, site: Site, net: SumoNet, step_s: float)
         step_s=step_s,
         speed_sign=_speed_sign(request.country or NO_COUNTRY),
     )
+
+
+def limits_without_sign(country: str | None, network: RoadNetwork) -> dict[int, float]:
+    """Posted limits in km/h by lanelet where CommonRoad has no sign for them in that country; otherwise empty."""
+    if _speed_sign(country or NO_COUNTRY) is not None:
+        return {}
+    return {key: round(sign.speed_mps * 3.6, 1) for sign in network.signs for key in sign.lanelet_ids}
 
 
 def _speed_sign(country: str) -> str | None:

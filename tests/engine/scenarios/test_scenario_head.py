@@ -1,0 +1,34 @@
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.maps.index import built_in_maps
+from plannerforge.engine.scenarios.generate import generate
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.schemas.generation import GenerationRequest
+
+
+@pytest.mark.parametrize(("country", "signed"), [("AUS", False), ("ZAM", True)])
+def test_where_no_sign_stands_for_a_limit_the_answer_says_so_and_keeps_it(
+    tmp_path: Path, country: str, signed: bool
+) -> None:
+    entry = next(entry for entry in built_in_maps() if entry.facts.place == "Landmoor")
+    wish = GenerationRequest(
+        map_path=str(entry.path),
+        map_id=entry.facts.map_id,
+        place="Landmoor",
+        country=country,
+        attribution=entry.facts.attribution,
+        scenario_type="rural",
+        density="low",
+        duration_s=6.0,
+        seed=1,
+        folder=str(tmp_path),
+    )
+    made = generate(wish, silent)
+    network = read_scenario(tmp_path / "scenario.xml").scenario.lanelet_network
+    assert bool(network.traffic_signs) is signed
+    assert any("no speed-limit signs" in note for note in made.notes) is not signed
+    assert set(made.unsigned_limits_kmh) <= {lanelet.lanelet_id for lanelet in network.lanelets}
+    assert (100.0 in made.unsigned_limits_kmh.values()) is not signed
