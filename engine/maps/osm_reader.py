@@ -1,7 +1,7 @@
 """OpenStreetMap extracts (.osm) as plain values: nodes, roads, and what else helps to name and judge a place."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +19,8 @@ LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
 OSM_ATTRIBUTION = "© OpenStreetMap contributors, ODbL"
 SHOWN_CLASSES = 5
 EARTH_RADIUS_M = 6_371_008.8
+MOST_EMPTY = 10.0
+"""A declared box may be so many times as long as the one around all nodes; beyond, it is not believed."""
 NO_TAGS: Mapping[str, str] = MappingProxyType({})
 """One for all nodes that have none, which are most."""
 
@@ -83,13 +85,12 @@ class OsmMap:
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(south, west, north, east) in degrees: as declared, otherwise (or where that is no area) around all roads."""
-        if self.declared_bounds is not None and _is_area(self.declared_bounds):
-            return self.declared_bounds
+        """(south, west, north, east) in degrees: as declared, or around all roads where that cannot be this map's."""
+        declared = self.declared_bounds
+        if declared is not None and _is_area(declared) and _fits(declared, self.nodes.values()):
+            return declared
         used = [self.nodes[key] for way in self.roads(frozenset((*ROADS, *LINKS))) for key in way.node_ids]
-        found = used or list(self.nodes.values())
-        latitudes, longitudes = [node.latitude for node in found], [node.longitude for node in found]
-        return min(latitudes), min(longitudes), max(latitudes), max(longitudes)
+        return _around(used or self.nodes.values())
 
 
 def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
@@ -164,6 +165,21 @@ def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -
 def _is_area(bounds: tuple[float, float, float, float]) -> bool:
     south, west, north, east = bounds
     return -90 <= south < north <= 90 and -180 <= west < east <= 180
+
+
+def _around(nodes: Collection[OsmNode]) -> tuple[float, float, float, float]:
+    latitudes, longitudes = [node.latitude for node in nodes], [node.longitude for node in nodes]
+    return min(latitudes), min(longitudes), max(latitudes), max(longitudes)
+
+
+def _fits(declared: tuple[float, float, float, float], nodes: Collection[OsmNode]) -> bool:
+    """Whether a declared box is not far larger than what the file holds: some tools declare the whole world."""
+    if not nodes:
+        return True
+    around = _around(nodes)
+    height, width = declared[2] - declared[0], declared[3] - declared[1]
+    most = MOST_EMPTY * max(around[2] - around[0], around[3] - around[1])
+    return max(height, width) <= most
 
 
 def _tags(element: Any) -> Mapping[str, str]:

@@ -55,8 +55,9 @@ def test_a_map_without_use_is_refused(tmp_path: Path, content: str | bytes, comp
         '<bounds minlat="48" minlon="11" maxlat="48" maxlon="11"/>',
         '<bounds minlat="49" minlon="11" maxlat="48" maxlon="12"/>',
         '<bounds minlat="nan" minlon="11" maxlat="48" maxlon="12"/>',
+        '<bounds minlat="-90" minlon="-180" maxlat="90" maxlon="180"/>',
     ],
-    ids=["none", "of zero size", "upside down", "no number"],
+    ids=["none", "of zero size", "upside down", "no number", "of the whole world"],
 )
 def test_where_the_header_gives_no_box_the_roads_do(tmp_path: Path, bounds: str) -> None:
     facts = read(tmp_path, f"<osm>{bounds}{NODES}{way('primary')}</osm>")
