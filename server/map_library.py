@@ -6,7 +6,7 @@ from pathlib import Path
 import anyio
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError
 from plannerforge.schemas.importing import ImportedItem
@@ -47,7 +47,9 @@ def list_maps(settings: Settings) -> int:
     except PlannerForgeError as error:
         Console(stderr=True).print(escape(error.text), style="red", highlight=False, soft_wrap=True)
         return 1
-    table = Table("id", "place", "country", "south, west, north, east", "road km", "sites", "streets", title="Maps")
+    longest = max((len(entry.facts.map_id) for entry in at_hand.entries), default=0)
+    identity = Column("id", no_wrap=True, min_width=longest)  # never cut: it is what other commands are given
+    table = Table(identity, "place", "country", "south, west, north, east", "road km", "sites", "streets", title="Maps")
     for facts in (entry.facts for entry in at_hand.entries):
         box = ", ".join(f"{value:.4f}" for value in (facts.south, facts.west, facts.north, facts.east))
         sites = ", ".join(f"{count} {kind}" for kind, count in sorted(facts.sites.items()))

@@ -50,3 +50,10 @@ def test_an_unknown_country_is_refused_before_anything_is_read() -> None:
     result = maps("add", str(LIBRARY / "neuland.osm"), "--country", "Atlantis")
     assert result.exit_code == 2
     assert "there is no country 'Atlantis'" in result.stderr
+
+
+def test_ids_are_listed_whole_where_the_terminal_is_narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    listed = maps("list")
+    assert "map_fahrhausen " in listed.stdout
+    assert "map_quadratstadt " in listed.stdout
