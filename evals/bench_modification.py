@@ -205,7 +205,7 @@ def _interval(values: Iterable[bool | None]) -> str:
 
 def _in_short(reason: str) -> str:
     """What was wrong, without the figures and what is said after it."""
-    wrong = re.split(r"[.] (?:Valid|Next):", reason)[0]
+    wrong = re.split(r"[.] (?:Valid|Next):", reason.partition("] ")[2] or reason)[0]
     return re.sub(r"-?\d[\d.]*", "N", wrong)[:REASON_LETTERS]
 
 

@@ -116,7 +116,7 @@ def test_a_refused_reroute_of_somebody_who_can_be_sent_there_counts_as_failed(
 
 def test_tries_that_were_refused_before_one_that_was_done_are_counted_with_their_reasons() -> None:
     wrong, right = Refusal("T", "vehicle 5 would drive past 12", False), Refusal("T", "vehicle 6 is too fast", True)
-    open_ = Refusal("P", "lanelet 1 at 2.5 m is taken. Valid: at=3. Next: choose another", None)
+    open_ = Refusal("P", "[not_possible] lanelet 1 at 2.5 m is taken. Valid: at=3. Next: choose another", None)
     done = Case("T", "a", tries=(wrong, right), checks={"T_ends": True}, edit_s=0.1)
     placed = Case("P", "b", tries=(open_,), checks={"P_count": True}, edit_s=0.1)
     figures = figures_of([Measured((done, placed))])
