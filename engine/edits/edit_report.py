@@ -10,6 +10,7 @@ from plannerforge.engine.edits.driven_way import driven_lanelets, lanelets_passe
 from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.missed_aims import speeds_reached, why_not
 from plannerforge.engine.edits.moved_elements import replayed_motion
+from plannerforge.engine.edits.overruled import is_gone, is_replaced, overruled
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.feasibility import Feasibility, check_kinematics
@@ -28,25 +29,42 @@ from plannerforge.schemas.modification import (
 def edit_reports(
     request: ModificationRequest, scene: Scene, steps: tuple[EditStep, ...], result: Resimulated
 ) -> tuple[EditReport, ...]:
-    """One report per edit of this request; those of earlier requests are not repeated."""
+    """One report per edit of this request; those of earlier requests are not repeated.
+
+    An edit is not done where those that follow leave nothing of it.
+    """
     found = []
     for index in range(request.earlier, len(request.edits)):
         edit, step = request.edits[index], steps[index]
         driven = [key for key in step.vehicles if key in result.tracks]
         routes = tuple(vehicle_route(scene, step, result.plans[key], result.tracks[key]) for key in driven)
         speeds = speeds_reached(scene, step, result)
+        undone = _undone(edit.op, step, steps[-1].changes, result, routes)
         found.append(
             EditReport(
                 index=index - request.earlier,
                 op=edit.op,
                 letter=LETTERS[edit.op],
-                done=True,
-                what="; ".join([step.what, *speeds]),
+                done=not undone,
+                what="; ".join([step.what, *speeds, *undone]),
                 vehicles=step.vehicles,
                 routes=routes,
             )
         )
     return tuple(found)
+
+
+def _undone(
+    op: str, step: EditStep, final: Changes, result: Resimulated, routes: tuple[VehicleRoute, ...]
+) -> list[str]:
+    """Why nothing is left of an edit; empty where something is."""
+    if is_replaced(op, step, final):
+        return ["a later edit replaces it"]
+    arrived = [route.vehicle_id for route in routes if route.arrives]
+    if not step.vehicles or overruled(step, final, result, arrived) != step.vehicles:
+        return []
+    is_removed = all(is_gone(key, step, final) for key in step.vehicles)
+    return ["a later edit removes what it is about" if is_removed else "later edits overrule it"]
 
 
 def vehicle_route(scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedTrack) -> VehicleRoute:
@@ -61,7 +79,7 @@ def vehicle_route(scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedT
     begin = max(step.since[key] - track.first_step, 0) if key in step.since else None
     later = driven if begin is None else lanelets_passed(scene, track.lanes[begin:])
     missed = [targets for targets in aims if not targets & set(later)]
-    reason = why_not(scene, plan, track, driven, missed[0]) if missed else ""
+    reason = why_not(scene, step, plan, track, driven, missed[0]) if missed else ""
     way = (*driven, *_way_on(scene, plan, track, driven)) if missed else driven
     return VehicleRoute(vehicle_id=key, lanelets=way, arrives=not missed, reason=reason)
 
