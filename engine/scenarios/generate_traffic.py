@@ -21,6 +21,8 @@ MOST_STATES = 100_000
 """So many recorded states of vehicles fit into a file that is still read back; its reader bounds the elements."""
 SPARE_SHARE = 0.12
 """More vehicles than wanted are simulated, because some leave before step 0 or are left out."""
+MORE_FOR_EACH_ABSENT = 2
+"""Of a class that fell short, so many more are simulated at the next attempt for each that was missing."""
 LASTING_S = 30.0
 """Trips prefer ways that last so long; preferring longer ones would keep traffic off the main roads of a small site."""
 
@@ -55,6 +57,7 @@ def lively_traffic(
     lasting_s = min(WARM_UP_S + request.duration_s, LASTING_S)
     needed = {name: least + (name == "car") for name, least in {"car": 0, **demand.least}.items()}
     shortfalls: list[dict[str, int]] = []
+    more: Counter[str] = Counter()
     for attempt in range(ATTEMPTS):
         seed = mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         trips = TripMaker(place.net, lasting_s, random.Random(seed))  # noqa: S311 - reproducible, not secret
@@ -64,7 +67,7 @@ def lively_traffic(
         part(0.0, "simulating traffic")
         traffic = simulate_traffic(
             net_path,
-            demand.with_spares(SPARE_SHARE),
+            demand.with_spares(SPARE_SHARE, more),
             trips,
             duration_s=request.duration_s,
             step_s=step_s,
@@ -85,6 +88,7 @@ def lively_traffic(
         if not absent:
             return LivelyTraffic(kept, left_out, demand)
         shortfalls.append(absent)
+        more.update({name: MORE_FOR_EACH_ABSENT * count for name, count in absent.items()})
     if not shortfalls:
         raise _too_large(request.duration_s)
     raise _no_room(demand, min(shortfalls, key=lambda absent: sum(absent.values())))

@@ -1,6 +1,6 @@
 """How many vehicles of which class a site gets: those that are counted in the request, and a density for the rest."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
@@ -38,14 +38,15 @@ class Demand:
         """All vehicles wanted, the ego included."""
         return sum(self.counts.values())
 
-    def with_spares(self, share: float) -> "Demand":
+    def with_spares(self, share: float, more: Mapping[str, int]) -> "Demand":
         """The same with more cars, by a share of all vehicles and at least one, and more of every class by that share.
 
-        Of a class with few vehicles no spare one is added: it would be a good part of the traffic.
+        Of a class with few vehicles no spare one is added, because it would be a good part of the traffic, beyond those
+        that ``more`` names.
         """
-        more = {name: count + round(share * count) for name, count in self.counts.items()}
-        more["car"] = self.counts["car"] + max(1, round(share * self.total))
-        return replace(self, counts=more)
+        spare = {name: round(share * count) for name, count in self.counts.items()}
+        spare["car"] = max(1, round(share * self.total))
+        return replace(self, counts={name: n + spare[name] + more.get(name, 0) for name, n in self.counts.items()})
 
     def fewer(self, share: float, reason: str) -> "Demand":
         """A share of the vehicles of every class, but as many as the request needs."""

@@ -37,6 +37,16 @@ def test_a_car_finds_its_way_through_a_crowd_of_trucks_because_spare_cars_may_be
     assert made.ego.goal_distance_m >= 10
 
 
+def test_as_many_as_found_room_can_be_asked_for(shared_data: Path, tmp_path: Path) -> None:
+    path = shared_data / "data" / "osm" / "planet_10.068_48.135_10.071_48.137.osm"
+    small = {"map_path": str(path), "country": "DEU", "duration_s": 20.0, "seed": 0}
+    with pytest.raises(NotPossible) as caught:
+        make("Fahrhausen", tmp_path, vehicles=[VehicleDemand(vehicle_class="bus", least=18)], **small)
+    room = int(str(caught.value.valid[0]).removeprefix("bus="))
+    made = make("Fahrhausen", tmp_path, vehicles=[VehicleDemand(vehicle_class="bus", least=room)], **small)
+    assert made.classes_realised["bus"] == room
+
+
 def test_an_ego_of_a_class_that_is_kept_out_of_the_traffic_is_a_contradiction(tmp_path: Path) -> None:
     none = [VehicleDemand(vehicle_class="truck", least=0, most=0)]
     with pytest.raises(InvalidRequest, match="vehicles ask for none"):

@@ -59,8 +59,9 @@ def test_an_unknown_class_is_refused_with_the_closest() -> None:
 
 
 def test_spare_vehicles_are_added_to_every_large_class_and_always_to_the_cars() -> None:
-    spared = Demand({"car": 1, "truck": 100, "bus": 3}, {}, {}).with_spares(0.12)
-    assert spared.counts == {"car": 13, "truck": 112, "bus": 3}
+    demand = Demand({"car": 1, "truck": 100, "bus": 3}, {}, {})
+    assert demand.with_spares(0.12, {}).counts == {"car": 13, "truck": 112, "bus": 3}
+    assert demand.with_spares(0.12, {"bus": 4}).counts == {"car": 13, "truck": 112, "bus": 7}
 
 
 def test_fewer_vehicles_are_still_as_many_as_the_request_needs() -> None:
