@@ -15,6 +15,9 @@ from plannerforge.schemas.modification import Edit
 
 CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle")
 MOST_TRIES, MOST_GOALS = 6, 30
+DEPARTS_S = 1.0
+"""When vehicles are drawn to enter that are not put in at once."""
+
 FEWEST_STATES, SLOWEST_MPS = 25, 1.0
 ON_LANELETS, ON_FOOT = 0.95, ("pedestrian",)
 """Drawn edits are about vehicles that are on lanelets for that share of their recording, at first in any case."""
@@ -110,6 +113,7 @@ def _removal(key: int) -> Asked:
 
 
 def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
+    """Places along the ego's lane and in the middle of drawn lanelets, at once or later; either of them first."""
     found: list[dict[str, Any]] = []
     if scene.ego is not None and scene.ego.lanelets:
         for offset in (25.0, 40.0, 15.0, -20.0):
@@ -117,8 +121,12 @@ def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
             found.append({"class": str(draw.choice(CLASSES)), "count": 1, "where": where})
     lanelets = list(scene.layout.table.lanes)
     draw.shuffle(lanelets)
-    middles = [{"lanelet": key, "position": "middle"} for key in lanelets[:MOST_TRIES]]
-    found += [{"class": str(draw.choice(CLASSES)), "count": 1, "where": where} for where in middles]
+    for key in lanelets[:MOST_TRIES]:
+        where = {"lanelet": key, "position": "middle"}
+        departs = {"depart_s": DEPARTS_S} if draw.random() < 0.5 else {}
+        found.append({"class": str(draw.choice(CLASSES)), "count": 1, "where": where, **departs})
+    if draw.random() < 0.5:
+        found.reverse()
     return [_asked("P", op="add_vehicle", **truth) for truth in found]
 
 

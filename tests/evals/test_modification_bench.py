@@ -167,3 +167,11 @@ def _once_at(away: Track, here: Track, step: int) -> Points:
     found = away.positions.copy()
     found[step] = here.positions[step]
     return found
+
+
+def test_vehicles_are_drawn_to_enter_at_once_and_later(base: Path) -> None:
+    scene = Scene.of(read_scenario(base))
+    drawn = [dict(drawn_requests(scene, str(seed), PRESETS))["P"][0].truths[0] for seed in range(40)]
+    added = [truth for truth in drawn if truth["op"] == "add_vehicle"]
+    assert {truth.get("depart_s", 0.0) for truth in added} == {0.0, 1.0}
+    assert {"lanelet" in truth["where"] for truth in added} == {True, False}
