@@ -128,7 +128,7 @@ def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float, 
     first_speeds = np.linalg.norm(np.diff(rear, axis=0), axis=1) / step_s
     missing = speed - (1.5 * first_speeds[0] - 0.5 * first_speeds[-1])
     for decay_s in SPEED_DECAYS_S:
-        sped = front + forward * (missing * times * np.exp(-times / decay_s))[:, None]
+        sped = _never_back(front + forward * (missing * times * np.exp(-times / decay_s))[:, None], forward)
         headings = tractrix(sped, float(start.headings_rad[index]), drag)
         centers = sped - start.length_m / 2 * _directions(headings)
         speeds = _rear_axle_speeds(centers - rear_axle_m * _directions(headings), headings, speed, step_s)
@@ -137,6 +137,17 @@ def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float, 
             break
         missing -= step_mps - math.copysign(LARGEST_SPEED_STEP_MPS, step_mps)
     return Motion(centers, headings, speeds, np.gradient(speeds, step_s))
+
+
+def _never_back(front: Points, forward: Points) -> Points:
+    """A front track (n, 2) that stands where it would go back, as fading differences do under one that stops.
+
+    ``forward``: the unit vectors (n, 2) along which it drives.
+    """
+    ahead_m = np.concatenate([[0.0], np.cumsum((np.diff(front, axis=0) * forward[1:]).sum(axis=1))])
+    held_m = np.maximum.accumulate(ahead_m)
+    held: Points = front + forward * (held_m - ahead_m)[:, None]
+    return held
 
 
 def _directions(headings_rad: Values) -> Points:

@@ -101,3 +101,10 @@ def test_one_that_brakes_into_a_tight_bend_at_once_changes_speed_step_by_step(br
     speeds = touched.motion.speeds_mps
     assert speeds[0] == 10.8
     assert abs(speeds[1] - speeds[0]) <= 1.0
+
+
+@pytest.mark.parametrize("speed_mps", [1.0, 3.4, 10.0])
+def test_one_that_is_stopped_does_not_roll_back(apply: Apply, speed_mps: float) -> None:
+    stop = {"op": "set_speed", "vehicles": ["36"], "speed": "0m/s"}
+    applied = apply(stop, builder=town_road().with_vehicles(driving(36, (60, 0), speed_mps, 101)))
+    assert np.diff(applied.tracks()[36].positions[:, 0]).min() >= 0.0
