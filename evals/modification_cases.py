@@ -26,6 +26,7 @@ from plannerforge.evals.modification_checks import (
     is_valid,
     unreported_collisions,
 )
+from plannerforge.evals.modification_population import is_taken
 from plannerforge.evals.modification_refusals import corpus_refusal, drawn_refusals
 from plannerforge.evals.modification_requests import Asked, Presets, drawn_requests, edit_of
 from plannerforge.evals.modification_reroutes import arrives
@@ -39,7 +40,7 @@ from plannerforge.schemas.runs import RunRecord
 POSITION_M, SPEED_MPS = 0.01, 0.01
 SETTLED_S = 1.0
 COMPOSITE = "composite"
-ON_FOOT = ("pedestrian",)
+ON_FOOT, TAKEN = ("pedestrian",), " is taken by "
 """The drivability checker judges vehicles."""
 
 
@@ -112,6 +113,8 @@ def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | No
     """Whether a request had to be refused, by the bench's own rules; a worker's failure is no refusal at all."""
     if isinstance(error, WorkerFailure):
         return False
+    if asked.task == "P" and TAKEN in error.message:
+        return any(is_taken(scene, truth) for truth in asked.truths)
     if asked.task != "T":
         return None
     return any(

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from plannerforge.engine.geometry.polyline import oriented_rectangle, point_at
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.geometry.polyline import Points, oriented_rectangle, point_at
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.evals.modification_drivers import is_of_its_class
 from plannerforge.evals.modification_reach import SHARES, nearest_m, places_along, places_on
@@ -13,6 +14,7 @@ from plannerforge.evals.modification_reroutes import ends_right, others_stay
 from plannerforge.evals.modification_written import Truth, Written
 
 PLACE_TOLERANCE_M, SPEED_TOLERANCE_MPS = 2.0, 0.01
+EGO_LENGTH_M = 4.5
 CLEARANCE_M = 1.0
 """A vehicle enters later than asked only where somebody is on its place or so near."""
 
@@ -65,6 +67,22 @@ def addition_checks(written: Written, index: int) -> dict[str, bool]:
     }
 
 
+def is_taken(scene: Scene, truth: Truth) -> bool:
+    """Whether anybody recorded is, when the first vehicle is to enter, on a place that is asked for, or close to it."""
+    step, kind = round((truth.get("depart_s") or 0.0) / scene.step_s), KINDS[truth["class"]]
+    size = kind.lengths_m[1] + 2 * CLEARANCE_M, kind.widths_m[1] + 2 * CLEARANCE_M
+    for place in _places(scene, truth, 0, sum(kind.lengths_m) / 2):
+        room = shapely.Point(place).buffer(float(np.hypot(*size)) / 2)
+        for other in (*scene.tracks.values(), *scene.standing.values()):
+            index = other.index_at(step)
+            if index is not None and room.intersects(_body(other, index, 0.0)):
+                return True
+    return scene.ego is not None and any(
+        float(np.linalg.norm(place - scene.ego.position)) <= size[0] + EGO_LENGTH_M / 2
+        for place in _places(scene, truth, 0, sum(kind.lengths_m) / 2)
+    )
+
+
 def _adds_up(written: Written) -> bool:
     """Whether the new file has exactly as many new road users as all edits together add."""
     asked = sum(truth["count"] for truth in written.truths if truth["op"] == "add_vehicle")
@@ -74,17 +92,20 @@ def _adds_up(written: Written) -> bool:
 
 def _is_placed(written: Written, track: Track, truth: Truth, index: int) -> bool:
     """Whether an added vehicle starts where it was asked for: where the corpus says, or by the rules of its words."""
-    network, where = written.scene.network, truth["where"]
+    places = _places(written.scene, truth, index, track.length_m)
+    return nearest_m(track.positions[0], places) <= PLACE_TOLERANCE_M
+
+
+def _places(scene: Scene, truth: Truth, index: int, length_m: float) -> list[Points]:
+    network, where = scene.network, truth["where"]
     if truth.get("resolved"):
         place = truth["resolved"][index]
         line = network.find_lanelet_by_id(place["lanelet"]).center_vertices
-        return nearest_m(track.positions[0], [point_at(line, place["s_m"])[0]]) <= PLACE_TOLERANCE_M
+        return [point_at(line, place["s_m"])[0]]
     if "lanelet" in where:
-        places = places_on(network, where["lanelet"], SHARES[where["position"]], track.length_m)
-    else:
-        start = np.asarray(written.scene.loaded.problem().initial_state.position, dtype=float)
-        places = places_along(network, start, float(where["offset_m"]))
-    return nearest_m(track.positions[0], places) <= PLACE_TOLERANCE_M
+        return places_on(network, where["lanelet"], SHARES[where["position"]], length_m)
+    start = np.asarray(scene.loaded.problem().initial_state.position, dtype=float)
+    return places_along(network, start, float(where["offset_m"]))
 
 
 def _has_speed(track: Track, truth: Truth) -> bool:

@@ -140,3 +140,26 @@ def _counted_ids() -> Any:
         return f"{base_id.rpartition('-')[0]}-{100000000 + len(made)}"
 
     return next_id
+
+
+@pytest.mark.parametrize(("station_m", "is_right"), [(70.0, True), (130.0, False)], ids=["taken", "free"])
+def test_a_place_that_is_said_to_be_taken_has_somebody_on_it(
+    base: Path, monkeypatch: pytest.MonkeyPatch, station_m: float, is_right: bool
+) -> None:
+    row = {"id": "p", "task": "modification_P", "expect": "ok", "scenario": base.name}
+    truth = TRUTHS["P"] | {"resolved": [{"lanelet": 1, "s_m": station_m}], "depart_s": 0.0}
+
+    def taken(*_: Any) -> Any:
+        raise NotPossible(f"lanelet 1 at {station_m} m is taken by vehicle 31")
+
+    monkeypatch.setattr(modification_cases, "apply_edits", taken)
+    refused = measure_line(json.dumps(row | {"truth": {"edits": [truth]}}), base.parent, Effort())
+    assert [one.is_right for one in refused.cases[0].tries] == [is_right]
+    done = Case("P", "done", checks={"P_count": True}, edit_s=0.1)
+    assert figures_of([refused, Measured((done,))])["P_count"] == 0.5
+
+
+def test_a_reroute_that_physics_forbid_is_no_failure_of_any_key() -> None:
+    done = Case("T", "done", checks={"T_ends": True}, edit_s=0.1)
+    never = Case("T", "never", "too fast", tries=(Refusal("T", "too fast", True),))
+    assert figures_of([Measured((done, never))])["T_ends"] == 1.0
