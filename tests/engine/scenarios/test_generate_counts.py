@@ -18,13 +18,13 @@ def test_a_counted_class_has_that_many_vehicles_and_no_more(tmp_path: Path) -> N
 
 
 def test_more_than_find_room_are_refused_with_the_number_that_does(tmp_path: Path) -> None:
-    crowd = [VehicleDemand(vehicle_class="trailer", least=290)]
-    with pytest.raises(NotPossible, match="asked for at least 290 trailer; of them") as caught:
+    crowd = [VehicleDemand(vehicle_class="trailer", least=120)]
+    with pytest.raises(NotPossible, match="asked for at least 120 trailer; of them") as caught:
         make("Landmoor", tmp_path, scenario_type="intersection", vehicles=crowd)
     (room,) = caught.value.valid
     name, _, count = str(room).partition("=")
     assert name == "trailer"
-    assert 0 < int(count) < 290
+    assert 0 < int(count) < 120
 
 
 def test_a_car_finds_its_way_through_a_crowd_of_trucks_because_spare_cars_may_become_the_ego(
