@@ -44,6 +44,11 @@ class GoalWish:
     distance_m: float | None = None
     lanelet: LaneletGoal | None = None
 
+    @property
+    def shortest_way_m(self) -> float:
+        """So far a car has to drive to the goal at least."""
+        return SHORTEST_WAY_M if self.steps is not None else SHORTEST_ASKED_WAY_M
+
     def __str__(self) -> str:
         if self.lanelet is not None:
             return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
@@ -104,8 +109,7 @@ def passage(goal: GoalWish, car: Participant, network: RoadNetwork) -> Passage |
     if goal.lanelet is not None:
         return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], gone)
     step = _ahead(goal, gone)
-    shortest = SHORTEST_WAY_M if goal.steps is not None else SHORTEST_ASKED_WAY_M
-    if step is None or gone[step] < shortest:
+    if step is None or gone[step] < goal.shortest_way_m:
         return None
     return Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))
 
@@ -118,13 +122,20 @@ def _ahead(goal: GoalWish, gone: Values) -> int | None:
 
 
 def _on_lanelet(goal: LaneletGoal, car: Participant, lanelet: RoadLanelet, gone: Values) -> Passage | None:
-    """The step at which the car is nearest to the place, if it drives over it along the lanelet."""
+    """The step at which the car is nearest to the place, if it drives over it along the lanelet.
+
+    A rectangle that already holds the car at its start is no goal.
+    """
     station = station_m(goal.position, lanelet.lanelet_id, float(arc_length(lanelet.center)[-1]))
     center, heading = point_at(lanelet.center, station)
     offsets = car.motion.positions - center
     step = int(np.argmin(np.linalg.norm(offsets, axis=1)))
     forward = np.array([math.cos(heading), math.sin(heading)])
-    ahead, aside = offsets[step] @ forward, offsets[step] @ np.array([-forward[1], forward[0]])
+    leftward = np.array([-forward[1], forward[0]])
+    ahead, aside = offsets[step] @ forward, offsets[step] @ leftward
+    length, width = goal.size_m or (0.0, 0.0)
+    if abs(offsets[0] @ forward) <= length / 2 and abs(offsets[0] @ leftward) <= width / 2:
+        return None
     turned = wrap_angle(float(car.motion.headings_rad[step]) - heading)
     passes = abs(ahead) < LARGEST_GAP_M and abs(aside) < FARTHEST_ASIDE_M and abs(turned) < WIDEST_TURN_RAD
     return Passage(step, center, heading) if passes and gone[step] >= SHORTEST_ASKED_WAY_M else None

@@ -10,7 +10,7 @@ from plannerforge.engine.geometry.polyline import Points, arc_length, project
 from plannerforge.engine.network.lanelet_lookup import LaneletLookup
 from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
 from plannerforge.engine.scenarios.ego_way import follows_smooth_lanes
-from plannerforge.engine.scenarios.goal_wish import SHORTEST_WAY_M, GoalWish, Passage, check_lanelet, passage
+from plannerforge.engine.scenarios.goal_wish import GoalWish, Passage, check_lanelet, passage
 from plannerforge.engine.scenarios.site_heart import SiteHeart
 from plannerforge.engine.traffic.motions import Participant
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
@@ -102,7 +102,7 @@ def choose_task(
         return best[1]
     raise NotPossible(
         f"none of the {len(choice)} car(s) to choose from has a goal {goal} on its way (at least "
-        f"{SHORTEST_WAY_M:g} m within the recording)",
+        f"{goal.shortest_way_m:g} m within the recording, and not around its start)",
         valid=_driven_lanelets(choice, lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
     )

@@ -1,0 +1,61 @@
+"""Where a recorded car is at the goal that was asked for."""
+
+import numpy as np
+import pytest
+
+from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
+from plannerforge.engine.scenarios.goal_wish import parse_goal, passage
+from plannerforge.engine.traffic.motions import Participant
+from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+
+LENGTH_M = 200.0
+
+
+def road() -> RoadNetwork:
+    along = np.stack([np.linspace(0.0, LENGTH_M, 41), np.zeros(41)], axis=1)
+    side = np.array([0.0, 1.75])
+    lanelet = RoadLanelet(
+        lanelet_id=1,
+        lane_id="e_0",
+        edge_id="e",
+        left=along + side,
+        right=along - side,
+        successors=(),
+        predecessors=(),
+        left_neighbour=None,
+        left_same_direction=False,
+        right_neighbour=None,
+        right_same_direction=False,
+        internal=False,
+        types=("urban",),
+        users=("car",),
+        allowed=frozenset({"passenger"}),
+        speed_mps=13.9,
+        street="",
+    )
+    return RoadNetwork({1: lanelet}, (), (), (), ())
+
+
+def car() -> Participant:
+    """Drives 180 m along the lanelet from 10 m beyond its beginning, with 10 m/s."""
+    still = np.zeros(181)
+    positions = np.stack([10.0 + np.arange(181.0), still], axis=1)
+    return Participant("1", vehicle_classes()["car"], Motion(positions, still, still + 10.0, still), True)
+
+
+@pytest.mark.parametrize(
+    ("goal", "step"),
+    [
+        ("steps:50", 50),
+        ("distance_m:5", 5),
+        ("lanelet:1:0.5", 90),
+        ("lanelet:1:0.5:20x3", 90),
+        ("lanelet:1:0.5:500x500", None),
+        ("lanelet:1:0.5:181x3", None),
+        ("lanelet:1:0.5:179x3", 90),
+    ],
+)
+def test_a_goal_around_the_start_is_none(goal: str, step: int | None) -> None:
+    found = passage(parse_goal(goal), car(), road())
+    assert (found.step if found else None) == step
