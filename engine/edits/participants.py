@@ -137,15 +137,16 @@ def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
 
 
 def _lanes_to(scene: Scene, plan: DrivePlan, target: Hint | None) -> frozenset[str]:
-    """SUMO's lanes on the way that lead to the only target on its edge without a change of lane; none for several."""
-    lanes = set() if target is None else plan.targets & set(scene.layout.edges[target[0]])
-    if target is None or len(lanes) != 1 or target[0] not in plan.edges:
+    """SUMO's lanes on the way that lead to a target without a change of lane; none where all lanes of its edge do."""
+    if target is None or target[0] not in plan.edges or plan.targets.issuperset(scene.layout.edges[target[0]]):
         return frozenset()
-    layout, found = scene.layout, {"{}_{}".format(*target)}
+    lanes = plan.targets.intersection(scene.layout.edges[target[0]])
+    layout = scene.layout
+    found = {"{}_{}".format(*layout.lane_of[key]) for key in lanes}
     for edge in reversed(plan.edges[: plan.edges.index(target[0])]):
         ways = [index for key in layout.edges[edge] for index in scene.edge_graph.paths_from.get(key, ())]
         ways = [index for index in ways if layout.paths[index].exit in lanes]
-        lanes = {layout.paths[index].entry for index in ways}
+        lanes = frozenset(layout.paths[index].entry for index in ways)
         found |= {f"{layout.internal_edge_of_path[index]}_0" for index in ways}
         found |= {"{}_{}".format(*layout.lane_of[key]) for key in lanes}
     return frozenset(found)

@@ -40,11 +40,11 @@ class Waiting:
         """
         if one.target is None or not one.lanes_to_target or one.key in self._there:
             return None
-        if lane_id == "{}_{}".format(*one.target):
+        edge, _, index = lane_id.rpartition("_")
+        if edge == one.target[0] and lane_id in one.lanes_to_target:
             self._there.add(one.key)
             return None
         self._tell(one, one.target, lane_id)
-        edge, _, index = lane_id.rpartition("_")
         if lane_id in one.lanes_to_target or not (edge in one.edges_to_target or edge.startswith(":")):
             return None
         left_m = self._left_m(one.key, *one.target)
@@ -83,12 +83,16 @@ class Waiting:
         """Have SUMO look for gaps into the target's lane from far on, by a stop there that is passed.
 
         The speed limit of a stop's lane holds on the whole way there, so that a much slower one has its stop only when
-        the vehicle is beside it. SUMO takes none for which the vehicle could not brake with ease.
+        the vehicle is beside it, and one that may take several lanes has none. SUMO takes none for which the vehicle
+        could not brake with ease.
         """
+        if one.key in self._told:
+            return
         edge, index = target
         limits = [self._lane.getMaxSpeed(f"{key}_0") for key in one.edges_to_target if key != edge]
         slower = max(limits, default=0.0) > self._lane.getMaxSpeed(f"{edge}_{index}") + SLOWER_MPS
-        if one.key in self._told or (slower and lane_id.rpartition("_")[0] != edge):
+        is_only = sum(key.rpartition("_")[0] == edge for key in one.lanes_to_target) == 1
+        if not is_only or (slower and lane_id.rpartition("_")[0] != edge):
             return
         self._told.add(one.key)
         end_m = max(self._lane.getLength(f"{edge}_{index}") - LAST_M, LAST_M)

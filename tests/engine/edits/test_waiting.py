@@ -115,3 +115,15 @@ def test_one_that_finds_no_gap_before_the_scenario_ends_says_so(apply: Apply) ->
     assert route.reason == "no room to change into lanelet 2 before the scenario ends at 6.0 s"
     assert applied.tracks()[36].last_step == 60
     assert 180.0 < fronts_m(applied).max() < 190.0
+
+
+def test_one_that_may_take_any_of_several_lanes_waits_for_the_first_gap(apply: Apply) -> None:
+    lanes = (
+        Lane(1, line((0, 0), (200, 0)), left=(2, True)),
+        Lane(2, line((0, 3.5), (200, 3.5)), left=(3, True), right=(1, True)),
+        Lane(3, line((0, 7), (200, 7)), right=(2, True)),
+    )
+    to_either = {"op": "reroute", "vehicles": ["36"], "to": ["2", "3"]}
+    applied = apply(to_either, builder=beside_a_column(160, 10.0, ScenarioBuilder(lanes, ())))
+    assert applied.outcome.edits[0].routes[0].arrives
+    assert np.all(applied.tracks()[36].positions[fronts_m(applied) > 198.0, 1] > 1.75)
