@@ -136,7 +136,7 @@ def _arms(net: SumoNet, junction: str) -> int:
 
 def _is_one_arm(one: tuple[str, float], other: tuple[str, float]) -> bool:
     apart = abs(wrap_angle(one[1] - other[1]))
-    return apart < SAME_ARM_RAD or (one[0] == other[0] and apart < SAME_ROAD_RAD)
+    return apart < SAME_ARM_RAD or (one[0] == other[0] != "" and apart < SAME_ROAD_RAD)
 
 
 def _bearing(line: Points) -> float:

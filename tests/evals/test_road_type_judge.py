@@ -54,8 +54,8 @@ FAR_CROSSING = [replace(road, points=[(x + 90.0, y) for x, y in road.points]) fo
 FORK = [replace(road, kind=MOTORWAY.kind) for road in (*ARMS, THIRD)]
 MAIN_ON = Road("on", "b", "d", [(50, 0), (150, 0)], kind=MOTORWAY.kind)
 CARRIAGEWAYS = [
-    Road("there", "middle", "end2", [(0, 0), (-60, 12)], name=""),
-    Road("back", "end3", "middle", [(-60, -12), (0, 0)], name=""),
+    Road("there", "middle", "end2", [(0, 0), (-60, 12)], name="High Street"),
+    Road("back", "end3", "middle", [(-60, -12), (0, 0)], name="High Street"),
 ]
 BEYOND, FARTHER, CLOSE = [(-50, -50), (50, -50)], [(-50.0, 0.0), (90.0, 0.0)], [(20, 0), (90, -20)]
 TRUNK = "highway.trunk"
@@ -127,6 +127,12 @@ def test_every_judge_of_a_type_has_a_wrong_case() -> None:
 @pytest.mark.parametrize("evidence", [HOUSES, VILLAGE, SLOW], ids=["houses", "land", "limit"])
 def test_houses_land_and_limits_tell_of_a_town(evidence: MapEvidence) -> None:
     assert shows_type(made([SECONDARY]), "urban", evidence)
+
+
+def test_roads_without_a_name_are_not_taken_for_two_sides_of_one() -> None:
+    fork = [replace(road, name="") for road in CARRIAGEWAYS]
+    fork[0] = replace(fork[0], points=[(0, 0), (-60, 45)])
+    assert shows_type(made([ARMS[0], *fork]), "intersection", NOTHING)
 
 
 def test_town_and_country_are_never_both() -> None:
