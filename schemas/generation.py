@@ -274,13 +274,14 @@ class ScenarioSummary(Model):
         where = f"{self.place} ({self.map_id}), {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
         where += f" (OSM {self.osm_id})" if self.osm_id else ""
         first = f"{self.scenario_id}{reused}: {where}"
-        vehicles = f"{self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished})"
-        traffic = f"  vehicles {vehicles}; {self.density}"
+        traffic = (
+            f"  vehicles {self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished}); {self.density}"
+        )
         ego = f"  {self.recorded_s:g} s recorded; {self.ego}; goal {self.goal}"
         checks = f"  checks passed: {', '.join(self.checks_passed) or 'none'}{failed}"
-        drivable = f"{self.feasible_share:.0%} of tracks drivable"
+        checks += f"; {self.feasible_share:.0%} of tracks drivable"
         driven = [f"  trial run: {self.trial_run}"] if self.trial_run else []
-        return [first, traffic, ego, f"{checks}; {drivable}", *driven, *(f"  note: {note}" for note in self.notes)]
+        return [first, traffic, ego, checks, *driven, *(f"  note: {note}" for note in self.notes)]
 
 
 class GenerateScenariosResult(Result):
