@@ -269,19 +269,17 @@ class ScenarioSummary(Model):
         realised = ", ".join(f"{count} {name}" for name, count in self.classes_realised.items())
         asked = ", ".join(f"{name} at least {count}" for name, count in self.classes_asked.items())
         wished = f"; asked: {asked}" if asked else ""
-        reused = " (reused)" if self.reused else ""
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
         where = f"{self.place} ({self.map_id}), {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
         where += f" (OSM {self.osm_id})" if self.osm_id else ""
-        first = f"{self.scenario_id}{reused}: {where}"
-        traffic = (
-            f"  vehicles {self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished}); {self.density}"
-        )
+        first = f"{self.scenario_id}{' (reused)' if self.reused else ''}: {where}"
+        counts = f"{self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished})"
         ego = f"  {self.recorded_s:g} s recorded; {self.ego}; goal {self.goal}"
         checks = f"  checks passed: {', '.join(self.checks_passed) or 'none'}{failed}"
         checks += f"; {self.feasible_share:.0%} of tracks drivable"
         driven = [f"  trial run: {self.trial_run}"] if self.trial_run else []
-        return [first, traffic, ego, checks, *driven, *(f"  note: {note}" for note in self.notes)]
+        notes = (f"  note: {note}" for note in self.notes)
+        return [first, f"  vehicles {counts}; {self.density}", ego, checks, *driven, *notes]
 
 
 class GenerateScenariosResult(Result):
