@@ -27,7 +27,7 @@ def check_lane_changes(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who:
         left_m += lanes[way[place]].length_m
         needed_m = min(speed_mps**2 / (2 * HARDEST_BRAKING_MPS2), speed_mps * LANE_CHANGE_S * (end - place))
         room_m, wrong, right = _last_place(scene, way, place, end)
-        if end > place and wrong not in scene.layout.lane_of:
+        if end > place == 0 and wrong not in scene.layout.lane_of:
             raise NotPossible(
                 f"{who} would have to change from lanelet {wrong} to {right} inside a junction, where SUMO's vehicles "
                 "keep their lanes",
