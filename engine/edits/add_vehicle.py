@@ -7,7 +7,7 @@ import numpy as np
 from plannerforge.engine.edits.behaviours import behaviour_from, own_minimum_gap_m, usual_behaviour
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep
 from plannerforge.engine.edits.entry_speed import entry_speed
-from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets
+from plannerforge.engine.edits.lanelet_targets import drive_to, target_lanelets
 from plannerforge.engine.edits.occupancy import free_places, occupant
 from plannerforge.engine.edits.placing import Place, ahead, first_place
 from plannerforge.engine.edits.road_users import check_allowed
@@ -77,7 +77,7 @@ def _plan(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClas
     usual = behaviour_from(usual_behaviour(vehicle_class), edit.preset, edit.params, own_minimum_gap_m(vehicle_class))
     targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
     who = f"the added {vehicle_class.name}"
-    way = reach(scene, [place.lanelet_id], targets, who) if targets else (place.lanelet_id,)
+    way = drive_to(scene, place.lanelet_id, targets, who) if targets else (place.lanelet_id,)
     edges = scene.edge_graph.route(way)
     if edges is None:
         raise NotPossible(f"{who} cannot drive from lanelet {way[0]} to {way[-1]}: the lanes do not connect")

@@ -1,5 +1,6 @@
 """Which lanelets the argument ``to`` means, and how they are reached."""
 
+import itertools
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -79,8 +80,28 @@ def way_through(
     """
     way: tuple[int, ...] = (start,)
     for wanted in (*(target_lanelets([text], scene, changes) for text in via), targets):
-        way += reach(scene, way[-1:], wanted, who)[1:]
+        way += drive_to(scene, way[-1], wanted, who)[1:]
     return way
+
+
+def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str) -> tuple[int, ...]:
+    """Lanelets that a vehicle drives from its own to the nearest target, both included.
+
+    Raises:
+        NotPossible: no target can be reached, or only by a change of lanes inside a junction.
+    """
+    route = scene.driven_graph.shortest_route([start], sorted(targets))
+    if route is not None:
+        return route
+    way = reach(scene, [start], targets, who)
+    changes = [pair for pair in itertools.pairwise(way) if pair[1] in scene.lanelet_graph.neighbours[pair[0]]]
+    wrong, right = next(pair for pair in changes if not set(pair) <= set(scene.layout.lane_of))
+    raise NotPossible(
+        f"{who} would have to change from lanelet {wrong} to {right} inside a junction, where SUMO's vehicles keep "
+        "their lanes",
+        valid=_by_distance_to(sorted(targets), sorted(scene.driven_graph.reachable([start])), scene),
+        next_step="choose a target before or behind the junction",
+    )
 
 
 def reachable_lanelets(scene: Scene, starts: Sequence[int]) -> list[int]:

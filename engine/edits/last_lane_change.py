@@ -15,7 +15,7 @@ def check_lane_changes(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who:
     One that can stop and wait for a gap is sent there, even if it does not get there in time.
 
     Raises:
-        NotPossible: naming the lanelet whose end is too near, or which lies inside a junction.
+        NotPossible: naming the lanelet whose end is too near.
     """
     lanes = scene.layout.table.lanes
     index = plan.from_step - plan.start.first_step
@@ -27,12 +27,6 @@ def check_lane_changes(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who:
         left_m += lanes[way[place]].length_m
         needed_m = min(speed_mps**2 / (2 * HARDEST_BRAKING_MPS2), speed_mps * LANE_CHANGE_S * (end - place))
         room_m, wrong, right = _last_place(scene, way, place, end)
-        if end > place == 0 and wrong not in scene.layout.lane_of:
-            raise NotPossible(
-                f"{who} would have to change from lanelet {wrong} to {right} inside a junction, where SUMO's vehicles "
-                "keep their lanes",
-                next_step="choose a target before or behind the junction",
-            )
         if end > place and left_m + room_m < needed_m:
             raise NotPossible(
                 f"{who} drives {speed_mps:.1f} m/s and lanelet {wrong}, which it has to leave for {right}, "

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, plan_of
 from plannerforge.engine.edits.forks import branch_for
-from plannerforge.engine.edits.lanelet_targets import reach, target_lanelets, way_through
+from plannerforge.engine.edits.lanelet_targets import drive_to, target_lanelets, way_through
 from plannerforge.engine.edits.last_lane_change import check_lane_changes
 from plannerforge.engine.edits.manoeuvre_plans import named
 from plannerforge.engine.edits.scene import Scene
@@ -42,7 +42,7 @@ def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> Dr
     start, who = plan.lanelets[0], f"vehicle {plan.start.obstacle_id}"
     if edit.turn:
         targets = frozenset(branch_for(scene, start, edit.turn, who).lanelets)
-        way = reach(scene, [start], [_last_of_branch(scene, start, edit.turn, who)], who)
+        way = drive_to(scene, start, frozenset([_last_of_branch(scene, start, edit.turn, who)]), who)
     else:
         targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
         way = way_through(scene, start, edit.via, targets, changes, who)

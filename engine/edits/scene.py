@@ -1,6 +1,6 @@
 """A scenario made ready for edits: its lanes as a SUMO network, its vehicles on their lanelets, its ego."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -117,6 +117,13 @@ class Scene:
     def lanelet_graph(self) -> LaneletGraph:
         """What can be reached from where."""
         return LaneletGraph.of(self.network)
+
+    @cached_property
+    def driven_graph(self) -> LaneletGraph:
+        """What SUMO's vehicles can reach from where: they keep their lanes inside junctions."""
+        outside, graph = self.layout.lane_of, self.lanelet_graph
+        beside = {k: tuple(n for n in near if k in outside and n in outside) for k, near in graph.neighbours.items()}
+        return replace(graph, neighbours=beside)
 
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
