@@ -142,7 +142,7 @@ def beside_each_other_in_a_junction(x_m: float) -> ScenarioBuilder:
         Lane(21, line((130, 0), (200, 0)), predecessors=(11,), left=(22, True)),
         Lane(22, line((130, 3.5), (200, 3.5)), predecessors=(12,), right=(21, True)),
     )
-    return ScenarioBuilder(lanes, (driving(36, (x_m, 0), 8.0, 81),))
+    return ScenarioBuilder(lanes, (driving(36, (x_m, 0), 8.0, 151),))
 
 
 def test_a_change_inside_a_junction_is_refused_where_none_is_possible_before_it(apply: Apply) -> None:
