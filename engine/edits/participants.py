@@ -1,5 +1,6 @@
 """Everybody in a hybrid re-simulation: who is replayed, who is driven, and from when on."""
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -117,8 +118,8 @@ def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
     match = scene.matches.get(plan.start.obstacle_id)
     if plan.cause == "added" or match is None:
         match = LaneMatch((0,), plan.lanelets[:1])
-    lane_of = scene.layout.lane_of
-    target = next((lane_of[key] for key in reversed(plan.lanelets) if key in plan.targets and key in lane_of), None)
+    lane_of, aims = scene.layout.lane_of, _aims(scene, plan)
+    target = next((lane_of[key] for key in reversed(plan.lanelets) if key in aims and key in lane_of), None)
     return Participant(
         track=plan.start,
         edges=plan.edges,
@@ -129,18 +130,26 @@ def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
         behaviour=plan.behaviour,
         sumo_class=plan.vehicle_class.sumo_class,
         manoeuvres=plan.manoeuvres,
-        lanes_to_target=_lanes_to(scene, plan, target),
+        lanes_to_target=_lanes_to(scene, plan, aims, target),
         is_sent=bool(plan.targets) and plan.cause == "edited",
         maximum_speed_mps=max(plan.vehicle_class.maximum_speed_mps, float(plan.start.speeds_mps.max())),
         through=tuple(lane_of[key] for key in plan.lanelets if key in plan.through and key in lane_of),
     )
 
 
-def _lanes_to(scene: Scene, plan: DrivePlan, target: Hint | None) -> frozenset[str]:
-    """SUMO's lanes on the way that lead to a target without a change of lane; none where all lanes of its edge do."""
-    if target is None or target[0] not in plan.edges or plan.targets.issuperset(scene.layout.edges[target[0]]):
+def _aims(scene: Scene, plan: DrivePlan) -> frozenset[int]:
+    """The targets; where all lie inside a junction, the lanelet before it: lanes are kept inside."""
+    outside = scene.layout.lane_of
+    if not plan.targets or not plan.targets.isdisjoint(outside):
+        return plan.targets
+    return frozenset(itertools.islice((key for key in reversed(plan.lanelets) if key in outside), 1))
+
+
+def _lanes_to(scene: Scene, plan: DrivePlan, aims: frozenset[int], target: Hint | None) -> frozenset[str]:
+    """SUMO's lanes on the way that lead to an aim without a change of lane; none where all lanes of its edge do."""
+    if target is None or target[0] not in plan.edges or aims.issuperset(scene.layout.edges[target[0]]):
         return frozenset()
-    lanes = plan.targets.intersection(scene.layout.edges[target[0]])
+    lanes = aims.intersection(scene.layout.edges[target[0]])
     layout = scene.layout
     found = {"{}_{}".format(*layout.lane_of[key]) for key in lanes}
     for edge in reversed(plan.edges[: plan.edges.index(target[0])]):
