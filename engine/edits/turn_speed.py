@@ -1,7 +1,7 @@
 """Whether a vehicle can still slow down enough for the bends of a new way."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -47,19 +47,11 @@ def first_bend_too_tight(
 
     ``known``: lanelets whose bends are not asked about.
     """
-    lanes, speed_mps = scene.layout.table.lanes, max(speed_mps, 0.0)
-    here_m = project(lanes[way[0]].center, position)[0]
-    ahead_m = -here_m
-    for before, key in zip((None, *way), way, strict=False):
-        if before is not None and key in scene.layout.table.successors[before]:
-            ahead_m += lanes[before].length_m
-        line = lanes[key].center if before is not None else _from(lanes[key].center, here_m)
-        curvature = 0.0 if key in known else maximum_curvature(line, SMOOTHING_M)
-        if curvature <= 0.0:
-            continue
-        at_best = math.sqrt(max(speed_mps**2 - 2 * HARDEST_BRAKING_MPS2 * max(ahead_m, 0.0), 0.0))
+    speed_mps, here_m = max(speed_mps, 0.0), project(scene.layout.table.lanes[way[0]].center, position)[0]
+    for key, ahead_m, curvature in _bends_ahead(scene, way, here_m):
+        at_best = math.sqrt(max(speed_mps**2 - 2 * HARDEST_BRAKING_MPS2 * ahead_m, 0.0))
         highest = math.sqrt(HARDEST_LATERAL_MPS2 / curvature)
-        if at_best > highest:
+        if key not in known and at_best > highest:
             where = f"{ahead_m:.0f} m before" if ahead_m > 0.0 else "on"
             return (
                 f"drives {speed_mps:.1f} m/s {where} lanelet {key}, whose bend takes at most {highest:.1f} m/s: "
@@ -73,19 +65,26 @@ def highest_entry_speed(scene: Scene, way: tuple[int, ...], station_m: float) ->
 
     Where the way ends, it is followed as long as it does not fork. Infinite where nothing bends.
     """
-    lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
-    onwards = list(way)
+    successors, onwards = scene.layout.table.successors, list(way)
     while len(successors[onwards[-1]]) == 1 and successors[onwards[-1]][0] not in onwards:
         onwards.append(successors[onwards[-1]][0])
-    highest, ahead_m = math.inf, 0.0
-    for index, key in enumerate(onwards):
-        line = lanes[key].center if index else _from(lanes[key].center, station_m)
+    bends = _bends_ahead(scene, onwards, station_m)
+    return min((math.sqrt(EASY_MPS2 / bend + 2 * EASY_MPS2 * ahead_m) for _, ahead_m, bend in bends), default=math.inf)
+
+
+def _bends_ahead(scene: Scene, way: Sequence[int], here_m: float) -> Iterator[tuple[int, float, float]]:
+    """Every lanelet of a way that bends beyond an arc length of the first one: how far ahead it begins, its curvature.
+
+    Lanelets beside each other begin equally far ahead, at least 0 m.
+    """
+    lanes, successors, ahead_m = scene.layout.table.lanes, scene.layout.table.successors, -here_m
+    for before, key in zip((None, *way), way, strict=False):
+        if before is not None and key in successors[before]:
+            ahead_m += lanes[before].length_m
+        line = lanes[key].center if before is not None else _from(lanes[key].center, here_m)
         curvature = maximum_curvature(line, SMOOTHING_M)
         if curvature > 0.0:
-            highest = min(highest, math.sqrt(EASY_MPS2 / curvature + 2 * EASY_MPS2 * ahead_m))
-        is_followed = not set(onwards[index + 1 : index + 2]).isdisjoint(successors[key])
-        ahead_m += float(arc_length(line)[-1]) if is_followed else 0.0
-    return highest
+            yield key, max(ahead_m, 0.0), curvature
 
 
 def _from(line: Points, station_m: float) -> Points:

@@ -93,10 +93,11 @@ def simulate(
     if isinstance(task, Verdict):
         run.verdict = task
         return run
-    run.verdict = _judge(task, run).before_the_run(ego)
+    judge = _judge(task, run)
+    run.verdict = judge.before_the_run(ego)
     if run.verdict is None:
         predict = predictor(prediction, scenario.lanelet_network)
-        _drive(run, planner, predict, task, report)
+        _drive(run, planner, judge, predict, task, report)
         if run.has_not_begun:
             run = _eased(run, planner, predict, task, report)
         run.off_the_lanes = off_the_lanes(predict)
@@ -113,7 +114,8 @@ def _eased(
         if not stays_on(task.road, reference, ego, over_m):
             continue
         run = DrivenRun([ego], stuck.traffic, eased_over_m=over_m)
-        _drive(run, planner, predict, replace(task, reference=reference), report)
+        eased = replace(task, reference=reference)
+        _drive(run, planner, _judge(eased, run), predict, eased, report)
         if not run.has_not_begun:
             return run
     return stuck
@@ -171,9 +173,11 @@ def _task(
     return PlanningTask(scenario, problem, configuration, reference, road, vehicle, step_s, aim)
 
 
-def _drive(run: DrivenRun, planner: Planner, predict: Predictor, task: PlanningTask, report: ProgressReporter) -> None:
+def _drive(
+    run: DrivenRun, planner: Planner, judge: Judge, predict: Predictor, task: PlanningTask, report: ProgressReporter
+) -> None:
     planner.reset(task)
-    judge, settings, step_s = _judge(task, run), task.configuration.settings, task.step_s
+    settings, step_s = task.configuration.settings, task.step_s
     first, horizon = run.states[0].step, round(settings.horizon_s / step_s)
     while run.verdict is None:
         ego = run.states[-1]

@@ -1,42 +1,15 @@
 import numpy as np
 import pytest
+from road_lanelets import network_of_streets, street
 
 from plannerforge.engine.geometry.polyline import Points, headings
 from plannerforge.engine.network.lanelet_lookup import LaneletLookup
-from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
 from plannerforge.engine.scenarios.ego_way import follows_smooth_lanes
 from plannerforge.engine.traffic.motions import Participant
 from plannerforge.engine.traffic.smoothing import Motion
 from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
 
-WIDTH = np.array([0.0, 1.75])
 ALONG_M = np.arange(0.0, 121.0)
-
-
-def lanelet(key: int, center: Points, successors: tuple[int, ...] = ()) -> RoadLanelet:
-    return RoadLanelet(
-        lanelet_id=key,
-        lane_id=f"e{key}_0",
-        edge_id=f"e{key}",
-        left=center + WIDTH,
-        right=center - WIDTH,
-        successors=successors,
-        predecessors=(),
-        left_neighbour=None,
-        left_same_direction=False,
-        right_neighbour=None,
-        right_same_direction=False,
-        internal=False,
-        types=("urban",),
-        users=("car",),
-        allowed=frozenset({"passenger"}),
-        speed_mps=13.9,
-        street="",
-    )
-
-
-def network(*lanelets: RoadLanelet) -> RoadNetwork:
-    return RoadNetwork({one.lanelet_id: one for one in lanelets}, (), (), (), ())
 
 
 def road_with_jog(aside_m: float, on_m: float) -> Points:
@@ -63,14 +36,14 @@ def test_lanes_with_a_jog_cannot_be_followed_at_speed(
     aside_m: float, on_m: float, speed_mps: float, smooth: bool
 ) -> None:
     line = road_with_jog(aside_m, on_m)
-    roads = network(lanelet(1, line))
+    roads = network_of_streets(street(1, line))
     car = driven(line, speed_mps)
     assert follows_smooth_lanes(car, len(car.motion.positions) - 1, roads, LaneletLookup(roads)) is smooth
 
 
 def test_a_jog_behind_the_goal_or_before_the_start_does_not_count() -> None:
     line = road_with_jog(1.5, 4.0)
-    roads = network(lanelet(1, line))
+    roads = network_of_streets(street(1, line))
     lookup = LaneletLookup(roads)
     assert follows_smooth_lanes(driven(line, 13.0), 20, roads, lookup)
     late = driven(line, 13.0)
@@ -82,6 +55,6 @@ def test_a_jog_behind_the_goal_or_before_the_start_does_not_count() -> None:
 
 def test_a_corner_where_one_lanelet_follows_on_another_counts() -> None:
     line = road_with_jog(1.5, 4.0)
-    roads = network(lanelet(1, line[:63], (2,)), lanelet(2, line[62:]))
+    roads = network_of_streets(street(1, line[:63], (2,)), street(2, line[62:]))
     car = driven(line, 13.0)
     assert not follows_smooth_lanes(car, len(car.motion.positions) - 1, roads, LaneletLookup(roads))

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from road_lanelets import network_of_streets, street
 
-from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
+from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.scenarios.goal_wish import parse_goal, passage
 from plannerforge.engine.traffic.motions import Participant
 from plannerforge.engine.traffic.smoothing import Motion
@@ -14,27 +15,7 @@ LENGTH_M = 200.0
 
 def road() -> RoadNetwork:
     along = np.stack([np.linspace(0.0, LENGTH_M, 41), np.zeros(41)], axis=1)
-    side = np.array([0.0, 1.75])
-    lanelet = RoadLanelet(
-        lanelet_id=1,
-        lane_id="e_0",
-        edge_id="e",
-        left=along + side,
-        right=along - side,
-        successors=(),
-        predecessors=(),
-        left_neighbour=None,
-        left_same_direction=False,
-        right_neighbour=None,
-        right_same_direction=False,
-        internal=False,
-        types=("urban",),
-        users=("car",),
-        allowed=frozenset({"passenger"}),
-        speed_mps=13.9,
-        street="",
-    )
-    return RoadNetwork({1: lanelet}, (), (), (), ())
+    return network_of_streets(street(1, along))
 
 
 def car() -> Participant:
