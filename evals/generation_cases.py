@@ -30,6 +30,7 @@ from plannerforge.evals.map_evidence import MapEvidence
 from plannerforge.evals.road_type_judge import shows_type
 from plannerforge.schemas.errors import NotPossible, PlannerForgeError
 from plannerforge.schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
+from plannerforge.schemas.runs import NO_TRAJECTORY
 from plannerforge.server.argument_errors import read_arguments
 from plannerforge.tools.generation_orders import Order, Orders, plan_orders
 from plannerforge.tools.generation_plan import plan_maps, request_for
@@ -157,7 +158,7 @@ def drive(loaded: LoadedScenario) -> tuple[bool, str]:
         raise RuntimeError("the built-in configuration is gone")
     planner = make_planner("frenetix")
     run = simulate(loaded.scenario, loaded.problem(), configuration, planner, "constant_velocity", silent)
-    return run.final.outcome not in ("invalid", "infeasible"), run.final.outcome
+    return run.final.outcome not in NO_TRAJECTORY, run.final.outcome
 
 
 def _place_is_right(

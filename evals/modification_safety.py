@@ -25,7 +25,7 @@ from plannerforge.engine.tuning.configurations import named_configuration
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.modification import Edit, ModificationRequest
 from plannerforge.schemas.planning import RunRequest
-from plannerforge.schemas.runs import RunRecord
+from plannerforge.schemas.runs import NO_TRAJECTORY, RunRecord
 
 PLANNER = "frenetix:Default"
 NEAREST, AHEAD_M = 3, 15.0
@@ -33,7 +33,6 @@ RESAMPLES = 2000
 MOST_TRIES = 6
 DIGEST = "b"
 NEGLIGIBLE = 5
-_NOT_DRIVEN = ("invalid", "infeasible")
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ def shifts_of(path: Path, scene: Scene, folder: Path, base: RunRecord | None) ->
 
 def executed(path: Path, base: RunRecord) -> bool | None:
     """Whether the planner drives an edited file to some end; None where it does not drive its source either."""
-    return None if base.outcome in _NOT_DRIVEN else planner_run(path).outcome not in _NOT_DRIVEN
+    return None if base.outcome in NO_TRAJECTORY else planner_run(path).outcome not in NO_TRAJECTORY
 
 
 def safety_rows(shifts: Sequence[Shift]) -> list[tuple[str, str]]:

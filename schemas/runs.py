@@ -26,6 +26,9 @@ trajectory that the vehicle can drive; ``invalid``: the problem cannot be solved
 never a planner's failure.
 """
 
+NO_TRAJECTORY: tuple[Outcome, ...] = ("invalid", "infeasible")
+"""Outcomes without a motion to speak of: the problem is broken, or the planner finds no trajectory for it."""
+
 InvalidReason = Literal[
     "no_goal_state", "initial_collision", "ego_off_road", "ego_against_route", "goal_unreachable", "goal_out_of_time"
 ]

@@ -2,13 +2,12 @@
 
 from plannerforge.engine.tuning.configurations import DEFAULT_CONFIGURATION
 from plannerforge.schemas.generation import ScenarioSummary
+from plannerforge.schemas.runs import NO_TRAJECTORY
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.configurations import resolve_configuration, store_configuration
 from plannerforge.tools.run_grid import Cell, run_grid
 
 CHECK = "planner can run"
-NO_TRAJECTORY = frozenset({"invalid", "infeasible"})
-"""Outcomes in which the planner drove nowhere: it takes the problem for broken, or finds no trajectory for it."""
 ADVICE = "the default planner cannot run here; another seed makes other traffic and another ego"
 
 
