@@ -122,16 +122,20 @@ def leads_on(network: "LaneletNetwork", targets: frozenset[int]) -> frozenset[in
 
 
 def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
-    """Whether a car gets so far until the goal's time is over (the scenario's last step where it has none).
+    """Whether a car gets so far until the goal's time is over, at a speed that the goal asks for.
 
-    And whether it can stop on the way to wait for the goal's time, and gain the speed that the goal asks for again.
+    The goal's time is over at the scenario's last step where it has none. A car that can also stop on the way, and gain
+    the least speed of the goal again, can wait for the time to begin.
     """
     start, goal = problem.initial_state, next(iter(problem.goal.state_list), None)
     time, speeds = getattr(goal, "time_step", None), getattr(goal, "velocity", None)
     last = last_step if time is None else int(getattr(time, "end", time))
     seconds, speed = max(last - int(start.time_step), 0) * step_s, float(start.velocity)
-    farthest = min(speed * seconds + LARGEST_ACCELERATION_MPS2 * seconds**2 / 2, LARGEST_SPEED_MPS * seconds)
-    least_mps = 0.0 if speeds is None else float(getattr(speeds, "start", speeds))
+    least_mps, most_mps = (0.0, LARGEST_SPEED_MPS) if speeds is None else _ends(speeds)
+    gained_mps = LARGEST_ACCELERATION_MPS2 * seconds
+    if not (least_mps <= speed + gained_mps and speed - gained_mps <= most_mps):
+        return False
+    farthest = _farthest_m(speed, min(most_mps, speed + gained_mps, LARGEST_SPEED_MPS), seconds)
     can_wait = speed**2 + least_mps**2 <= 2 * LARGEST_ACCELERATION_MPS2 * SHARE_IN_REACH * way_m
     return LEAST_AHEAD_M <= way_m <= SHARE_IN_REACH * farthest and can_wait
 
@@ -156,6 +160,19 @@ def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -
 def nearest_m(point: Points, places: Iterable[Points]) -> float:
     """Distance in m to the nearest of some places; infinite where there is none."""
     return min((float(np.linalg.norm(point - place)) for place in places), default=math.inf)
+
+
+def _ends(speeds_mps: Any) -> tuple[float, float]:
+    """Least and largest speed of an interval or of an exact value; nobody drives backwards to a goal."""
+    return max(float(getattr(speeds_mps, "start", speeds_mps)), 0.0), float(getattr(speeds_mps, "end", speeds_mps))
+
+
+def _farthest_m(speed_mps: float, final_mps: float, seconds: float) -> float:
+    """The farthest way in m in a time from one speed to another: full power, top speed if there is time, full brakes."""
+    doubled = 2 * LARGEST_ACCELERATION_MPS2
+    top = min((speed_mps + final_mps + LARGEST_ACCELERATION_MPS2 * seconds) / 2, max(LARGEST_SPEED_MPS, speed_mps))
+    at_top_s = seconds - (2 * top - speed_mps - final_mps) / LARGEST_ACCELERATION_MPS2
+    return (2 * top**2 - speed_mps**2 - final_mps**2) / doubled + top * at_top_s
 
 
 def _at_station(network: "LaneletNetwork", key: int, station_m: float, seen: set[int]) -> list[Points]:

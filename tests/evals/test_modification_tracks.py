@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builders import Lane, ScenarioBuilder, arc, line, town_road
+from builders_planning import goal_state, problem_for
 
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.scenarios.reader import read_scenario
@@ -79,6 +80,25 @@ def test_a_goal_behind_the_ego_or_out_of_reach_in_time_is_not_drawn(scene: Scene
     assert is_in_reach(problem, 0.1, 20.0, 100)
     assert not is_in_reach(problem, 0.1, -5.0, 100)
     assert not is_in_reach(problem, 0.1, 1e5, 100)
+
+
+@pytest.mark.parametrize(
+    ("speeds_mps", "steps", "way_m", "can"),
+    [
+        (None, (0, 31), 70.0, True),
+        ((0.0, 8.6), (0, 31), 70.0, False),
+        ((0.0, 8.6), (0, 31), 50.0, True),
+        ((0.0, 8.6), (0, 45), 70.0, True),
+        ((40.0, 45.0), (0, 20), 80.0, False),
+        ((0.0, 2.0), (0, 6), 6.0, False),
+    ],
+    ids=["any speed", "too slow an end", "nearer", "more time", "too fast an end", "no time to brake"],
+)
+def test_a_goal_that_no_car_meets_at_its_speed_is_not_drawn(
+    speeds_mps: tuple[float, float] | None, steps: tuple[int, int], way_m: float, can: bool
+) -> None:
+    goal = goal_state(steps, speed=speeds_mps)
+    assert is_in_reach(problem_for(goal, speed_mps=9.65), 0.1, way_m, 100) is can
 
 
 def test_ways_lead_to_what_follows_and_lies_beside(scene: Scene) -> None:
