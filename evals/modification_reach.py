@@ -168,7 +168,7 @@ def _ends(speeds_mps: Any) -> tuple[float, float]:
 
 
 def _farthest_m(speed_mps: float, final_mps: float, seconds: float) -> float:
-    """The farthest way in m in a time from one speed to another: full power, top speed if there is time, full brakes."""
+    """The farthest way in m in a time between two speeds: full power, top speed if there is time, then full brakes."""
     doubled = 2 * LARGEST_ACCELERATION_MPS2
     top = min((speed_mps + final_mps + LARGEST_ACCELERATION_MPS2 * seconds) / 2, max(LARGEST_SPEED_MPS, speed_mps))
     at_top_s = seconds - (2 * top - speed_mps - final_mps) / LARGEST_ACCELERATION_MPS2
