@@ -21,6 +21,8 @@ STANDING_MPS = 0.5
 SAMPLES = 40
 COST_PER_M_OUTSIDE, COST_PER_M_BESIDE, COST_PER_RAD = 3.0, 0.6, 2.0
 COST_OF_A_STEP, COST_OF_A_LEAP = 0.3, 8.0
+COST_OF_NO_DIFFERENCE = 0.5
+"""A pose that fits another lanelet worse by no more (0.8 m beside, or 14° across) lies on that one just as well."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,13 @@ class LaneMatcher:
     def near(self, position: Points, heading_rad: float, speed_mps: float) -> list[tuple[int, float]]:
         """Lanelets within reach of a pose and their cost, by ascending id; the heading counts while moving."""
         return self._near(position[None], np.array([heading_rad]), np.array([speed_mps]))[0]
+
+    def near_as_well(self, position: Points, heading_rad: float, speed_mps: float, key: int) -> tuple[int, ...]:
+        """The other lanelets that a pose on one fits nearly as well, best first: there they lie over one another."""
+        costs = dict(self.near(position, heading_rad, speed_mps))
+        most = costs.get(key, 0.0) + COST_OF_NO_DIFFERENCE
+        others = sorted((cost, other) for other, cost in costs.items() if other != key and cost <= most)
+        return tuple(other for _, other in others)
 
     def _near(self, positions: Points, headings_rad: Values, speeds_mps: Values) -> list[list[tuple[int, float]]]:
         """The same for n poses at once."""

@@ -116,7 +116,7 @@ def participants(scene: Scene, changes: Changes, plans: Mapping[int, DrivePlan])
 def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
     """A road user that SUMO drives by a plan."""
     match = scene.matches.get(plan.start.obstacle_id)
-    if plan.cause == "added" or match is None:
+    if plan.cause == "added" or match is None or plan.lanelets[0] != match.lanelets[0]:
         match = LaneMatch((0,), plan.lanelets[:1])
     lane_of, aims = scene.layout.lane_of, _aims(scene, plan)
     target = next((lane_of[key] for key in reversed(plan.lanelets) if key in aims and key in lane_of), None)

@@ -1,5 +1,6 @@
 """Edit T: send vehicles another way."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, plan_of
@@ -39,7 +40,27 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
-    start, who = plan.lanelets[0], f"vehicle {plan.start.obstacle_id}"
+    """The plan from the lanelet that the vehicle is matched to, or from another under it where that leads nowhere."""
+    try:
+        return _rerouted_from(plan.lanelets[0], edit, scene, changes, plan)
+    except NotPossible:
+        for start in _other_starts(scene, plan):
+            with suppress(NotPossible):
+                return _rerouted_from(start, edit, scene, changes, plan)
+        raise
+
+
+def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
+    """Lanelets on which a recorded vehicle stands just as well: at a fork its match is the branch that it drove."""
+    if plan.cause == "added":
+        return ()
+    track, index = plan.start, plan.from_step - plan.start.first_step
+    pose = track.positions[index], float(track.headings_rad[index]), float(track.speeds_mps[index])
+    return scene.matcher.near_as_well(*pose, plan.lanelets[0])
+
+
+def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
+    who = f"vehicle {plan.start.obstacle_id}"
     if edit.turn:
         targets = frozenset(branch_for(scene, start, edit.turn, who).lanelets)
         way = drive_to(scene, start, frozenset([_last_of_branch(scene, start, edit.turn, who)]), who)

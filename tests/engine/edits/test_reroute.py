@@ -49,6 +49,24 @@ def test_a_target_that_cannot_be_reached_is_refused_with_those_that_can(apply: A
     assert caught.value.valid[:2] == ("2", "21")
 
 
+@pytest.mark.parametrize("edit", [{"to": ["13"]}, {"turn": "right"}])
+def test_a_vehicle_right_at_a_fork_can_still_be_sent_down_the_other_branch(
+    apply: Apply, edit: dict[str, object]
+) -> None:
+    at_fork = town_road().with_vehicles(driving(36, (200.1, 0), 8.0, 101))
+    applied = apply({"op": "reroute", "vehicles": ["36"], **edit}, builder=at_fork)
+    (route,) = applied.outcome.edits[0].routes
+    assert route.arrives
+    assert {12, 13} <= set(route.lanelets)
+    assert applied.tracks()[36].positions[-1][0] == pytest.approx(220, abs=0.3)
+
+
+def test_a_vehicle_past_the_fork_keeps_its_branch(apply: Apply) -> None:
+    past = town_road().with_vehicles(driving(36, (208, 0), 8.0, 101))
+    with pytest.raises(NotPossible, match="13 cannot be reached by vehicle 36 from lanelet 11"):
+        apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=past)
+
+
 def test_an_unknown_lanelet_is_refused_with_the_nearest_ids(apply: Apply) -> None:
     with pytest.raises(UnknownName, match="14 is no lanelet") as caught:
         apply({"op": "reroute", "vehicles": ["31"], "to": ["14"]})
