@@ -8,7 +8,9 @@ Keys (shares unless said otherwise): ``round_trip`` (files whose road users SUMO
 recorded), ``T_ends``, ``B_preset``, ``P_count``, ``G_edge`` (the paper's checks; a refusal of what can be done fails),
 ``composite_done`` (all checks of all edits of a composite), ``T_arrives`` (vehicles sent somewhere that are there
 before the scenario ends: of the others ``T_ends`` demands that they are on their way, and had no time or were held up),
-``checks_min`` (the least of all checks), ``valid_min``, ``executable_min`` (the least over the tasks),
+``checks_min`` (the least of all checks), ``valid_min`` (no schema error that the source does not have; CommonRoad's
+schema has no form for who enters after time 0, so that vehicles which the request itself lets enter later may, and no
+others), ``valid_strict_min`` (not those either), ``executable_min`` (all three the least over the tasks),
 ``refused_right``, ``untouched_identical``, ``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite``
 (touched vehicles that the edits name, by the drivability checker from their hand-over + 1 s on),
 ``physical_handed_over`` (those that no edit names), ``handovers_smooth`` (at most 5 cm beyond v·dt and 1 m/s, from the
@@ -89,6 +91,7 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
         "T_arrives": _share(there for case in made for there in case.arrivals),
         "checks_min": min((_share(values) for values in checks.values()), default=0.0),
         "valid_min": _least(made, lambda case: case.valid),
+        "valid_strict_min": _least(made, lambda case: case.strictly_valid),
         "executable_min": _least(
             [case for case in made if case.executed is not None], lambda case: bool(case.executed)
         ),
@@ -125,6 +128,8 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     rows += [(f"drivable {task}", _drivable([case for case in made if case.task == task])) for task in PHYSICAL]
     for task in (*TASKS, "composite"):
         rows.append((f"executable {task}", _interval([case.executed for case in made if case.task == task])))
+    later = sum(case.enter_later > 0 for case in made)
+    rows.append(("enter later, as asked", f"{later} files, for which the schema has no form"))
     given = [one for case in made for one in case.handovers]
     jump, step = (max((one[place] for one in given), default=0.0) for place in (0, 1))
     rows.append(("largest hand-over", f"{jump:.3f} m beyond v·dt, {step:.2f} m/s, of {len(given)}"))

@@ -23,7 +23,6 @@ from plannerforge.evals.modification_checks import (
     checks_of,
     handovers_of,
     is_untouched_identical,
-    is_valid,
     unreported_collisions,
 )
 from plannerforge.evals.modification_population import is_taken
@@ -32,6 +31,7 @@ from plannerforge.evals.modification_requests import Asked, Presets, drawn_reque
 from plannerforge.evals.modification_reroutes import arrives
 from plannerforge.evals.modification_results import Case, Effort, Measured, Physical, Refusal
 from plannerforge.evals.modification_safety import executed, new_id, planner_run, shifts_of
+from plannerforge.evals.modification_schema import enter_later_as_asked, is_strictly_valid, is_valid
 from plannerforge.evals.modification_written import Written
 from plannerforge.schemas.errors import PlannerForgeError, WorkerFailure
 from plannerforge.schemas.modification import ModificationOutcome, ModificationRequest, TouchedVehicle
@@ -151,6 +151,8 @@ def _checked(
         checks=checks,
         arrivals=_arrivals(written),
         valid=is_valid(written),
+        strictly_valid=is_strictly_valid(written),
+        enter_later=len(enter_later_as_asked(written)),
         untouched_identical=is_untouched_identical(written),
         touched=len(outcome.touched),
         handed_over=len(outcome.handed_over),

@@ -12,7 +12,6 @@ from lxml import etree
 
 from plannerforge.engine.planners.time_to_collision import MovingRectangles, corners_of
 from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.engine.scenarios.validate import schema_errors
 from plannerforge.evals.modification_drivers import behaviour_checks
 from plannerforge.evals.modification_goals import goal_checks
 from plannerforge.evals.modification_population import addition_checks, removal_checks
@@ -36,18 +35,6 @@ def checks_of(written: Written, index: int) -> dict[str, bool]:
     if truth["op"] == "remove_vehicle":
         return removal_checks(written, index)
     return addition_checks(written, index)
-
-
-def is_valid(written: Written) -> bool:
-    """No schema error that the source does not have; the file was read by commonroad-io already.
-
-    An id that breaks the pattern does so in both files, although it is another one in each.
-    """
-    old, new = (
-        {error.replace(loaded.declared_id, "") for error in schema_errors(loaded.path)}
-        for loaded in (written.scene.loaded, written.loaded)
-    )
-    return new <= old
 
 
 def is_untouched_identical(written: Written) -> bool:

@@ -39,7 +39,9 @@ class Case:
 
     ``tries``: those that were refused before it, and itself if it was. ``arrivals``: of each vehicle that was sent to
     a target, whether the written motion gets there. ``is_first``: nobody tried to edit the scenario before, so that
-    its file was read for this. ``handovers``: m beyond v·dt and m/s of each vehicle that SUMO took over.
+    its file was read for this. ``handovers``: m beyond v·dt and m/s of each vehicle that SUMO took over. ``valid`` lets
+    vehicles enter later that were asked to, for which the schema has no form; ``enter_later`` counts them, and
+    ``strictly_valid`` does not let them.
     """
 
     task: str
@@ -49,6 +51,8 @@ class Case:
     checks: dict[str, bool] = field(default_factory=dict)
     arrivals: tuple[bool, ...] = ()
     valid: bool = False
+    strictly_valid: bool = False
+    enter_later: int = 0
     untouched_identical: bool = False
     touched: int = 0
     handed_over: int = 0

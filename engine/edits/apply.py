@@ -176,17 +176,11 @@ def _judged(
 
 
 def _warnings(request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
-    late = [key for key, plan in result.plans.items() if plan.cause == "added" and plan.from_step > 0]
-    late += [key for key, replay in changes.replays.items() if replay.track.first_step > 0]
     unseen = {key for key in scene.tracks if key not in scene.matches and not changes.is_added(key)}
     unseen |= {region.obstacle_id for region in scene.regions if region.match is None}
     unseen -= changes.removed
     phantoms = sorted(int(one.obstacle_id) for one in scene.loaded.scenario.phantom_obstacle)
-    found = []
-    if late:
-        found.append(
-            f"vehicle {', '.join(map(str, late))} enters after time 0, which CommonRoad's schema does not foresee"
-        )
+    found = _late_entries(scene, changes, result)
     if unseen and result.plans:
         found.append(
             f"recorded off the lanelets, so that driven vehicles do not see them: {', '.join(map(str, sorted(unseen)))}"
@@ -194,6 +188,18 @@ def _warnings(request: ModificationRequest, scene: Scene, changes: Changes, resu
     if phantoms and result.plans:
         found.append(f"phantom obstacles, which nobody sees or hits: {', '.join(map(str, phantoms))}")
     return found + _kept_recordings(request, scene, changes, result)
+
+
+def _late_entries(scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
+    """Who enters after time 0, for which CommonRoad's schema has no form."""
+    steps = {key: plan.from_step for key, plan in result.plans.items() if plan.cause == "added"}
+    steps |= {key: replay.track.first_step for key, replay in changes.replays.items()}
+    entries = [
+        f"vehicle {key} enters at {step * scene.step_s:.1f} s" for key, step in sorted(steps.items()) if step > 0
+    ]
+    if not entries:
+        return []
+    return [f"{', '.join(entries)}: CommonRoad's schema wants everybody there at time 0, its reader takes it"]
 
 
 def _kept_recordings(request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated) -> list[str]:

@@ -51,16 +51,22 @@ def check_scenario(path: Path, ego: Body, findings: Sequence[RuleFinding]) -> Ch
 
 def schema_errors(path: Path) -> list[str]:
     """What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file."""
+    from lxml import etree
+
+    return schema_errors_of(etree.parse(path))
+
+
+def schema_errors_of(document: Any) -> list[str]:
+    """The same for an lxml element tree."""
     import commonroad
     from lxml import etree
 
     folder = Path(str(commonroad.__file__)).parent / "scenario_definition" / "xml_definition_files"
     schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
-    tree = etree.parse(path)
-    schema.validate(tree)
+    schema.validate(document)
     log: Any = schema.error_log
     found = [str(error.message) for error in log]
-    benchmark_id = tree.getroot().get("benchmarkID", "")
+    benchmark_id = document.getroot().get("benchmarkID", "")
     if BENCHMARK_ID.fullmatch(benchmark_id) is None:
         found.append(f"{benchmark_id!r} is no benchmark id of 2020a")
     return found

@@ -29,6 +29,17 @@ def test_the_file_keeps_to_the_schema(apply: Apply) -> None:
     assert schema_errors(applied.xml) <= schema_errors(applied.base)
 
 
+def test_an_entry_after_time_0_is_written_as_it_is_and_said_because_the_schema_has_no_form_for_it(apply: Apply) -> None:
+    added = {"op": "add_vehicle", "vehicle_class": "car", "at": "3", "position": "middle", "time_s": 2.0}
+    applied = apply(ONCOMING | {"time_s": 1}, added)
+    assert [applied.tracks()[key].first_step for key in (34, 101)] == [10, 20]
+    assert len(schema_errors(applied.xml) - schema_errors(applied.base)) > 0
+    said = (
+        "vehicle 34 enters at 1.0 s, vehicle 101 enters at 2.0 s: CommonRoad's schema wants everybody there at time 0"
+    )
+    assert any(text.startswith(said) for text in applied.outcome.warnings)
+
+
 def test_two_shifts_add_up_and_lose_nothing(apply: Apply) -> None:
     applied = apply(ONCOMING | {"time_s": -3}, ONCOMING | {"time_s": 3})
     assert np.array_equal(applied.tracks()[34].positions, applied.base_tracks()[34].positions)
