@@ -20,6 +20,7 @@ from plannerforge.evals.modification_reach import (
     lanelets_at_first,
     leads_on,
     length_m,
+    speed_limit_mps,
     ways_m,
 )
 from plannerforge.evals.modification_tracks import BESIDE_M, fronts
@@ -37,6 +38,9 @@ STANDING_MPS, LAST_S = 0.5, 1.0
 SLOWED_SHARE, START_S = 0.7, 4.0
 GAP_M, GAP_S = 10.0, 2.0
 """Somebody within these ahead holds a vehicle up."""
+
+LINE_M = 0.5
+"""A vehicle whose bumper is so little past the end of a lanelet stands at it."""
 
 SIDE_M = 0.5
 LOOK_S, LANE_CHANGE_S = 1.0, 3.0
@@ -71,10 +75,16 @@ class Journey:
     def _slow_reach_m(self) -> float:
         """How far a driver in no hurry gets in the time that the vehicle is there and not held up."""
         first = max(float(self.track.speeds_mps[0]), 0.0)
-        aim, seconds = max(SLOW_MPS, SLOW_SHARE * first), self._free_s()
+        aim, seconds = self._allowed_mps(max(SLOW_MPS, SLOW_SHARE * first)), self._free_s()
         changing = min(abs(aim - first) / EASY_MPS2, seconds)
         reached = first + math.copysign(EASY_MPS2, aim - first) * changing
         return (first + reached) / 2 * changing + aim * (seconds - changing)
+
+    def _allowed_mps(self, speed_mps: float) -> float:
+        """A speed as far as signs allow it where the vehicle drives, on average over its time."""
+        under = self.network.find_lanelet_by_position(list(self.track.positions))
+        limits = [max((speed_limit_mps(self.network, int(key)) for key in keys), default=math.inf) for keys in under]
+        return float(np.minimum(limits, speed_mps).mean())
 
     def _free_s(self) -> float:
         """How long neither somebody close ahead nor the end of its lane holds it up; to start again takes time too."""
@@ -119,10 +129,11 @@ class Journey:
         """Whether it stands where a lanelet ends right ahead: a stop line, a junction, or the last place to change."""
         if float(self.track.speeds_mps[index]) > STANDING_MPS:
             return False
-        front = fronts(self.track)[index]
-        under = self.network.find_lanelet_by_position([front])[0]
-        found = [self.network.find_lanelet_by_id(key) for key in under]
-        return any(length_m(one) - project(one.center_vertices, front)[0] <= ROOM_M for one in found)
+        front, heading = fronts(self.track)[index], float(self.track.headings_rad[index])
+        points = [front, front - LINE_M * np.array([math.cos(heading), math.sin(heading)])]
+        under = zip(points, self.network.find_lanelet_by_position(points), strict=True)
+        found = [(point, self.network.find_lanelet_by_id(key)) for point, keys in under for key in keys]
+        return any(length_m(one) - project(one.center_vertices, point)[0] <= ROOM_M for point, one in found)
 
     def _side_to_change_to(self) -> int | None:
         """1 if a change to the left is needed from the last lanelet, -1 if to the right; None if none is."""

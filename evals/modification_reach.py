@@ -34,6 +34,14 @@ def length_m(lanelet: "Lanelet") -> float:
     return float(np.linalg.norm(np.diff(lanelet.center_vertices, axis=0), axis=1).sum())
 
 
+def speed_limit_mps(network: "LaneletNetwork", key: int) -> float:
+    """The lowest speed in m/s that a lanelet's signs allow; infinite without any."""
+    signs = (network.find_traffic_sign_by_id(sign) for sign in network.find_lanelet_by_id(key).traffic_signs or ())
+    elements = [one for sign in signs for one in sign.traffic_sign_elements]
+    limits = [float(one.additional_values[0]) for one in elements if one.traffic_sign_element_id.name == "MAX_SPEED"]
+    return min(limits, default=math.inf)
+
+
 def distances_m(
     network: "LaneletNetwork",
     position: Points,

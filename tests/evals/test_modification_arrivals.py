@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builders import Vehicle, driving, town_road
+from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement, TrafficSignIDGermany
 
 from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.scenarios.tracks import recorded_tracks
@@ -60,6 +61,24 @@ def test_one_behind_a_queue_or_at_the_end_of_its_lane_is_late_with_reason(folder
     assert not free.is_late_with_reason()
     waiting = slowing(journey(folder, {12}, driving(51, (192, 0), 0.6, 80)), 0.0)
     assert waiting.is_late_with_reason()
+
+
+@pytest.mark.parametrize(("past_m", "is_late"), [(0.1, True), (1.0, False)])
+def test_one_stands_at_the_end_of_its_lane_with_its_bumper_on_the_line_not_past_it(
+    folder: Path, past_m: float, is_late: bool
+) -> None:
+    stop = journey(folder, {12}, driving(51, (197.75 + past_m, 0), 0.0, 80))
+    assert stop.is_late_with_reason() is is_late
+
+
+@pytest.mark.parametrize(("start_m", "limit_mps", "is_late"), [(150, 3.0, True), (150, 30.0, False), (170, 3.0, False)])
+def test_one_who_is_slow_is_late_with_reason_where_signs_allow_no_more(
+    folder: Path, start_m: float, limit_mps: float, is_late: bool
+) -> None:
+    slow = slowing(journey(folder, {12}, driving(51, (start_m, 0), 3.0, 150)), 1.5 if start_m > 150 else 3.0)
+    sign = TrafficSignElement(TrafficSignIDGermany.MAX_SPEED, [str(limit_mps)])
+    slow.network.add_traffic_sign(TrafficSign(900, [sign], set(), np.array([0.0, -3.0])), {1})
+    assert slow.is_late_with_reason() is is_late
 
 
 def test_one_beside_its_target_needs_a_slow_end_or_a_lane_without_a_gap(folder: Path) -> None:
