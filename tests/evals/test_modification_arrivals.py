@@ -67,7 +67,7 @@ def test_one_behind_a_queue_or_at_the_end_of_its_lane_is_late_with_reason(folder
 def test_one_stands_at_the_end_of_its_lane_with_its_bumper_on_the_line_not_past_it(
     folder: Path, past_m: float, is_late: bool
 ) -> None:
-    stop = journey(folder, {12}, driving(51, (197.75 + past_m, 0), 0.0, 80))
+    stop = journey(folder, {13}, driving(51, (197.75 + past_m, 0), 0.0, 80))
     assert stop.is_late_with_reason() is is_late
 
 
