@@ -84,7 +84,8 @@ def _round(
     tracks: dict[int, TouchedTrack] = {}
     for key, plan in plans.items():
         seen = driven.get(key) or _gone_at_once(scene, plan)
-        made = None if seen is None else touched_track(plan.start, seen, scene.step_s, scene.last_step)
+        over_m = plan.steering_over.within_m if plan.steering_over else None
+        made = None if seen is None else touched_track(plan.start, seen, scene.step_s, scene.last_step, over_m)
         if made is not None:
             tracks[key] = made
     bodies = {key: body_of_track(track) for key, track in (scene.tracks | scene.standing).items()}

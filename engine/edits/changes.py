@@ -17,12 +17,24 @@ Cause = Literal["edited", "added", "handed_over"]
 
 
 @dataclass(frozen=True)
+class SteeringOver:
+    """A change of lane inside a junction: SUMO drives on ``lanelet_id`` at once, the motion gets there as it rolls.
+
+    ``within_m``: along the lane, from the hand-over on.
+    """
+
+    lanelet_id: int
+    within_m: float
+
+
+@dataclass(frozen=True)
 class DrivePlan:
     """A vehicle that SUMO drives from ``from_step`` on.
 
     ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: the way it is meant to
     drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
-    ``through``: lanelets on the way that it has to use; ``manoeuvres``: what it is told, in the order of their steps.
+    ``through``: lanelets on the way that it has to use; ``manoeuvres``: what it is told, in the order of their steps;
+    ``steering_over``: how it changes lanes where it is handed over inside a junction (None: it does not).
     """
 
     start: Track
@@ -35,6 +47,7 @@ class DrivePlan:
     vehicle_class: VehicleClass
     manoeuvres: tuple[Manoeuvre, ...] = ()
     through: frozenset[int] = frozenset()
+    steering_over: SteeringOver | None = None
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,11 @@ LOOK_BACK = 4
 def driven_lanelets(scene: Scene, track: TouchedTrack, plan: DrivePlan) -> tuple[int, ...]:
     """Lanelets under the front bumper of the driven part, in order, as SUMO assigns its lanes."""
     first = plan.lanelets[:1] if track.first_step == plan.start.first_step else ()
-    return lanelets_passed(scene, track.lanes, first)
+    found = lanelets_passed(scene, track.lanes, first)
+    over = plan.steering_over
+    if over is None or over.lanelet_id not in found:
+        return found
+    return first + found[found.index(over.lanelet_id) :]
 
 
 def lanelets_passed(scene: Scene, lanes: Iterable[str], first: Iterable[int] = ()) -> tuple[int, ...]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from plannerforge.engine.edits.resimulation import DrivenTrack, front_of
+from plannerforge.engine.edits.steering_over import steered_over
 from plannerforge.engine.geometry.polyline import Points, Values
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.smoothing import Motion, drivable_motion, tractrix
@@ -54,20 +55,30 @@ class TouchedTrack:
         )
 
 
-def touched_track(start: Track, driven: DrivenTrack, step_s: float, last_step: int) -> TouchedTrack | None:
+def touched_track(
+    start: Track, driven: DrivenTrack, step_s: float, last_step: int, over_m: float | None = None
+) -> TouchedTrack | None:
     """Smooth a driven track and join it to its recorded start without a jump.
 
     A vehicle that leaves the network at once rolls straight on for a few steps, because the road does not end where
     the map does. None if the scenario ends within two steps of the hand-over.
+
+    ``over_m``: the way along its lane in which it steers over to the one beside, on which SUMO drives it; it is on no
+    lane before it is across. None: it is on the lane that SUMO drives it on.
     """
     index = driven.first_step - start.first_step
     wanted = min(FEWEST_STATES, last_step - driven.first_step + 1)
     onward = _rolled_on(start, index, driven.front[1:], wanted - 1, step_s)
     if len(onward) < 2:
         return None
-    onward = _led_into_lane(start, index, onward, step_s)
+    lanes, begin, expected = driven.lanes, front_of(start, index), _rolled_on(start, index, onward[:0], 1, step_s)[0]
+    if over_m is None:
+        onward = _led_into_lane(expected, onward, step_s)
+    else:
+        onward, across = steered_over(begin, expected, onward, over_m)
+        lanes = ("", *(lane if is_across else "" for lane, is_across in zip(lanes[1:], across, strict=False)))
     history = _history(start, index, step_s)
-    front = np.concatenate([history, front_of(start, index)[None], onward])
+    front = np.concatenate([history, begin[None], onward])
     first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
     chassis = nearest_class(start.kind, start.length_m)
     smooth = drivable_motion(front, first_heading, start.length_m, step_s, rear_axle_m=chassis.rear_axle_m)
@@ -79,7 +90,7 @@ def touched_track(start: Track, driven: DrivenTrack, step_s: float, last_step: i
         width_m=start.width_m,
         wheelbase_m=chassis.wheelbase_m,
         leaves=driven.leaves,
-        lanes=driven.lanes,
+        lanes=lanes,
     )
 
 
@@ -92,10 +103,11 @@ def _rolled_on(start: Track, index: int, onward: Points, count: int, step_s: flo
     return np.array([*onward, *more]).reshape(-1, 2)
 
 
-def _led_into_lane(start: Track, index: int, onward: Points, step_s: float) -> Points:
-    """The front track after the hand-over without SUMO's leap to the middle of the lane, which fades in instead."""
-    angle, speed = float(start.headings_rad[index]), max(float(start.speeds_mps[index]), 0.0)
-    expected = front_of(start, index) + speed * step_s * np.array([math.cos(angle), math.sin(angle)])
+def _led_into_lane(expected: Points, onward: Points, step_s: float) -> Points:
+    """The front track after the hand-over without SUMO's leap to the middle of the lane, which fades in instead.
+
+    ``expected``: where the front is after the first step if it rolls straight on, shape (2,).
+    """
     share = np.clip(np.arange(1, len(onward) + 1) * step_s / LANE_S, 0.0, 1.0)
     led: Points = onward + (expected - onward[0]) * (1.0 - share**2 * (3.0 - 2.0 * share))[:, None]
     return led

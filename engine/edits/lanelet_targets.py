@@ -80,17 +80,21 @@ def way_through(
     """
     way: tuple[int, ...] = (start,)
     for wanted in (*(target_lanelets([text], scene, changes) for text in via), targets):
-        way += drive_to(scene, way[-1], wanted, who)[1:]
+        way += drive_to(scene, way[-1], wanted, who, is_there=way == (start,))[1:]
     return way
 
 
-def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str) -> tuple[int, ...]:
+def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_there: bool = False) -> tuple[int, ...]:
     """Lanelets that a vehicle drives from its own to the nearest target, both included.
+
+    ``is_there``: it is on the start already, so that it may steer over from there inside a junction.
 
     Raises:
         NotPossible: no target can be reached, or only by a change of lanes inside a junction.
     """
     route = scene.driven_graph.shortest_route([start], sorted(targets))
+    if route is None and is_there:
+        route = scene.graph_from_inside(start).shortest_route([start], sorted(targets))
     if route is not None:
         return route
     way = reach(scene, [start], targets, who)
@@ -99,9 +103,17 @@ def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str) -> tup
     raise NotPossible(
         f"{who} would have to change from lanelet {wrong} to {right} inside a junction, where SUMO's vehicles keep "
         "their lanes",
-        valid=_by_distance_to(sorted(targets), sorted(scene.driven_graph.reachable([start])), scene),
+        valid=nearest_driven(scene, start, sorted(targets)),
         next_step="choose a target before or behind the junction",
     )
+
+
+def nearest_driven(scene: Scene, start: int, targets: Sequence[int]) -> list[int]:
+    """Lanelets that SUMO's vehicles reach from one without changing lanes inside a junction, nearest to a target first.
+
+    As the crow flies.
+    """
+    return _by_distance_to(targets, sorted(scene.driven_graph.reachable([start])), scene)
 
 
 def reachable_lanelets(scene: Scene, starts: Sequence[int]) -> list[int]:

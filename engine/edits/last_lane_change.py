@@ -23,10 +23,10 @@ def check_lane_changes(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who:
     left_m = -project(lanes[way[0]].center, front_of(plan.start, index))[0]
     place = 0
     while place < len(way):
-        end = _last_beside(scene, way, place)
+        end = last_beside(scene, way, place)
         left_m += lanes[way[place]].length_m
         needed_m = min(speed_mps**2 / (2 * HARDEST_BRAKING_MPS2), speed_mps * LANE_CHANGE_S * (end - place))
-        room_m, wrong, right = _last_place(scene, way, place, end)
+        room_m, wrong, right = last_place(scene, way, place, end)
         if end > place and left_m + room_m < needed_m:
             raise NotPossible(
                 f"{who} drives {speed_mps:.1f} m/s and lanelet {wrong}, which it has to leave for {right}, "
@@ -37,7 +37,7 @@ def check_lane_changes(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who:
         place = end + 1
 
 
-def _last_beside(scene: Scene, way: tuple[int, ...], place: int) -> int:
+def last_beside(scene: Scene, way: tuple[int, ...], place: int) -> int:
     """The index of the last lanelet of a row of lane changes that begins at an index (the same without any)."""
     neighbours = scene.lanelet_graph.neighbours
     while place + 1 < len(way) and way[place + 1] in neighbours.get(way[place], ()):
@@ -45,7 +45,7 @@ def _last_beside(scene: Scene, way: tuple[int, ...], place: int) -> int:
     return place
 
 
-def _last_place(scene: Scene, way: tuple[int, ...], place: int, end: int) -> tuple[float, int, int]:
+def last_place(scene: Scene, way: tuple[int, ...], place: int, end: int) -> tuple[float, int, int]:
     """How much farther on in m the change can still be made, and its last place: the wrong lane, and that of the way.
 
     The lanes may go on side by side after their end.

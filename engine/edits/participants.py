@@ -12,6 +12,7 @@ from plannerforge.engine.edits.changes import Changes, DrivePlan, class_of
 from plannerforge.engine.edits.lane_matching import LaneMatch
 from plannerforge.engine.edits.manoeuvring import Manoeuvre
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.steering_over import placed_over
 from plannerforge.engine.edits.walker_shadows import walker_shadows
 from plannerforge.engine.scenarios.tracks import Track
 
@@ -118,10 +119,12 @@ def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
     match = scene.matches.get(plan.start.obstacle_id)
     if plan.cause == "added" or match is None or plan.lanelets[0] != match.lanelets[0]:
         match = LaneMatch((0,), plan.lanelets[:1])
+    if plan.steering_over is not None:
+        match = LaneMatch((0,), (plan.steering_over.lanelet_id,))
     lane_of, aims = scene.layout.lane_of, _aims(scene, plan)
     target = next((lane_of[key] for key in reversed(plan.lanelets) if key in aims and key in lane_of), None)
     return Participant(
-        track=plan.start,
+        track=placed_over(scene, plan),
         edges=plan.edges,
         hints=_hints(scene, plan.start, match, plan.edges),
         drive_from=plan.from_step,

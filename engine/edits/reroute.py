@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, plan_of
 from plannerforge.engine.edits.forks import branch_for
+from plannerforge.engine.edits.lane_change_inside import steering_over
 from plannerforge.engine.edits.lanelet_targets import drive_to, target_lanelets, way_through
 from plannerforge.engine.edits.last_lane_change import check_lane_changes
 from plannerforge.engine.edits.manoeuvre_plans import named
@@ -63,14 +64,15 @@ def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan:
     who = f"vehicle {plan.start.obstacle_id}"
     if edit.turn:
         targets = frozenset(branch_for(scene, start, edit.turn, who).lanelets)
-        way = drive_to(scene, start, frozenset([_last_of_branch(scene, start, edit.turn, who)]), who)
+        way = drive_to(scene, start, frozenset([_last_of_branch(scene, start, edit.turn, who)]), who, is_there=True)
     else:
         targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
         way = way_through(scene, start, edit.via, targets, changes, who)
     check_bends(scene, plan, way, who)
     check_lane_changes(scene, plan, way, who)
     through = {key for text in edit.via for key in target_lanelets([text], scene, changes)}
-    return replace(drive_along(scene, plan, way, targets), through=frozenset(through & set(way)))
+    over = steering_over(scene, plan, way, who)
+    return replace(drive_along(scene, plan, way, targets), through=frozenset(through & set(way)), steering_over=over)
 
 
 def drive_along(scene: Scene, plan: DrivePlan, way: tuple[int, ...], targets: frozenset[int]) -> DrivePlan:
@@ -86,7 +88,12 @@ def drive_along(scene: Scene, plan: DrivePlan, way: tuple[int, ...], targets: fr
             next_step="choose another lanelet",
         )
     return replace(
-        plan, through=frozenset(), lanelets=way, targets=targets, edges=scene.edge_graph.extended(edges, way[-1])
+        plan,
+        through=frozenset(),
+        steering_over=None,
+        lanelets=way,
+        targets=targets,
+        edges=scene.edge_graph.extended(edges, way[-1]),
     )
 
 

@@ -125,6 +125,12 @@ class Scene:
         beside = {k: tuple(n for n in near if k in outside and n in outside) for k, near in graph.neighbours.items()}
         return replace(graph, neighbours=beside)
 
+    def graph_from_inside(self, start: int) -> LaneletGraph:
+        """The same for a vehicle on a lanelet inside a junction, which may steer over to those beside it there."""
+        outside, graph = self.layout.lane_of, self.lanelet_graph
+        beside = {key: graph.neighbours[key] for key in graph.beside([start]) if key not in outside}
+        return replace(graph, neighbours={**self.driven_graph.neighbours, **beside})
+
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
         """Speed of every drivable lanelet: posted or usual, raised where a vehicle was recorded faster."""

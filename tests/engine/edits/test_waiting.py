@@ -127,33 +127,3 @@ def test_one_that_may_take_any_of_several_lanes_waits_for_the_first_gap(apply: A
     applied = apply(to_either, builder=beside_a_column(160, 10.0, ScenarioBuilder(lanes, ())))
     assert applied.outcome.edits[0].routes[0].arrives
     assert np.all(applied.tracks()[36].positions[fronts_m(applied) > 198.0, 1] > 1.75)
-
-
-def beside_each_other_in_a_junction(x_m: float) -> ScenarioBuilder:
-    """Two lanes straight on through a crossing; vehicle 36 is in the right one."""
-    lanes = (
-        Lane(1, line((0, 0), (100, 0)), successors=(11,), left=(2, True)),
-        Lane(2, line((0, 3.5), (100, 3.5)), successors=(12,), right=(1, True)),
-        Lane(11, line((100, 0), (130, 0)), successors=(21,), predecessors=(1,), left=(12, True)),
-        Lane(12, line((100, 3.5), (130, 3.5)), successors=(22,), predecessors=(2,), right=(11, True)),
-        Lane(31, line((115, -60), (115, -10)), successors=(32,)),
-        Lane(32, line((115, -10), (115, 15)), successors=(33,), predecessors=(31,)),
-        Lane(33, line((115, 15), (115, 60)), predecessors=(32,)),
-        Lane(21, line((130, 0), (200, 0)), predecessors=(11,), left=(22, True)),
-        Lane(22, line((130, 3.5), (200, 3.5)), predecessors=(12,), right=(21, True)),
-    )
-    return ScenarioBuilder(lanes, (driving(36, (x_m, 0), 8.0, 151),))
-
-
-def test_a_change_inside_a_junction_is_refused_where_none_is_possible_before_it(apply: Apply) -> None:
-    inside = beside_each_other_in_a_junction(103.0)
-    with pytest.raises(NotPossible, match="from lanelet 11 to 12 inside a junction"):
-        apply({"op": "reroute", "vehicles": ["36"], "to": ["12"]}, builder=inside)
-    assert apply({"op": "reroute", "vehicles": ["36"], "to": ["22"]}, builder=inside).outcome.edits[0].done
-
-
-def test_a_lane_inside_a_junction_is_reached_by_a_change_before_it(apply: Apply) -> None:
-    to_the_left = {"op": "reroute", "vehicles": ["36"], "to": ["12"]}
-    (route,) = apply(to_the_left, builder=beside_each_other_in_a_junction(40.0)).outcome.edits[0].routes
-    assert route.lanelets[:3] == (1, 2, 12)
-    assert route.arrives
