@@ -7,6 +7,7 @@ import shapely
 
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.evals.modification_reach import beside
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -40,9 +41,7 @@ def arrives_on(network: "LaneletNetwork", track: Track, begin: int, targets: set
 def follows(network: "LaneletNetwork", lanelets: tuple[int, ...], positions: Points) -> bool:
     """Whether positions (n, 2) lie on the lanelets or on their neighbours of the same direction."""
     way = [network.find_lanelet_by_id(key) for key in lanelets]
-    beside = [one.adj_left for one in way if one.adj_left_same_direction]
-    beside += [one.adj_right for one in way if one.adj_right_same_direction]
-    every = [*way, *(network.find_lanelet_by_id(key) for key in beside if key is not None)]
+    every = [*way, *(network.find_lanelet_by_id(key) for one in way for key in beside(one))]
     area = shapely.union_all([one.polygon.shapely_object.buffer(BESIDE_M) for one in every])
     return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1]))) >= ON_ROUTE_SHARE
 
@@ -65,10 +64,12 @@ def handover_errors(old: Track, new: Track, from_step: int, step_s: float) -> tu
 
 
 def _onwards(network: "LaneletNetwork", key: int) -> tuple[int, ...]:
-    """A lanelet and all that follow it."""
+    """A lanelet and all that follow it; where one ends without a successor, those that follow the ones beside it."""
     found, queue = [key], [key]
     while queue:
-        after = [int(one) for one in network.find_lanelet_by_id(queue.pop()).successor]
+        lanelet = network.find_lanelet_by_id(queue.pop())
+        ends = [lanelet] if lanelet.successor else [network.find_lanelet_by_id(one) for one in beside(lanelet)]
+        after = [int(one) for end in ends for one in end.successor]
         queue += [one for one in after if one not in found]
         found += [one for one in after if one not in found]
     return tuple(found)

@@ -135,3 +135,48 @@ def test_a_place_is_told_from_one_elsewhere(scene: Scene) -> None:
 
 def _after(scene: Scene, key: int) -> tuple[int, ...]:
     return tuple(int(one) for one in scene.network.find_lanelet_by_id(key).successor)
+
+
+def lane_that_ends_beside_one_that_goes_on() -> ScenarioBuilder:
+    """Lane 2 ends at 100 m without a successor; lane 1 to its right forks there."""
+    return ScenarioBuilder(
+        (
+            Lane(1, line((0, 0), (100, 0)), successors=(3, 4), left=(2, True)),
+            Lane(2, line((0, 3.5), (100, 3.5)), right=(1, True)),
+            Lane(3, line((100, 0), (200, 0)), predecessors=(1,)),
+            Lane(4, line((100, 0), (200, -80)), predecessors=(1,)),
+            Lane(5, line((100, 3.5), (200, 80))),
+        )
+    )
+
+
+def over(*points: tuple[float, float]) -> Track:
+    """A car whose centre passes these points."""
+    positions = np.array(points, dtype=float)
+    moved = np.diff(positions, axis=0, append=2 * positions[-1:] - positions[-2:-1])
+    return Track(
+        7, "car", 4.5, 1.8, 0, positions, np.arctan2(moved[:, 1], moved[:, 0]), np.linalg.norm(moved, axis=1) / 0.1
+    )
+
+
+def test_one_that_leaves_a_lane_that_ends_for_the_one_beside_has_arrived_on_it(tmp_path: Path) -> None:
+    ending = Scene.of(read_scenario(lane_that_ends_beside_one_that_goes_on().write(tmp_path / "base.xml")))
+    on_it = [(float(x), 3.5) for x in range(0, 80, 2)]
+    goes_on = [(float(x), 0.0) for x in range(90, 200, 2)]
+    elsewhere = [(float(x), 3.5 + 0.765 * (x - 100)) for x in range(104, 200, 2)]
+    assert arrives_on(ending.network, over(*on_it, *goes_on), 0, {2})
+    assert not arrives_on(ending.network, over(*on_it, *elsewhere), 0, {2})
+    assert not arrives_on(ending.network, over(*goes_on), 0, {2})
+
+
+def test_one_that_leaves_a_lane_that_goes_on_for_the_branch_of_the_one_beside_has_not_arrived(tmp_path: Path) -> None:
+    lanes = lane_that_ends_beside_one_that_goes_on().lanes
+    goes_on = (lanes[0], replace(lanes[1], successors=(5,)), *lanes[2:4], replace(lanes[4], predecessors=(2,)))
+    both = Scene.of(read_scenario(ScenarioBuilder(goes_on).write(tmp_path / "base.xml")))
+    on_it = [(float(x), 3.5) for x in range(0, 80, 2)]
+    assert not arrives_on(
+        both.network, over(*on_it, *[(float(x), -0.8 * (x - 100)) for x in range(100, 200, 2)]), 0, {2}
+    )
+    assert arrives_on(
+        both.network, over(*on_it, *[(float(x), 3.5 + 0.765 * (x - 100)) for x in range(100, 200, 2)]), 0, {2}
+    )
