@@ -42,16 +42,18 @@ def resimulate_until_clear(
     """Simulate, hand over whom a driven vehicle hits, and simulate again, at most eight rounds more.
 
     Args:
-        shown: further replayed road users that the driven ones see, but that collide with nobody (the ego).
+        shown: further road users that the driven ones see, but that collide with nobody (the ego). They are replayed,
+            unless there is a collision left and they drive through a driven vehicle: then they are driven too.
         everybody: hand over all vehicles at their first step, so that everybody reacts.
     """
     plans: dict[int, DrivePlan] = {**(_everybody(scene, changes) if everybody else {}), **changes.driven}
     plans = dict(sorted(plans.items()))
     result = _round(scene, changes, setup, plans, shown)
     for _ in range(ROUNDS):
-        more = _handed_over(scene, plans, result.overlaps)
-        if not more:
+        more, reacting = _handed_over(scene, plans, result.overlaps), _reacting(scene, shown, result)
+        if not more and reacting is None:
             break
+        shown = reacting or shown
         plans = dict(sorted({**plans, **more}.items()))
         result = _round(scene, changes, setup, plans, shown)
     return result
@@ -132,3 +134,20 @@ def _handed_over(scene: Scene, plans: Mapping[int, DrivePlan], overlaps: tuple[O
             made = plan or recorded_plan(scene, key, "handed_over", step)
             found[key] = replace(made, from_step=min(step, found[key].from_step) if key in found else step)
     return found
+
+
+def _reacting(scene: Scene, shown: tuple[Participant, ...], result: Resimulated) -> tuple[Participant, ...] | None:
+    """The road users shown besides, driven from before they pass through a driven vehicle on; None if nobody does.
+
+    SUMO keeps its order of the vehicles on a lane where one is put through another: those behind see it as their leader
+    from then on, and not the one that it passed through, and run into that.
+    """
+    if not result.overlaps:
+        return None
+    driven, before = [body_of_touched(track) for track in result.tracks.values()], round(REACTION_S / scene.step_s)
+    found = {}
+    for one in shown:
+        hits = new_overlaps([body_of_track(one.track)], driven, {}) if one.drive_from is None else ()
+        if hits:
+            found[one.key] = replace(one, drive_from=max(one.track.first_step, hits[0].step - before))
+    return tuple(found.get(one.key, one) for one in shown) if found else None

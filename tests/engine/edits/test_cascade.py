@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import driving, town_road
+from builders import Lane, Problem, ScenarioBuilder, driving, line, town_road
 from edit_support import Apply
 
 from plannerforge.engine.edits.collisions import Body, Overlap, new_overlaps
@@ -72,3 +72,14 @@ def test_who_keeps_a_recording_where_everybody_should_react_is_named(apply: Appl
     )
     assert "cannot be driven, so that they keep their recording: 36" in applied.outcome.warnings
     assert any(text.startswith("vehicle 37 keeps its recording") for text in applied.outcome.warnings)
+
+
+def test_nobody_runs_into_a_queue_that_the_ego_would_pass_through(apply: Apply) -> None:
+    """The ego of the recording drives on where a slow bicycle is now, through it and the queue behind it."""
+    road = (Lane(1, line((0, 0), (600, 0))),)
+    ahead_and_behind = (driving(31, (60, 0), 12.0, 151), driving(32, (20, 0), 12.0, 151))
+    builder = ScenarioBuilder(road, ahead_and_behind, problems=(Problem(goal=(500.0, 0.0, 8.0, 3.0)),))
+    slow = {"op": "add_vehicle", "vehicle_class": "bicycle", "at": "1", "position": "100m", "speed": "1m/s"}
+    applied = apply(slow, builder=builder)
+    assert applied.outcome.handed_over == (31, 32)
+    assert applied.outcome.collisions == ()
