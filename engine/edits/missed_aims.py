@@ -4,6 +4,7 @@ import numpy as np
 
 from plannerforge.engine.edits.cascade import Resimulated
 from plannerforge.engine.edits.changes import DrivePlan, EditStep
+from plannerforge.engine.edits.delays import delay
 from plannerforge.engine.edits.driven_way import driven_lanelets
 from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.manoeuvring import LANE_CHANGE_S
@@ -85,8 +86,8 @@ def _held_up(
     if track.leaves:
         return f"{ends} before lanelet {target}"
     if float(track.motion.speeds_mps[-1]) < 0.1:
-        return f"it stands on lanelet {last} when {ends}"
-    return f"{ends} while it is on its way to lanelet {target}"
+        return f"it stands on lanelet {last} when {ends}{delay(scene, track)}"
+    return f"{ends} while it is on its way to lanelet {target}{delay(scene, track)}"
 
 
 def _held_back(scene: Scene, track: TouchedTrack, wanted_mps: float) -> str:

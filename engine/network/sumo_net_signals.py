@@ -25,6 +25,8 @@ _TURNS = {
     "leftRight": "ltr",
     "all": "ltsr",
 }
+ROUNDING_S = 1e-6
+"""A phase that begins at a time holds at it, however times and durations are rounded."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,15 @@ class Signal:
     def program(self) -> str:
         """SUMO's id of the light."""
         return f"tl{self.key}"
+
+    def letter_at(self, time_s: float) -> str:
+        """SUMO's letter of the phase at a time after time step 0."""
+        left_s = (time_s + ROUNDING_S) % sum(seconds for seconds, _ in self.phases)
+        for seconds, letter in self.phases:
+            if left_s < seconds:
+                return letter
+            left_s -= seconds
+        return self.phases[-1][1]
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,15 @@ def write(network: Any, folder: Path, signals: tuple[Signal, ...]) -> Path:
     return path
 
 
+@pytest.mark.parametrize("offset", [0, 37, -20])
+def test_a_light_has_the_letter_of_its_colour_at_every_step(network: Any, offset: int) -> None:
+    light = add_light(network, 900, 1, offset)
+    (signal,) = signals_of(network, STEP_S)
+    letters = {"red": "r", "redYellow": "u", "green": "G", "yellow": "y"}
+    shown = [signal.letter_at(step * STEP_S) for step in range(250)]
+    assert shown == [letters[light.get_state_at_time_step(step).value] for step in range(250)]
+
+
 @pytest.mark.parametrize("offset", [0, 1, 37, 99, 250, -20])
 def test_sumo_shows_the_colour_of_every_step(network: Any, tmp_path: Path, offset: int) -> None:
     import libsumo

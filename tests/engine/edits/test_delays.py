@@ -1,0 +1,62 @@
+"""The report names what kept a late vehicle from getting on."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import town_road
+from commonroad.scenario import traffic_light as lights
+
+from plannerforge.engine.edits.delays import delay, is_red
+from plannerforge.engine.edits.handover import TouchedTrack
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.traffic.smoothing import Motion
+
+LIGHT, OTHER_LIGHT = 900, 901
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    """The town road with a light at lanelet 1 that is red for three seconds and green for five."""
+    loaded = read_scenario(town_road().write(tmp_path / "town.xml"))
+    add_light(loaded.scenario.lanelet_network, LIGHT, ("red", 30), ("green", 50))
+    return Scene.of(loaded)
+
+
+def add_light(network: object, key: int, *phases: tuple[str, int]) -> None:
+    elements = [lights.TrafficLightCycleElement(lights.TrafficLightState(state), steps) for state, steps in phases]
+    network.add_traffic_light(lights.TrafficLight(key, np.zeros(2), lights.TrafficLightCycle(elements)), {1})
+
+
+def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> TouchedTrack:
+    """A driven vehicle of which only its lanes and speeds count."""
+    values = np.array(speeds_mps)
+    motion = Motion(np.zeros((len(values), 2)), np.zeros(len(values)), values, np.zeros(len(values)))
+    return TouchedTrack(51, first_step, motion, 4.5, 1.8, 2.6, False, tuple(lanes))
+
+
+def test_who_stood_at_a_red_light_is_said_to(scene: Scene) -> None:
+    assert delay(scene, driven(["e1_0"] * 30, [0.0] * 20 + [5.0] * 10)) == ", after 2.0 s at a red light on lanelet 1"
+
+
+def test_who_stood_while_the_light_was_green_only_stood(scene: Scene) -> None:
+    late = driven(["e1_0"] * 30, [0.0] * 20 + [5.0] * 10, first_step=35)
+    assert delay(scene, late) == ", after 2.0 s standing on lanelet 1"
+
+
+def test_a_light_for_another_turn_that_is_green_leaves_the_red_one_open_to_doubt(scene: Scene) -> None:
+    assert is_red(scene, 1, 0)
+    add_light(scene.network, OTHER_LIGHT, ("green", 30), ("red", 50))
+    assert not is_red(Scene.of(scene.loaded), 1, 0)
+
+
+def test_who_drove_as_fast_as_a_slow_lanelet_allows_was_held_to_it(scene: Scene) -> None:
+    scene.lane_speeds_mps[1] = 3.0
+    crawling = driven(["e1_0"] * 30, [3.0] * 30)
+    assert delay(scene, crawling) == ", on lanelets that allow no more than 3.0 m/s (1)"
+    assert delay(scene, driven(["e1_0"] * 30, [2.0] * 30)) == ""
+
+
+def test_who_drove_freely_has_nothing_to_say(scene: Scene) -> None:
+    assert delay(scene, driven(["e1_0"] * 30, [0.0] * 5 + [12.0] * 25)) == ""
