@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from plannerforge.engine.edits.changes import Changes, DrivePlan, drivable_ids, not_drivable, recorded_plan
 from plannerforge.engine.edits.collisions import Overlap, body_of_touched, body_of_track, new_overlaps
+from plannerforge.engine.edits.giving_way import plans_giving_way
 from plannerforge.engine.edits.handover import TouchedTrack, touched_track
 from plannerforge.engine.edits.participants import Participant, participants
 from plannerforge.engine.edits.resimulation import DrivenTrack, front_of, resimulate
@@ -41,6 +42,8 @@ def resimulate_until_clear(
 ) -> Resimulated:
     """Simulate, hand over whom a driven vehicle hits, and simulate again, at most eight rounds more.
 
+    Where all that are hit are driven already, one of them is told to give way, as long as fewer collide so.
+
     Args:
         shown: further road users that the driven ones see, but that collide with nobody (the ego). They are replayed,
             unless there is a collision left and they drive through a driven vehicle: then they are driven too.
@@ -48,15 +51,20 @@ def resimulate_until_clear(
     """
     plans: dict[int, DrivePlan] = {**(_everybody(scene, changes) if everybody else {}), **changes.driven}
     plans = dict(sorted(plans.items()))
-    result = _round(scene, changes, setup, plans, shown)
+    best = result = _round(scene, changes, setup, plans, shown)
     for _ in range(ROUNDS):
         more, reacting = _handed_over(scene, plans, result.overlaps), _reacting(scene, shown, result)
         if not more and reacting is None:
-            break
+            more = _giving_way(scene, changes, result)
+            if not more:
+                break
         shown = reacting or shown
         plans = dict(sorted({**plans, **more}.items()))
         result = _round(scene, changes, setup, plans, shown)
-    return result
+        if len(result.overlaps) < len(best.overlaps) or not any(plan.halts for plan in plans.values()):
+            best = result
+    # The last simulation leaves its files behind; they have to be those of the motion that is written.
+    return best if best is result else _round(scene, changes, setup, best.plans, shown)
 
 
 def tracks_after(scene: Scene, changes: Changes, result: Resimulated) -> tuple[Track, ...]:
@@ -132,8 +140,16 @@ def _handed_over(scene: Scene, plans: Mapping[int, DrivePlan], overlaps: tuple[O
             if plan is not None and step == plan.from_step:
                 continue
             made = plan or recorded_plan(scene, key, "handed_over", step)
-            found[key] = replace(made, from_step=min(step, found[key].from_step) if key in found else step)
+            earliest = min(step, found[key].from_step) if key in found else step
+            found[key] = replace(made, from_step=earliest, halts=())
     return found
+
+
+def _giving_way(scene: Scene, changes: Changes, result: Resimulated) -> dict[int, DrivePlan]:
+    if not result.overlaps:
+        return {}
+    bodies = {track.obstacle_id: body_of_track(track) for track in tracks_after(scene, changes, result)}
+    return plans_giving_way(result.plans, result.tracks, bodies, result.overlaps)
 
 
 def _reacting(scene: Scene, shown: tuple[Participant, ...], result: Resimulated) -> tuple[Participant, ...] | None:
@@ -142,7 +158,7 @@ def _reacting(scene: Scene, shown: tuple[Participant, ...], result: Resimulated)
     SUMO keeps its order of the vehicles on a lane where one is put through another: those behind see it as their leader
     from then on, and not the one that it passed through, and run into that.
     """
-    if not result.overlaps:
+    if not result.overlaps or any(plan.halts for plan in result.plans.values()):
         return None
     driven, before = [body_of_touched(track) for track in result.tracks.values()], round(REACTION_S / scene.step_s)
     found = {}

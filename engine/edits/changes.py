@@ -6,7 +6,7 @@ from typing import Literal
 
 from plannerforge.engine.edits.behaviours import Behaviour, usual_behaviour
 from plannerforge.engine.edits.lane_matching import LaneMatch
-from plannerforge.engine.edits.manoeuvring import Manoeuvre
+from plannerforge.engine.edits.manoeuvring import Halt, Manoeuvre
 from plannerforge.engine.edits.scene import NOT_DRIVEN, Ego, Scene
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scenarios.tracks import Track
@@ -34,7 +34,8 @@ class DrivePlan:
     ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: the way it is meant to
     drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
     ``through``: lanelets on the way that it has to use; ``manoeuvres``: what it is told, in the order of their steps;
-    ``steering_over``: how it changes lanes where it is handed over inside a junction (None: it does not).
+    ``steering_over``: how it changes lanes where it is handed over inside a junction (None: it does not); ``halts``:
+    where it waits for others.
     """
 
     start: Track
@@ -48,6 +49,7 @@ class DrivePlan:
     manoeuvres: tuple[Manoeuvre, ...] = ()
     through: frozenset[int] = frozenset()
     steering_over: SteeringOver | None = None
+    halts: tuple[Halt, ...] = ()
 
 
 @dataclass(frozen=True)

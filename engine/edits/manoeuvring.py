@@ -26,6 +26,14 @@ class Manoeuvre:
     lanes_left: int = 0
 
 
+@dataclass(frozen=True)
+class Halt:
+    """An order to roll no more than ``rolled_m`` from the hand-over on, up to a step."""
+
+    rolled_m: float
+    until_step: int
+
+
 class Manoeuvring:
     """Gives the orders of all driven vehicles, step by step, to one simulation.
 

@@ -10,7 +10,7 @@ from xml.sax.saxutils import quoteattr
 from plannerforge.engine.edits.behaviours import Behaviour, usual_behaviour
 from plannerforge.engine.edits.changes import Changes, DrivePlan, class_of
 from plannerforge.engine.edits.lane_matching import LaneMatch
-from plannerforge.engine.edits.manoeuvring import Manoeuvre
+from plannerforge.engine.edits.manoeuvring import Halt, Manoeuvre
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.steering_over import placed_over
 from plannerforge.engine.edits.walker_shadows import walker_shadows
@@ -37,7 +37,7 @@ class Participant:
     is told while it is driven. ``lanes_to_target``: SUMO's lanes that lead to the target without a change of lane; the
     vehicle waits for a gap into one of them instead of driving past (none: it does not). ``is_sent``: an edit sends it
     another way than recorded. ``maximum_speed_mps``: what a driven vehicle never exceeds, that of its class or of its
-    recording.
+    recording. ``halts``: where it waits for others.
     """
 
     track: Track
@@ -53,6 +53,7 @@ class Participant:
     lanes_to_target: frozenset[str] = frozenset()
     is_sent: bool = False
     maximum_speed_mps: float = NO_LIMIT_MPS
+    halts: tuple[Halt, ...] = ()
 
     @cached_property
     def key(self) -> str:
@@ -133,6 +134,7 @@ def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
         behaviour=plan.behaviour,
         sumo_class=plan.vehicle_class.sumo_class,
         manoeuvres=plan.manoeuvres,
+        halts=plan.halts,
         lanes_to_target=_lanes_to(scene, plan, aims, target),
         is_sent=bool(plan.targets) and plan.cause == "edited",
         maximum_speed_mps=max(plan.vehicle_class.maximum_speed_mps, float(plan.start.speeds_mps.max())),

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from plannerforge.engine.edits.early_braking import EarlyBraking
+from plannerforge.engine.edits.halting import Halting
 from plannerforge.engine.edits.manoeuvring import DRIVEN_SPEED_MODE, LANE_CHANGE_S, Manoeuvring
 from plannerforge.engine.edits.participants import Participant
 from plannerforge.engine.edits.sumo_process import SimulationSetup, sumo_running
@@ -121,7 +122,7 @@ class _Run:
 
     def __init__(self, sumo: Any, everybody: tuple[Participant, ...]) -> None:
         self.sumo, self.everybody = sumo, everybody
-        self.manoeuvring, self.judges = Manoeuvring(sumo), (Waiting(sumo), EarlyBraking(sumo))
+        self.manoeuvring, self.judges = Manoeuvring(sumo), (Waiting(sumo), EarlyBraking(sumo), Halting(sumo))
         self.present: set[str] = set()
         self.astray: set[str] = set()
         self.used: set[tuple[str, str]] = set()

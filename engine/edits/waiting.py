@@ -1,11 +1,10 @@
 """Vehicles that find no gap into the lane of their target wait beside it for one, instead of driving past it."""
 
-import math
 from typing import Any
 
+from plannerforge.engine.edits.braking import next_speed_mps
 from plannerforge.engine.edits.manoeuvring import LANE_CHANGE_S
 from plannerforge.engine.edits.participants import Participant
-from plannerforge.engine.edits.turn_speed import HARDEST_BRAKING_MPS2
 
 LAST_M = 0.5
 """So far before its end a lane counts as over; on a shorter one, half of it."""
@@ -71,13 +70,7 @@ class Waiting:
     def _braked(self, one: Participant, left_m: float, room_m: float) -> float | None:
         """The next speed of a vehicle that shall stand within some room, and has to within all that is left."""
         speed, step_s = float(self._vehicle.getSpeed(one.key)), float(self._sumo.simulation.getDeltaT())
-        usual = one.behaviour.values["decel"]
-        allowed = math.sqrt(2 * usual * max(room_m - speed * step_s, 0.0))
-        if speed + usual * step_s <= allowed:
-            return None
-        needed = 0.0 if allowed >= speed - usual * step_s else speed**2 / (2 * max(left_m, LAST_M))
-        slowest = max(speed - min(max(needed, usual), HARDEST_BRAKING_MPS2) * step_s, 0.0)
-        return max(min(allowed, speed), slowest)
+        return next_speed_mps(speed, one.behaviour.values["decel"], step_s, room_m, left_m)
 
     def _tell(self, one: Participant, target: tuple[str, int], lane_id: str) -> None:
         """Have SUMO look for gaps into the target's lane from far on, by a stop there that is passed.

@@ -1,0 +1,120 @@
+"""Where SUMO lets two collide because it knows lanes and not bodies, one of them waits."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from builders import Vehicle, crossing, driving
+from edit_support import apply_to
+
+import plannerforge.engine.edits.cascade
+from plannerforge.engine.edits.braking import next_speed_mps
+from plannerforge.engine.edits.changes import Cause, DrivePlan, recorded_plan
+from plannerforge.engine.edits.collisions import Overlap, body_of_track
+from plannerforge.engine.edits.giving_way import plans_giving_way
+from plannerforge.engine.edits.handover import TouchedTrack
+from plannerforge.engine.edits.manoeuvring import Halt
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.sumo_process import ROUTES_FILE
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.engine.traffic.smoothing import Motion
+
+EAST = driving(31, (-50, 0), 10.0, 101)
+"""Reaches the middle of the crossing at step 50."""
+
+SPEEDS_UP = {"op": "set_behaviour", "vehicles": ["20026"], "preset": "speeder"}
+
+
+def north(behind_m: float, speed_mps: float = 10.0) -> Vehicle:
+    """Vehicle 32 on the other road, so far before the crossing."""
+    return driving(32, (0, -behind_m), speed_mps, 101, heading_rad=math.pi / 2)
+
+
+def told(folder: Path, first: Vehicle, second: Vehicle, causes: tuple[Cause, Cause], hit: int) -> dict[int, DrivePlan]:
+    """The plans that change where both drive as recorded and meet at a step."""
+    scene = Scene.of(read_scenario(crossing().with_vehicles(first, second).write(folder / "base.xml")))
+    plans = {key: recorded_plan(scene, key, cause, 0) for key, cause in zip((31, 32), causes, strict=True)}
+    tracks = {key: as_driven(track) for key, track in scene.tracks.items()}
+    bodies = {key: body_of_track(track) for key, track in scene.tracks.items()}
+    return plans_giving_way(plans, tracks, bodies, [Overlap(31, 32, hit)])
+
+
+def as_driven(track: Track) -> TouchedTrack:
+    """A motion like the recording."""
+    motion = Motion(track.positions, track.headings_rad, track.speeds_mps, track.speeds_mps * 0.0)
+    return TouchedTrack(track.obstacle_id, 0, motion, track.length_m, track.width_m, 2.6, leaves=False, lanes=())
+
+
+def test_who_was_handed_over_waits_for_who_is_edited_until_the_way_is_free(tmp_path: Path) -> None:
+    (plan,) = told(tmp_path, EAST, north(49.0), ("handed_over", "edited"), 48).values()
+    assert plan.start.obstacle_id == 31
+    (halt,) = plan.halts
+    front_m = -50.0 + halt.rolled_m + EAST.length_m / 2
+    assert -3.0 < front_m < -0.9
+    north_is_clear = round((49.0 + north(0).length_m / 2 + EAST.width_m / 2) / 10.0 / 0.1)
+    assert north_is_clear <= halt.until_step <= north_is_clear + 5
+
+
+@pytest.mark.parametrize(("behind_m", "later"), [(48.0, 31), (52.0, 32)])
+def test_of_two_that_were_handed_over_the_later_one_waits(tmp_path: Path, behind_m: float, later: int) -> None:
+    assert set(told(tmp_path, EAST, north(behind_m), ("handed_over", "handed_over"), 50)) == {later}
+
+
+def test_one_that_comes_too_fast_to_stop_does_not_wait(tmp_path: Path) -> None:
+    rushing = replace(EAST, poses=tuple((x + 42.0, y, heading, 12.0) for x, y, heading, _ in EAST.poses))
+    near = north(8.0)
+    assert set(told(tmp_path, rushing, north(11.0), ("handed_over", "edited"), 8)) == {32}
+    assert told(tmp_path, rushing, replace(near, poses=near.poses[2:]), ("handed_over", "edited"), 5) == {}
+
+
+@pytest.mark.parametrize(
+    ("name", "edit"),
+    [
+        ("DEU_Arnstadt-46_1_T-1", SPEEDS_UP),
+        ("BEL_Brussels-51_2_T-1", {"op": "reroute", "vehicles": ["30199"], "to": ["649"]}),
+    ],
+)
+def test_no_two_collide_where_one_can_wait(shared_data: Path, tmp_path: Path, name: str, edit: dict[str, Any]) -> None:
+    base = shared_data / "data" / "commonroad" / f"{name}.xml"
+    outcome = apply_to(base, tmp_path, edit, detail="checks").outcome
+    assert outcome.collisions == ()
+    assert len(outcome.handed_over) == 1
+    assert all(one.feasible for one in outcome.touched)
+
+
+def test_a_halt_that_cures_nothing_leaves_the_motion_as_it_was(
+    shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    base, module = shared_data / "data" / "commonroad" / "DEU_Arnstadt-46_1_T-1.xml", plannerforge.engine.edits.cascade
+    monkeypatch.setattr(module, "plans_giving_way", lambda *_: {})
+    without = apply_to(base, tmp_path / "without", SPEEDS_UP, keep_simulation=True)
+    assert len(without.outcome.collisions) == 1
+
+    def halt_too_late(plans: dict[int, DrivePlan], *_: Any) -> dict[int, DrivePlan]:
+        return {key: replace(plan, halts=(*plan.halts, Halt(10.0, 100))) for key, plan in plans.items()}
+
+    monkeypatch.setattr(module, "plans_giving_way", halt_too_late)
+    applied = apply_to(base, tmp_path / "with", SPEEDS_UP, keep_simulation=True)
+    assert applied.xml.read_bytes() == without.xml.read_bytes()
+    kept = [(tmp_path / name / ROUTES_FILE).read_text(encoding="utf-8") for name in ("with", "without")]
+    assert kept[0].partition("<routes")[2] == kept[1].partition("<routes")[2]
+
+
+def test_one_brakes_with_its_own_deceleration_and_harder_only_where_that_comes_too_late() -> None:
+    def stopped(speed_mps: float, room_m: float) -> tuple[float, float]:
+        hardest, rolled_m = 0.0, 0.0
+        for _ in range(200):
+            after = next_speed_mps(speed_mps, 4.0, 0.1, room_m - rolled_m, room_m - rolled_m)
+            after = speed_mps if after is None else after
+            hardest, rolled_m, speed_mps = max(hardest, (speed_mps - after) / 0.1), rolled_m + after * 0.1, after
+        return hardest, rolled_m
+
+    hardest, rolled_m = stopped(10.0, 60.0)
+    assert hardest == pytest.approx(4.0, abs=0.5)
+    assert 57.0 < rolled_m <= 60.0
+    hardest, rolled_m = stopped(10.0, 8.0)
+    assert 6.0 < hardest < 8.01
+    assert rolled_m < 8.3
