@@ -15,8 +15,11 @@ from plannerforge.schemas.errors import NotPossible
 USUAL_S = 3.0
 """A driver in no hurry takes so long for a change of lane."""
 
-USUAL_STEEPNESS, STEEPEST = 0.3, 0.5
-"""Metres aside for a metre along the lane, at most: 17° in no hurry, 27° where room is short."""
+USUAL_STEEPNESS, STEEPEST = 0.3, 1.0
+"""Metres aside for a metre along the lane, at most: 17° in no hurry, 45° of the front bumper where room is short.
+
+The motion is smoothed, and the body follows its front: it turns by less than 25°.
+"""
 
 TO_SPARE_M = 0.5
 """A vehicle is across by one step and so much before the lanelets part."""

@@ -35,7 +35,9 @@ def fronts(applied: Applied) -> np.ndarray:
     return np.asarray(track.positions + track.length_m / 2 * ahead)
 
 
-@pytest.mark.parametrize(("x_m", "speed_mps"), [(103, 0.0), (110, 0.5), (116, 5.0), (103, 8.0), (103, 14.0)])
+@pytest.mark.parametrize(
+    ("x_m", "speed_mps"), [(103, 0.0), (110, 0.5), (123.5, 1.0), (121, 5.0), (103, 8.0), (103, 14.0)]
+)
 def test_it_is_across_before_the_junction_ends(apply: Apply, x_m: float, speed_mps: float) -> None:
     applied = apply(TO_THE_LEFT, builder=straight_on_through_a_crossing(x_m, speed_mps), detail="checks")
     (route,), (vehicle,) = applied.outcome.edits[0].routes, applied.outcome.touched
@@ -62,7 +64,7 @@ def test_the_lane_behind_the_junction_is_reached_so_too_where_there_is_no_other_
     assert route.arrives
 
 
-@pytest.mark.parametrize(("x_m", "speed_mps"), [(122, 3.0), (112, 15.5)])
+@pytest.mark.parametrize(("x_m", "speed_mps"), [(124.5, 1.0), (112, 15.5)])
 def test_one_without_the_room_to_steer_over_is_refused(apply: Apply, x_m: float, speed_mps: float) -> None:
     with pytest.raises(NotPossible, match=r"from lanelet 11 to 12 inside a junction: at .* m are left") as refused:
         apply(TO_THE_LEFT, builder=straight_on_through_a_crossing(x_m, speed_mps))
