@@ -14,6 +14,7 @@ from plannerforge.engine.geometry.polyline import Points, project
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.evals.modification_reach import (
     HARD_BRAKING_MPS2,
+    LATERAL_MPS2,
     beside,
     changes_needed,
     distances_m,
@@ -41,6 +42,9 @@ GAP_M, GAP_S = 10.0, 2.0
 
 LINE_M = 0.5
 """A vehicle whose bumper is so little past the end of a lanelet stands at it."""
+
+NARROWEST_TURN_M = 5.0
+"""The front of hardly any car turns in a narrower circle (radius)."""
 
 SIDE_M = 0.5
 LOOK_S, LANE_CHANGE_S = 1.0, 3.0
@@ -178,14 +182,29 @@ def refusal_is_right(network: "LaneletNetwork", track: Track, targets: frozenset
     """Whether physics keep a recorded vehicle from being sent to any of some lanelets from its first state on.
 
     No way leads there, or none without a bend that it comes to too fast, or it can neither change lanes nor stop in
-    the room that is left: v² / (2 · 8 m/s²).
+    the room that is left: v² / (2 · 8 m/s²); or that is too short to steer over in, however it brakes.
     """
     speed, heading = max(float(track.speeds_mps[0]), 0.0), float(track.headings_rad[0])
     begin = lanelets_at_first(network, track)
     if begin and not targets & set(distances_m(network, track.positions[0], heading, speed, begin)):
         return True
     room = _room_m(network, track, targets)
-    return speed**2 / (2 * HARD_BRAKING_MPS2) > room
+    return speed**2 / (2 * HARD_BRAKING_MPS2) > room or _least_way_over_m(network, track, targets, speed) > room
+
+
+def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], speed_mps: float) -> float:
+    """The least way in m in which the front gets onto any lanelet that leads straight on to a target.
+
+    Braked to some speed, it turns in the narrowest circle that grip and steering allow: an arc of radius r comes y
+    aside on √(2 r y - y²), and on no less than r where that is less than y.
+    """
+    front = shapely.Point(fronts(track)[0])
+    over = [one for one in network.lanelets if _straight_on(network, int(one.lanelet_id)) & targets]
+    aside = min(front.distance(one.polygon.shapely_object) for one in over)
+    speeds = np.linspace(0.0, speed_mps, 51)
+    braking = (speed_mps**2 - speeds**2) / (2 * HARD_BRAKING_MPS2)
+    radius = np.maximum(speeds**2 / LATERAL_MPS2, NARROWEST_TURN_M)
+    return float((braking + np.sqrt(radius**2 - np.maximum(radius - aside, 0.0) ** 2)).min())
 
 
 def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> float:

@@ -103,8 +103,24 @@ def test_lane_changes_that_take_longer_than_the_scenario_are_a_reason(folder: Pa
         ((190.0, 3.5), 8.0, {12}, False),
         ((190.0, 3.5), 18.0, {12}, True),
         ((185.0, 0.0), 22.0, {12}, True),
+        ((193.5, 3.5), 1.0, {12}, False),
+        ((194.5, 3.5), 1.0, {12}, True),
+        ((191.8, 3.5), 9.0, {12}, False),
+        ((192.3, 3.5), 9.0, {12}, True),
     ],
-    ids=["free", "no way", "beside", "far", "can stop", "too fast to stop", "too fast for the bend"],
+    ids=[
+        "free",
+        "no way",
+        "beside",
+        "far",
+        "can stop",
+        "too fast to stop",
+        "too fast for the bend",
+        "slow and steers over",
+        "slow and too near to steer over",
+        "fast and steers over",
+        "fast and too near to steer over",
+    ],
 )
 def test_a_refusal_is_right_only_where_physics_ask_for_it(
     folder: Path, start: tuple[float, float], speed_mps: float, targets: set[int], is_right: bool
