@@ -28,7 +28,10 @@ STANDING_MPS = 0.02
 
 @dataclass(frozen=True)
 class TouchedTrack:
-    """The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its dimensions."""
+    """The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its dimensions.
+
+    ``in_the_way``: who kept it from changing lanes, as in ``DrivenTrack``.
+    """
 
     vehicle_id: int
     first_step: int
@@ -38,6 +41,7 @@ class TouchedTrack:
     wheelbase_m: float
     leaves: bool
     lanes: tuple[str, ...]
+    in_the_way: tuple[int, ...] = ()
 
     @property
     def last_step(self) -> int:
@@ -91,6 +95,7 @@ def touched_track(
         wheelbase_m=chassis.wheelbase_m,
         leaves=driven.leaves,
         lanes=lanes,
+        in_the_way=driven.in_the_way,
     )
 
 

@@ -1,8 +1,10 @@
 """Manoeuvres in a running simulation: a speed that is kept, and changes to the lane beside."""
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
+from plannerforge.engine.edits.lane_gaps import LaneGaps
 from plannerforge.engine.network.sumo_net_speeds import USUAL_SPEED_MPS
 
 LANE_CHANGE_S = 2.5
@@ -12,6 +14,12 @@ ABOVE_THE_BRAKES = 27
 
 ABOVE_THE_LIMIT = 95
 """SUMO's speed mode with all checks (gaps, power, brakes, right of way, lights) but that of the speed limit."""
+
+DRIVEN_LANE_CHANGES = 1621
+"""SUMO's lane change mode with its drivers' own changes; it obeys an order to change where their gaps are kept."""
+
+INTO_ANY_ROOM = 1365
+"""SUMO's lane change mode that changes on an order wherever nobody is beside; who gives it looks for room himself."""
 
 ONLY_FOR_THE_ROUTE = 1537
 """SUMO's lane change mode for a vehicle that was sent to its lane: it leaves it for its route alone, and safely."""
@@ -37,14 +45,16 @@ class Halt:
 class Manoeuvring:
     """Gives the orders of all driven vehicles, step by step, to one simulation.
 
-    A change of lane goes on until it is done: SUMO waits for a gap, and where the lane beside is not there yet (inside
-    a junction, say) it is asked for on the next edge.
+    A change of lane goes on until it is done: it waits for room, to which SUMO adapts the speed, and where the lane
+    beside is not there yet (inside a junction, say) it is asked for on the next edge.
     """
 
     def __init__(self, sumo: Any) -> None:
         self._vehicle, self._edge, self._lane = sumo.vehicle, sumo.edge, sumo.lane
+        self._gaps = LaneGaps(sumo)
         self._begun: dict[tuple[str, Manoeuvre], tuple[str, int]] = {}
         self._done: set[tuple[str, Manoeuvre]] = set()
+        self._waited_for: dict[tuple[str, Manoeuvre], Counter[str]] = {}
         self._braking: set[str] = set()
 
     def act(self, key: str, manoeuvres: tuple[Manoeuvre, ...], step: int, highest_mps: float | None = None) -> None:
@@ -63,6 +73,11 @@ class Manoeuvring:
                 self._hold(key, one.speed_mps)
         if highest_mps is not None:
             self._brake(key, highest_mps)
+
+    def in_the_way(self, key: str) -> tuple[str, ...]:
+        """Who left a vehicle no room for a change of lane that is not done, SUMO's ids, the longest first."""
+        found = sum((steps for (who, _), steps in self._waited_for.items() if who == key), Counter[str]())
+        return tuple(sorted(found, key=lambda other: (-found[other], other)))
 
     def _brake(self, key: str, speed_mps: float) -> None:
         self._braking.add(key)
@@ -92,6 +107,10 @@ class Manoeuvring:
         wanted = self._begun[key, one][1]
         if int(index) == wanted:
             self._done.add((key, one))
+            self._waited_for.pop((key, one), None)
             self._vehicle.setLaneChangeMode(key, ONLY_FOR_THE_ROUTE)
-        else:
-            self._vehicle.changeLane(key, wanted, LANE_CHANGE_S)
+            return
+        in_the_way = self._gaps.in_the_way(key, wanted - int(index))
+        self._waited_for.setdefault((key, one), Counter()).update(in_the_way)
+        self._vehicle.setLaneChangeMode(key, DRIVEN_LANE_CHANGES if in_the_way else INTO_ANY_ROOM)
+        self._vehicle.changeLane(key, wanted, LANE_CHANGE_S)

@@ -10,10 +10,12 @@ from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.manoeuvring import LANE_CHANGE_S
 from plannerforge.engine.edits.overruled import next_speed, sent_elsewhere
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.walker_shadows import walker_of
 from plannerforge.schemas.errors import NotPossible
 
 SPEED_TOLERANCE_MPS = 0.3
 STILL_CHANGING_MPS2 = 0.3
+MOST_NAMED = 3
 
 
 def why_not(
@@ -80,14 +82,29 @@ def _held_up(
     edges = {scene.layout.lane_of[key][0] for key in targets if key in scene.layout.lane_of}
     if track.lanes and track.lanes[-1].rpartition("_")[0] in edges:
         missing = "room" if (track.last_step - since) * scene.step_s > LANE_CHANGE_S else "time"
-        return f"no {missing} to change into lanelet {_beside_last(scene, track, targets)} before {ends}"
+        beside = _beside_last(scene, track, targets)
+        return f"no {missing} to change into lanelet {beside} before {ends}{_in_the_way(scene, track)}"
     if set(driven) & _beside_any(scene, targets):
-        return f"no room to change into lanelet {target} before its road ends"
+        return f"no room to change into lanelet {target} before its road ends{_in_the_way(scene, track)}"
     if track.leaves:
         return f"{ends} before lanelet {target}"
     if float(track.motion.speeds_mps[-1]) < 0.1:
         return f"it stands on lanelet {last} when {ends}{delay(scene, track)}"
     return f"{ends} while it is on its way to lanelet {target}{delay(scene, track)}"
+
+
+def _in_the_way(scene: Scene, track: TouchedTrack) -> str:
+    """Who left no room for a change of lane, in words; empty where nobody is known to."""
+    found = [_road_user(scene, key) for key in track.in_the_way]
+    more = " and others" if len(found) > MOST_NAMED else ""
+    return f"; in the way: {', '.join(found[:MOST_NAMED])}{more}" if found else ""
+
+
+def _road_user(scene: Scene, key: int) -> str:
+    """The ego drives under its planning problem's id, below zero where an obstacle has it too."""
+    if scene.ego is not None and key not in scene.tracks and abs(key) == scene.ego.problem_id:
+        return "the ego"
+    return f"vehicle {key}" if key > 0 else f"pedestrian {walker_of(key)}"
 
 
 def _held_back(scene: Scene, track: TouchedTrack, wanted_mps: float) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from plannerforge.engine.edits.early_braking import EarlyBraking
 from plannerforge.engine.edits.halting import Halting
-from plannerforge.engine.edits.manoeuvring import DRIVEN_SPEED_MODE, LANE_CHANGE_S, Manoeuvring
+from plannerforge.engine.edits.manoeuvring import DRIVEN_LANE_CHANGES, DRIVEN_SPEED_MODE, LANE_CHANGE_S, Manoeuvring
 from plannerforge.engine.edits.participants import Participant
 from plannerforge.engine.edits.sumo_process import SimulationSetup, sumo_running
 from plannerforge.engine.edits.waiting import Waiting
@@ -22,7 +22,7 @@ from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.errors import WorkerFailure
 
 REPLAYED_SPEED_MODE = 32
-REPLAYED_LANE_CHANGES, DRIVEN_LANE_CHANGES = 0, 1621
+REPLAYED_LANE_CHANGES = 0
 KEEP_ROUTE, KEEP_POSE = 1, 2
 """SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
 
@@ -34,12 +34,14 @@ class DrivenTrack:
     """What SUMO made of a driven vehicle: its front bumper (n, 2) in m at every step from ``first_step`` on.
 
     The first point is the recorded one. ``lanes``: SUMO's lane id at every step. ``leaves``: it left the network.
+    ``in_the_way``: who left it no room for a change of lane that it was told and did not do, the longest first.
     """
 
     first_step: int
     front: Points
     lanes: tuple[str, ...]
     leaves: bool
+    in_the_way: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -144,16 +146,16 @@ class _Run:
                 self._remove(one)
 
     def after(self, step: int) -> None:
-        """Set the speeds of the replayed ones, hand over, and record the driven ones."""
-        there = set(self.sumo.vehicle.getIDList())
-        for one in self.everybody:
-            if one.key not in self.present or one.key not in there:
-                continue
+        """Set the speeds of all replayed ones; then hand over, and tell and record the driven ones, who see them."""
+        there = self.present.intersection(self.sumo.vehicle.getIDList())
+        shown = [one for one in self.everybody if one.key in there]
+        for one in shown:
             index = one.track.index_at(step)
             if index is not None and not _drives(one, step):
                 self.sumo.vehicle.setPreviousSpeed(one.key, max(float(one.track.speeds_mps[index]), 0.0))
                 if step == one.track.first_step:
                     self._hold(one)
+        for one in shown:
             if one.drive_from is not None and step >= one.drive_from:
                 self._drive(one, step)
 
@@ -172,7 +174,8 @@ class _Run:
         for key, rows in sorted(self.seen.items()):
             front = np.array([(x, y) for _, x, y, _ in rows])
             leaves = rows[-1][0] < last_step
-            found[key] = DrivenTrack(rows[0][0], front, tuple(lane for *_, lane in rows), leaves)
+            blocking = tuple(map(int, self.manoeuvring.in_the_way(str(key))))
+            found[key] = DrivenTrack(rows[0][0], front, tuple(lane for *_, lane in rows), leaves, blocking)
         return found
 
     def _insert(self, one: Participant) -> None:

@@ -31,6 +31,11 @@ def walker_shadows(scene: Scene, walker: Track) -> tuple[tuple[Track, int], ...]
     )
 
 
+def walker_of(shadow_id: int) -> int:
+    """The id of the walker for whom a standing track stands."""
+    return -shadow_id // SHADOWS_PER_WALKER
+
+
 def _shadow(scene: Scene, walker: Track, lanelet_id: int, span: tuple[int, int], number: int) -> Track:
     begin = max(span[0] - round(FORESIGHT_S / scene.step_s), 0)
     count = span[1] - begin + 1

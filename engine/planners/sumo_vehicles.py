@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from plannerforge.engine.edits.manoeuvring import DRIVEN_SPEED_MODE
+from plannerforge.engine.edits.manoeuvring import DRIVEN_LANE_CHANGES, DRIVEN_SPEED_MODE
 from plannerforge.engine.edits.participants import Hint, Participant
 from plannerforge.engine.edits.resimulation import (
-    DRIVEN_LANE_CHANGES,
     KEEP_POSE,
     KEEP_ROUTE,
     MATCH_REACH_M,

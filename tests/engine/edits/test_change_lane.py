@@ -6,6 +6,7 @@ import pytest
 from builders import Problem, driving, town_road
 from edit_support import Apply
 
+from plannerforge.engine.edits.lane_gaps import least_gap_m
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 FREE = town_road().with_vehicles(driving(31, (70, 0), 10.0, 101))
@@ -39,11 +40,38 @@ def test_a_change_waits_for_a_gap(apply: Apply) -> None:
     assert not applied.outcome.collisions
 
 
+def test_it_cuts_in_where_who_comes_behind_can_still_brake(apply: Apply) -> None:
+    faster = FREE.with_vehicles(*FREE.vehicles, driving(33, (52, 3.5), 12.0, 101))
+    applied = apply(LEFT, builder=faster)
+    assert applied.tracks()[31].positions[30][1] > 3.0
+    assert not applied.outcome.collisions
+
+
+def test_it_lets_pass_who_comes_too_fast_to_brake(apply: Apply) -> None:
+    racing = FREE.with_vehicles(*FREE.vehicles, driving(33, (40, 3.5), 25.0, 101))
+    applied = apply(LEFT, builder=racing)
+    assert applied.tracks()[31].positions[12][1] < 0.5
+    assert applied.outcome.edits[0].routes[0].arrives
+    assert not applied.outcome.handed_over
+
+
+@pytest.mark.parametrize(("closing_mps", "gap_m"), [(-10.0, 0.0), (0.0, 0.0), (6.0, 9.9), (12.0, 25.8)])
+def test_the_gap_that_is_needed_grows_with_the_speed_at_which_it_closes(closing_mps: float, gap_m: float) -> None:
+    assert least_gap_m(closing_mps) == pytest.approx(gap_m)
+
+
 def test_where_there_is_no_room_the_report_says_so(apply: Apply) -> None:
     wall = [driving(key, (20 + 10 * place, 3.5), 10.0, 101) for place, key in enumerate(range(40, 54))]
     route = apply(LEFT, builder=FREE.with_vehicles(*FREE.vehicles, *wall)).outcome.edits[0].routes[0]
     assert route.arrives is False
     assert route.reason.startswith("no room to change into lanelet")
+    assert route.reason.endswith("in the way: vehicle 44, vehicle 42, vehicle 43 and others")
+
+
+def test_the_ego_in_the_way_is_named_as_such(apply: Apply) -> None:
+    beside = replace(FREE, problems=(Problem(start=(38.0, 3.5, 0.0, 10.0), goal=(250.0, 3.5, 8.0, 3.0)),))
+    route = apply(LEFT | {"time_s": 9.0}, builder=beside).outcome.edits[0].routes[0]
+    assert route.reason.endswith("in the way: the ego")
 
 
 def test_no_lane_on_that_side_is_refused_with_the_side_there_is(apply: Apply) -> None:

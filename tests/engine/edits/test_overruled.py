@@ -72,7 +72,9 @@ def test_the_missing_gap_is_named_before_the_end_of_the_network(apply: Apply) ->
     wall = [driving(key, (5 + 9 * place, 3.5), 10.0, 101) for place, key in enumerate(range(40, 56))]
     builder = ScenarioBuilder(road, (driving(31, (115, 0), 12.0, 101), *wall))
     (route,) = apply(lane("left", 0.5), builder=builder).outcome.edits[0].routes
-    assert route.reason == "no room to change into lanelet 2 before it leaves the network on lanelet 1"
+    missing, _, in_the_way = route.reason.partition("; ")
+    assert missing == "no room to change into lanelet 2 before it leaves the network on lanelet 1"
+    assert in_the_way == "in the way: vehicle 52, vehicle 53, vehicle 51"
 
 
 def test_a_change_for_which_there_is_no_time_says_so(apply: Apply) -> None:
