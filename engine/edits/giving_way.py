@@ -68,7 +68,10 @@ def plans_giving_way(
 
 
 def _wait(plan: DrivePlan, track: TouchedTrack, other: Body, hit_step: int) -> _Wait | None:
-    """How a vehicle waits until another one is gone from where they meet; None if it cannot stop before."""
+    """How a vehicle waits until another one is gone from where they meet; None if it cannot stop before.
+
+    It reacts to nobody who has not entered yet.
+    """
     body, in_the_way = body_of_touched(track), _in_the_way(other, hit_step)
     roomy = (body.size_m[0] + CLEAR_LENGTH_M, body.size_m[1] + CLEAR_WIDTH_M)
     index, gone = hit_step - body.first_step, hit_step
@@ -80,11 +83,13 @@ def _wait(plan: DrivePlan, track: TouchedTrack, other: Body, hit_step: int) -> _
         gone, index = max(gone, met[-1]), index - 1
     if index < 0:
         return None
-    rolled_m = max(float(arc_length(track.motion.positions)[index]) - STOP_BEFORE_M, 0.0)
-    speed_mps = float(track.motion.speeds_mps[0])
-    if speed_mps**2 > 2 * HARDEST_BRAKING_MPS2 * rolled_m:
+    from_step = max(body.first_step, other.first_step)
+    stations = arc_length(track.motion.positions)
+    rolled_m = max(float(stations[index]) - STOP_BEFORE_M, 0.0)
+    now = from_step - body.first_step
+    if float(track.motion.speeds_mps[now]) ** 2 > 2 * HARDEST_BRAKING_MPS2 * (rolled_m - float(stations[now])):
         return None
-    return _Wait(plan, Halt(rolled_m, gone + AFTER_STEPS), body.first_step + index)
+    return _Wait(plan, Halt(from_step, gone + AFTER_STEPS, rolled_m), body.first_step + index)
 
 
 def _in_the_way(body: Body, from_step: int) -> list[tuple[int, Points]]:

@@ -22,7 +22,8 @@ class Halting:
         step = self._steps[one.key] = self._steps.get(one.key, one.drive_from - 1) + 1
         if step > one.drive_from:
             self._rolled_m[one.key] = self._rolled_m.get(one.key, 0.0) + speed_mps * step_s
-        left_m = min((halt.rolled_m for halt in one.halts if step < halt.until_step), default=None)
+        holding = [halt.rolled_m for halt in one.halts if halt.from_step <= step < halt.until_step]
+        left_m = min(holding, default=None)
         if left_m is None:
             return None
         left_m -= self._rolled_m.get(one.key, 0.0)

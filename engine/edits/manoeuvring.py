@@ -36,10 +36,11 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Halt:
-    """An order to roll no more than ``rolled_m`` from the hand-over on, up to a step."""
+    """An order from a step on until another one: to roll no more than ``rolled_m`` from the hand-over on."""
 
-    rolled_m: float
+    from_step: int
     until_step: int
+    rolled_m: float
 
 
 class Manoeuvring:

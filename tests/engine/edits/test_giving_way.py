@@ -36,7 +36,10 @@ def north(behind_m: float, speed_mps: float = 10.0) -> Vehicle:
 def told(folder: Path, first: Vehicle, second: Vehicle, causes: tuple[Cause, Cause], hit: int) -> dict[int, DrivePlan]:
     """The plans that change where both drive as recorded and meet at a step."""
     scene = Scene.of(read_scenario(crossing().with_vehicles(first, second).write(folder / "base.xml")))
-    plans = {key: recorded_plan(scene, key, cause, 0) for key, cause in zip((31, 32), causes, strict=True)}
+    plans = {
+        key: recorded_plan(scene, key, cause, scene.tracks[key].first_step)
+        for key, cause in zip((31, 32), causes, strict=True)
+    }
     tracks = {key: as_driven(track) for key, track in scene.tracks.items()}
     bodies = {key: body_of_track(track) for key, track in scene.tracks.items()}
     return plans_giving_way(plans, tracks, bodies, [Overlap(31, 32, hit)])
@@ -45,7 +48,9 @@ def told(folder: Path, first: Vehicle, second: Vehicle, causes: tuple[Cause, Cau
 def as_driven(track: Track) -> TouchedTrack:
     """A motion like the recording."""
     motion = Motion(track.positions, track.headings_rad, track.speeds_mps, track.speeds_mps * 0.0)
-    return TouchedTrack(track.obstacle_id, 0, motion, track.length_m, track.width_m, 2.6, leaves=False, lanes=())
+    return TouchedTrack(
+        track.obstacle_id, track.first_step, motion, track.length_m, track.width_m, 2.6, leaves=False, lanes=()
+    )
 
 
 def test_who_was_handed_over_waits_for_who_is_edited_until_the_way_is_free(tmp_path: Path) -> None:
@@ -68,6 +73,13 @@ def test_one_that_comes_too_fast_to_stop_does_not_wait(tmp_path: Path) -> None:
     near = north(8.0)
     assert set(told(tmp_path, rushing, north(11.0), ("handed_over", "edited"), 8)) == {32}
     assert told(tmp_path, rushing, replace(near, poses=near.poses[2:]), ("handed_over", "edited"), 5) == {}
+
+
+def test_nobody_brakes_for_one_who_has_not_entered_yet(tmp_path: Path) -> None:
+    entering = replace(north(4.0, 1.0), first_step=44)
+    assert told(tmp_path, EAST, entering, ("handed_over", "added"), 46) == {}
+    (plan,) = told(tmp_path, EAST, replace(entering, first_step=36), ("handed_over", "added"), 48).values()
+    assert plan.halts[0].from_step == 36
 
 
 @pytest.mark.parametrize(
@@ -94,7 +106,7 @@ def test_a_halt_that_cures_nothing_leaves_the_motion_as_it_was(
     assert len(without.outcome.collisions) == 1
 
     def halt_too_late(plans: dict[int, DrivePlan], *_: Any) -> dict[int, DrivePlan]:
-        return {key: replace(plan, halts=(*plan.halts, Halt(10.0, 100))) for key, plan in plans.items()}
+        return {key: replace(plan, halts=(*plan.halts, Halt(0, 100, 10.0))) for key, plan in plans.items()}
 
     monkeypatch.setattr(module, "plans_giving_way", halt_too_late)
     applied = apply_to(base, tmp_path / "with", SPEEDS_UP, keep_simulation=True)
