@@ -22,7 +22,9 @@ def delay(scene: Scene, track: TouchedTrack) -> str:
         return f", after {stood_s:.1f} s {where} on lanelet {key}"
     slow = _slow_lanelet(scene, track)
     return (
-        "" if slow is None else f", on lanelets that allow no more than {scene.lane_speeds_mps[slow]:.1f} m/s ({slow})"
+        ""
+        if slow is None
+        else f", on lanelets that allow no more than {scene.driven_speeds_mps[slow]:.1f} m/s ({slow})"
     )
 
 
@@ -51,7 +53,7 @@ def _slow_lanelet(scene: Scene, track: TouchedTrack) -> int | None:
     held: dict[int, int] = {}
     for lane, speed in zip(track.lanes, track.motion.speeds_mps, strict=False):
         for key in scene.layout.lanelets_of_lane.get(lane, ())[-1:]:
-            allowed = scene.lane_speeds_mps[key]
+            allowed = scene.driven_speeds_mps[key]
             if allowed < SLOW_MPS and speed >= AT_THE_LIMIT * allowed:
                 held[key] = held.get(key, 0) + 1
     if sum(held.values()) < LEAST_SHARE * len(track.motion.speeds_mps):

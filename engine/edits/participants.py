@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from xml.sax.saxutils import quoteattr
 
@@ -14,6 +14,7 @@ from plannerforge.engine.edits.manoeuvring import Halt, Manoeuvre
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.steering_over import placed_over
 from plannerforge.engine.edits.walker_shadows import walker_shadows
+from plannerforge.engine.network.sumo_net_speeds import SlowPlaces
 from plannerforge.engine.scenarios.tracks import Track
 
 EMERGENCY_DECELERATION_MPS2 = 8.0
@@ -53,6 +54,7 @@ class Participant:
     lanes_to_target: frozenset[str] = frozenset()
     is_sent: bool = False
     maximum_speed_mps: float = NO_LIMIT_MPS
+    slow_places: Mapping[str, SlowPlaces] = field(default_factory=dict)
     halts: tuple[Halt, ...] = ()
 
     @cached_property
@@ -138,6 +140,7 @@ def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
         lanes_to_target=_lanes_to(scene, plan, aims, target),
         is_sent=bool(plan.targets) and plan.cause == "edited",
         maximum_speed_mps=max(plan.vehicle_class.maximum_speed_mps, float(plan.start.speeds_mps.max())),
+        slow_places=scene.slow_places,
         through=tuple(lane_of[key] for key in plan.lanelets if key in plan.through and key in lane_of),
     )
 

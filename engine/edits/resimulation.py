@@ -13,6 +13,7 @@ import numpy as np
 
 from plannerforge.engine.edits.early_braking import EarlyBraking
 from plannerforge.engine.edits.halting import Halting
+from plannerforge.engine.edits.long_bends import LongBends
 from plannerforge.engine.edits.manoeuvring import DRIVEN_LANE_CHANGES, DRIVEN_SPEED_MODE, LANE_CHANGE_S, Manoeuvring
 from plannerforge.engine.edits.participants import Participant
 from plannerforge.engine.edits.sumo_process import SimulationSetup, sumo_running
@@ -124,7 +125,8 @@ class _Run:
 
     def __init__(self, sumo: Any, everybody: tuple[Participant, ...]) -> None:
         self.sumo, self.everybody = sumo, everybody
-        self.manoeuvring, self.judges = Manoeuvring(sumo), (Waiting(sumo), EarlyBraking(sumo), Halting(sumo))
+        self.manoeuvring = Manoeuvring(sumo)
+        self.judges = (Waiting(sumo), EarlyBraking(sumo), LongBends(sumo), Halting(sumo))
         self.present: set[str] = set()
         self.astray: set[str] = set()
         self.used: set[tuple[str, str]] = set()

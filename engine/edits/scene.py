@@ -13,7 +13,14 @@ from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.network.sumo_net_layout import NetLayout
 from plannerforge.engine.network.sumo_net_signals import Signal, signals_of
-from plannerforge.engine.network.sumo_net_speeds import lane_speeds, posted_speeds
+from plannerforge.engine.network.sumo_net_speeds import (
+    LONG_M,
+    SlowPlaces,
+    bend_speed,
+    posted_speeds,
+    slow_places,
+    straight_speeds,
+)
 from plannerforge.engine.network.sumo_net_writer import sumo_net
 from plannerforge.engine.scenarios.reader import LoadedScenario
 from plannerforge.engine.scenarios.tracks import (
@@ -132,15 +139,38 @@ class Scene:
         return replace(graph, neighbours={**self.driven_graph.neighbours, **beside})
 
     @cached_property
-    def lane_speeds_mps(self) -> dict[int, float]:
-        """Speed of every drivable lanelet: posted or usual, raised where a vehicle was recorded faster."""
+    def straight_speeds_mps(self) -> dict[int, float]:
+        """Speed of every drivable lanelet but for its bends: posted or usual, raised where somebody was faster."""
         fastest: dict[int, float] = {}
         for key, match in self.matches.items():
             track = self.tracks.get(key)
             for index, lanelet in zip(match.indices, match.lanelets, strict=True):
                 speed = float(track.speeds_mps[index]) if track else 0.0
                 fastest[lanelet] = max(fastest.get(lanelet, 0.0), speed)
-        return lane_speeds(self.layout, fastest, posted_speeds(self.network))
+        return straight_speeds(self.layout, fastest, posted_speeds(self.network))
+
+    @cached_property
+    def lane_speeds_mps(self) -> dict[int, float]:
+        """The speed that the sharpest bend of every drivable lanelet takes, where that is less."""
+        lanes = self.layout.table.lanes
+        return {key: min(speed, bend_speed(lanes[key].center)) for key, speed in self.straight_speeds_mps.items()}
+
+    @cached_property
+    def slow_places(self) -> dict[str, SlowPlaces]:
+        """SUMO's lanes whose lanelet is long: where they bend. A driven vehicle is slowed there, and not all along."""
+        straight, lanes = self.straight_speeds_mps, self.layout.table.lanes
+        return {
+            f"{edge}_{index}": slow_places(lanes[key].center, straight[key])
+            for key, (edge, index) in self.layout.lane_of.items()
+            if lanes[key].length_m > LONG_M and self.lane_speeds_mps[key] < straight[key]
+        }
+
+    @cached_property
+    def driven_speeds_mps(self) -> dict[int, float]:
+        """Speed of every lane of SUMO's network: a long lanelet has that of its straights."""
+        long = {key for lane in self.slow_places for key in self.layout.lanelets_of_lane[lane]}
+        straight = self.straight_speeds_mps
+        return {key: straight[key] if key in long else speed for key, speed in self.lane_speeds_mps.items()}
 
     @cached_property
     def signals(self) -> tuple[Signal, ...]:
@@ -150,7 +180,7 @@ class Scene:
     @cached_property
     def sumo_net(self) -> str:
         """The text of SUMO's network over the lanelets."""
-        return sumo_net(self.layout, self.lane_speeds_mps, self.signals)
+        return sumo_net(self.layout, self.driven_speeds_mps, self.signals)
 
 
 def _ego(loaded: LoadedScenario, matcher: LaneMatcher, problem_id: int | None) -> Ego | None:

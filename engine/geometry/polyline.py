@@ -118,16 +118,24 @@ def gaussian(values: NDArray[np.float64], sigma_samples: float) -> NDArray[np.fl
 
 def maximum_curvature(points: Points, sigma_m: float = 4.0, spacing_m: float = 1.0) -> float:
     """Largest curvature in 1/m after smoothing over ``sigma_m``; 0 for a straight or very short line."""
+    return float(np.max(curvatures(points, sigma_m, spacing_m)[1], initial=0.0))
+
+
+def curvatures(points: Points, sigma_m: float = 4.0, spacing_m: float = 1.0) -> tuple[Values, Values]:
+    """Arc lengths in m about ``spacing_m`` apart, and the size of the curvature there in 1/m, both (n,).
+
+    The line is smoothed over ``sigma_m``. A line of fewer than three points has none.
+    """
     points = without_repeats(points)
     if len(points) < 3:
-        return 0.0
+        return np.empty(0), np.empty(0)
     stations = arc_length(points)
     count = max(int(stations[-1] / spacing_m), 3)
-    even = interpolate(points, stations, np.linspace(0.0, stations[-1], count + 1))
-    even = gaussian(even, sigma_m / (stations[-1] / count))
+    at = np.linspace(0.0, stations[-1], count + 1)
+    even = gaussian(interpolate(points, stations, at), sigma_m / (stations[-1] / count))
     turn = np.abs(np.diff(headings(even)))
     step = segment_lengths(even)
-    return float(np.max(turn / np.maximum((step[1:] + step[:-1]) / 2, 1e-3))) if len(turn) else 0.0
+    return at[1:-1], turn / np.maximum((step[1:] + step[:-1]) / 2, 1e-3)
 
 
 def oriented_rectangle(center: Points, heading_rad: float, size_m: tuple[float, float]) -> Points:

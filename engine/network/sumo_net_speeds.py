@@ -2,14 +2,18 @@
 
 The posted speed limit, or 50 km/h where the file posts none, and more where a vehicle was recorded faster. Bends
 lower it, because SUMO slows down for turns inside junctions only (a quarter of its cars break the friction circle in
-the bends of edges otherwise).
+the bends of edges otherwise). On a long lanelet with one bend that is far too slow for the rest: whoever steers SUMO's
+vehicles step by step keeps the speed there and slows them where it bends.
 """
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from plannerforge.engine.geometry.polyline import Points, maximum_curvature
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import Points, Values, curvatures, maximum_curvature
 from plannerforge.engine.network.sumo_net_layout import NetLayout
 
 if TYPE_CHECKING:
@@ -18,6 +22,10 @@ if TYPE_CHECKING:
 USUAL_SPEED_MPS = 13.89
 COMFORTABLE_LATERAL_ACCELERATION_MPS2 = 4.0
 SLOWEST_BEND_MPS = 3.0
+LONG_M = 60.0
+"""On a lanelet no longer than this, slowing down for its bend alone gains little."""
+
+SMOOTHING_M = 4.0
 _LIMIT_SIGNS = ("MAX_SPEED", "MAX_SPEED_ZONE_START")
 
 
@@ -36,6 +44,14 @@ def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
     return {key: min(speeds) for key, speeds in found.items() if speeds}
 
 
+@dataclass(frozen=True)
+class SlowPlaces:
+    """Arc lengths (n,) in m on a lane, ascending, and the highest speed in m/s (n,) that its bend takes there."""
+
+    stations_m: Values
+    speeds_mps: Values
+
+
 def lane_speeds(
     layout: NetLayout, recorded_mps: Mapping[int, float], posted_mps: Mapping[int, float] | None = None
 ) -> dict[int, float]:
@@ -46,21 +62,37 @@ def lane_speeds(
         recorded_mps: fastest speed recorded on each lanelet; missing ones count as slow.
         posted_mps: speed limit of each lanelet that has one.
     """
+    straight = straight_speeds(layout, recorded_mps, posted_mps)
+    return {key: min(speed, bend_speed(layout.table.lanes[key].center)) for key, speed in straight.items()}
+
+
+def straight_speeds(
+    layout: NetLayout, recorded_mps: Mapping[int, float], posted_mps: Mapping[int, float] | None = None
+) -> dict[int, float]:
+    """The same without the bends."""
     wanted = {}
     for key in layout.table.lanes:
         limit, recorded = (posted_mps or {}).get(key, USUAL_SPEED_MPS), recorded_mps.get(key, 0.0)
         wanted[key] = recorded * 1.05 if recorded > limit else limit
     for keys in layout.edges.values():
         wanted.update(dict.fromkeys(keys, max(wanted[key] for key in keys)))
-    return {key: min(speed, bend_speed(layout.table.lanes[key].center)) for key, speed in wanted.items()}
+    return wanted
 
 
-def bend_speed(shape: Points, sigma_m: float = 4.0) -> float:
+def bend_speed(shape: Points, sigma_m: float = SMOOTHING_M) -> float:
     """Speed in m/s at which the sharpest bend of a polyline takes the comfortable lateral acceleration; may be inf."""
     curvature = maximum_curvature(shape, sigma_m)
     if curvature <= 0.0:
         return math.inf
     return max(SLOWEST_BEND_MPS, math.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature))
+
+
+def slow_places(shape: Points, straight_mps: float) -> SlowPlaces:
+    """Where the bends of a polyline take less than a speed, and how much, by the same rule."""
+    stations, curvature = curvatures(shape, SMOOTHING_M)
+    bends = curvature * straight_mps**2 > COMFORTABLE_LATERAL_ACCELERATION_MPS2
+    speeds = np.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature[bends])
+    return SlowPlaces(stations[bends], np.maximum(speeds, SLOWEST_BEND_MPS))
 
 
 def _is_positive(values: list[str]) -> bool:

@@ -1,0 +1,69 @@
+"""Vehicles on a long lane, whose limit is that of its straights, slow down where it bends."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from plannerforge.engine.edits.participants import Participant
+from plannerforge.engine.edits.turn_speed import EASY_MPS2, HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
+from plannerforge.engine.geometry.polyline import Values
+
+BESIDE_M = 1.0
+"""A place so little behind the bumper still counts: places are so far apart."""
+
+SHORTEST_M = 0.5
+MOST_SPEED_FACTOR = math.sqrt(HARDEST_LATERAL_MPS2 / EASY_MPS2)
+"""A driver who is faster than others is so in bends too, as far as tyres hold."""
+
+
+class LongBends:
+    """Tells the driven vehicles of one simulation, step by step, how fast they may be for the bends of long lanes.
+
+    SUMO has one limit for all of a lane. That of its sharpest bend would slow the vehicles all along it.
+    """
+
+    def __init__(self, sumo: Any) -> None:
+        self._sumo, self._vehicle, self._lane = sumo, sumo.vehicle, sumo.lane
+
+    def highest_speed(self, one: Participant, lane_id: str) -> float | None:
+        """The speed in m/s to brake to in the next step; None while a vehicle may drive as it likes.
+
+        It brakes with the driver's own deceleration, and harder only where that comes too late.
+        """
+        if not one.slow_places or not lane_id:
+            return None
+        speed, step_s = float(self._vehicle.getSpeed(one.key)), float(self._sumo.simulation.getDeltaT())
+        usual, factor = one.behaviour.values["decel"], min(one.behaviour.values["speedFactor"], MOST_SPEED_FACTOR)
+        ahead = list(self._places_ahead(one, lane_id, speed * step_s + speed**2 / (2 * usual)))
+        if not ahead:
+            return None
+        away_m, easy_mps = (np.concatenate(column) for column in zip(*ahead, strict=True))
+        allowed_mps = easy_mps * factor
+        before = np.maximum(away_m - speed * step_s, 0.0)
+        allowed = math.sqrt(float(np.min(allowed_mps**2 + 2 * usual * before)))
+        if speed + usual * step_s <= allowed:
+            return None
+        needed = float(np.max((speed**2 - allowed_mps**2) / (2 * np.maximum(away_m, SHORTEST_M))))
+        hardest = min(max(needed, usual), HARDEST_BRAKING_MPS2) if allowed < speed - usual * step_s else usual
+        return max(min(allowed, speed), speed - hardest * step_s, 0.0)
+
+    def _places_ahead(self, one: Participant, lane_id: str, reach_m: float) -> Iterator[tuple[Values, Values]]:
+        """Distances in m to the bends within reach on the route, and the speeds that they take, lane by lane."""
+        begin_m = -float(self._vehicle.getLanePosition(one.key))
+        for lane in self._lanes_ahead(one, lane_id):
+            if begin_m > reach_m:
+                return
+            if lane in one.slow_places:
+                away_m = one.slow_places[lane].stations_m + begin_m
+                near = away_m >= -BESIDE_M
+                if near.any():
+                    yield away_m[near], one.slow_places[lane].speeds_mps[near]
+            begin_m += float(self._lane.getLength(lane))
+
+    def _lanes_ahead(self, one: Participant, lane_id: str) -> Iterator[str]:
+        """The lane of a vehicle and those that follow it as SUMO sees them, ways through junctions included."""
+        yield lane_id
+        for link in self._vehicle.getNextLinks(one.key):
+            yield from (lane for lane in (link[4], link[0]) if lane)

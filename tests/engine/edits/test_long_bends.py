@@ -1,0 +1,50 @@
+"""A vehicle is slow in the bend of a long lane, and not all along it."""
+
+import math
+
+import numpy as np
+import pytest
+from builders import Lane, ScenarioBuilder, arc, driving, line
+from edit_support import Apply
+
+RADIUS_M = 20.0
+BEFORE, BEND, AFTER = line((0, 0), (200, 0)), arc((200, 20), RADIUS_M, -math.pi / 2, 0), line((220, 20), (220, 160))
+ASIDE = Lane(9, line((0, -50), (300, -50)))
+
+
+def whole() -> tuple[Lane, ...]:
+    """The bend lies in the middle of one lanelet."""
+    center = np.concatenate([BEFORE, BEND[1:], AFTER[1:]])
+    return Lane(1, center, successors=(2,)), Lane(2, line((220, 160), (220, 260)), predecessors=(1,)), ASIDE
+
+
+def in_two() -> tuple[Lane, ...]:
+    """The bend lies at the beginning of the second lanelet."""
+    return (
+        Lane(1, BEFORE, successors=(2,)),
+        Lane(2, np.concatenate([BEND, AFTER[1:]]), predecessors=(1,)),
+        ASIDE,
+    )
+
+
+@pytest.mark.parametrize("lanes", [whole(), in_two()])
+def test_a_vehicle_slows_down_for_the_bend_alone(apply: Apply, lanes: tuple[Lane, ...]) -> None:
+    builder = ScenarioBuilder(lanes, (driving(31, (100, 0), 13.0, 60), driving(32, (10, -50), 1.0, 201)))
+    applied = apply({"op": "reroute", "vehicles": ["31"], "to": ["2"]}, builder=builder)
+    track = applied.tracks()[31]
+    before = track.speeds_mps[track.positions[:, 0] < 150]
+    bend = track.speeds_mps[(track.positions[:, 0] > 203) & (track.positions[:, 1] < 17)]
+    after = track.speeds_mps[track.positions[:, 1] > 80]
+    assert before.min() > 11.0
+    assert len(bend) > 0
+    assert 7.0 < bend.max() < 1.15 * math.sqrt(4.0 * RADIUS_M)
+    assert after.max() > 11.0
+    assert np.diff(track.speeds_mps).min() > -0.6
+    assert applied.outcome.touched[0].feasible
+
+
+def test_a_speed_that_it_is_told_to_keep_is_kept_before_the_bend_and_given_up_in_it(apply: Apply) -> None:
+    builder = ScenarioBuilder(whole(), (driving(31, (60, 0), 13.0, 60), driving(32, (10, -50), 1.0, 201)))
+    track = apply({"op": "set_speed", "vehicles": ["31"], "speed": "16m/s"}, builder=builder).tracks()[31]
+    assert track.speeds_mps[track.positions[:, 0] < 160].max() > 15.0
+    assert track.speeds_mps[(track.positions[:, 0] > 205) & (track.positions[:, 1] < 15)].max() < 11.0
