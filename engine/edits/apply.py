@@ -4,17 +4,17 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from plannerforge.engine.edits.altered_scene import altered
-from plannerforge.engine.edits.cascade import Resimulated, resimulate_until_clear
+from plannerforge.engine.edits.carrying_out import EditRun
+from plannerforge.engine.edits.cascade import Resimulated
 from plannerforge.engine.edits.changes import Changes, EditStep
 from plannerforge.engine.edits.danger import Danger, danger_after, left_out_notes
 from plannerforge.engine.edits.departures import check_departures, entering_onto
 from plannerforge.engine.edits.edit_report import edit_reports, reported_collisions, touched_vehicles
+from plannerforge.engine.edits.entry_conflicts import check_entries
 from plannerforge.engine.edits.kept_scene import scene_of
 from plannerforge.engine.edits.missed_aims import check_not_driven_past
 from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
 from plannerforge.engine.edits.operations import resolve_edits
-from plannerforge.engine.edits.ordinary_ego import drive_after, ego_participant
 from plannerforge.engine.edits.scenario_document import ScenarioDocument
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.state_elements import added_obstacle, write_goal, write_touched
@@ -41,39 +41,28 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
     base = kept.scene
     document = ScenarioDocument.read(request.xml)
     report(0.3, "resolving the edits")
-    changes, steps = resolve_edits(request.edits, base, document.highest_id + 1, request.earlier)
-    scene = altered(base, changes)
+    first_id = document.highest_id + 1
+    changes, steps = resolve_edits(request.edits, base, first_id, request.earlier)
     with tempfile.TemporaryDirectory() as folder:
         net = Path(folder) / NET_FILE
         net.write_text(base.sumo_net, encoding="utf-8")
         report(0.4, "simulating")
         setup = SimulationSetup(
-            net, net.parent, scene.step_s, scene.last_step, request.seed, keeps_routes=request.keep_simulation
+            net, net.parent, base.step_s, base.last_step, request.seed, keeps_routes=request.keep_simulation
         )
         before = kept.ego_before(setup)
-        ego = drive_after(before, base, scene, changes, setup)
-        result = _simulated(request, scene, changes, setup, ego)
+        made = EditRun(request, base, setup, before).carry_out(changes, steps, first_id)
+        scene, changes, result, ego = made.scene, made.changes, made.result, made.ego
         _check(request, scene, changes, result)
         report(0.8, "writing")
-        notes = [*_write_changes(document, scene, changes, result), *_entries_onto_ego(scene, changes, ego)]
+        notes = [*_write_changes(document, scene, changes, result), *made.notes]
+        notes += _entries_onto_ego(scene, changes, ego)
         files = (None, None) if request.dry_run else _write_files(request, document, net)
         if request.keep_simulation and not request.dry_run and result.tracks:
             _keep_simulation(setup, request.output)
     after = None if ego is None else danger_after(ego, scene, changes, result)
     dangers = (None if before is None else before.danger, after)
-    return _outcome(request, scene, changes, steps, result, dangers, files, notes)
-
-
-def _simulated(
-    request: ModificationRequest, scene: Scene, changes: Changes, setup: SimulationSetup, ego: Track | None
-) -> Resimulated:
-    """Re-simulate if anything is driven; removals and goals alone leave all recordings as they are."""
-    everybody = request.traffic == "reactive"
-    if not changes.driven and not changes.replays and not everybody:
-        return Resimulated({}, {}, (), ())
-    seen_ego = None if ego is None else ego_participant(scene, ego)
-    shown = () if seen_ego is None else (seen_ego,)
-    return resimulate_until_clear(scene, changes, setup, shown, everybody=everybody)
+    return _outcome(request, scene, changes, made.steps, result, dangers, files, notes)
 
 
 def _check(request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated) -> None:
@@ -85,6 +74,7 @@ def _check(request: ModificationRequest, scene: Scene, changes: Changes, result:
             next_step="choose another vehicle or place",
         )
     check_departures(scene, changes, result)
+    check_entries(request.edits, scene, changes, result)
     for key in changes.driven:
         check_not_driven_past(scene, result.plans[key], result.tracks[key])
     hits = reported_collisions(scene, result)

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from plannerforge.engine.edits.altered_scene import populated
+from plannerforge.engine.edits.braking_reach import REACTION_S, gets_onto
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.placing import Place
 from plannerforge.engine.edits.scene import Scene
@@ -15,8 +16,6 @@ from plannerforge.schemas.errors import NotPossible
 
 SHARE_OF_LANE_SPEED = 0.8
 LOOK_M = 60.0
-REACTION_S = 0.5
-"""The least time after which a driver brakes hard."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +57,21 @@ def entry_speed(
         speed = min(speed, math.sqrt(leader.speed_mps**2 + 2 * vehicle_class.deceleration_mps2 * free))
     followers = [one for one in neighbours if one.distance_m <= 0]
     if followers:
-        _check_follower(max(followers, key=lambda one: one.distance_m), vehicle_class, place, speed)
+        follower = max(followers, key=lambda one: one.distance_m)
+        if _comes_along(follower, scene, changes, vehicle_class, place, step):
+            _check_follower(follower, vehicle_class, place, speed)
     return speed
+
+
+def _comes_along(
+    follower: _Neighbour, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int
+) -> bool:
+    """Whether a vehicle behind comes over the place, and does not turn off before or brake; one that is driven may."""
+    recorded = None if follower.vehicle_id in changes.driven else scene.tracks.get(follower.vehicle_id)
+    if recorded is None:
+        return True
+    center, heading_rad = place.pose(scene)
+    return gets_onto(recorded, step, center, heading_rad, (vehicle_class.length_m, vehicle_class.width_m))
 
 
 def _check_follower(follower: _Neighbour, vehicle_class: VehicleClass, place: Place, speed_mps: float) -> None:
