@@ -25,7 +25,7 @@ from plannerforge.evals.modification_checks import (
     is_untouched_identical,
     unreported_collisions,
 )
-from plannerforge.evals.modification_population import is_taken
+from plannerforge.evals.modification_population import is_run_over, is_taken
 from plannerforge.evals.modification_refusals import corpus_refusal, drawn_refusals
 from plannerforge.evals.modification_requests import Asked, Presets, drawn_requests, edit_of
 from plannerforge.evals.modification_reroutes import arrives
@@ -40,7 +40,8 @@ from plannerforge.schemas.runs import RunRecord
 POSITION_M, SPEED_MPS = 0.01, 0.01
 SETTLED_S = 1.0
 COMPOSITE = "composite"
-ON_FOOT, TAKEN = ("pedestrian",), " is taken by "
+TAKEN, HIT = " is taken by ", " is hit by "
+ON_FOOT = ("pedestrian",)
 """The drivability checker judges vehicles."""
 
 
@@ -115,6 +116,8 @@ def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | No
         return False
     if asked.task == "P" and TAKEN in error.message:
         return any(is_taken(scene, truth) for truth in asked.truths)
+    if asked.task == "P" and HIT in error.message:
+        return any(is_run_over(scene, truth) for truth in asked.truths)
     if asked.task != "T":
         return None
     return any(

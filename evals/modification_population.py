@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.geometry.polyline import Points, oriented_rectangle, point_at
+from plannerforge.engine.geometry.polyline import Points, oriented_rectangle, point_at, project
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.evals.modification_drivers import is_of_its_class
 from plannerforge.evals.modification_reach import SHARES, nearest_m, places_along, places_on
@@ -17,6 +17,12 @@ PLACE_TOLERANCE_M, SPEED_TOLERANCE_MPS = 2.0, 0.01
 EGO_LENGTH_M = 4.5
 CLEARANCE_M = 1.0
 """A vehicle enters later than asked only where somebody is on its place or so near."""
+
+REACTION_S, HARDEST_BRAKING_MPS2 = 0.5, 8.0
+"""A driver brakes so late, and no harder."""
+
+PASSING_M = 0.5
+"""Whoever passes by nearer than that is said to hit."""
 
 
 @dataclass(frozen=True)
@@ -69,18 +75,57 @@ def addition_checks(written: Written, index: int) -> dict[str, bool]:
 
 def is_taken(scene: Scene, truth: Truth) -> bool:
     """Whether anybody recorded is, when the first vehicle is to enter, on a place that is asked for, or close to it."""
-    step, kind = round((truth.get("depart_s") or 0.0) / scene.step_s), KINDS[truth["class"]]
-    size = kind.lengths_m[1] + 2 * CLEARANCE_M, kind.widths_m[1] + 2 * CLEARANCE_M
-    for place in _places(scene, truth, 0, sum(kind.lengths_m) / 2):
+    step, size = _entry_step(scene, truth), _largest_size(truth, CLEARANCE_M)
+    places = _places(scene, truth, 0, sum(KINDS[truth["class"]].lengths_m) / 2)
+    for place in places:
         room = shapely.Point(place).buffer(float(np.hypot(*size)) / 2)
         for other in (*scene.tracks.values(), *scene.standing.values()):
             index = other.index_at(step)
             if index is not None and room.intersects(_body(other, index, 0.0)):
                 return True
     return scene.ego is not None and any(
-        float(np.linalg.norm(place - scene.ego.position)) <= size[0] + EGO_LENGTH_M / 2
-        for place in _places(scene, truth, 0, sum(kind.lengths_m) / 2)
+        float(np.linalg.norm(place - scene.ego.position)) <= size[0] + EGO_LENGTH_M / 2 for place in places
     )
+
+
+def is_run_over(scene: Scene, truth: Truth) -> bool:
+    """Whether anybody recorded gets onto such a place on his way, or close to it, although he brakes as hard as he can.
+
+    He does not know of the vehicle before it enters, and takes some time to brake.
+    """
+    places = _places(scene, truth, 0, sum(KINDS[truth["class"]].lengths_m) / 2)
+    rooms = [room for place in places for room in _rooms(scene, place, _largest_size(truth, PASSING_M))]
+    for other in scene.tracks.values():
+        index = other.index_at(_entry_step(scene, truth))
+        if index is None:
+            continue
+        speed_mps = max(float(other.speeds_mps[index]), 0.0)
+        stops_after_m = speed_mps * REACTION_S + speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+        steps_m = np.linalg.norm(np.diff(other.positions[index:], axis=0), axis=1)
+        last = index + int((np.cumsum(steps_m) <= stops_after_m).sum())
+        if any(room.intersects(_body(other, at, 0.0)) for room in rooms for at in range(index, last + 1)):
+            return True
+    return False
+
+
+def _entry_step(scene: Scene, truth: Truth) -> int:
+    return round((truth.get("depart_s") or 0.0) / scene.step_s)
+
+
+def _largest_size(truth: Truth, larger_m: float) -> tuple[float, float]:
+    """Length and width in m of the largest vehicle of the class, with some room on all its sides."""
+    kind = KINDS[truth["class"]]
+    return kind.lengths_m[1] + 2 * larger_m, kind.widths_m[1] + 2 * larger_m
+
+
+def _rooms(scene: Scene, place: Points, size: tuple[float, float]) -> list[shapely.Polygon]:
+    """Rectangles around a place along all lanelets that it lies on."""
+    found = []
+    for key in scene.network.find_lanelet_by_position([place])[0]:
+        line = scene.network.find_lanelet_by_id(key).center_vertices
+        heading_rad = point_at(line, project(line, place)[0])[1]
+        found.append(shapely.Polygon(oriented_rectangle(place, heading_rad, size)))
+    return found
 
 
 def _adds_up(written: Written) -> bool:

@@ -24,8 +24,8 @@ class Physical:
 class Refusal:
     """A request that was to be carried out and was refused.
 
-    ``is_right``: physics keep a vehicle from being rerouted so, or somebody is on the place that is said to be taken;
-    None where the bench has no rule of its own, as for a class that a road does not allow.
+    ``is_right``: physics keep a vehicle from being rerouted so, or somebody is on the place that is said to be taken
+    or cannot brake before it; None where the bench has no rule of its own, as for a class that a road does not allow.
     """
 
     task: str

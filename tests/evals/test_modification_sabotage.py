@@ -142,17 +142,27 @@ def _counted_ids() -> Any:
     return next_id
 
 
-@pytest.mark.parametrize(("station_m", "is_right"), [(70.0, True), (130.0, False)], ids=["taken", "free"])
-def test_a_place_that_is_said_to_be_taken_has_somebody_on_it(
-    base: Path, monkeypatch: pytest.MonkeyPatch, station_m: float, is_right: bool
+@pytest.mark.parametrize(
+    ("said", "lanelet", "station_m", "is_right"),
+    [
+        ("taken by", 1, 70.0, True),
+        ("taken by", 1, 130.0, False),
+        ("hit by", 1, 85.0, True),
+        ("hit by", 1, 130.0, False),
+        ("hit by", 3, 215.0, False),
+    ],
+    ids=["taken", "free", "right before somebody", "far before somebody", "in the lane beside"],
+)
+def test_a_place_that_is_said_to_be_taken_or_to_be_hit_has_somebody_on_it_or_right_behind(
+    base: Path, monkeypatch: pytest.MonkeyPatch, said: str, lanelet: int, station_m: float, is_right: bool
 ) -> None:
     row = {"id": "p", "task": "modification_P", "expect": "ok", "scenario": base.name}
-    truth = TRUTHS["P"] | {"resolved": [{"lanelet": 1, "s_m": station_m}], "depart_s": 0.0}
+    truth = TRUTHS["P"] | {"resolved": [{"lanelet": lanelet, "s_m": station_m}], "depart_s": 0.0}
 
-    def taken(*_: Any) -> Any:
-        raise NotPossible(f"lanelet 1 at {station_m} m is taken by vehicle 31")
+    def refuse(*_: Any) -> Any:
+        raise NotPossible(f"lanelet {lanelet} at {station_m} m is {said} vehicle 31")
 
-    monkeypatch.setattr(modification_cases, "apply_edits", taken)
+    monkeypatch.setattr(modification_cases, "apply_edits", refuse)
     refused = measure_line(json.dumps(row | {"truth": {"edits": [truth]}}), base.parent, Effort())
     assert [one.is_right for one in refused.cases[0].tries] == [is_right]
     done = Case("P", "done", checks={"P_count": True}, edit_s=0.1)
