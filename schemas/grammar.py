@@ -97,15 +97,23 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     if unit == "s" and step_s is not None:
         units |= {"steps": step_s, "step": step_s}
     if match is None or not math.isfinite(float(match[1])):
-        raise InvalidRequest(f"'{text}' is no quantity", valid=[f"a number{_or_units(units)}"])
+        raise InvalidRequest(
+            f"'{text}' is no quantity", valid=[f"a number{_or_units(units)}"], next_step="write a number and its unit"
+        )
     if match[2] is None:
         return float(match[1])
     factor = units.get(match[2].lower())
     if factor is None:
-        raise InvalidRequest(f"'{text}' has the unit '{match[2]}'", valid=list(units) or ["a number without a unit"])
+        raise InvalidRequest(
+            f"'{text}' has the unit '{match[2]}'",
+            valid=list(units) or ["a number without a unit"],
+            next_step="write it in one of these units" if units else "leave the unit out",
+        )
     value = float(match[1]) * factor
     if not math.isfinite(value):
-        raise InvalidRequest(f"'{text}' is too large", valid=[f"a number{_or_units(units)}"])
+        raise InvalidRequest(
+            f"'{text}' is too large", valid=[f"a number{_or_units(units)}"], next_step="choose a smaller number"
+        )
     return value
 
 
@@ -126,7 +134,9 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         )
         low, high = (parse_quantity(part, unit, step_s=step_s) for part in (first, between[2]))
         if low > high:
-            raise InvalidRequest(f"'{text}' begins above its end", valid=[f"{between[2]}..{first}"])
+            raise InvalidRequest(
+                f"'{text}' begins above its end", valid=[f"{between[2]}..{first}"], next_step="swap its ends"
+            )
         return Interval(low, high)
     for operator in (">=", "<="):
         if body.startswith(operator):
@@ -149,13 +159,21 @@ def parse_comparison(text: str, unit: BaseUnit = "", *, whole: bool = False) -> 
     """
     match = re.fullmatch(rf"\s*(!?)\s*({NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", text)
     if match is None:
-        raise InvalidRequest(f"'{text}' is no condition", valid=["name", "!name", "name=2", "name>=2", "name=2..5"])
+        raise InvalidRequest(
+            f"'{text}' is no condition",
+            valid=["name", "!name", "name=2", "name>=2", "name=2..5"],
+            next_step="write it in one of these forms",
+        )
     negated, name, scope, operator, right = bool(match[1]), match[2], match[3], match[4], match[5]
     if operator is None:
         return Comparison(name, Interval(1.0, None), negated=negated, scope=scope)
     if not re.match(r"[+-]?\.?\d", right):
         if operator not in ("=", "=="):
-            raise InvalidRequest(f"'{text}' compares with '{right}', which is no number", valid=[f"{name}{operator}2"])
+            raise InvalidRequest(
+                f"'{text}' compares with '{right}', which is no number",
+                valid=[f"{name}{operator}2"],
+                next_step="compare with a number",
+            )
         return Comparison(name, Interval(None, None), right, negated, scope)
     interval = _compared(text, operator, right, unit, whole)
     return Comparison(name, interval, None, negated, scope)
@@ -170,13 +188,15 @@ def parse_assignment(text: str) -> Assignment:
     examples = ["name=0.5", "name*2", "name+0.1", "name-0.1", "name=other_name"]
     match = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*([=*+\-])\s*(\S.*?)\s*", text)
     if match is None:
-        raise InvalidRequest(f"'{text}' is no assignment", valid=examples)
+        raise InvalidRequest(f"'{text}' is no assignment", valid=examples, next_step="write it in one of these forms")
     name, operator, right = match[1], match[2], match[3]
     if re.fullmatch(NUMBER, right) and math.isfinite(float(right)):
         return Assignment(name, operator, float(right))  # type: ignore[arg-type]
     if operator == "=" and re.fullmatch(r"[A-Za-z_]\w*", right) and right.lower() not in ("nan", "inf", "infinity"):
         return Assignment(name, "=", None, copied_from=right)
-    raise InvalidRequest(f"'{text}' assigns '{right}', which is no finite number", valid=examples)
+    raise InvalidRequest(
+        f"'{text}' assigns '{right}', which is no finite number", valid=examples, next_step="assign a number"
+    )
 
 
 _PLAIN = ("all", "farthest", "lead", "follow", "fastest", "slowest", "standing", "leftmost", "rightmost")
@@ -203,9 +223,15 @@ def parse_selector(text: str) -> Selector:
         return Selector(kind, "", negated)
     if kind in _WITH_ARGUMENT and argument:
         if kind in ("nearest", "new") and not re.fullmatch(r"\d+", argument):
-            raise InvalidRequest(f"'{text}' needs a whole number after '{kind}:'", valid=[f"{kind}:1"])
+            raise InvalidRequest(
+                f"'{text}' needs a whole number after '{kind}:'", valid=[f"{kind}:1"], next_step="write it like this"
+            )
         return Selector(kind, argument, negated)
-    raise UnknownName(f"'{text}' selects no vehicles", valid=_nearest_selectors(kind))
+    raise UnknownName(
+        f"'{text}' selects no vehicles",
+        valid=_nearest_selectors(kind),
+        next_step="name a vehicle in such a form",
+    )
 
 
 def _nearest_selectors(word: str) -> list[str]:
@@ -224,7 +250,9 @@ def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool)
         else:
             interval = Interval(None, bound - (strict if operator == "<" else 0.0))
     if whole and any(end is not None and end != int(end) for end in (interval.low, interval.high)):
-        raise InvalidRequest(f"'{text}' counts with a fraction", valid=["a whole number"])
+        raise InvalidRequest(
+            f"'{text}' counts with a fraction", valid=["a whole number"], next_step="write a whole number"
+        )
     return interval
 
 

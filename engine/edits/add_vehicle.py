@@ -7,7 +7,7 @@ import numpy as np
 from plannerforge.engine.edits.behaviours import behaviour_from, own_minimum_gap_m, usual_behaviour
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep
 from plannerforge.engine.edits.entry_speed import entry_speed
-from plannerforge.engine.edits.lanelet_targets import drive_to, target_lanelets
+from plannerforge.engine.edits.lanelet_targets import drive_to, nearest_driven, target_lanelets
 from plannerforge.engine.edits.occupancy import free_places, occupant
 from plannerforge.engine.edits.placing import Place, ahead, first_place
 from plannerforge.engine.edits.road_users import check_allowed
@@ -64,10 +64,14 @@ def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> st
 def _class(word: str | None) -> VehicleClass:
     classes = vehicle_classes()
     if word is None:
-        raise InvalidRequest("add_vehicle needs a vehicle_class", valid=[*classes, "pedestrian"])
+        raise InvalidRequest(
+            "add_vehicle needs a vehicle_class", valid=[*classes, "pedestrian"], next_step="name one in 'vehicle_class'"
+        )
     if word.strip().lower() not in classes:
         raise UnknownName(
-            f"there is no vehicle class '{word}' that can be added", valid=closest(word, [*classes, "pedestrian"])
+            f"there is no vehicle class '{word}' that can be added",
+            valid=closest(word, [*classes, "pedestrian"]),
+            next_step="name one of these in 'vehicle_class'",
         )
     return classes[word.strip().lower()]
 
@@ -80,7 +84,11 @@ def _plan(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClas
     way = drive_to(scene, place.lanelet_id, targets, who) if targets else (place.lanelet_id,)
     edges = scene.edge_graph.route(way)
     if edges is None:
-        raise NotPossible(f"{who} cannot drive from lanelet {way[0]} to {way[-1]}: the lanes do not connect")
+        raise NotPossible(
+            f"{who} cannot drive from lanelet {way[0]} to {way[-1]}: the lanes do not connect",
+            valid=nearest_driven(scene, way[0], way[-1:]),
+            next_step="choose another lanelet in 'to'",
+        )
     asked = None if edit.speed is None else _speed(edit.speed, vehicle_class)
     speed = entry_speed(scene, changes, vehicle_class, place, step, way) if asked is None else asked
     return DrivePlan(
@@ -103,6 +111,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
         raise InvalidRequest(
             f"departure at {edit.time_s} s is not before the scenario's end",
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
+            next_step="choose an earlier time_s",
         )
     last = scene.last_step - 1 if edit.time_s else first
     for step in range(first, last + 1):
@@ -125,7 +134,11 @@ def _speed(text: str, vehicle_class: VehicleClass) -> float:
     speed = parse_quantity(text, "m/s")
     if not 0.0 <= speed <= vehicle_class.maximum_speed_mps:
         limit = vehicle_class.maximum_speed_mps
-        raise InvalidRequest(f"a {vehicle_class.name} does not drive {text}", valid=[f"0 … {limit:g} m/s"])
+        raise InvalidRequest(
+            f"a {vehicle_class.name} does not drive {text}",
+            valid=[f"0 … {limit:g} m/s"],
+            next_step="choose another speed or class",
+        )
     return speed
 
 

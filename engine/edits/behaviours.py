@@ -100,7 +100,11 @@ def behaviour_from(
     if preset is not None:
         name = preset.strip().lower()
         if name not in _PRESET_VALUES:
-            raise UnknownName(f"there is no behaviour preset '{preset}'", valid=closest(preset, _PRESET_VALUES))
+            raise UnknownName(
+                f"there is no behaviour preset '{preset}'",
+                valid=closest(preset, _PRESET_VALUES),
+                next_step="name one of these, or set single parameters with 'params'",
+            )
         values = presets()[name] | ({} if own_gap_m is None else {"minGap": own_gap_m})
     assignments = [parse_assignment(text) for text in params]
     twice = sorted({one.name for one in assignments if sum(other.name == one.name for other in assignments) > 1})
@@ -117,9 +121,14 @@ def _assigned(values: Mapping[str, float], assignment: Assignment) -> float:
         raise UnknownName(
             f"there is no behaviour parameter '{assignment.name}'",
             valid=[f"{name} in {PARAMETERS[name]}" for name in closest(assignment.name, PARAMETERS)],
+            next_step="set one of these",
         )
     if assignment.operand is None:
-        raise InvalidRequest(f"{assignment.name} needs a number", valid=[f"{assignment.name} in {allowed}"])
+        raise InvalidRequest(
+            f"{assignment.name} needs a number",
+            valid=[f"{assignment.name} in {allowed}"],
+            next_step=f"write '{assignment.name}=NUMBER'",
+        )
     before = values[assignment.name]
     operations = {"=": assignment.operand, "*": before * assignment.operand, "+": before + assignment.operand}
     value = operations.get(assignment.operator, before - assignment.operand)
@@ -127,5 +136,6 @@ def _assigned(values: Mapping[str, float], assignment: Assignment) -> float:
         raise InvalidRequest(
             f"{assignment.name}={value:g} is out of range ({allowed.meaning})",
             valid=[f"{assignment.name} in {allowed}"],
+            next_step="choose a value within the range",
         )
     return value

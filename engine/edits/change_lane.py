@@ -21,7 +21,9 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         NotPossible: no such lane of the vehicle's direction then, or the vehicle cannot be driven.
     """
     if edit.lane not in ("left", "right"):
-        raise InvalidRequest("change_lane goes left or right", valid=["lane=left", "lane=right"])
+        raise InvalidRequest(
+            "change_lane goes left or right", valid=["lane=left", "lane=right"], next_step="name one in 'lane'"
+        )
     vehicles = select(edit.vehicles, scene, changes)
     aims: dict[int, tuple[frozenset[int], ...]] = {}
     since: dict[int, int] = {}

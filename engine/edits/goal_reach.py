@@ -85,6 +85,7 @@ def check_task(scene: Scene, ego: Ego, goal: GoalChange, task: GoalTask) -> None
             raise NotPossible(
                 f"{task.ahead_m:.1f} m within {task.window_s[1]:.1f} s is out of reach of any car from {speed:.1f} m/s",
                 valid=[f"goal_time of at least {math.ceil((task.start_s + least) * 10) / 10:.1f} s"],
+                next_step="name a later goal_time, or choose a nearer place",
             )
         if latest < task.window_s[0] - 1e-9 and not comes_back:
             raise NotPossible(

@@ -11,6 +11,8 @@ from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import nearest_ids, select
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 
+NAME_ONE = "name one of these; describe_scenario with detail=lanelets lists all"
+
 
 def target_lanelets(texts: Sequence[str], scene: Scene, changes: Changes) -> frozenset[int]:
     """Lanelets named by id, by SUMO edge (all its lanes) or as ``lanelet_of:SELECTOR``.
@@ -47,8 +49,9 @@ def known_lanelet(text: str, scene: Scene) -> int:
     if text.isdigit():
         every = {lanelet.lanelet_id for lanelet in scene.network.lanelets}
         what = "is no lanelet that vehicles drive on" if int(text) in every else "is no lanelet of the scenario"
-        raise UnknownName(f"{text} {what}", valid=nearest_ids(int(text), list(lanes)))
-    raise UnknownName(f"'{text}' is no lanelet or edge", valid=closest(text, [*map(str, lanes), *scene.layout.edges]))
+        raise UnknownName(f"{text} {what}", valid=nearest_ids(int(text), list(lanes)), next_step=NAME_ONE)
+    known = [*map(str, lanes), *scene.layout.edges]
+    raise UnknownName(f"'{text}' is no lanelet or edge", valid=closest(text, known), next_step=NAME_ONE)
 
 
 def reach(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str) -> tuple[int, ...]:
@@ -139,7 +142,11 @@ def _by_distance_to(targets: Sequence[int], lanelets: Sequence[int], scene: Scen
 def _lanelet_at_start(vehicle_id: int, scene: Scene) -> int:
     match = scene.matches.get(vehicle_id)
     if match is None:
-        raise NotPossible(f"vehicle {vehicle_id} is on no lanelet")
+        raise NotPossible(
+            f"vehicle {vehicle_id} is on no lanelet",
+            valid=[f"lanelet_of:{key}" for key in nearest_ids(vehicle_id, list(scene.matches))],
+            next_step="name another vehicle, or a lanelet by its id",
+        )
     track = scene.tracks.get(vehicle_id)
     index = track.index_at(scene.ego.step) if track and scene.ego else None
     return match.at(index or 0)

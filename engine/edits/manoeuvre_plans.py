@@ -27,6 +27,7 @@ def plan_from(scene: Scene, changes: Changes, vehicle_id: int, time_s: float | N
         raise InvalidRequest(
             f"vehicle {vehicle_id} is not there at {step * scene.step_s:g} s",
             valid=[f"time_s in {first * scene.step_s:g} … {last * scene.step_s:g}"],
+            next_step="choose a time_s at which it is there",
         )
     return replace(plan, from_step=step if before is None else min(step, before.from_step)), step
 

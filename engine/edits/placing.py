@@ -10,8 +10,9 @@ from plannerforge.engine.edits.lanelet_targets import known_lanelet
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import EGO_WORDS, select
 from plannerforge.engine.geometry.polyline import Points, point_at, project, wrap_angle
-from plannerforge.engine.network.positions import VALID, station_m
-from plannerforge.schemas.errors import InvalidRequest, NotPossible
+from plannerforge.engine.network.positions import station_m
+from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from plannerforge.schemas.grammar import SELECTORS, parse_selector
 from plannerforge.schemas.modification import Edit
 
 ONCOMING_RAD = math.radians(135.0)
@@ -52,18 +53,25 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
         raise InvalidRequest(
             "add_vehicle needs a place",
             valid=["at=LANELET with position", "at=ego with lane and offset_m", "at=VEHICLE with lane and offset_m"],
+            next_step="name one in 'at'",
         )
     lanelet = _lanelet(edit.at, scene, changes)
     if lanelet is not None:
         if edit.lane not in (None, "same"):
             raise InvalidRequest(
-                "lane is relative to the ego or a vehicle; name the lanelet itself", valid=["position"]
+                f"lane is relative to the ego or a vehicle; '{edit.at}' is a lanelet",
+                valid=["position"],
+                next_step="leave lane out, and name the lanelet that is meant in 'at'",
             )
         lane_length = scene.layout.table.lanes[lanelet].length_m
         station = station_m(edit.position or "middle", lanelet, lane_length, length_m / 2)
         return ahead(scene, Place(lanelet, station), edit.offset_m or 0.0)
     if edit.position is not None:
-        raise InvalidRequest(f"position is for lanelets; '{edit.at}' is none", valid=["lane", "offset_m", *VALID])
+        raise InvalidRequest(
+            f"position is for lanelets; '{edit.at}' is none",
+            valid=["lane", "offset_m"],
+            next_step="leave position out, or name a lanelet in 'at'",
+        )
     reference = _reference(edit.at, scene, changes)
     if edit.lane == "oncoming":
         return _oncoming(reference, edit.offset_m or 0.0, scene)
@@ -119,7 +127,7 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
         if scene.ego is None or not scene.ego.lanelets:
             raise NotPossible("the scenario has no ego on a lanelet", next_step="name a lanelet or a vehicle")
         return _Reference("the ego", scene.ego.lanelets[0], scene.ego.position)
-    found = select([body.removeprefix("vehicle:")], scene, changes)
+    found = _vehicles_meant(text, body.removeprefix("vehicle:"), scene, changes)
     if len(found) != 1:
         raise NotPossible(f"'{text}' means {len(found)} vehicles", valid=found, next_step="name one by its id")
     there = populated(scene, changes)
@@ -128,6 +136,20 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
     track, match = there.tracks[found[0]], there.matches[found[0]]
     index = track.index_at(scene.ego.step if scene.ego else 0) or 0
     return _Reference(f"vehicle {found[0]}", match.at(index), track.positions[index])
+
+
+def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
+    """The vehicles that ``at`` means where it names no lanelet or edge that there is."""
+    try:
+        parse_selector(selector)
+    except InvalidRequest as error:
+        known = [*map(str, scene.layout.table.lanes), *scene.layout.edges, "ego", *SELECTORS[1:]]
+        raise UnknownName(
+            f"'{text}' is no lanelet, edge or vehicle",
+            valid=closest(text, known),
+            next_step="name a lanelet or an edge, the ego, or a vehicle by its id",
+        ) from error
+    return select([selector], scene, changes)
 
 
 def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, plan_of
 from plannerforge.engine.edits.forks import branch_for
 from plannerforge.engine.edits.lane_change_inside import steering_over
-from plannerforge.engine.edits.lanelet_targets import drive_to, target_lanelets, way_through
+from plannerforge.engine.edits.lanelet_targets import drive_to, nearest_driven, target_lanelets, way_through
 from plannerforge.engine.edits.last_lane_change import check_lane_changes
 from plannerforge.engine.edits.manoeuvre_plans import named
 from plannerforge.engine.edits.scene import Scene
@@ -28,6 +28,7 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         raise InvalidRequest(
             "reroute takes either 'to' or 'turn', and 'via' with 'to'",
             valid=["to=[lanelet]", "via=[lanelet] to=[lanelet]", "turn=left|right|straight"],
+            next_step="give one of these",
         )
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
@@ -85,6 +86,7 @@ def drive_along(scene: Scene, plan: DrivePlan, way: tuple[int, ...], targets: fr
     if edges is None:
         raise NotPossible(
             f"vehicle {plan.start.obstacle_id} cannot drive from lanelet {way[0]} to {way[-1]}: lanes do not connect",
+            valid=nearest_driven(scene, way[0], way[-1:]),
             next_step="choose another lanelet",
         )
     return replace(

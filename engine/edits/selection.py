@@ -17,6 +17,7 @@ STANDING_MPS = 0.1
 TIE = 1e-3
 """Speeds in m/s or distances in m that differ by less are the same to whoever describes a vehicle by them."""
 
+NAME_ONE = "name one of these by its id; describe_scenario with detail=vehicles lists all"
 EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
@@ -44,9 +45,13 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
     left = tuple(sorted(meant - excluded))
     gone = _gone(there, changes) & set(left)
     if gone:
-        raise NotPossible(f"vehicle {min(gone)} was removed by an earlier edit", next_step="leave it out")
+        raise NotPossible(
+            f"vehicle {min(gone)} was removed by an earlier edit", valid=_listed(there), next_step="leave it out"
+        )
     if not left:
-        raise NotPossible(f"{', '.join(texts)} leaves no vehicle", valid=_listed(there))
+        raise NotPossible(
+            f"{', '.join(texts)} leaves no vehicle", valid=_listed(there), next_step="leave fewer of them out"
+        )
     return left
 
 
@@ -95,7 +100,9 @@ def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
     gone = _gone(scene, changes)
     known = {*scene.tracks, *scene.standing, *_sets(scene)} - gone
     if vehicle_id not in known | gone:
-        raise UnknownName(f"there is no vehicle {vehicle_id}", valid=nearest_ids(vehicle_id, sorted(known)))
+        raise UnknownName(
+            f"there is no vehicle {vehicle_id}", valid=nearest_ids(vehicle_id, sorted(known)), next_step=NAME_ONE
+        )
     return vehicle_id
 
 
@@ -126,10 +133,12 @@ def _of_class(word: str, scene: Scene) -> tuple[int, ...]:
     kinds = {name: one.commonroad_type for name, one in vehicle_classes().items()}
     kinds |= {track.kind: track.kind for track in scene.tracks.values()} | {"pedestrian": "pedestrian"}
     if word not in kinds:
-        raise UnknownName(f"there is no vehicle class '{word}'", valid=closest(word, sorted(kinds)))
+        raise UnknownName(
+            f"there is no vehicle class '{word}'", valid=closest(word, sorted(kinds)), next_step="name one of these"
+        )
     found = tuple(key for key, track in scene.tracks.items() if track.kind == kinds[word])
     if not found:
-        raise NotPossible(f"the scenario has no {word}", valid=_listed(scene))
+        raise NotPossible(f"the scenario has no {word}", valid=_listed(scene), next_step=NAME_ONE)
     return found
 
 
@@ -145,7 +154,9 @@ def _the_only(what: str, found: tuple[int, ...], scene: Scene) -> tuple[int, ...
 
 def _outermost(side: str, scene: Scene) -> tuple[int, ...]:
     if side not in ("leftmost", "rightmost"):
-        raise UnknownName(f"there is no lane '{side}'", valid=["leftmost", "rightmost"])
+        raise UnknownName(
+            f"there is no lane '{side}'", valid=["lane:leftmost", "lane:rightmost"], next_step="name one of these"
+        )
     found, step = [], scene.ego.step if scene.ego else 0
     for key in _vehicles(scene):
         index = scene.tracks[key].index_at(step)
@@ -162,7 +173,7 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
     step = scene.ego.step if scene.ego else 0
     there = {key: scene.tracks[key] for key in _vehicles(scene) if scene.tracks[key].index_at(step) is not None}
     if not there:
-        raise NotPossible(f"no vehicle is there at time step {step}", valid=_listed(scene))
+        raise NotPossible(f"no vehicle is there at time step {step}", valid=_listed(scene), next_step=NAME_ONE)
     if selector.kind == "standing":
         return _fitting("stands at the start", [key for key in there if _speed(there[key], step) < STANDING_MPS], scene)
     if selector.kind in ("fastest", "slowest"):
@@ -180,17 +191,21 @@ def _number(selector: Selector, there: int) -> int:
     """How many vehicles a selector asks for, of those that are there."""
     count = int(selector.argument)
     if count == 0:
-        raise InvalidRequest(f"'{selector}' asks for nobody", valid=["nearest:1", "nearest:3"])
+        raise InvalidRequest(
+            f"'{selector}' asks for nobody", valid=["nearest:1", "nearest:3"], next_step="ask for one at least"
+        )
     if count > there:
         raise NotPossible(
-            f"'{selector}' asks for more vehicles than are there when the ego starts", valid=[f"nearest:{there}", "all"]
+            f"'{selector}' asks for more vehicles than are there when the ego starts",
+            valid=[f"nearest:{there}", "all"],
+            next_step="ask for fewer",
         )
     return count
 
 
 def _fitting(what: str, found: Sequence[int], scene: Scene) -> tuple[int, ...]:
     if not found:
-        raise NotPossible(f"no vehicle {what}", valid=_listed(scene))
+        raise NotPossible(f"no vehicle {what}", valid=_listed(scene), next_step=NAME_ONE)
     return tuple(found)
 
 
@@ -210,7 +225,11 @@ def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Calla
 
 def _ego(scene: Scene, selector: Selector) -> Ego:
     if scene.ego is None:
-        raise NotPossible(f"'{selector}' needs an ego, and the scenario has no planning problem", valid=_listed(scene))
+        raise NotPossible(
+            f"'{selector}' needs an ego, and the scenario has no planning problem",
+            valid=_listed(scene),
+            next_step=NAME_ONE,
+        )
     return scene.ego
 
 

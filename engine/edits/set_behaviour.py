@@ -23,7 +23,11 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         UnknownName: no such preset or parameter.
     """
     if edit.preset is None and not edit.params:
-        raise InvalidRequest("set_behaviour needs a preset or params", valid=[*presets(), "params=['tau=0.7']"])
+        raise InvalidRequest(
+            "set_behaviour needs a preset or params",
+            valid=[*presets(), "params=['tau=0.7']"],
+            next_step="name a preset, or set single parameters",
+        )
     vehicles = select(edit.vehicles, scene, changes)
     kept: list[str] = []
     for vehicle_id in vehicles:

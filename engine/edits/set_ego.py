@@ -20,6 +20,7 @@ from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.grammar import parse_quantity
 from plannerforge.schemas.modification import Edit
 
+LET_VANISH = "let it vanish: nobody can drive it on"
 AFTER_START = "add a set_goal edit after set_ego, or choose another start"
 
 
@@ -39,7 +40,9 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     moved = edit.at is not None or edit.speed is not None
     if bool(edit.vehicles) == moved:
         raise InvalidRequest(
-            "set_ego takes either a car in 'vehicles' or a start", valid=["vehicles=[ID]", "at=LANELET", "speed='8m/s'"]
+            "set_ego takes either a car in 'vehicles' or a start",
+            valid=["vehicles=[ID]", "at=LANELET", "speed='8m/s'"],
+            next_step="give one of these",
         )
     if edit.former_ego == "traffic" and not edit.vehicles and edit.at is None:
         raise InvalidRequest(
@@ -153,7 +156,11 @@ def _goal_at_its_end(scene: Scene, track: Track) -> GoalChange | None:
 def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
     speed = ego.speed_mps if edit.speed is None else parse_quantity(edit.speed, "m/s")
     if not 0.0 <= speed <= LARGEST_SPEED_MPS:
-        raise InvalidRequest(f"the ego does not drive {edit.speed}", valid=[f"0 … {LARGEST_SPEED_MPS:g} m/s"])
+        raise InvalidRequest(
+            f"the ego does not drive {edit.speed}",
+            valid=[f"0 … {LARGEST_SPEED_MPS:g} m/s"],
+            next_step="choose another speed",
+        )
     if edit.at is None:
         return replace(changes, ego=replace(ego, speed_mps=speed)), f"the ego starts at {speed:.1f} m/s"
     place = first_place(edit, scene, changes, EGO_SIZE_M[0])
@@ -179,7 +186,7 @@ def _check_free(edit: Edit, scene: Scene, changes: Changes, place: Place, ego: E
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
     """The former ego as a car that drives to the former goal, or straight on."""
     if not ego.lanelets:
-        raise NotPossible("the former ego stands on no lanelet", valid=["former_ego=vanish"])
+        raise NotPossible("the former ego stands on no lanelet", valid=["former_ego=vanish"], next_step=LET_VANISH)
     problem = scene.loaded.problem(ego.problem_id)
     goals = (changes.goal.lanelet_id,) if changes.goal else goal_lanelets(scene.network, problem)
     goals = tuple(key for key in goals if key in scene.layout.table.lanes)
@@ -188,7 +195,9 @@ def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
     if edges is None:
         way, edges = None, scene.edge_graph.route(ego.lanelets[:1])
     if edges is None:
-        raise NotPossible("the former ego's way leaves the lanelet graph", valid=["former_ego=vanish"])
+        raise NotPossible(
+            "the former ego's way leaves the lanelet graph", valid=["former_ego=vanish"], next_step=LET_VANISH
+        )
     lanelets, car = way or ego.lanelets[:1], vehicle_classes()["car"]
     start = Track(
         obstacle_id=changes.next_id,

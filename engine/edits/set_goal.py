@@ -30,7 +30,10 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """
     ego = scene.ego
     if ego is None or not ego.lanelets:
-        raise NotPossible("the scenario has no ego on a lanelet, so there is no goal to set")
+        raise NotPossible(
+            "the scenario has no ego on a lanelet, so there is no goal to set",
+            next_step="choose a scenario with a planning problem, or let the ego start on a lanelet with set_ego",
+        )
     if not edit.to:
         near = reachable_lanelets(scene, ego.lanelets)
         raise InvalidRequest("set_goal needs a lanelet in 'to'", valid=near, next_step="name one that the ego reaches")
@@ -73,7 +76,9 @@ def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
         return None
     if len(rectangle_m) != 2 or not all(0.0 < side <= LARGEST_RECTANGLE_M for side in rectangle_m):
         raise InvalidRequest(
-            f"rectangle_m={rectangle_m} is no goal region", valid=["[length, width] in m, both above 0"]
+            f"rectangle_m={rectangle_m} is no goal region",
+            valid=[f"[length, width] in m, both above 0 and at most {LARGEST_RECTANGLE_M:g}"],
+            next_step="give both sides, as in [8, 3]",
         )
     return rectangle_m[0], rectangle_m[1]
 
@@ -92,9 +97,14 @@ def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
         raise InvalidRequest(
             f"goal_time '{edit.goal_time}' begins after the scenario's end at {end * scene.step_s:.1f} s",
             valid=[f"'<={end * scene.step_s:.1f}s'"],
+            next_step="choose an earlier goal_time",
         )
     if not 0 <= first <= last or last <= ego.step:
-        raise InvalidRequest(f"goal_time '{edit.goal_time}' does not lie after the start", valid=["'8..12s'", "'<=9s'"])
+        raise InvalidRequest(
+            f"goal_time '{edit.goal_time}' does not lie after the start",
+            valid=["'8..12s'", "'<=9s'"],
+            next_step=f"choose a goal_time after {ego.step * scene.step_s:g} s",
+        )
     return first, last
 
 
@@ -106,5 +116,9 @@ def _speeds(text: str | None) -> tuple[float, float] | None:
     low = max((interval.low or 0.0) - slack, 0.0)
     high = (LARGEST_SPEED_MPS if interval.high is None else interval.high) + slack
     if high > LARGEST_SPEED_MPS + SPEED_TOLERANCE_MPS or high <= low:
-        raise InvalidRequest(f"goal_speed '{text}' is no speed of a car", valid=[f"0 … {LARGEST_SPEED_MPS} m/s"])
+        raise InvalidRequest(
+            f"goal_speed '{text}' is no speed of a car",
+            valid=[f"0 … {LARGEST_SPEED_MPS} m/s"],
+            next_step="choose a speed or an interval within it, as '8..12m/s'",
+        )
     return low, high

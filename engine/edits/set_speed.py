@@ -20,14 +20,20 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         NotPossible: a vehicle cannot be driven.
     """
     if edit.speed is None:
-        raise InvalidRequest("set_speed needs a speed", valid=["speed='30km/h'", "speed='0m/s'"])
+        raise InvalidRequest(
+            "set_speed needs a speed", valid=["speed='30km/h'", "speed='0m/s'"], next_step="name one in 'speed'"
+        )
     vehicles, wanted = select(edit.vehicles, scene, changes), parse_quantity(edit.speed, "m/s")
     speeds: dict[int, tuple[float, int]] = {}
     for vehicle_id in vehicles:
         plan, step = plan_from(scene, changes, vehicle_id, edit.time_s)
         limit = class_of(plan.start.kind).maximum_speed_mps
         if not 0.0 <= wanted <= limit:
-            raise InvalidRequest(f"a {plan.start.kind} does not drive {edit.speed}", valid=[f"0 … {limit:g} m/s"])
+            raise InvalidRequest(
+                f"a {plan.start.kind} does not drive {edit.speed}",
+                valid=[f"0 … {limit:g} m/s"],
+                next_step="choose another speed",
+            )
         changes = changes.with_plan(with_manoeuvre(plan, Manoeuvre(step, speed_mps=wanted)))
         speeds[vehicle_id] = (wanted, step)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"

@@ -5,7 +5,7 @@ from dataclasses import replace
 from plannerforge.engine.edits.changes import Changes, EditStep, Replay
 from plannerforge.engine.edits.manoeuvre_plans import named
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.edits.selection import select
+from plannerforge.engine.edits.selection import nearest_ids, select
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.modification import Edit
@@ -25,7 +25,9 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     steps = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
     if steps == 0:
         raise InvalidRequest(
-            "shift_time needs a time_s of at least one time step", valid=["time_s=2 (later)", "time_s=-1.5 (earlier)"]
+            "shift_time needs a time_s of at least one time step",
+            valid=["time_s=2 (later)", "time_s=-1.5 (earlier)"],
+            next_step=f"name a time_s of {scene.step_s:g} or more, or of {-scene.step_s:g} or less",
         )
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
@@ -48,7 +50,11 @@ def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
             next_step="shift it before the edit that drives it, on the scenario without that edit",
         )
     if vehicle_id not in scene.tracks:
-        raise NotPossible(f"obstacle {vehicle_id} has no trajectory that moves in time", valid=list(scene.tracks))
+        raise NotPossible(
+            f"obstacle {vehicle_id} has no trajectory that moves in time",
+            valid=nearest_ids(vehicle_id, list(scene.tracks)),
+            next_step="name one that drives",
+        )
 
 
 def _shifted(track: Track, steps: int, scene: Scene) -> Track:
@@ -62,6 +68,7 @@ def _shifted(track: Track, steps: int, scene: Scene) -> Track:
         raise InvalidRequest(
             f"{steps * scene.step_s:g} s leave nothing of vehicle {track.obstacle_id}'s recording",
             valid=[f"time_s in {low:g} … {high:g}"],
+            next_step="shift it by less",
         )
     return replace(
         track,

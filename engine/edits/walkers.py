@@ -39,15 +39,21 @@ def add_walker(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         raise InvalidRequest(
             f"{', '.join(foreign)} is for vehicles; a pedestrian walks straight on",
             valid=["at", "position", "lane", "offset_m", "speed", "time_s"],
+            next_step="leave it out",
         )
     speed = WALKING_MPS if edit.speed is None else parse_quantity(edit.speed, "m/s")
     if not 0.0 <= speed <= RUNNING_MPS:
-        raise InvalidRequest(f"a pedestrian does not walk {edit.speed}", valid=[f"0 … {RUNNING_MPS:g} m/s"])
+        raise InvalidRequest(
+            f"a pedestrian does not walk {edit.speed}",
+            valid=[f"0 … {RUNNING_MPS:g} m/s"],
+            next_step="choose a slower speed",
+        )
     first = round((edit.time_s or 0.0) / scene.step_s)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {edit.time_s} s is not within the scenario",
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
+            next_step="choose another time_s",
         )
     line, where = _line(edit, scene, changes, stands=speed == 0.0)
     track = _walk(changes.next_id, line, speed, first, scene)
@@ -66,7 +72,9 @@ def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[
         center = without_repeats(np.asarray(scene.network.find_lanelet_by_id(footpath).center_vertices, dtype=float))
         station = station_m(edit.position or "beginning", footpath, length_m(center))
         if station > length_m(center) - SIZE_M[0]:
-            raise InvalidRequest(f"lanelet {footpath} ends there", valid=["position=beginning"])
+            raise InvalidRequest(
+                f"lanelet {footpath} ends there", valid=["position=beginning"], next_step="choose an earlier position"
+            )
         onward = [vertex for vertex in center if project(center, vertex)[0] > station + 1e-6]
         line = np.array([point_at(center, station)[0], *onward])
         return line, f"walks along lanelet {footpath} from {station:.1f} m on"

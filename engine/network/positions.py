@@ -27,7 +27,11 @@ def station_m(text: str, lanelet_id: int, length_m: float, margin_m: float = 0.0
     if body.endswith("m") and body[:-1].strip()[-1:].isdigit():
         metres = parse_quantity(body, "m")
         if not 0.0 <= metres <= length_m:
-            raise InvalidRequest(f"lanelet {lanelet_id} is {length_m:.1f} m long; {text} lies beyond", valid=VALID)
+            raise InvalidRequest(
+                f"lanelet {lanelet_id} is {length_m:.1f} m long; {text} lies beyond",
+                valid=[f"0m … {length_m:.1f}m", *VALID[:-1]],
+                next_step="choose a position on it, or the lanelet after it",
+            )
         return metres
     fraction = POSITION_WORDS.get(body)
     if fraction is None:
@@ -40,7 +44,13 @@ def _fraction(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise InvalidRequest(f"'{text}' is no position on a lanelet", valid=VALID) from None
+        raise InvalidRequest(
+            f"'{text}' is no position on a lanelet", valid=VALID, next_step="name a position in one of these forms"
+        ) from None
     if not 0.0 <= value <= 1.0:
-        raise InvalidRequest(f"position {text} is no fraction of a lanelet; metres are written '{text}m'", valid=VALID)
+        raise InvalidRequest(
+            f"position {text} is no fraction of a lanelet; metres are written '{text}m'",
+            valid=VALID,
+            next_step=f"write '{text}m' for metres along it, or a fraction from 0 to 1",
+        )
     return value

@@ -1,0 +1,124 @@
+"""Every refusal of an edit says what is wrong with which value, what is valid, and what to do next."""
+
+import ast
+from pathlib import Path
+from typing import Any
+
+import pytest
+from builders import ScenarioBuilder, driving, town_road
+from edit_support import Apply
+
+import plannerforge.engine.edits as edits
+from plannerforge.schemas.errors import InvalidRequest
+
+REFUSALS = ("InvalidRequest", "NotPossible", "UnknownName")
+ROAD = town_road()
+NO_EGO = ScenarioBuilder(ROAD.lanes, ROAD.vehicles, problems=())
+CAR = {"op": "add_vehicle", "vehicle_class": "car"}
+GOAL = {"op": "set_goal", "to": ["11"]}
+
+WRONG: list[tuple[dict[str, Any], str, str]] = [
+    ({"op": "reroute", "vehicles": ["31"], "to": ["99"]}, "99 is no lanelet", "21"),
+    ({"op": "reroute", "vehicles": ["31"], "to": ["e99"]}, "'e99' is no lanelet or edge", "e"),
+    ({"op": "reroute", "vehicles": ["31"], "to": ["3"]}, "lanelet 3 cannot be reached", "1"),
+    ({"op": "reroute", "vehicles": ["31"]}, "either 'to' or 'turn'", "turn="),
+    ({"op": "reroute", "vehicles": ["31"], "turn": "left"}, "cannot go left", "straight"),
+    ({"op": "reroute", "vehicles": ["34"], "turn": "left"}, "no fork ahead", ""),
+    ({"op": "reroute", "vehicles": ["36"], "to": ["11"]}, "no vehicle 36", "35"),
+    ({"op": "reroute", "vehicles": [], "to": ["11"]}, "no vehicle is named", "31 (car)"),
+    ({"op": "reroute", "vehicles": ["ego"], "to": ["11"]}, "'ego' is the ego", ""),
+    ({"op": "reroute", "vehicles": ["new:0"], "to": ["11"]}, "new:K", ""),
+    ({"op": "remove_vehicle", "vehicles": ["nearset:1"]}, "'nearset:1' selects no vehicles", "nearest:3"),
+    ({"op": "remove_vehicle", "vehicles": ["nearest:0"]}, "'nearest:0' asks for nobody", "nearest:1"),
+    ({"op": "remove_vehicle", "vehicles": ["nearest:9"]}, "'nearest:9' asks for more", "nearest:5"),
+    ({"op": "remove_vehicle", "vehicles": ["nearest:many"]}, "'nearest:many' needs a whole number", "nearest:1"),
+    ({"op": "remove_vehicle", "vehicles": ["class:tram"]}, "no vehicle class 'tram'", "tr"),
+    ({"op": "remove_vehicle", "vehicles": ["class:bus"]}, "has no bus", "31 (car)"),
+    ({"op": "remove_vehicle", "vehicles": ["one:car"]}, "there are 3 cars", "31 (car)"),
+    ({"op": "remove_vehicle", "vehicles": ["lane:middle"]}, "no lane 'middle'", "leftmost"),
+    ({"op": "remove_vehicle", "vehicles": ["!31"]}, "only exclusions", "all"),
+    ({"op": "remove_vehicle", "vehicles": ["31", "!31"]}, "31, !31 leaves no vehicle", "31 (car)"),
+    ({"op": "remove_vehicle", "vehicles": ["standing"]}, "no vehicle stands", "31 (car)"),
+    ({"op": "change_lane", "vehicles": ["31"]}, "left or right", "lane=left"),
+    ({"op": "change_lane", "vehicles": ["31"], "lane": "right"}, "no lane of its direction to its right", "lane=left"),
+    ({"op": "change_lane", "vehicles": ["31"], "lane": "left", "time_s": 99.0}, "31 is not there at 99 s", "time_s"),
+    ({"op": "set_speed", "vehicles": ["31"]}, "needs a speed", "30km/h"),
+    ({"op": "set_speed", "vehicles": ["31"], "speed": "900km/h"}, "does not drive 900km/h", "m/s"),
+    ({"op": "set_speed", "vehicles": ["31"], "speed": "fast"}, "'fast' is no quantity", "a number"),
+    ({"op": "set_speed", "vehicles": ["31"], "speed": "8kg"}, "the unit 'kg'", "km/h"),
+    ({"op": "shift_time", "vehicles": ["31"]}, "at least one time step", "time_s=2"),
+    ({"op": "shift_time", "vehicles": ["31"], "time_s": 99.0}, "99 s leave nothing", "time_s in"),
+    ({"op": "set_behaviour", "vehicles": ["31"]}, "needs a preset or params", "aggressive"),
+    (
+        {"op": "set_behaviour", "vehicles": ["31"], "preset": "agressive"},
+        "no behaviour preset 'agressive'",
+        "aggressive",
+    ),
+    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tua=1"]}, "no behaviour parameter 'tua'", "tau in"),
+    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=-1"]}, "tau=-1 is out of range", "tau in"),
+    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=high"]}, "tau needs a number", "tau in"),
+    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau"]}, "'tau' is no assignment", "name=0.5"),
+    ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=1", "tau=2"]}, "tau is set twice", ""),
+    (CAR, "needs a place", "at=LANELET"),
+    (CAR | {"at": "99"}, "99 is no lanelet", "21"),
+    (CAR | {"at": "e99"}, "'e99' is no lanelet, edge or vehicle", "e"),
+    (CAR | {"at": "1", "lane": "left"}, "'1' is a lanelet", "position"),
+    (CAR | {"at": "ego", "position": "middle"}, "'ego' is none", "offset_m"),
+    (CAR | {"at": "1", "position": "somewhere"}, "'somewhere' is no position", "middle"),
+    (CAR | {"at": "1", "position": "500m"}, "500m lies beyond", "200.0m"),
+    (CAR | {"at": "1", "position": "7"}, "position 7 is no fraction", "middle"),
+    (CAR | {"at": "ego", "lane": "right", "offset_m": 10.0}, "no lane of its direction to its right", "left"),
+    (CAR | {"at": "ego", "offset_m": 900.0}, "the road ends before", "up to"),
+    (CAR | {"at": "31", "offset_m": 0.0}, "is taken by", "at=1 position="),
+    (CAR | {"at": "1", "speed": "900km/h"}, "does not drive 900km/h", "m/s"),
+    (CAR | {"at": "1", "time_s": 99.0}, "departure at 99.0 s", "0 …"),
+    ({"op": "add_vehicle", "at": "1"}, "needs a vehicle_class", "car"),
+    ({"op": "add_vehicle", "at": "1", "vehicle_class": "lorry"}, "no vehicle class 'lorry'", "car"),
+    ({"op": "add_vehicle", "at": "1", "vehicle_class": "pedestrian", "speed": "9m/s"}, "does not walk 9m/s", "4 m/s"),
+    ({"op": "add_vehicle", "at": "1", "vehicle_class": "pedestrian", "preset": "eco"}, "preset is for vehicles", "at"),
+    ({"op": "set_goal"}, "needs a lanelet in 'to'", "2"),
+    (GOAL | {"goal_time": "90..99s"}, "begins after the scenario's end", "<="),
+    (GOAL | {"goal_time": "9..8s"}, "begins above its end", "8s..9s"),
+    (GOAL | {"goal_speed": "900km/h"}, "no speed of a car", "m/s"),
+    (GOAL | {"goal_time": "<=1s"}, "out of reach of any car", "goal_time of at least"),
+    (GOAL | {"rectangle_m": [8.0]}, "is no goal region", "[length, width]"),
+    ({"op": "set_ego"}, "either a car in 'vehicles' or a start", "at=LANELET"),
+    ({"op": "set_ego", "speed": "900km/h"}, "does not drive 900km/h", "m/s"),
+    ({"op": "set_ego", "vehicles": ["33"]}, "vehicle 33 cannot become the ego", "31"),
+    ({"op": "remove_vehicle", "vehicles": ["31"], "speed": "9m/s"}, "speed does not belong to op remove_vehicle", ""),
+]
+
+
+@pytest.mark.parametrize(("edit", "wrong", "valid"), WRONG, ids=[wrong for _, wrong, _ in WRONG])
+def test_a_refusal_names_the_value_what_is_valid_and_the_next_step(
+    apply: Apply, edit: dict[str, Any], wrong: str, valid: str
+) -> None:
+    with pytest.raises(InvalidRequest) as caught:
+        apply(edit, builder=ROAD, dry_run=True)
+    assert wrong in caught.value.message
+    assert not valid or any(valid in value for value in caught.value.valid[: caught.value.shown_values])
+    assert " Next: " in caught.value.text
+
+
+@pytest.mark.parametrize("edit", [GOAL, {"op": "set_ego", "speed": "8m/s"}, CAR | {"at": "ego"}])
+def test_without_an_ego_the_next_step_is_another_scenario_or_place(apply: Apply, edit: dict[str, Any]) -> None:
+    with pytest.raises(InvalidRequest, match=r"no ego.* Next: (choose|name) a"):
+        apply(edit, builder=NO_EGO, dry_run=True)
+
+
+def test_vehicles_that_have_no_trajectory_are_not_shifted(apply: Apply) -> None:
+    parked = ScenarioBuilder(ROAD.lanes, ROAD.vehicles, parked=(driving(36, (120, 0), 0.0, 1),))
+    with pytest.raises(InvalidRequest, match=r"no trajectory .*Valid: 35, 34.* Next: ") as caught:
+        apply({"op": "shift_time", "vehicles": ["36"], "time_s": 1.0}, builder=parked, dry_run=True)
+    assert caught.value.valid[0] == "35"
+
+
+def test_no_refusal_in_the_code_of_edits_is_without_a_next_step() -> None:
+    lacking = [
+        f"{path.name}:{node.lineno}"
+        for path in sorted(Path(edits.__path__[0]).glob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in REFUSALS
+        if "next_step" not in {word.arg for word in node.keywords}
+    ]
+    assert not lacking
