@@ -7,7 +7,7 @@ import numpy as np
 
 from plannerforge.engine.edits.changes import DrivePlan
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.geometry.polyline import Points, arc_length, interpolate, maximum_curvature, project
+from plannerforge.engine.geometry.polyline import Points, arc_length, curvatures, interpolate, project
 from plannerforge.schemas.errors import NotPossible
 
 HARDEST_BRAKING_MPS2 = 8.0
@@ -19,6 +19,8 @@ EASY_MPS2 = 4.0
 
 SMOOTHING_M = 4.0
 LAST_M = 0.1
+PIECE_M = 20.0
+"""The bend of a lanelet counts from the beginning of the piece on where it is: a long one may bend at its far end."""
 
 
 def check_bends(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who: str) -> None:
@@ -52,9 +54,9 @@ def first_bend_too_tight(
         at_best = math.sqrt(max(speed_mps**2 - 2 * HARDEST_BRAKING_MPS2 * ahead_m, 0.0))
         highest = math.sqrt(HARDEST_LATERAL_MPS2 / curvature)
         if key not in known and at_best > highest:
-            where = f"{ahead_m:.0f} m before" if ahead_m > 0.0 else "on"
+            where = f"{ahead_m:.0f} m before" if ahead_m > 0.0 else "in"
             return (
-                f"drives {speed_mps:.1f} m/s {where} lanelet {key}, whose bend takes at most {highest:.1f} m/s: "
+                f"drives {speed_mps:.1f} m/s {where} a bend of lanelet {key} that takes at most {highest:.1f} m/s: "
                 "it cannot brake enough"
             )
     return None
@@ -73,18 +75,29 @@ def highest_entry_speed(scene: Scene, way: tuple[int, ...], station_m: float) ->
 
 
 def _bends_ahead(scene: Scene, way: Sequence[int], here_m: float) -> Iterator[tuple[int, float, float]]:
-    """Every lanelet of a way that bends beyond an arc length of the first one: how far ahead it begins, its curvature.
+    """Every piece of 20 m of a way that bends: its lanelet, how far ahead it begins, and its largest curvature.
 
-    Lanelets beside each other begin equally far ahead, at least 0 m.
+    ``here_m``: the arc length of the first lanelet from which on they count. Lanelets beside each other begin equally
+    far ahead; a piece that has begun is 0 m ahead.
     """
     lanes, successors, ahead_m = scene.layout.table.lanes, scene.layout.table.successors, -here_m
     for before, key in zip((None, *way), way, strict=False):
         if before is not None and key in successors[before]:
             ahead_m += lanes[before].length_m
         line = lanes[key].center if before is not None else _from(lanes[key].center, here_m)
-        curvature = maximum_curvature(line, SMOOTHING_M)
-        if curvature > 0.0:
-            yield key, max(ahead_m, 0.0), curvature
+        for begin_m, curvature in _bends_of(line):
+            away_m = begin_m + (0.0 if before is None else ahead_m)
+            if away_m > -PIECE_M:
+                yield key, max(away_m, 0.0), curvature
+
+
+def _bends_of(line: Points) -> Iterator[tuple[float, float]]:
+    """Where on a line each piece that bends begins, and its largest curvature."""
+    stations, curvature = curvatures(line, SMOOTHING_M)
+    if len(stations):
+        begins = np.arange(0.0, float(stations[-1]), PIECE_M)
+        largest = np.maximum.reduceat(curvature, np.searchsorted(stations, begins))
+        yield from ((begin, bend) for begin, bend in zip(begins.tolist(), largest.tolist(), strict=True) if bend > 0.0)
 
 
 def _from(line: Points, station_m: float) -> Points:

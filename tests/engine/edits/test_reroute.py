@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from builders import Lane, ScenarioBuilder, driving, line, town_road
+from builders import Lane, ScenarioBuilder, arc, driving, line, town_road
 from edit_support import Apply
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
@@ -117,13 +117,22 @@ def test_lanelets_edges_and_lanes_are_all_understood(apply: Apply, target: str) 
 
 def test_a_bend_that_the_vehicle_comes_to_too_fast_is_refused(apply: Apply) -> None:
     racing = town_road().with_vehicles(driving(36, (150, 0), 38.0, 30))
-    with pytest.raises(NotPossible, match=r"38\.0 m/s 50 m before lanelet 12.*cannot brake enough"):
+    with pytest.raises(NotPossible, match=r"38\.0 m/s 50 m before a bend of lanelet 12.*cannot brake enough"):
         apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=racing)
 
 
 def test_a_bend_that_it_can_brake_for_is_driven(apply: Apply) -> None:
     fast = town_road().with_vehicles(driving(36, (50, 0), 25.0, 101))
     applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["12"]}, builder=fast)
+    assert applied.outcome.edits[0].routes[0].arrives
+    assert applied.outcome.touched[0].feasible
+
+
+def test_a_bend_at_the_far_end_of_a_lanelet_leaves_all_of_it_to_brake(apply: Apply) -> None:
+    late_bend = (*line((100, 0), (200, 0)), *arc((200, 12), 12, -math.pi / 2, 0)[1:])
+    lanes = (Lane(1, line((0, 0), (100, 0)), successors=(2, 3)), Lane(2, late_bend), Lane(3, line((100, 0), (300, 0))))
+    fast = ScenarioBuilder(lanes, (driving(36, (95, 0), 20.0, 91),))
+    applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=fast)
     assert applied.outcome.edits[0].routes[0].arrives
     assert applied.outcome.touched[0].feasible
 
