@@ -43,7 +43,7 @@ def entry_speed(
         NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.
     """
     fastest = min(vehicle_class.maximum_speed_mps, highest_entry_speed(scene, way, place.station_m))
-    usual = min(SHARE_OF_LANE_SPEED * scene.lane_speeds_mps[place.lanelet_id], fastest)
+    usual = min(SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id], fastest)
     neighbours = _same_lane(scene, changes, place, step)
     if not neighbours:
         return usual

@@ -48,3 +48,10 @@ def test_a_speed_that_it_is_told_to_keep_is_kept_before_the_bend_and_given_up_in
     track = apply({"op": "set_speed", "vehicles": ["31"], "speed": "16m/s"}, builder=builder).tracks()[31]
     assert track.speeds_mps[track.positions[:, 0] < 160].max() > 15.0
     assert track.speeds_mps[(track.positions[:, 0] > 205) & (track.positions[:, 1] < 15)].max() < 11.0
+
+
+def test_a_car_that_is_added_before_the_bend_enters_at_the_speed_of_the_straight(apply: Apply) -> None:
+    builder = ScenarioBuilder(whole(), (driving(32, (10, -50), 1.0, 41),))
+    applied = apply({"op": "add_vehicle", "vehicle_class": "car", "at": "1", "position": "50m"}, builder=builder)
+    (added,) = applied.outcome.edits[0].vehicles
+    assert applied.tracks()[added].speeds_mps[0] == pytest.approx(0.8 * 13.89, abs=0.1)
