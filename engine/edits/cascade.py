@@ -67,12 +67,22 @@ def resimulate_until_clear(
     return best if best is result else _round(scene, changes, setup, best.plans, shown)
 
 
+def scene_after(scene: Scene, changes: Changes, result: Resimulated) -> Scene:
+    """The scene as the edits leave it: simulated tracks in place of recorded ones, and without whom they removed."""
+    driven = {key: track.whole(result.plans[key].start) for key, track in result.tracks.items()}
+    return replace(
+        scene,
+        tracks={key: track for key, track in sorted((scene.tracks | driven).items()) if key not in changes.removed},
+        standing={key: track for key, track in scene.standing.items() if key not in changes.removed},
+        regions=tuple(region for region in scene.regions if region.obstacle_id not in changes.removed),
+    )
+
+
 def tracks_after(scene: Scene, changes: Changes, result: Resimulated) -> tuple[Track, ...]:
     """Everybody as the edits leave them: recorded, standing and driven road users by ascending id, then regions."""
-    recorded = {key: track for key, track in (scene.tracks | scene.standing).items() if key not in changes.removed}
-    driven = {key: track.whole(result.plans[key].start) for key, track in result.tracks.items()}
-    regions = [region.track for region in scene.regions if region.obstacle_id not in changes.removed]
-    return (*(track for _, track in sorted((recorded | driven).items())), *regions)
+    after = scene_after(scene, changes, result)
+    tracks = (track for _, track in sorted((after.tracks | after.standing).items()))
+    return (*tracks, *(region.track for region in after.regions))
 
 
 def _everybody(scene: Scene, changes: Changes) -> dict[int, DrivePlan]:

@@ -6,7 +6,7 @@ While edits are resolved, vehicles that they drive are known at their first step
 from collections.abc import Mapping
 from dataclasses import replace
 
-from plannerforge.engine.edits.cascade import Resimulated
+from plannerforge.engine.edits.cascade import Resimulated, scene_after
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.occupancy import free_places, occupant_at
 from plannerforge.engine.edits.placing import Place
@@ -25,11 +25,11 @@ def check_departures(scene: Scene, changes: Changes, result: Resimulated) -> Non
         NotPossible: a place is taken; the nearest free ones are named, and when it is free.
     """
     departures = _departures(changes)
-    for key, start in departures.items():
-        if start.first_step == 0:
-            continue
-        before = {one for one, other in departures.items() if other.first_step < start.first_step}
-        by_then = _as_driven(scene, changes, result, departures.keys() - before)
+    later = {key: start for key, start in departures.items() if start.first_step > 0}
+    after = scene_after(scene, changes, result) if later else scene
+    for key, start in later.items():
+        not_yet = {one for one, other in departures.items() if other.first_step >= start.first_step}
+        by_then = replace(after, tracks={one: track for one, track in after.tracks.items() if one not in not_yet})
         who = _occupant(by_then, start, start.first_step)
         if who:
             place, when_s = _place(scene, changes, start), start.first_step * scene.step_s
@@ -54,16 +54,6 @@ def _departures(changes: Changes) -> Mapping[int, Track]:
     driven = {key: plan.start for key, plan in changes.driven.items() if plan.cause == "added"}
     walking = {key: replay.track for key, replay in changes.replays.items() if replay.recording is None}
     return dict(sorted((driven | walking).items()))
-
-
-def _as_driven(scene: Scene, changes: Changes, result: Resimulated, without: set[int]) -> Scene:
-    """The scene with the simulated tracks in place of the recorded ones, and without some vehicles."""
-    driven = {key: track.whole(result.plans[key].start) for key, track in result.tracks.items()}
-    gone = without | changes.removed
-    tracks = {key: track for key, track in sorted((scene.tracks | driven).items()) if key not in gone}
-    regions = tuple(region for region in scene.regions if region.obstacle_id not in gone)
-    standing = {key: track for key, track in scene.standing.items() if key not in gone}
-    return replace(scene, tracks=tracks, standing=standing, regions=regions)
 
 
 def _occupant(scene: Scene, start: Track, step: int) -> str:

@@ -1,6 +1,6 @@
 """Whether a place is free for a vehicle at a time step, and where the nearest free one is."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -13,6 +13,11 @@ from plannerforge.engine.geometry.polyline import Points, oriented_rectangle, re
 CLEARANCE_M = 0.3
 SEARCH_STEP_M = 1.0
 FREE_PLACES_NAMED = 3
+NEAR_M = 40.0
+"""Vehicles whose centres are farther apart do not touch."""
+
+Body = tuple[str, Points, Points]
+"""Name, centre (2,) and corners (4, 2)."""
 
 
 def occupant(scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int) -> str:
@@ -25,11 +30,7 @@ def occupant_at(
     scene: Scene, changes: Changes, center: Points, heading: float, size_m: tuple[float, float], step: int
 ) -> str:
     """The same for a centre (2,) in m and a heading in rad."""
-    mine = oriented_rectangle(center, heading, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
-    for name, position, corners in _bodies(scene, changes, step):
-        if float(np.abs(position - center).max()) < 40.0 and rectangles_overlap(mine, corners):
-            return name
-    return ""
+    return _in_the_way(center, heading, size_m, _bodies(scene, changes, step))
 
 
 def free_places(scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int) -> list[str]:
@@ -55,15 +56,25 @@ def _free_on(
             other = Place(key, station)
             tried.append((float(np.linalg.norm(other.pose(scene)[0] - wanted)), key, station))
     found: list[str] = []
+    there = tuple(_bodies(scene, changes, step))
     for _, key, station in sorted(tried):
-        if not occupant(scene, changes, Place(key, station), size_m, step):
+        if not _in_the_way(*Place(key, station).pose(scene), size_m, there):
             found.append(f"at={key} position='{station:.1f}m'")
         if len(found) == FREE_PLACES_NAMED:
             break
     return found
 
 
-def _bodies(scene: Scene, changes: Changes, step: int) -> Iterator[tuple[str, Points, Points]]:
+def _in_the_way(center: Points, heading: float, size_m: tuple[float, float], bodies: Iterable[Body]) -> str:
+    """The first body that is where a vehicle would be put; empty if the place is free."""
+    mine = oriented_rectangle(center, heading, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
+    for name, position, corners in bodies:
+        if float(np.abs(position - center).max()) < NEAR_M and rectangles_overlap(mine, corners):
+            return name
+    return ""
+
+
+def _bodies(scene: Scene, changes: Changes, step: int) -> Iterator[Body]:
     """Everybody who is known to be there at a step: name, centre (2,) and corners (4, 2).
 
     Where those are whom edits drive by then, only the simulation shows.
