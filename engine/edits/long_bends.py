@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 
 from plannerforge.engine.edits.participants import Participant
-from plannerforge.engine.edits.turn_speed import EASY_MPS2, HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
+from plannerforge.engine.edits.turn_speed import HARDEST_BRAKING_MPS2
 from plannerforge.engine.geometry.polyline import Values
 
 BESIDE_M = 1.0
 """A place so little behind the bumper still counts: places are so far apart."""
 
 SHORTEST_M = 0.5
-MOST_SPEED_FACTOR = math.sqrt(HARDEST_LATERAL_MPS2 / EASY_MPS2)
-"""A driver who is faster than others is so in bends too, as far as tyres hold."""
 
 
 class LongBends:
@@ -35,12 +33,11 @@ class LongBends:
         if not one.slow_places or not lane_id:
             return None
         speed, step_s = float(self._vehicle.getSpeed(one.key)), float(self._sumo.simulation.getDeltaT())
-        usual, factor = one.behaviour.values["decel"], min(one.behaviour.values["speedFactor"], MOST_SPEED_FACTOR)
+        usual = one.behaviour.values["decel"]
         ahead = list(self._places_ahead(one, lane_id, speed * step_s + speed**2 / (2 * usual)))
         if not ahead:
             return None
-        away_m, easy_mps = (np.concatenate(column) for column in zip(*ahead, strict=True))
-        allowed_mps = easy_mps * factor
+        away_m, allowed_mps = (np.concatenate(column) for column in zip(*ahead, strict=True))
         before = np.maximum(away_m - speed * step_s, 0.0)
         allowed = math.sqrt(float(np.min(allowed_mps**2 + 2 * usual * before)))
         if speed + usual * step_s <= allowed:
@@ -50,16 +47,21 @@ class LongBends:
         return max(min(allowed, speed), speed - hardest * step_s, 0.0)
 
     def _places_ahead(self, one: Participant, lane_id: str, reach_m: float) -> Iterator[tuple[Values, Values]]:
-        """Distances in m to the bends within reach on the route, and the speeds that they take, lane by lane."""
+        """Distances in m to the bends within reach on the route, and the speeds for them, lane by lane.
+
+        A driver who is faster than others is so in bends too, as far as tyres hold.
+        """
+        factor = one.behaviour.values["speedFactor"]
         begin_m = -float(self._vehicle.getLanePosition(one.key))
         for lane in self._lanes_ahead(one, lane_id):
             if begin_m > reach_m:
                 return
             if lane in one.slow_places:
-                away_m = one.slow_places[lane].stations_m + begin_m
+                places = one.slow_places[lane]
+                away_m = places.stations_m + begin_m
                 near = away_m >= -BESIDE_M
                 if near.any():
-                    yield away_m[near], one.slow_places[lane].speeds_mps[near]
+                    yield away_m[near], np.minimum(places.speeds_mps * factor, places.hardest_mps)[near]
             begin_m += float(self._lane.getLength(lane))
 
     def _lanes_ahead(self, one: Participant, lane_id: str) -> Iterator[str]:

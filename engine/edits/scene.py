@@ -9,7 +9,7 @@ import numpy as np
 from plannerforge.engine.edits.edge_routes import EdgeGraph
 from plannerforge.engine.edits.lane_matching import LaneMatch, LaneMatcher
 from plannerforge.engine.edits.occupied_regions import occupied_regions
-from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.geometry.polyline import Points, project
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.network.sumo_net_layout import NetLayout
 from plannerforge.engine.network.sumo_net_signals import Signal, signals_of
@@ -160,10 +160,21 @@ class Scene:
         """SUMO's lanes whose lanelet is long: where they bend. A driven vehicle is slowed there, and not all along."""
         straight, lanes = self.straight_speeds_mps, self.layout.table.lanes
         return {
-            f"{edge}_{index}": slow_places(lanes[key].center, straight[key])
+            f"{edge}_{index}": slow_places(lanes[key].center, straight[key], self._recorded_on(key))
             for key, (edge, index) in self.layout.lane_of.items()
             if lanes[key].length_m > LONG_M and self.lane_speeds_mps[key] < straight[key]
         }
+
+    def _recorded_on(self, lanelet_id: int) -> list[tuple[float, float]]:
+        """Arc lengths in m on a lanelet and the speeds there of all who were recorded on it."""
+        center = self.layout.table.lanes[lanelet_id].center
+        return [
+            (project(center, self.tracks[key].positions[index])[0], float(self.tracks[key].speeds_mps[index]))
+            for key, match in self.matches.items()
+            if key in self.tracks
+            for index, lanelet in zip(match.indices, match.lanelets, strict=True)
+            if lanelet == lanelet_id
+        ]
 
     @cached_property
     def driven_speeds_mps(self) -> dict[int, float]:

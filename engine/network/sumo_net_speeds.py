@@ -7,7 +7,7 @@ vehicles step by step keeps the speed there and slows them where it bends.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,11 +21,16 @@ if TYPE_CHECKING:
 
 USUAL_SPEED_MPS = 13.89
 COMFORTABLE_LATERAL_ACCELERATION_MPS2 = 4.0
+HARDEST_LATERAL_ACCELERATION_MPS2 = 8.0
+"""What tyres hold on a dry road."""
+
 SLOWEST_BEND_MPS = 3.0
 LONG_M = 60.0
 """On a lanelet no longer than this, slowing down for its bend alone gains little."""
 
 SMOOTHING_M = 4.0
+RECORDED_NEAR_M = 10.0
+"""A vehicle recorded within these drove through the place at that speed."""
 _LIMIT_SIGNS = ("MAX_SPEED", "MAX_SPEED_ZONE_START")
 
 
@@ -46,10 +51,14 @@ def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
 
 @dataclass(frozen=True)
 class SlowPlaces:
-    """Arc lengths (n,) in m on a lane, ascending, and the highest speed in m/s (n,) that its bend takes there."""
+    """Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) at which its bend is driven there.
+
+    ``hardest_mps``: the highest speeds (n,) that tyres hold there.
+    """
 
     stations_m: Values
     speeds_mps: Values
+    hardest_mps: Values
 
 
 def lane_speeds(
@@ -87,12 +96,24 @@ def bend_speed(shape: Points, sigma_m: float = SMOOTHING_M) -> float:
     return max(SLOWEST_BEND_MPS, math.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature))
 
 
-def slow_places(shape: Points, straight_mps: float) -> SlowPlaces:
-    """Where the bends of a polyline take less than a speed, and how much, by the same rule."""
+def slow_places(shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = ()) -> SlowPlaces:
+    """Where the bends of a polyline are driven slower than a speed, and how fast: by the same rule.
+
+    Where a vehicle was recorded faster it is more, as far as tyres hold: what looks like a bend may be a kink of a
+    coarse line. ``recorded``: arc lengths in m on the polyline and speeds there.
+    """
     stations, curvature = curvatures(shape, SMOOTHING_M)
     bends = curvature * straight_mps**2 > COMFORTABLE_LATERAL_ACCELERATION_MPS2
-    speeds = np.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature[bends])
-    return SlowPlaces(stations[bends], np.maximum(speeds, SLOWEST_BEND_MPS))
+    at = stations[bends]
+    easy = np.maximum(np.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature[bends]), SLOWEST_BEND_MPS)
+    hardest = easy * math.sqrt(HARDEST_LATERAL_ACCELERATION_MPS2 / COMFORTABLE_LATERAL_ACCELERATION_MPS2)
+    fastest = np.zeros(len(at))
+    for station_m, speed_mps in recorded:
+        near = np.abs(at - station_m) <= RECORDED_NEAR_M
+        fastest[near] = np.maximum(fastest[near], speed_mps)
+    speeds = np.clip(fastest, easy, hardest)
+    slow = speeds < straight_mps
+    return SlowPlaces(at[slow], speeds[slow], hardest[slow])
 
 
 def _is_positive(values: list[str]) -> bool:

@@ -7,6 +7,8 @@ import pytest
 from builders import Lane, ScenarioBuilder, arc, driving, line
 from edit_support import Apply
 
+from plannerforge.engine.network.sumo_net_speeds import slow_places
+
 RADIUS_M = 20.0
 BEFORE, BEND, AFTER = line((0, 0), (200, 0)), arc((200, 20), RADIUS_M, -math.pi / 2, 0), line((220, 20), (220, 160))
 ASIDE = Lane(9, line((0, -50), (300, -50)))
@@ -48,6 +50,24 @@ def test_a_speed_that_it_is_told_to_keep_is_kept_before_the_bend_and_given_up_in
     track = apply({"op": "set_speed", "vehicles": ["31"], "speed": "16m/s"}, builder=builder).tracks()[31]
     assert track.speeds_mps[track.positions[:, 0] < 160].max() > 15.0
     assert track.speeds_mps[(track.positions[:, 0] > 205) & (track.positions[:, 1] < 15)].max() < 11.0
+
+
+@pytest.mark.parametrize(("recorded_mps", "expected_mps"), [(5.0, 8.9), (11.0, 11.0), (20.0, 12.6)])
+def test_a_bend_that_somebody_was_recorded_in_is_driven_as_fast_as_tyres_hold(
+    recorded_mps: float, expected_mps: float
+) -> None:
+    center = np.array(whole()[0].center)
+    places = slow_places(center, 25.0, [(214.0, recorded_mps)])
+    in_bend = (places.stations_m > 212) & (places.stations_m < 218)
+    assert places.speeds_mps[in_bend] == pytest.approx(expected_mps, abs=0.3)
+    assert (places.speeds_mps <= places.hardest_mps).all()
+
+
+def test_a_kink_through_which_somebody_drove_fast_slows_nobody(apply: Apply) -> None:
+    kinked = Lane(1, (*line((0, 0), (200, 0)), *line((202, 0.15), (400, 15.0))), successors=())
+    fast = ScenarioBuilder((kinked,), (driving(31, (120, 0), 30.0, 31), driving(32, (60, 0), 30.0, 61)))
+    track = apply({"op": "set_behaviour", "vehicles": ["32"], "params": ["sigma=0"]}, builder=fast).tracks()[32]
+    assert track.speeds_mps.min() > 28.0
 
 
 def test_a_car_that_is_added_before_the_bend_enters_at_the_speed_of_the_straight(apply: Apply) -> None:
