@@ -15,6 +15,8 @@ ABOVE_THE_BRAKES = 27
 ABOVE_THE_LIMIT = 95
 """SUMO's speed mode with all checks (gaps, power, brakes, right of way, lights) but that of the speed limit."""
 
+ROUNDING_MPS = 1e-6
+
 DRIVEN_LANE_CHANGES = 1621
 """SUMO's lane change mode with its drivers' own changes; it obeys an order to change where their gaps are kept."""
 
@@ -51,7 +53,7 @@ class Manoeuvring:
     """
 
     def __init__(self, sumo: Any) -> None:
-        self._vehicle, self._edge, self._lane = sumo.vehicle, sumo.edge, sumo.lane
+        self._sumo, self._vehicle, self._edge, self._lane = sumo, sumo.vehicle, sumo.edge, sumo.lane
         self._gaps = LaneGaps(sumo)
         self._begun: dict[tuple[str, Manoeuvre], tuple[str, int]] = {}
         self._done: set[tuple[str, Manoeuvre]] = set()
@@ -91,10 +93,26 @@ class Manoeuvring:
         self._vehicle.setSpeed(key, -1)
 
     def _hold(self, key: str, speed_mps: float) -> None:
-        """Keep a speed, faster than the limit too, but no faster through a bend than its lane says."""
+        """Keep a speed, faster than the limit too, but no faster through a bend than its lane says.
+
+        A speed that is kept keeps SUMO from braking harder than the driver likes: it is let go where that is too soft.
+        """
+        if self._needs_hard_braking(key):
+            self._let_go(key)
+            return
         limit = float(self._lane.getMaxSpeed(self._vehicle.getLaneID(key)))
         self._vehicle.setSpeedMode(key, ABOVE_THE_LIMIT)
         self._vehicle.setSpeed(key, min(speed_mps, limit) if limit < USUAL_SPEED_MPS else speed_mps)
+
+    def _needs_hard_braking(self, key: str) -> bool:
+        """Whether the driver's own deceleration does not keep a vehicle off the one ahead."""
+        vehicle = self._vehicle
+        ahead, gap_m = vehicle.getLeader(key) or ("", 0.0)
+        if not ahead:
+            return False
+        speed_mps, ahead_mps = float(vehicle.getSpeed(key)), float(vehicle.getSpeed(ahead))
+        safe_mps = vehicle.getFollowSpeed(key, speed_mps, gap_m, ahead_mps, vehicle.getApparentDecel(ahead), ahead)
+        return bool(safe_mps < speed_mps - vehicle.getDecel(key) * self._sumo.simulation.getDeltaT() - ROUNDING_MPS)
 
     def _change_lane(self, key: str, one: Manoeuvre) -> None:
         edge, _, index = self._vehicle.getLaneID(key).rpartition("_")

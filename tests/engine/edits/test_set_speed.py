@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders import driving, town_road
+from builders import Vehicle, driving, town_road
 from edit_support import Apply
 
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
@@ -12,6 +12,14 @@ ALONE = town_road().with_vehicles(driving(34, (280, 7), 10.0, 101, heading_rad=n
 
 def held(speed: str, **more: object) -> dict[str, object]:
     return {"op": "set_speed", "vehicles": ["34"], "speed": speed, **more}
+
+
+def braking(vehicle_id: int, x_m: float, speed_mps: float, deceleration_mps2: float) -> Vehicle:
+    """Somebody who brakes to a stand from the first step on, in the lane to the left of the drawing."""
+    times_s = np.minimum(np.arange(101) * 0.1, speed_mps / deceleration_mps2)
+    speeds = speed_mps - deceleration_mps2 * times_s
+    places = x_m - (speed_mps + speeds) / 2 * times_s
+    return Vehicle(vehicle_id, tuple((float(x), 7.0, np.pi, float(v)) for x, v in zip(places, speeds, strict=True)))
 
 
 @pytest.mark.parametrize(("speed", "expected"), [("0m/s", 0.0), ("18km/h", 5.0), ("20m/s", 20.0)])
@@ -42,6 +50,16 @@ def test_traffic_ahead_is_not_run_into_and_the_report_says_how_close_it_came(app
     assert not applied.outcome.collisions
     assert "34 does not reach it" in applied.outcome.edits[0].what
     assert "traffic ahead, a junction or a bend holds it back" in applied.outcome.edits[0].what
+
+
+def test_one_that_is_held_to_a_speed_brakes_hard_where_the_one_ahead_does(apply: Apply) -> None:
+    follower = driving(34, (280, 7), 17.0, 101, heading_rad=np.pi)
+    builder = town_road().with_vehicles(follower, braking(32, 262.0, 17.0, 8.0))
+    applied = apply(held("10m/s"), builder=builder)
+    gap_m = applied.tracks()[34].positions[:, 0] - applied.tracks()[32].positions[:, 0] - 4.5
+    assert applied.outcome.handed_over == ()
+    assert gap_m.min() >= 1.0
+    assert np.diff(applied.tracks()[34].speeds_mps).min() >= -0.8
 
 
 def test_a_speed_for_which_there_is_no_time_says_so(apply: Apply) -> None:
