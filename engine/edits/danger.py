@@ -35,6 +35,15 @@ class _Others:
     standing: tuple[Track, ...] = ()
 
 
+@dataclass(frozen=True)
+class _Replayed:
+    """A road user as it counts, and the recording that it is of; nobody drives it up to a step (None: ever)."""
+
+    track: Track
+    recording: Track
+    until_step: int | None = None
+
+
 def danger_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] = (), *, step_s: float) -> Danger:
     """The most critical figures of a motion of the ego among others that do as their tracks say.
 
@@ -47,39 +56,63 @@ def danger_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] =
         replayed: vehicles that follow their recording.
         step_s: duration of a time step in s.
     """
+    return _danger(drive, tuple(others), tuple(_Replayed(track, track) for track in replayed), step_s)
+
+
+def danger_after(drive: Track, scene: Scene, changes: Changes, result: Resimulated) -> Danger:
+    """The figures among everybody as edits leave them.
+
+    Who is driven counts from then on whatever happens. A hit from behind before that is the recording's, and so is one
+    by a vehicle moved in time whose recording hits this ego too: they are left out as in recorded traffic.
+    """
+    others, replayed = [], []
+    for track in tracks_after(scene, changes, result):
+        recorded = _replayed(track, scene, changes, result)
+        if recorded is None:
+            others.append(track)
+        else:
+            replayed.append(recorded)
+    return _danger(drive, tuple(others), tuple(replayed), scene.step_s)
+
+
+def left_out_notes(before: Danger | None, after: Danger | None) -> list[str]:
+    """A sentence on who was left out of the figures before and after the edits; none where nobody was."""
+    keys = [() if danger is None else danger.left_out for danger in (before, after)]
+    if not any(keys):
+        return []
+    who = [", ".join(map(str, some)) or "nobody" for some in keys]
+    return [
+        f"left out of the ego's danger, as they hit it from behind on their recording: before {who[0]}, after {who[1]}"
+    ]
+
+
+def _replayed(track: Track, scene: Scene, changes: Changes, result: Resimulated) -> _Replayed | None:
+    """A recorded road user after the edits; None for who has no recording."""
+    key = track.obstacle_id
+    if key not in scene.tracks or changes.is_added(key):
+        return None
+    driven, replay = result.tracks.get(key), changes.replays.get(key)
+    recording = replay.recording if replay is not None and replay.recording is not None else scene.tracks[key]
+    return _Replayed(track, recording, None if driven is None else driven.first_step)
+
+
+def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> Danger:
     states = [
         EgoState(drive.first_step + index, position, float(heading), float(speed))
         for index, (position, heading, speed) in enumerate(
             zip(drive.positions, drive.headings_rad, drive.speeds_mps, strict=True)
         )
     ]
-    there, recorded = tuple(others), tuple(replayed)
-    figures = _figures(states, (*there, *recorded))
+    figures = _figures(states, (*others, *(one.track for one in replayed)))
     if figures.minimum_distance_m != 0.0:
         return Danger(figures)
-    hits = {track.obstacle_id: step for track in recorded if (step := _hit_from_behind(states, track)) is not None}
+    hits = {one.track.obstacle_id: step for one in replayed if (step := _recorded_hit(states, one)) is not None}
     if not hits:
         return Danger(figures)
     last_steps = {key: step - round(REACTION_S / step_s) for key, step in hits.items()}
-    kept = [_until(track, last_steps[track.obstacle_id]) if track.obstacle_id in hits else track for track in recorded]
-    return Danger(_figures(states, (*there, *(track for track in kept if track is not None))), tuple(sorted(hits)))
-
-
-def danger_after(drive: Track, scene: Scene, changes: Changes, result: Resimulated) -> Danger:
-    """The figures among everybody as edits leave them; who was edited or re-simulated counts whatever happens."""
-    everybody = tracks_after(scene, changes, result)
-    recorded = scene.tracks.keys() - result.tracks.keys() - changes.replays.keys()
-    others = [track for track in everybody if track.obstacle_id not in recorded]
-    replayed = [track for track in everybody if track.obstacle_id in recorded]
-    return danger_to(drive, others, replayed, step_s=scene.step_s)
-
-
-def left_out_notes(*dangers: Danger | None) -> list[str]:
-    """A sentence on who was left out of any of the figures; none where nobody was."""
-    keys = sorted({key for danger in dangers if danger is not None for key in danger.left_out})
-    if not keys:
-        return []
-    return [f"left out of the ego's danger, as they hit it from behind on their recording: {', '.join(map(str, keys))}"]
+    tracks = [one.track for one in replayed]
+    kept = [_until(track, last_steps[track.obstacle_id]) if track.obstacle_id in hits else track for track in tracks]
+    return Danger(_figures(states, (*others, *(track for track in kept if track is not None))), tuple(sorted(hits)))
 
 
 def _figures(states: list[EgoState], others: tuple[Track, ...]) -> EgoDanger:
@@ -94,6 +127,16 @@ def _figures(states: list[EgoState], others: tuple[Track, ...]) -> EgoDanger:
         minimum_time_to_collision_s=round(soonest, 3) if math.isfinite(soonest) else None,
         risk_score=int(risk_scores(gaps, times).min()),
     )
+
+
+def _recorded_hit(states: list[EgoState], one: _Replayed) -> int | None:
+    """The step at which a road user runs into the ego from behind, if nobody drives it then and its recording does."""
+    step = _hit_from_behind(states, one.track)
+    if step is None or (one.until_step is not None and step > one.until_step):
+        return None
+    if one.recording is not one.track and _hit_from_behind(states, one.recording) is None:
+        return None
+    return step
 
 
 def _hit_from_behind(states: list[EgoState], track: Track) -> int | None:

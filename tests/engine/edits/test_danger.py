@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,10 +78,44 @@ def test_a_replayed_vehicle_that_hits_the_ego_from_behind_is_left_out_and_named(
     for danger in (outcome.ego_before, outcome.ego_after):
         assert danger is not None
         assert danger.risk_score != 0
-    assert any("hit it from behind on their recording: 31" in one for one in outcome.warnings)
+    assert any("from behind on their recording: before 31, after 31" in one for one in outcome.warnings)
     driven = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "aggressive"}, builder=RAMMED).outcome
     assert driven.ego_after is not None
     assert driven.ego_after.minimum_distance_m is not None
+
+
+@pytest.mark.parametrize(
+    "edits",
+    [
+        [{"op": "set_speed", "vehicles": ["31"], "speed": "0m/s", "time_s": 5.0}],
+        [{"op": "shift_time", "vehicles": ["31"], "time_s": moved_s} for moved_s in (1.0, -1.0)],
+        [{"op": "shift_time", "vehicles": ["31"], "time_s": 0.2}],
+    ],
+    ids=["driven after it", "moved and moved back", "moved a little"],
+)
+def test_a_hit_from_behind_that_the_recording_has_is_no_effect_of_an_edit(
+    apply: Apply, edits: list[dict[str, Any]]
+) -> None:
+    outcome = apply(*edits, builder=RAMMED).outcome
+    assert outcome.ego_before is not None
+    assert outcome.ego_after is not None
+    assert outcome.ego_before.risk_score != 0
+    assert outcome.ego_after.risk_score == outcome.ego_before.risk_score
+    assert any("before 31, after 31" in one for one in outcome.warnings)
+
+
+def test_a_hit_from_behind_that_a_shift_brings_about_counts(apply: Apply) -> None:
+    late = replace(ONE_LANE.with_vehicles(driving(31, (0, 0), 12.0, 61)), problems=(SLOW,))
+    outcome = apply({"op": "shift_time", "vehicles": ["31"], "time_s": -2.0}, builder=late).outcome
+    assert outcome.ego_before is not None
+    assert outcome.ego_after is not None
+    assert outcome.ego_before.risk_score != 0
+    assert outcome.ego_after.risk_score == 0
+
+
+def test_who_is_left_out_is_named_for_before_and_after_the_edits(apply: Apply) -> None:
+    warnings = apply({"op": "remove_vehicle", "vehicles": ["31"]}, builder=RAMMED).outcome.warnings
+    assert any("before 31, after nobody" in one for one in warnings)
 
 
 def moving(key: int, x_m: float, speed_mps: float, *, y_m: float = 0.0, heading_rad: float = 0.0) -> Track:
