@@ -15,7 +15,7 @@ def scenario_text(result: "DescribeScenarioResult") -> str:
     if result.signs:
         lines.append(f"On the ego's lane: {', '.join(result.signs)}.")
     shown = result.description
-    lines.append(_ego(shown.ego) if shown.ego else "No planning problem, so no ego.")
+    lines.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
     if shown.vehicles:
         lines.append(f"Vehicles, nearest to {shown.focus} first ({len(shown.vehicles)} of {shown.vehicles_total}):")
         lines += [_vehicle(vehicle) for vehicle in shown.vehicles]
@@ -31,9 +31,10 @@ def scenario_text(result: "DescribeScenarioResult") -> str:
     return "\n".join(lines)
 
 
-def _ego(ego: "DescribedEgo") -> str:
+def ego_text(ego: "DescribedEgo") -> str:
+    """Where the ego starts, what its goal asks for and its way there, in a line."""
     lanes = f"{ego.lanes} lane{'' if ego.lanes == 1 else 's'} in its direction"
-    lanelets = f"lanelet {', '.join(map(str, ego.lanelets))}" if ego.lanelets else "on no lanelet"
+    lanelets = f"lanelet {', '.join(map(str, ego.lanelets))}" if ego.lanelets else "no lanelet"
     route = f" Way: {ego.way}{f', lanelets {_chain(ego.route)}' if ego.route else ''}."
     return f"Ego: {ego.speed_mps:.1f} m/s on {lanelets}, {lanes}. Goal: {ego.goal}.{route}"
 

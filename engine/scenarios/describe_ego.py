@@ -25,7 +25,7 @@ def describe_ego(scene: Scene) -> DescribedEgo | None:
     goals = goal_lanelets(network, problem)
     way = "the goal has no place" if not goals else "no way leads to the goal"
     if route is not None:
-        way = {"left": "turns left", "right": "turns right", "straight": "straight on"}[route.turns]
+        way = f"turns {', then '.join(route.turns)}" if route.turns else "straight on"
         way += ", with a lane change" if route.changes_lane else ""
     return DescribedEgo(
         problem_id=scene.ego.problem_id,

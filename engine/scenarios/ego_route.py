@@ -15,26 +15,27 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 TURN_RAD = math.radians(40.0)
-"""A heading change beyond this inside junction lanelets is a turn."""
+"""A heading change beyond this inside the lanelets of a junction is a turn."""
+
+APART_M = 40.0
+"""Forks on a way that lie farther apart are two junctions: who turns left and later right has not gone straight on."""
 
 
 @dataclass(frozen=True)
 class EgoRoute:
     """Lanelets from the ego's start to its goal, both included, and how the ego has to drive.
 
-    ``turn_rad``: heading change inside the lanelets that leave a fork, left positive.
+    ``turns_rad``: heading change at each junction, inside the lanelets that leave a fork, left positive.
     """
 
     lanelets: tuple[int, ...]
-    turn_rad: float
+    turns_rad: tuple[float, ...]
     changes_lane: bool
 
     @property
-    def turns(self) -> str:
-        """``left``, ``right`` or ``straight``."""
-        if self.turn_rad > TURN_RAD:
-            return "left"
-        return "right" if self.turn_rad < -TURN_RAD else "straight"
+    def turns(self) -> tuple[str, ...]:
+        """``left`` and ``right`` for each junction where the way turns, in order; empty for a way straight on."""
+        return tuple("left" if angle > 0 else "right" for angle in self.turns_rad if abs(angle) > TURN_RAD)
 
 
 def lanelets_at(network: "LaneletNetwork", point: Points) -> tuple[int, ...]:
@@ -92,9 +93,8 @@ def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "Planning
     changes = any(following not in graph.successors[current] for current, following in hops)
     centers = goal_centers(problem)
     named = bool(problem.goal.lanelets_of_goal_position)
-    return EgoRoute(
-        lanelets, _turn(network, graph, lanelets, point, None if named or not centers else centers[0]), changes
-    )
+    goal = None if named or not centers else centers[0]
+    return EgoRoute(lanelets, _turns(network, graph, lanelets, point, goal), changes)
 
 
 def path_ahead(
@@ -130,21 +130,28 @@ def _straightest(network: "LaneletNetwork", line: Points, onward: list[int]) -> 
     return min(onward, key=bend)
 
 
-def _turn(
+def _turns(
     network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
-) -> float:
-    """Sum of the heading changes inside lanelets that leave a fork, from the start's to the goal's station."""
-    total = 0.0
+) -> tuple[float, ...]:
+    """Sums of the heading changes inside lanelets that leave a fork, from the start's to the goal's station.
+
+    One sum for each junction: a way round a roundabout is one turn, or none.
+    """
+    sums: list[float] = []
+    since_fork_m = math.inf
     for index, key in enumerate(lanelets):
-        if not any(len(graph.successors[before]) > 1 for before in graph.predecessors[key]):
-            continue
         line = center_line(network, key)
-        if len(line) < 2:
+        if len(line) < 2 or not any(len(graph.successors[before]) > 1 for before in graph.predecessors[key]):
+            since_fork_m += graph.length_m[key]
             continue
         begin = project(line, start)[0] if index == 0 else 0.0
         end = project(line, goal)[0] if index == len(lanelets) - 1 and goal is not None else float(arc_length(line)[-1])
-        total += wrap_angle(point_at(line, end)[1] - point_at(line, begin)[1])
-    return total
+        turned = wrap_angle(point_at(line, end)[1] - point_at(line, begin)[1])
+        if since_fork_m > APART_M:
+            sums.append(0.0)
+        sums[-1] += turned
+        since_fork_m = 0.0
+    return tuple(sums)
 
 
 def _shape_center(shape: Any) -> Points:

@@ -41,9 +41,9 @@ def features(
     }
     if route is not None:
         found["ego_changes_lane"] = route.changes_lane
-        found["ego_goes_straight"] = route.turns == "straight" and not route.changes_lane
-        found["ego_turns_left"] = route.turns == "left"
-        found["ego_turns_right"] = route.turns == "right"
+        found["ego_goes_straight"] = not route.turns and not route.changes_lane
+        found["ego_turns_left"] = "left" in route.turns
+        found["ego_turns_right"] = "right" in route.turns
     start = (ego.route or ego.lanelets or (None,))[0]
     if start is not None:
         line, _ = path_ahead(network, graph, start, ego.route, NEAR_M)

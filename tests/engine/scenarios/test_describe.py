@@ -9,6 +9,7 @@ from builders import Problem, driving, town_road
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.scenarios.describe import describe
 from plannerforge.schemas.errors import UnknownName
+from plannerforge.schemas.scenario_text import ego_text
 from plannerforge.schemas.scenarios import DescribeRequest, Description, Detail
 
 
@@ -76,6 +77,13 @@ def test_without_an_ego_vehicles_are_still_listed(tmp_path: Path) -> None:
     found = described(path)
     assert found.ego is None
     assert len(found.vehicles) == 5
+
+
+def test_an_ego_beside_the_road_is_on_no_lanelet(tmp_path: Path) -> None:
+    path = replace(town_road(), problems=(Problem(start=(40.0, -60.0, 0.0, 0.0)),)).write(tmp_path / "beside.xml")
+    ego = described(path).ego
+    assert ego is not None
+    assert ego_text(ego).startswith("Ego: 0.0 m/s on no lanelet, ")
 
 
 def test_the_checks_name_problems(tmp_path: Path) -> None:
