@@ -287,9 +287,11 @@ def _figure(value: float | None, unit: str) -> str:
 
 def _touched_text(vehicle: TouchedVehicle) -> str:
     verdict = "feasible" if vehicle.feasible else f"{vehicle.feasible_share:.1%} of the steps feasible"
+    is_driven = vehicle.cause == "shifted" and vehicle.handover_jump_m is not None
+    cause = f"{vehicle.cause.replace('_', ' ')}{' and driven' if is_driven else ''}"
     end = "leaves the network" if vehicle.leaves_network else "there"
     return (
-        f"{vehicle.vehicle_id} {vehicle.cause.replace('_', ' ')} from {vehicle.from_time_s:.1f} s, "
+        f"{vehicle.vehicle_id} {cause} from {vehicle.from_time_s:.1f} s, "
         f"{end} at {vehicle.until_time_s:.1f} s, {verdict}"
     )
 

@@ -17,6 +17,7 @@ from plannerforge.engine.edits.moved_elements import write_ego_start, write_repl
 from plannerforge.engine.edits.operations import resolve_edits
 from plannerforge.engine.edits.scenario_document import ScenarioDocument
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.shifted_entries import check_shifted_entries
 from plannerforge.engine.edits.state_elements import added_obstacle, write_goal, write_touched
 from plannerforge.engine.edits.sumo_process import ROUTES_FILE, TYPES_FILE, SimulationSetup
 from plannerforge.engine.execution.progress import ProgressReporter
@@ -33,7 +34,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
 
     Raises:
         InvalidRequest: an edit that cannot be meant, or that the scenario does not allow.
-        NotPossible: a later departure onto a taken place; collisions are left and the request refuses them.
+        NotPossible: an entry onto a taken place; collisions are left and the request refuses them.
         UnsafeInput: the file is not readable.
     """
     report(0.0, "reading the scenario")
@@ -53,7 +54,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         before = kept.ego_before(setup)
         made = EditRun(request, base, setup, before).carry_out(changes, steps, first_id)
         scene, changes, result, ego = made.scene, made.changes, made.result, made.ego
-        _check(request, scene, changes, result)
+        _check(request, scene, changes, made.steps, result)
         report(0.8, "writing")
         notes = [*_write_changes(document, scene, changes, result), *made.notes]
         notes += _entries_onto_ego(scene, changes, ego)
@@ -65,7 +66,9 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
     return _outcome(request, scene, changes, made.steps, result, dangers, files, notes)
 
 
-def _check(request: ModificationRequest, scene: Scene, changes: Changes, result: Resimulated) -> None:
+def _check(
+    request: ModificationRequest, scene: Scene, changes: Changes, steps: tuple[EditStep, ...], result: Resimulated
+) -> None:
     lost = [key for key in result.missing if key in changes.driven]
     if lost:
         raise NotPossible(
@@ -75,6 +78,7 @@ def _check(request: ModificationRequest, scene: Scene, changes: Changes, result:
         )
     check_departures(scene, changes, result)
     check_entries(request.edits, scene, changes, result)
+    check_shifted_entries(request.edits, steps, scene, changes, result)
     for key in changes.driven:
         check_not_driven_past(scene, result.plans[key], result.tracks[key])
     hits = reported_collisions(scene, result)

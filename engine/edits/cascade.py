@@ -157,16 +157,17 @@ def _handed_over(scene: Scene, plans: Mapping[int, DrivePlan], overlaps: tuple[O
 
 def _giving_way(scene: Scene, changes: Changes, result: Resimulated) -> dict[int, DrivePlan]:
     """Nobody makes room for who enters where he stands: a taken place is refused."""
-    overlaps = tuple(hit for hit in result.overlaps if not _is_taken_place(result.plans, hit))
+    overlaps = tuple(hit for hit in result.overlaps if not _is_taken_place(changes, result.plans, hit))
     if not overlaps:
         return {}
     bodies = {track.obstacle_id: body_of_track(track) for track in tracks_after(scene, changes, result)}
     return plans_giving_way(result.plans, result.tracks, bodies, overlaps)
 
 
-def _is_taken_place(plans: Mapping[int, DrivePlan], hit: Overlap) -> bool:
-    entering = [plans[key] for key in (hit.first, hit.second) if key in plans and plans[key].cause == "added"]
-    return any(plan.from_step == hit.step for plan in entering)
+def _is_taken_place(changes: Changes, plans: Mapping[int, DrivePlan], hit: Overlap) -> bool:
+    entering = {key: plan.from_step for key, plan in plans.items() if plan.cause == "added"}
+    entering |= {key: replay.track.first_step for key, replay in changes.replays.items()}
+    return hit.step in (entering.get(hit.first), entering.get(hit.second))
 
 
 def _reacting(scene: Scene, shown: tuple[Participant, ...], result: Resimulated) -> tuple[Participant, ...] | None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from plannerforge.engine.edits.cascade import Resimulated
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, Replay
+from plannerforge.engine.edits.driven_shifts import driven_shifts, why_driven
 from plannerforge.engine.edits.driven_way import driven_lanelets, lanelets_passed
 from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.missed_aims import speeds_reached, why_not
@@ -39,6 +40,7 @@ def edit_reports(
         driven = [key for key in step.vehicles if key in result.tracks]
         routes = tuple(vehicle_route(scene, step, result.plans[key], result.tracks[key]) for key in driven)
         speeds = speeds_reached(scene, step, result)
+        kept = why_driven(step.vehicles, scene, steps[-1].changes, result) if edit.op == "shift_time" else []
         undone = _undone(edit.op, step, steps[-1].changes, result, routes)
         found.append(
             EditReport(
@@ -46,7 +48,7 @@ def edit_reports(
                 op=edit.op,
                 letter=LETTERS[edit.op],
                 done=not undone,
-                what="; ".join([step.what, *speeds, *undone]),
+                what="; ".join([step.what, *speeds, *kept, *undone]),
                 vehicles=step.vehicles,
                 routes=routes,
             )
@@ -98,11 +100,16 @@ def touched_vehicles(
     result: Resimulated,
     check: Callable[..., Feasibility] = check_kinematics,
 ) -> tuple[TouchedVehicle, ...]:
-    """Feasibility (by a check) and hand-over of every touched vehicle, by ascending id."""
+    """Feasibility (by a check) and hand-over of every touched vehicle, by ascending id.
+
+    One that an edit moves in time is named as shifted where it is driven because it would hit somebody, too.
+    """
     driven = {
         key: _touched(scene, result.plans[key], track, _verdict(scene, result.plans[key].start, track.motion, check))
         for key, track in result.tracks.items()
     }
+    for key in driven_shifts(changes, result):
+        driven[key] = driven[key].model_copy(update={"cause": "shifted"})
     given = {key: _given(scene, replay, check) for key, replay in changes.replays.items() if key not in driven}
     return tuple(vehicle for _, vehicle in sorted((driven | given).items()))
 

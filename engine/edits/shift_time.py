@@ -35,10 +35,31 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         before = changes.replays.get(vehicle_id)
         recording = before.recording if before and before.recording else scene.tracks[vehicle_id]
         total = steps + (before.shifted_steps if before else 0)
-        track = _shifted(recording, total, scene)
+        track = moved_in_time(recording, total, scene)
+        if track is None:
+            raise _nothing_left(recording, total, scene)
         changes = changes.with_replay(Replay(track, scene.matcher.match(track), recording, total))
     how = f"{abs(steps) * scene.step_s:g} s {'later' if steps > 0 else 'earlier'}"
     return EditStep(changes, vehicles, f"{named(vehicles)} {how} than recorded")
+
+
+def moved_in_time(track: Track, steps: int, scene: Scene) -> Track | None:
+    """The track so many steps later, without what lies before step 0 or after the scenario's last step.
+
+    None where hardly anything is left.
+    """
+    first = max(track.first_step + steps, 0)
+    begin = first - steps - track.first_step
+    end = min(len(track.positions), scene.last_step + 1 - steps - track.first_step)
+    if end - begin < FEWEST_STATES:
+        return None
+    return replace(
+        track,
+        first_step=first,
+        positions=track.positions[begin:end],
+        headings_rad=track.headings_rad[begin:end],
+        speeds_mps=track.speeds_mps[begin:end],
+    )
 
 
 def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
@@ -57,23 +78,11 @@ def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
         )
 
 
-def _shifted(track: Track, steps: int, scene: Scene) -> Track:
-    """The track so many steps later, without what lies before step 0 or after the scenario's last step."""
-    first = max(track.first_step + steps, 0)
-    begin = first - steps - track.first_step
-    end = min(len(track.positions), scene.last_step + 1 - steps - track.first_step)
-    if end - begin < FEWEST_STATES:
-        low = (FEWEST_STATES - 1 - track.last_step) * scene.step_s
-        high = (scene.last_step - FEWEST_STATES + 1 - track.first_step) * scene.step_s
-        raise InvalidRequest(
-            f"{steps * scene.step_s:g} s leave nothing of vehicle {track.obstacle_id}'s recording",
-            valid=[f"time_s in {low:g} … {high:g}"],
-            next_step="shift it by less",
-        )
-    return replace(
-        track,
-        first_step=first,
-        positions=track.positions[begin:end],
-        headings_rad=track.headings_rad[begin:end],
-        speeds_mps=track.speeds_mps[begin:end],
+def _nothing_left(track: Track, steps: int, scene: Scene) -> InvalidRequest:
+    low = (FEWEST_STATES - 1 - track.last_step) * scene.step_s
+    high = (scene.last_step - FEWEST_STATES + 1 - track.first_step) * scene.step_s
+    return InvalidRequest(
+        f"{steps * scene.step_s:g} s leave nothing of vehicle {track.obstacle_id}'s recording",
+        valid=[f"time_s in {low:g} … {high:g}"],
+        next_step="shift it by less",
     )

@@ -1,5 +1,7 @@
 """Edit T: shift_time."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from builders import ScenarioBuilder, driving, town_road
@@ -53,18 +55,55 @@ def test_two_that_overlap_in_the_recording_still_do_if_moved_alike(apply: Apply)
     assert applied.outcome.handed_over == ()
 
 
-def follower_and_leader() -> ScenarioBuilder:
+def follower_and_leader(follower_mps: float) -> ScenarioBuilder:
+    """33 begins 20 m behind 32, which drives 10 m/s; the ego begins on the lane beside."""
     west = np.pi
     return town_road().with_vehicles(
-        driving(33, (260, 7), 10.0, 101, heading_rad=west), driving(32, (240, 7), 10.0, 101, heading_rad=west)
+        driving(33, (260, 7), follower_mps, 101, heading_rad=west), driving(32, (240, 7), 10.0, 101, heading_rad=west)
     )
 
 
-def test_whoever_it_would_hit_reacts(apply: Apply) -> None:
-    applied = apply({"op": "shift_time", "vehicles": ["33"], "time_s": -2}, builder=follower_and_leader())
-    causes = {vehicle.vehicle_id: vehicle.cause for vehicle in applied.outcome.touched}
-    assert "handed_over" in causes.values() or applied.outcome.collisions
-    assert 33 in causes
+def shifted(vehicle: str, time_s: float) -> dict[str, Any]:
+    return {"op": "shift_time", "vehicles": [vehicle], "time_s": time_s}
+
+
+def test_who_would_run_into_somebody_is_driven_from_then_on_and_it_is_said(apply: Apply) -> None:
+    outcome = apply(shifted("33", -1), builder=follower_and_leader(12.0)).outcome
+    assert outcome.collisions == ()
+    assert outcome.handed_over == (32,)
+    touched = {one.vehicle_id: one for one in outcome.touched}[33]
+    assert (touched.cause, touched.from_time_s) == ("shifted", 0.0)
+    assert touched.handover_jump_m is not None
+    assert outcome.edits[0].what == (
+        "vehicle 33 1 s earlier than recorded; 33 is driven from 0.0 s on: its recording would hit vehicle 32 at 1.8 s"
+    )
+
+
+@pytest.mark.parametrize(
+    ("edits", "moved", "other", "begins_s"),
+    [
+        ([shifted("33", -2)], 33, 32, 0.0),
+        ([shifted("32", 2)], 32, 33, 2.0),
+        ([shifted("32", 2), {"op": "set_speed", "vehicles": ["32"], "speed": "3m/s"}], 32, 33, 2.0),
+    ],
+)
+def test_a_shift_onto_somebody_is_refused_with_the_nearest_ones_that_fit(
+    apply: Apply, edits: list[dict[str, Any]], moved: int, other: int, begins_s: float
+) -> None:
+    road = follower_and_leader(10.0)
+    reason = f"at {begins_s} s, where .* begins, vehicle {moved} would be on top of vehicle {other}"
+    with pytest.raises(NotPossible, match=reason) as caught:
+        apply(*edits, builder=road)
+    assert len(caught.value.valid) == 2
+    for fitting in caught.value.valid:
+        time_s = float(fitting.removeprefix("time_s="))
+        assert apply(edits[0] | {"time_s": time_s}, builder=road).outcome.collisions == ()
+
+
+def test_a_shift_onto_the_ego_is_refused(apply: Apply) -> None:
+    behind = town_road().with_vehicles(driving(31, (20, 0), 10.0, 101))
+    with pytest.raises(NotPossible, match=r"at 0\.0 s, .*vehicle 31 would be on top of the ego"):
+        apply(shifted("31", -2), builder=behind)
 
 
 def test_a_shifted_vehicle_is_reported_and_no_longer_untouched(apply: Apply) -> None:
