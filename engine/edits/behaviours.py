@@ -115,6 +115,14 @@ def behaviour_from(
     return Behaviour(name, values)
 
 
+def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]:
+    """The parameters that a preset and single parameters set, each with whether whatever it was before."""
+    assignments = [parse_assignment(text) for text in params]
+    return dict.fromkeys(_NAMES if preset else (), True) | {
+        one.name: preset is not None or one.operator == "=" for one in assignments
+    }
+
+
 def _assigned(values: Mapping[str, float], assignment: Assignment) -> float:
     allowed = PARAMETERS.get(assignment.name)
     if allowed is None:

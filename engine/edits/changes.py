@@ -123,7 +123,8 @@ class EditStep:
 
     ``added``: those of them that it put in. ``aims``: sets of lanelets, of each of which it wants a vehicle on any.
     ``since``: the step from which on aims count. ``speeds``: the speed in m/s that a vehicle is to reach, and from
-    which step on.
+    which step on. ``parameters``: those of a driver's behaviour that it sets, each with whether to a value that does
+    not go by the one before.
     """
 
     changes: Changes
@@ -133,6 +134,7 @@ class EditStep:
     aims: Mapping[int, tuple[frozenset[int], ...]] = field(default_factory=dict)
     since: Mapping[int, int] = field(default_factory=dict)
     speeds: Mapping[int, tuple[float, int]] = field(default_factory=dict)
+    parameters: Mapping[str, bool] = field(default_factory=dict)
 
 
 def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:

@@ -41,7 +41,7 @@ def edit_reports(
         routes = tuple(vehicle_route(scene, step, result.plans[key], result.tracks[key]) for key in driven)
         speeds = speeds_reached(scene, step, result)
         kept = why_driven(step.vehicles, scene, steps[-1].changes, result) if edit.op == "shift_time" else []
-        undone = _undone(edit.op, step, steps[-1].changes, result, routes)
+        undone = _undone(edit.op, step, steps[index + 1 :], result, routes)
         found.append(
             EditReport(
                 index=index - request.earlier,
@@ -57,13 +57,14 @@ def edit_reports(
 
 
 def _undone(
-    op: str, step: EditStep, final: Changes, result: Resimulated, routes: tuple[VehicleRoute, ...]
+    op: str, step: EditStep, later: tuple[EditStep, ...], result: Resimulated, routes: tuple[VehicleRoute, ...]
 ) -> list[str]:
     """Why nothing is left of an edit; empty where something is."""
+    final = (step, *later)[-1].changes
     if is_replaced(op, step, final):
         return ["a later edit replaces it"]
     arrived = [route.vehicle_id for route in routes if route.arrives]
-    if not step.vehicles or overruled(step, final, result, arrived) != step.vehicles:
+    if not step.vehicles or overruled(step, later, result, arrived) != step.vehicles:
         return []
     is_removed = all(is_gone(key, step, final) for key in step.vehicles)
     return ["a later edit removes what it is about" if is_removed else "later edits overrule it"]

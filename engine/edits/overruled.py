@@ -1,6 +1,6 @@
 """What the edits that follow leave of an edit."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from plannerforge.engine.edits.cascade import Resimulated
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep
@@ -27,13 +27,20 @@ def next_speed(step: EditStep, plan: DrivePlan) -> Manoeuvre | None:
     return next((one for one in after if one.speed_mps is not None), None)
 
 
-def overruled(step: EditStep, final: Changes, result: Resimulated, arrived: Collection[int]) -> tuple[int, ...]:
-    """The vehicles of an edit for which later edits leave nothing of it: gone, sent elsewhere, or never held so.
+def overruled(
+    step: EditStep, later: Sequence[EditStep], result: Resimulated, arrived: Collection[int]
+) -> tuple[int, ...]:
+    """The vehicles of an edit for which later edits leave nothing of it: gone, sent elsewhere, never held or driven so.
 
     ``arrived``: those who got where it sent them nevertheless.
     """
+    final = (step, *later)[-1].changes
     left = [key for key in step.vehicles if key not in arrived]
-    return tuple(key for key in left if is_gone(key, step, final) or _is_overruled(step, key, result))
+    return tuple(
+        key
+        for key in left
+        if is_gone(key, step, final) or _is_set_anew(step, key, later) or _is_overruled(step, key, result)
+    )
 
 
 def is_gone(key: int, step: EditStep, final: Changes) -> bool:
@@ -47,6 +54,13 @@ def is_replaced(op: str, step: EditStep, final: Changes) -> bool:
     if op == "set_goal":
         return final.goal is not step.changes.goal
     return op == "set_ego" and final.ego is not step.changes.ego
+
+
+def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
+    """Whether later edits set all parameters that an edit sets, whatever they were."""
+    of_vehicle = [other.parameters for other in later if key in other.vehicles]
+    anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
+    return bool(step.parameters) and anew.issuperset(step.parameters)
 
 
 def _is_overruled(step: EditStep, key: int, result: Resimulated) -> bool:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from plannerforge.engine.edits.behaviours import behaviour_from, own_minimum_gap_m, presets
+from plannerforge.engine.edits.behaviours import behaviour_from, own_minimum_gap_m, parameters_set, presets
 from plannerforge.engine.edits.changes import Changes, EditStep, plan_of
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import select
@@ -40,4 +40,5 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     words = [edit.preset.strip().lower()] if edit.preset else []
     shown = ", ".join(str(key) for key in vehicles[:8]) + (" …" if len(vehicles) > 8 else "")
     what = f"{' '.join([*words, *edit.params])} for {shown}"
-    return EditStep(changes, vehicles, "; ".join([what, *kept[:MOST_KEPT_NAMED]]))
+    said = "; ".join([what, *kept[:MOST_KEPT_NAMED]])
+    return EditStep(changes, vehicles, said, parameters=parameters_set(edit.preset, edit.params))

@@ -21,6 +21,10 @@ def sent(target: str) -> dict[str, Any]:
     return {"op": "reroute", "vehicles": ["31"], "to": [target]}
 
 
+def behaving(*params: str, preset: str | None = None) -> dict[str, Any]:
+    return {"op": "set_behaviour", "vehicles": ["31"], "preset": preset, "params": list(params)}
+
+
 def goal(lanelet: str) -> dict[str, Any]:
     return {"op": "set_goal", "to": [lanelet]}
 
@@ -36,6 +40,9 @@ TRUCK = {"op": "add_vehicle", "vehicle_class": "truck", "at": "2", "position": "
         (TRUCK, {"op": "remove_vehicle", "vehicles": ["new:0"]}, "a later edit removes what it is about"),
         (held("3m/s", 2.0), {"op": "remove_vehicle", "vehicles": ["31"]}, "a later edit removes what it is about"),
         (goal("1"), goal("11"), "a later edit replaces it"),
+        (behaving(preset="eco"), behaving(preset="aggressive"), "later edits overrule it"),
+        (behaving("tau=2"), behaving("tau=0.5", "sigma=0"), "later edits overrule it"),
+        (behaving("tau*2"), behaving("minGap*2", preset="balanced"), "later edits overrule it"),
     ],
 )
 def test_an_edit_that_nothing_is_left_of_is_not_done(
@@ -52,6 +59,21 @@ def test_an_edit_that_was_carried_out_before_another_one_took_over_is_done(apply
     assert (one.done, other.done) == (True, True)
     assert one.routes[0].arrives
     assert all(edit.done for edit in apply(held("6m/s", 0.0), held("15m/s", 4.0), builder=FREE).outcome.edits)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (behaving(preset="eco"), behaving("tau=0.5")),
+        (behaving("tau=2"), behaving("tau*2")),
+        (behaving("tau=2"), behaving("minGap=1")),
+        (behaving(preset="eco"), behaving(preset="aggressive") | {"vehicles": ["35"]}),
+    ],
+)
+def test_a_behaviour_of_which_something_is_left_is_done(
+    apply: Apply, first: dict[str, Any], second: dict[str, Any]
+) -> None:
+    assert all(edit.done for edit in apply(first, second, builder=FREE).outcome.edits)
 
 
 def test_a_speed_that_another_edit_changes_before_it_is_reached_says_so(apply: Apply) -> None:
