@@ -54,20 +54,32 @@ def put_scenario(
     """Store a scenario whose facts are known.
 
     Raises:
-        NotPossible: another scenario has this id already.
+        NotPossible: another scenario has this id already, or this recipe made another file before.
     """
     content = content_digest(xml)
     found = call.workspace.find("scenario", facts.scenario_id)
     if found is not None and found.read(ScenarioRecord).content != content:
-        raise NotPossible(
-            f"another scenario with other content has the id {facts.scenario_id} already",
-            next_step="give the file another benchmarkID",
-        )
+        raise _id_taken(found, recipe)
     files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {}) | dict(beside or {})
     record = ScenarioRecord(facts=facts, origin=origin, content=content)
     artifact = call.workspace.put("scenario", facts.scenario_id, recipe=recipe, record=record, files=files)
     refresh(call.workspace.database)
     return artifact
+
+
+def _id_taken(found: Artifact, recipe: Recipe) -> NotPossible:
+    """A recipe holds the versions of programs: two builds of one version, or two machines, may make different files."""
+    if found.recipe.digest != recipe.digest:
+        return NotPossible(
+            f"another scenario with other content has the id {found.artifact_id} already",
+            next_step="give the file another benchmarkID",
+        )
+    return NotPossible(
+        f"{found.artifact_id} was stored by the same call with other content: by another build of this version, or on "
+        "another machine",
+        valid=[found.artifact_id],
+        next_step=f"use the stored one, or make a new one with another seed than {recipe.seed}",
+    )
 
 
 def content_digest(path: Path) -> str:
