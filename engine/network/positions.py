@@ -12,11 +12,14 @@ POSITION_WORDS = {
     "final": 1.0,
     "end": 1.0,
 }
+INSIDE_M = 0.01
+"""A point on a lanelet's edge, rounded as files round it, may lie beside it: where the road ends, on no lanelet."""
+
 VALID = ("beginning", "quarter", "middle", "three_quarter", "final", "a fraction in 0…1 such as 0.66", "metres: '35m'")
 
 
 def station_m(text: str, lanelet_id: int, length_m: float, margin_m: float = 0.0) -> float:
-    """Arc length in m for a position word, a fraction or metres.
+    """Arc length in m for a position word, a fraction or metres, a centimetre inside the lanelet's ends at least.
 
     ``margin_m``: words and fractions keep so far from both ends (half a vehicle); metres are taken as they are.
 
@@ -32,12 +35,16 @@ def station_m(text: str, lanelet_id: int, length_m: float, margin_m: float = 0.0
                 valid=[f"0m … {length_m:.1f}m", *VALID[:-1]],
                 next_step="choose a position on it, or the lanelet after it",
             )
-        return metres
+        return _inside(metres, length_m, INSIDE_M)
     fraction = POSITION_WORDS.get(body)
     if fraction is None:
         fraction = _fraction(text)
+    return _inside(fraction * length_m, length_m, max(margin_m, INSIDE_M))
+
+
+def _inside(station_m: float, length_m: float, margin_m: float) -> float:
     inside = min(margin_m, length_m / 2)
-    return min(max(fraction * length_m, inside), length_m - inside)
+    return min(max(station_m, inside), length_m - inside)
 
 
 def _fraction(text: str) -> float:

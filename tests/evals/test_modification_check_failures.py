@@ -15,6 +15,7 @@ from plannerforge.evals.modification_checks import is_untouched_identical
 from plannerforge.evals.modification_written import Written
 
 ADDED = 101
+GOAL_CENTER = "planningProblem/goalState/position/rectangle/center"
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +85,7 @@ WRONG: list[tuple[str, str, Callable[[Written], Written]]] = [
     ("R", "P_target", lambda one: asked(one, vehicle_ids=[32])),
     ("R", "P_others", lambda one: asked(one, vehicle_ids=[33])),
     ("G", "G_edge", lambda one: asked(one, lanelet=3)),
+    ("G", "G_edge", lambda one: respelt(one, f"{GOAL_CENTER}/y", "1.85")),
     ("G", "G_position", lambda one: asked(one, position="final")),
     ("G", "G_rectangle", lambda one: asked(one, rectangle={"length_m": 50.0, "width_m": 50.0})),
     ("G", "G_rectangle", lambda one: asked(one, rectangle=None)),

@@ -9,6 +9,7 @@ import pytest
 from builders import Lane, Problem, ScenarioBuilder, arc, line, town_road
 from edit_support import Applied, Apply, apply_to
 
+from plannerforge.engine.scenarios.ego_route import goal_lanelets
 from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
@@ -26,6 +27,18 @@ def test_the_goal_lies_where_it_was_asked(apply: Apply, position: str | None, x:
     region = goal(applied).position
     assert tuple(region.center) == pytest.approx((x, 0.0), abs=0.01)
     assert (region.length, region.width) == (8.0, 3.0)
+
+
+@pytest.mark.parametrize("position", [None, "59.99990055m"])
+def test_a_goal_at_the_end_of_the_road_lies_on_its_lanelet_as_written(tmp_path: Path, position: str | None) -> None:
+    start = Problem(start=(20.0, 0.0, 0.0, 10.0), goal=(40.0, 0.0, 8.0, 3.0), steps=(0, 90))
+    base = ScenarioBuilder((Lane(1, line((0.0, 0.0), (60.0, 0.0))),), problems=(start,)).write(tmp_path / "base.xml")
+    ends_before_its_rounded_end = base.read_text().replace("<x>60.0000</x>", "<x>59.9999006</x>")
+    base.write_text(ends_before_its_rounded_end, encoding="utf-8")
+    applied = apply_to(base, tmp_path / "out", {"op": "set_goal", "to": ["1"], "position": position})
+    written = read_scenario(applied.xml)
+    assert goal_lanelets(written.scenario.lanelet_network, written.problem()) == (1,)
+    assert tuple(goal(applied).position.center) == pytest.approx((60.0, 0.0), abs=0.02)
 
 
 def test_time_and_rectangle_stay_unless_they_are_named(apply: Apply) -> None:
