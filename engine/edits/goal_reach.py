@@ -98,6 +98,24 @@ def check_task(scene: Scene, ego: Ego, goal: GoalChange, task: GoalTask) -> None
         _check_speeds(task, speed, math.inf if comes_back else farthest)
 
 
+def pace_words(task: GoalTask, speed_mps: float, recording_end_s: float) -> str:
+    """How fast the ego has to be on average, after a semicolon; empty for a goal at any time.
+
+    Where the goal's time goes on after the recording's end, in s from the scenario's start, that is told too: later
+    there is nobody around. A recording without motion has no end.
+    """
+    if task.window_s is None or task.window_s[1] <= 0.0:
+        return ""
+    first_s, last_s = task.window_s
+    pace = f"; to be there in time takes {max(task.ahead_m, 0.0) / last_s:.1f} m/s on average"
+    left_s = recording_end_s - task.start_s
+    if not 0.0 < left_s < last_s:
+        return pace
+    if first_s <= left_s and least_time_s(max(speed_mps, 0.0), task.bounds_m[0]) <= left_s:
+        return f"{pace}, by the recording's end at {recording_end_s:.1f} s {max(task.ahead_m, 0.0) / left_s:.1f} m/s"
+    return f"{pace}; the recording ends earlier, at {recording_end_s:.1f} s"
+
+
 def distance_along(scene: Scene, ego: Ego, way: tuple[int, ...], station_m: float) -> float:
     """Distance in m along a way to an arc length of its last lanelet; a change to the lane beside covers none."""
     lanes, successors = scene.layout.table.lanes, scene.layout.table.successors

@@ -5,7 +5,14 @@ from dataclasses import replace
 
 from plannerforge.engine.edits.car_limits import LARGEST_SPEED_MPS
 from plannerforge.engine.edits.changes import Changes, EditStep, GoalChange
-from plannerforge.engine.edits.goal_reach import check_task, distance_along, goal_states, goal_task, kept_steps
+from plannerforge.engine.edits.goal_reach import (
+    check_task,
+    distance_along,
+    goal_states,
+    goal_task,
+    kept_steps,
+    pace_words,
+)
 from plannerforge.engine.edits.lanelet_targets import reach, reachable_lanelets, target_lanelets
 from plannerforge.engine.edits.placing import Place
 from plannerforge.engine.edits.scene import Ego, Scene
@@ -34,10 +41,11 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             "the scenario has no ego on a lanelet, so there is no goal to set",
             next_step="choose a scenario with a planning problem, or let the ego start on a lanelet with set_ego",
         )
+    starts = _starts(scene, ego)
     if not edit.to:
-        near = reachable_lanelets(scene, ego.lanelets)
+        near = reachable_lanelets(scene, starts)
         raise InvalidRequest("set_goal needs a lanelet in 'to'", valid=near, next_step="name one that the ego reaches")
-    way = reach(scene, _starts(scene, ego), target_lanelets(edit.to, scene, changes), "the ego")
+    way = reach(scene, starts, target_lanelets(edit.to, scene, changes), "the ego")
     lane = scene.layout.table.lanes[way[-1]]
     place = Place(way[-1], station_m(edit.position or "final", way[-1], lane.length_m))
     distance = distance_along(scene, ego, way, place.station_m)
@@ -58,8 +66,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     task = goal_task(scene, ego, goal, distance)
     check_task(scene, ego, goal, task)
     what = f"goal on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {distance:.1f} m ahead of the ego, {task}"
-    latest_s = 0.0 if task.window_s is None else task.window_s[1]
-    hurry = f"; to be there in time takes {distance / latest_s:.1f} m/s on average" if latest_s > 0.0 else ""
+    hurry = pace_words(task, ego.speed_mps, scene.last_step * scene.step_s)
     bend = first_bend_too_tight(scene, way, ego.position, ego.speed_mps)
     warning = "" if bend is None else f"; the ego {bend}"
     return EditStep(replace(changes, goal=goal), (), what + hurry + warning)

@@ -129,6 +129,31 @@ def test_without_a_lanelet_those_the_ego_reaches_are_named(apply: Apply) -> None
     assert {"11", "13"} <= set(caught.value.valid)
 
 
+def test_of_the_lanelets_near_the_ego_only_those_that_it_reaches_are_named(apply: Apply) -> None:
+    apart = (
+        Lane(1, line((0.0, 0.0), (100.0, 0.0)), successors=(2,)),
+        Lane(2, line((100.0, 0.0), (200.0, 0.0)), predecessors=(1,)),
+        Lane(3, line((0.0, 3.5), (100.0, 3.5)), successors=(4,)),
+        Lane(4, line((100.0, 3.5), (200.0, 3.5)), predecessors=(3,)),
+    )
+    with pytest.raises(InvalidRequest, match="needs a lanelet") as caught:
+        apply({"op": "set_goal"}, builder=ScenarioBuilder(apart, problems=(Problem(start=(40.0, 1.0, 0.0, 10.0)),)))
+    assert caught.value.valid == ("2",)
+
+
+@pytest.mark.parametrize(
+    ("goal_time", "told"),
+    [
+        ("<=9s", "takes 28.9 m/s on average"),
+        ("<=20s", "takes 13.0 m/s on average, by the recording's end at 10.0 s 26.0 m/s"),
+        ("10.5..20s", "takes 13.0 m/s on average; the recording ends earlier, at 10.0 s"),
+    ],
+)
+def test_a_time_that_goes_on_after_the_recording_is_told(apply: Apply, goal_time: str, told: str) -> None:
+    edit = {"op": "set_goal", "to": ["11"], "goal_time": goal_time}
+    assert apply(edit, builder=town_road().cut(101)).outcome.edits[0].what.endswith(told)
+
+
 def test_a_goal_too_far_for_the_time_that_it_keeps_is_refused_with_the_shortest_time(apply: Apply) -> None:
     hurried = replace(town_road(), problems=(Problem(steps=(10, 20)),))
     with pytest.raises(NotPossible, match="out of reach of any car") as caught:
