@@ -149,11 +149,14 @@ class EgoDanger(Model):
     """The most critical figures of an ego that drives ordinarily; None where nobody is near (or met in 60 s).
 
     ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions).
+    ``most_critical_*``: whom it met when the score was lowest (the first collision, else the shortest time to one).
     """
 
     minimum_distance_m: float | None
     minimum_time_to_collision_s: float | None
     risk_score: int | None
+    most_critical_id: int | None = None
+    most_critical_time_s: float | None = None
 
 
 class TouchedVehicle(Model):
@@ -236,66 +239,6 @@ class ModifyScenarioResult(Result):
 
     def to_text(self) -> str:
         """All of it in a few lines."""
-        head = f"{self.scenario_id} (from {self.base_id})" if self.scenario_id else f"dry run on {self.base_id}"
-        lines = [head + (", reused" if self.reused else "")]
-        for edit in self.edits:
-            lines.append(
-                f"edit {edit.index} {edit.op} ({edit.letter}): {'done' if edit.done else 'not done'}: {edit.what}"
-            )
-            lines += [f"  {_route_text(route)}" for route in edit.routes[:8]]
-            if len(edit.routes) > 8:
-                lines.append(f"  … and {len(edit.routes) - 8} more routes")
-        lines += [_touched_text(vehicle) for vehicle in self.touched[:12]]
-        if len(self.touched) > 12:
-            infeasible = [vehicle.vehicle_id for vehicle in self.touched if not vehicle.feasible]
-            lines.append(f"{len(self.touched)} touched in all; infeasible steps in: {_ids(infeasible)}")
-        lines.append(f"removed: {_ids(self.removed)}; handed over besides: {_ids(self.handed_over)}")
-        hits = [f"{hit.vehicles[0]} with {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
-        lines.append(f"collisions caused: {'; '.join(hits) if hits else 'none'}")
-        lines.append(f"{self.untouched} vehicles exactly as recorded")
-        lines += _danger_text(self.ego_before, self.ego_after)
-        if self.checkers_agree is not None:
-            alike = f"{self.checkers_agree} of {len(self.touched)}"
-            lines.append(f"judged by the drivability checker; the closed form agrees on {alike}")
-        lines += [f"note: {warning}" for warning in self.warnings]
-        return "\n".join(lines)
+        from plannerforge.schemas.modification_text import modification_text
 
-
-def _route_text(route: VehicleRoute) -> str:
-    way = " → ".join(str(key) for key in route.lanelets[:12]) + (" …" if len(route.lanelets) > 12 else "")
-    arrives = {None: "", True: ", arrives", False: f", does not arrive: {route.reason}"}[route.arrives]
-    return f"{route.vehicle_id}: lanelets {way}{arrives}"
-
-
-def _danger_text(before: EgoDanger | None, after: EgoDanger | None) -> list[str]:
-    if before is None or after is None:
-        return []
-    figures = [
-        f"{name} {_figure(getattr(before, field), unit)} → {_figure(getattr(after, field), unit)}"
-        for name, field, unit in (
-            ("minimum distance", "minimum_distance_m", " m"),
-            ("time to collision", "minimum_time_to_collision_s", " s"),
-            ("risk score", "risk_score", ""),
-        )
-    ]
-    return [f"to an ego that drives ordinarily: {', '.join(figures)} (0 collision … 5 negligible)"]
-
-
-def _figure(value: float | None, unit: str) -> str:
-    return "none" if value is None else f"{value:.3g}{unit}"
-
-
-def _touched_text(vehicle: TouchedVehicle) -> str:
-    verdict = "feasible" if vehicle.feasible else f"{vehicle.feasible_share:.1%} of the steps feasible"
-    is_driven = vehicle.cause == "shifted" and vehicle.handover_jump_m is not None
-    cause = f"{vehicle.cause.replace('_', ' ')}{' and driven' if is_driven else ''}"
-    end = "leaves the network" if vehicle.leaves_network else "there"
-    return (
-        f"{vehicle.vehicle_id} {cause} from {vehicle.from_time_s:.1f} s, "
-        f"{end} at {vehicle.until_time_s:.1f} s, {verdict}"
-    )
-
-
-def _ids(keys: "tuple[int, ...] | list[int]") -> str:
-    shown = ", ".join(str(key) for key in keys[:20]) + (f" and {len(keys) - 20} more" if len(keys) > 20 else "")
-    return shown or "none"
+        return modification_text(self)

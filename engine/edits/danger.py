@@ -8,6 +8,7 @@ import numpy as np
 
 from plannerforge.engine.edits.cascade import REACTION_S, Resimulated, tracks_after
 from plannerforge.engine.edits.changes import Changes
+from plannerforge.engine.edits.occupied_regions import obstacle_of
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.geometry.polyline import wrap_angle
 from plannerforge.engine.planners.criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores
@@ -103,7 +104,7 @@ def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, 
             zip(drive.positions, drive.headings_rad, drive.speeds_mps, strict=True)
         )
     ]
-    figures = _figures(states, (*others, *(one.track for one in replayed)))
+    figures = _figures(states, (*others, *(one.track for one in replayed)), step_s)
     if figures.minimum_distance_m != 0.0:
         return Danger(figures)
     hits = {one.track.obstacle_id: step for one in replayed if (step := _recorded_hit(states, one)) is not None}
@@ -112,20 +113,25 @@ def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, 
     last_steps = {key: step - round(REACTION_S / step_s) for key, step in hits.items()}
     tracks = [one.track for one in replayed]
     kept = [_until(track, last_steps[track.obstacle_id]) if track.obstacle_id in hits else track for track in tracks]
-    return Danger(_figures(states, (*others, *(track for track in kept if track is not None))), tuple(sorted(hits)))
+    counted = (*others, *(track for track in kept if track is not None))
+    return Danger(_figures(states, counted, step_s), tuple(sorted(hits)))
 
 
-def _figures(states: list[EgoState], others: tuple[Track, ...]) -> EgoDanger:
+def _figures(states: list[EgoState], others: tuple[Track, ...], step_s: float) -> EgoDanger:
     met = encounters(states, _Others(others), BMW_320I)
     if not len(met.state):
         return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
     gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
     times[times > LONGEST_TIME_S] = math.inf
+    scores = risk_scores(gaps, times)
+    worst = int(np.lexsort((met.state, gaps, times, scores))[0])
     soonest = float(times.min())
     return EgoDanger(
         minimum_distance_m=round(float(gaps.min()), 3),
         minimum_time_to_collision_s=round(soonest, 3) if math.isfinite(soonest) else None,
-        risk_score=int(risk_scores(gaps, times).min()),
+        risk_score=int(scores[worst]),
+        most_critical_id=obstacle_of(others[int(met.track[worst])].obstacle_id),
+        most_critical_time_s=round(states[int(met.state[worst])].step * step_s, 3),
     )
 
 

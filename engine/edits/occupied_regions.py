@@ -57,6 +57,11 @@ def occupied_regions(scenario: "Scenario") -> dict[int, tuple[Track, ...]]:
     return dict(sorted(found.items()))
 
 
+def obstacle_of(track_id: int) -> int:
+    """The id of the obstacle that a track stands for, which is the track's own unless it is of an occupied region."""
+    return track_id if track_id >= 0 else -track_id // PIECES_PER_OBSTACLE
+
+
 def _tracks(obstacle: "DynamicObstacle", step_s: float) -> tuple[Track, ...]:
     key, kind = int(obstacle.obstacle_id), str(obstacle.obstacle_type.value)
     pieces = [piece for chain in _chains(obstacle) for piece in _pieces(chain)]

@@ -43,9 +43,13 @@ class Criticality:
 
 @dataclass(frozen=True)
 class Encounters:
-    """All pairs of a driven state (``state``, an index) and another near it; ``ego`` and ``other`` of shape (n,)."""
+    """All pairs of a driven state (``state``, an index) and another near it; ``ego`` and ``other`` of shape (n,).
+
+    ``track``: which other, an index into the moving and then the standing ones.
+    """
 
     state: NDArray[np.intp]
+    track: NDArray[np.intp]
     ego: MovingRectangles
     other: MovingRectangles
 
@@ -71,7 +75,8 @@ def encounters(states: list[EgoState], others: Others, vehicle: VehicleParameter
     steps = np.array([state.step for state in states])
     centers = np.array([state.position for state in states])
     chosen, found, sizes = [], [], []
-    for track, standing in [(t, False) for t in others.moving] + [(t, True) for t in others.standing]:
+    everybody = [(track, False) for track in others.moving] + [(track, True) for track in others.standing]
+    for track, standing in everybody:
         index = np.zeros(len(steps), dtype=int) if standing else steps - track.first_step
         there = np.flatnonzero((index >= 0) & (index < len(track.positions)))
         away = np.linalg.norm(track.positions[index[there]] - centers[there], axis=1)
@@ -81,12 +86,14 @@ def encounters(states: list[EgoState], others: Others, vehicle: VehicleParameter
         found.append(np.column_stack([track.positions[at], track.headings_rad[at], track.speeds_mps[at]]))
         sizes.append(np.tile([track.length_m, track.width_m], (len(near), 1)))
     state = np.concatenate(chosen) if chosen else np.zeros(0, dtype=np.intp)
+    who = np.repeat(np.arange(len(chosen)), [len(near) for near in chosen])
     other = np.concatenate(found) if found else np.zeros((0, 4))
     size = np.concatenate(sizes) if sizes else np.zeros((0, 2))
     headings, speeds = (np.array([getattr(s, name) for s in states]) for name in ("heading_rad", "speed_mps"))
     own_size = np.tile([vehicle.length_m, vehicle.width_m], (len(state), 1))
     return Encounters(
         state,
+        who,
         MovingRectangles(centers[state], headings[state], own_size, speeds[state]),
         MovingRectangles(other[:, :2], other[:, 2], size, other[:, 3]),
     )

@@ -41,12 +41,20 @@ async def test_every_recipe_does_what_the_page_says(connect: Connect) -> None:
     ("edit", "score"),
     [
         ({"op": "set_speed", "vehicles": ["lead"], "speed": "15m/s", "time_s": 2}, 0),
-        ({"op": "shift_time", "vehicles": ["follow"], "time_s": -1.3}, 0),
+        ({"op": "shift_time", "vehicles": ["follow"], "time_s": -1.7}, 0),
         ({"op": "set_behaviour", "vehicles": ["follow"], "preset": "aggressive"}, 4),
+        ({"op": "set_behaviour", "vehicles": ["all"], "preset": "cautious"}, 0),
         ({"op": "change_lane", "vehicles": ["50"], "lane": "left"}, 0),
         ({"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 20, "speed": "26m/s"}, 0),
     ],
-    ids=["harder braking", "a shift alone", "aggressive alone", "a recorded car cuts in", "a usual driver ahead"],
+    ids=[
+        "harder braking",
+        "a shift alone",
+        "aggressive alone",
+        "cautious drivers",
+        "a recorded car cuts in",
+        "a usual driver ahead",
+    ],
 )
 async def test_what_the_page_says_of_other_values_holds(connect: Connect, edit: dict[str, Any], score: int) -> None:
     async with connect() as client:

@@ -158,6 +158,19 @@ def test_a_collision_more_than_a_minute_away_is_none() -> None:
     assert creeping.minimum_distance_m is not None
 
 
+def test_the_first_collision_is_the_most_critical_moment_and_else_the_shortest_time_to_one() -> None:
+    ego, ahead, passing = moving(1, 0.0, 10.0), moving(2, 40.0, 5.0), moving(3, -20.0, 15.0, y_m=3.5)
+    figures = danger_to(ego, (passing, ahead), step_s=0.1).figures
+    assert (figures.most_critical_id, figures.most_critical_time_s) == (2, pytest.approx(7.1, abs=0.1))
+    closing = danger_to(ego, (passing, moving(2, 60.0, 5.0)), step_s=0.1).figures
+    assert (closing.most_critical_id, closing.most_critical_time_s) == (2, 10.0)
+
+
+def test_a_region_counts_under_the_id_of_its_obstacle() -> None:
+    region = replace(moving(2, 40.0, 5.0), obstacle_id=-70_003)
+    assert danger_to(moving(1, 0.0, 10.0), (region,), step_s=0.1).figures.most_critical_id == 7
+
+
 def test_both_checks_are_asked_for_with_detail(apply: Apply) -> None:
     outcome = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "eco"}, detail="checks").outcome
     assert outcome.checked_by == "drivability_checker"
