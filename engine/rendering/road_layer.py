@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plannerforge.engine.geometry.polyline import Points, length_m, point_at, resample
+from plannerforge.engine.rendering.lane_dividers import dashes, dividers
 from plannerforge.engine.rendering.palette import (
     DIRECTION,
     EGO_COLOUR,
@@ -42,9 +43,8 @@ def draw_road(axes: "Axes", content: SceneContent, viewport: Viewport) -> None:
         )
     )
     plain = [lanelet for lanelet in shown if not lanelet.inside_intersection]
-    lines = [side for lanelet in plain for side, edge in _sides(lanelet) if not edge]
-    edges = outer_edges([side for lanelet in plain for side, edge in _sides(lanelet) if edge], shown)
-    axes.add_collection(LineCollection(lines, colors=LANE_LINE, linewidths=1.4, linestyles=(0, (7, 5)), zorder=2))
+    edges = outer_edges([side for lanelet in plain for side in _edges(lanelet)], shown)
+    axes.add_collection(LineCollection(dashes(dividers(plain), viewport), colors=LANE_LINE, linewidths=1.4, zorder=2))
     axes.add_collection(LineCollection(edges, colors=ROAD_EDGE, linewidths=1.0, zorder=2.1))
     marks = [mark for lanelet in shown for mark in _direction_marks(lanelet, viewport)]
     axes.add_collection(PolyCollection(marks, facecolors=DIRECTION, edgecolors="none", zorder=2.2))
@@ -124,8 +124,9 @@ def _may_be_seen(lanelet: LaneletShape, viewport: Viewport) -> bool:
     return not (beside or high[1] < viewport.y_min or low[1] > viewport.y_max)
 
 
-def _sides(lanelet: LaneletShape) -> tuple[tuple[Points, bool], tuple[Points, bool]]:
-    return (lanelet.left, lanelet.left_is_edge), (lanelet.right, lanelet.right_is_edge)
+def _edges(lanelet: LaneletShape) -> list[Points]:
+    sides = (lanelet.left, lanelet.left_neighbour), (lanelet.right, lanelet.right_neighbour)
+    return [side for side, neighbour in sides if neighbour is None]
 
 
 def _direction_marks(lanelet: LaneletShape, viewport: Viewport) -> list[Points]:

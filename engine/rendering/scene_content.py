@@ -20,14 +20,14 @@ EGO_SIZE_M = (BMW_320I.length_m, BMW_320I.width_m)
 
 @dataclass(frozen=True)
 class LaneletShape:
-    """A lanelet's outline (n, 2), its centre line, and which of its sides have no neighbour in the same direction."""
+    """A lanelet's sides (n, 2), its centre line, and the lanelets beside it, in whichever direction they lead."""
 
     lanelet_id: int
     left: Points
     right: Points
     center: Points
-    left_is_edge: bool
-    right_is_edge: bool
+    left_neighbour: int | None
+    right_neighbour: int | None
     inside_intersection: bool
 
     @property
@@ -131,8 +131,8 @@ def _lanelets(scenario: "Scenario") -> tuple[LaneletShape, ...]:
             left=np.asarray(lanelet.left_vertices, dtype=float),
             right=np.asarray(lanelet.right_vertices, dtype=float),
             center=np.asarray(lanelet.center_vertices, dtype=float),
-            left_is_edge=lanelet.adj_left is None,
-            right_is_edge=lanelet.adj_right is None,
+            left_neighbour=lanelet.adj_left,
+            right_neighbour=lanelet.adj_right,
             inside_intersection=lanelet.lanelet_id in inside,
         )
         for lanelet in sorted(network.lanelets, key=lambda lanelet: lanelet.lanelet_id)

@@ -12,7 +12,9 @@ def lanelet(lanelet_id: int, start: tuple[float, float], end: tuple[float, float
     along = (np.array(end) - start) / np.linalg.norm(np.array(end) - start)
     across = np.array([-along[1], along[0]]) * 2.0
     sides: tuple[Points, Points] = (center + across, center - across)
-    return LaneletShape(lanelet_id, *sides, center, left_is_edge=True, right_is_edge=True, inside_intersection=False)
+    return LaneletShape(
+        lanelet_id, *sides, center, left_neighbour=None, right_neighbour=None, inside_intersection=False
+    )
 
 
 def test_edges_on_a_crossing_lanelet_vanish_and_the_rest_stays() -> None:
