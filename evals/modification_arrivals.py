@@ -24,7 +24,7 @@ from plannerforge.evals.modification_reach import (
     speed_limit_mps,
     ways_m,
 )
-from plannerforge.evals.modification_tracks import BESIDE_M, fronts
+from plannerforge.evals.modification_tracks import BESIDE_M, LINE_M, fronts
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -39,9 +39,6 @@ STANDING_MPS, LAST_S = 0.5, 1.0
 SLOWED_SHARE, START_S = 0.7, 4.0
 GAP_M, GAP_S = 10.0, 2.0
 """Somebody within these ahead holds a vehicle up."""
-
-LINE_M = 0.5
-"""A vehicle whose bumper is so little past the end of a lanelet stands at it."""
 
 NARROWEST_TURN_M = 5.0
 """The front of hardly any car turns in a narrower circle (radius)."""

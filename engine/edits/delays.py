@@ -1,7 +1,10 @@
 """What kept a driven vehicle from getting on: red lights, standing, and lanelets that are driven slowly."""
 
+import numpy as np
+
 from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.geometry.polyline import project
 
 STANDING_MPS = 0.1
 LEAST_STANDING_S = 1.0
@@ -11,15 +14,21 @@ SLOW_MPS = 8.0
 AT_THE_LIMIT, LEAST_SHARE = 0.9, 0.5
 """Who drives at so much of what its lanelets allow, for so much of its time, is held to it."""
 
+AT_LINE_M = 3.0
+"""Who stands no farther than this before the end of a lanelet is the first at its line."""
+
 RED = frozenset("ru")
 
 
-def delay(scene: Scene, track: TouchedTrack) -> str:
-    """Where a vehicle stood longest, or else which lanelet made it slow, as the end of a sentence; "" for neither."""
-    stood_s, key, red_s = _longest_stand(scene, track)
+def delay(scene: Scene, track: TouchedTrack, driven: tuple[int, ...] = ()) -> str:
+    """Where a vehicle stood longest, or else which lanelet made it slow, as the end of a sentence; "" for neither.
+
+    ``driven``: the lanelets that it gets onto; with its bumper over the line of the next one it stands on the last.
+    """
+    steps, key = _longest_stand(scene, track, driven)
+    stood_s = len(steps) * scene.step_s
     if stood_s >= LEAST_STANDING_S:
-        where = "at a red light" if red_s > stood_s / 2 else "standing"
-        return f", after {stood_s:.1f} s {where} on lanelet {key}"
+        return f", after {stood_s:.1f} s {_standing(scene, track, steps, key)} lanelet {key}"
     slow = _slow_lanelet(scene, track)
     return (
         ""
@@ -28,18 +37,35 @@ def delay(scene: Scene, track: TouchedTrack) -> str:
     )
 
 
-def _longest_stand(scene: Scene, track: TouchedTrack) -> tuple[float, int, float]:
-    """How long a vehicle stood in a lanelet in s, its id, and how long every light there was red meanwhile."""
+def _standing(scene: Scene, track: TouchedTrack, steps: list[int], key: int) -> str:
+    """How a vehicle stands on a lanelet at some steps, in words that end before the lanelet's name."""
+    if sum(is_red(scene, key, step) for step in steps) > len(steps) / 2:
+        return "at a red light on"
+    return "waiting at the junction after" if _is_at_junction(scene, track, steps[-1], key) else "standing on"
+
+
+def _is_at_junction(scene: Scene, track: TouchedTrack, step: int, key: int) -> bool:
+    """Whether a vehicle is the first at the end of a lanelet that leads into a junction."""
+    lane, index = scene.layout.table.lanes[key], step - track.first_step
+    if key not in scene.layout.lane_of or scene.layout.lane_of.keys() >= set(scene.layout.table.successors[key]):
+        return False
+    heading = float(track.motion.headings_rad[index])
+    front = track.motion.positions[index] + track.length_m / 2 * np.array([np.cos(heading), np.sin(heading)])
+    return project(lane.center, front)[0] >= lane.length_m - AT_LINE_M
+
+
+def _longest_stand(scene: Scene, track: TouchedTrack, driven: tuple[int, ...]) -> tuple[list[int], int]:
+    """The steps at which a vehicle stood in the lanelet in which it stood longest, and its id; no steps if in none."""
     stands: dict[int, list[int]] = {}
     for index, (lane, speed) in enumerate(zip(track.lanes, track.motion.speeds_mps, strict=False)):
         if speed < STANDING_MPS:
-            for key in scene.layout.lanelets_of_lane.get(lane, ())[-1:]:
+            under = scene.layout.lanelets_of_lane.get(lane, ())
+            for key in [key for key in under if key in driven or not driven][-1:] or driven[-1:]:
                 stands.setdefault(key, []).append(track.first_step + index)
     if not stands:
-        return 0.0, 0, 0.0
+        return [], 0
     key, steps = max(stands.items(), key=lambda stand: (len(stand[1]), -stand[0]))
-    red = sum(is_red(scene, key, step) for step in steps)
-    return len(steps) * scene.step_s, key, red * scene.step_s
+    return steps, key
 
 
 def is_red(scene: Scene, lanelet_id: int, step: int) -> bool:

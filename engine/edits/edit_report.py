@@ -7,7 +7,7 @@ import numpy as np
 from plannerforge.engine.edits.cascade import Resimulated
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep, Replay
 from plannerforge.engine.edits.driven_shifts import driven_shifts, why_driven
-from plannerforge.engine.edits.driven_way import driven_lanelets, lanelets_passed
+from plannerforge.engine.edits.driven_way import driven_lanelets, driven_since
 from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.missed_aims import speeds_reached, why_not
 from plannerforge.engine.edits.moved_elements import replayed_motion
@@ -79,8 +79,7 @@ def vehicle_route(scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedT
     driven, aims = driven_lanelets(scene, track, plan), step.aims.get(key, ())
     if not aims:
         return VehicleRoute(vehicle_id=key, lanelets=driven)
-    begin = max(step.since[key] - track.first_step, 0) if key in step.since else None
-    later = driven if begin is None else lanelets_passed(scene, track.lanes[begin:])
+    later = driven_since(scene, track, step.since[key]) if key in step.since else driven
     missed = [targets for targets in aims if not targets & set(later)]
     reason = why_not(scene, step, plan, track, driven, missed[0]) if missed else ""
     way = (*driven, *_way_on(scene, plan, track, driven)) if missed else driven

@@ -71,6 +71,10 @@ class LaneMatcher:
         related = {key: _related(layout, key) for key in keys}
         return cls(layout, keys, tuple(polygons), STRtree(polygons), related)
 
+    def area(self, lanelet_id: int) -> Any:
+        """Shapely's polygon of a drivable lanelet, valid whatever its bounds."""
+        return self.polygons[self.keys.index(lanelet_id)]
+
     def match(self, track: Track) -> LaneMatch | None:
         """The most likely lanelets of a track; None where it is never near a lanelet of its direction."""
         return self.match_all({track.obstacle_id: track}).get(track.obstacle_id)

@@ -80,17 +80,19 @@ def _held_up(
     target, last = _first_target(plan, targets), driven[-1] if driven else plan.lanelets[0]
     ends = f"it leaves the network on lanelet {last}" if track.leaves else _scenario_ends(scene)
     edges = {scene.layout.lane_of[key][0] for key in targets if key in scene.layout.lane_of}
-    if track.lanes and track.lanes[-1].rpartition("_")[0] in edges:
+    lane = track.lanes[-1] if track.lanes else ""
+    gets_over = not targets.isdisjoint(scene.layout.lanelets_of_lane.get(lane, ()))
+    if lane.rpartition("_")[0] in edges and not gets_over:
         missing = "room" if (track.last_step - since) * scene.step_s > LANE_CHANGE_S else "time"
         beside = _beside_last(scene, track, targets)
         return f"no {missing} to change into lanelet {beside} before {ends}{_in_the_way(scene, track)}"
-    if set(driven) & _beside_any(scene, targets):
+    if set(driven) & _beside_any(scene, targets) and not gets_over:
         return f"no room to change into lanelet {target} before its road ends{_in_the_way(scene, track)}"
     if track.leaves:
         return f"{ends} before lanelet {target}"
     if float(track.motion.speeds_mps[-1]) < 0.1:
-        return f"it stands on lanelet {last} when {ends}{delay(scene, track)}"
-    return f"{ends} while it is on its way to lanelet {target}{delay(scene, track)}"
+        return f"it stands on lanelet {last} when {ends}{delay(scene, track, driven)}"
+    return f"{ends} while it is on its way to lanelet {target}{delay(scene, track, driven)}"
 
 
 def _in_the_way(scene: Scene, track: TouchedTrack) -> str:

@@ -49,6 +49,43 @@ def test_a_lanelet_that_a_fast_vehicle_leaps_over_within_a_step_is_reached(scene
     assert arrives_on(scene.network, replace(track, positions=leap), 0, {first})
 
 
+@pytest.mark.parametrize(("over_m", "is_there"), [(-0.1, False), (0.02, False), (0.4, False), (0.7, True)])
+def test_a_vehicle_that_stands_with_its_bumper_over_the_line_has_not_arrived(
+    scene: Scene, over_m: float, is_there: bool
+) -> None:
+    last = scene.network.find_lanelet_by_id(1).center_vertices[-1]
+    stops_m = np.minimum(np.arange(40.0), 30.0) - 30.0 + over_m - 4.5 / 2
+    halted = replace(along(scene, 1, 40), positions=last + stops_m[:, None] * np.array([1.0, 0.0]))
+    assert arrives_on(scene.network, halted, 0, {11}) is is_there
+
+
+@pytest.mark.parametrize(("leads_there_too", "is_there"), [((), True), ((2,), False)])
+def test_one_that_grazes_its_target_has_been_there_if_it_drives_on_where_the_target_alone_leads_to(
+    tmp_path: Path, leads_there_too: tuple[int, ...], is_there: bool
+) -> None:
+    lanes = [
+        replace(lane, predecessors=(1, *leads_there_too)) if lane.lanelet_id in (11, 12) else lane
+        for lane in town_road().lanes
+    ]
+    network = read_scenario(ScenarioBuilder(tuple(lanes)).write(tmp_path / "base.xml")).scenario.lanelet_network
+    fronts_x = np.arange(150, 290, 0.5)
+    fronts_y = np.clip(1.75 - (fronts_x - 199.7) * 0.2, 0.0, 3.5)
+    heading = np.arctan2(np.gradient(fronts_y), np.gradient(fronts_x))
+    centres = np.stack([fronts_x - 2.25 * np.cos(heading), fronts_y - 2.25 * np.sin(heading)], axis=1)
+    track = Track(7, "car", 4.5, 1.8, 0, centres, heading, np.full(len(heading), 5.0))
+    assert arrives_on(network, track, 0, {1}) is is_there
+
+
+def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((0, 0), (40, 0)), successors=(2,)),
+        Lane(2, line((40, 0), (40.6, 0)), predecessors=(1,)),
+    )
+    network = read_scenario(ScenarioBuilder(lanes).write(tmp_path / "short.xml")).scenario.lanelet_network
+    assert arrives_on(network, over(*[(float(x), 0.0) for x in np.linspace(20, 38.1, 20)]), 0, {2})
+    assert not arrives_on(network, over(*[(float(x), 0.0) for x in np.linspace(20, 38.0, 20)]), 0, {2})
+
+
 def test_a_target_that_is_left_again_for_a_road_that_does_not_follow_is_not_reached(scene: Scene) -> None:
     first = int(scene.network.lanelets[0].lanelet_id)
     track = along(scene, first)

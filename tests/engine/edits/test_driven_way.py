@@ -1,0 +1,78 @@
+"""The report's lanelets are those that the written motion gets onto, not those whose line SUMO's bumper is over."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import Lane, ScenarioBuilder, crossing, driving, line
+
+from plannerforge.engine.edits.changes import Changes, EditStep, recorded_plan
+from plannerforge.engine.edits.driven_way import driven_lanelets, driven_since
+from plannerforge.engine.edits.edit_report import vehicle_route
+from plannerforge.engine.edits.handover import TouchedTrack
+from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.traffic.smoothing import Motion
+
+STEPS, LINE_STEP = 101, 60
+OVER_THE_LINE = ("e1_0",) * LINE_STEP + (":n1_0_0",) * (STEPS - LINE_STEP)
+"""SUMO's bumper is in lanelet 2, inside the crossing, from a step on."""
+
+
+def scene_of(builder: ScenarioBuilder, folder: Path) -> Scene:
+    return Scene.of(read_scenario(builder.with_vehicles(driving(31, (-50, 0), 10.0, STEPS)).write(folder / "base.xml")))
+
+
+def halting(front_m: float, lanes: tuple[str, ...] = OVER_THE_LINE) -> TouchedTrack:
+    """Vehicle 31, eastbound, which halts with its front at some x."""
+    x_m = np.minimum(-50.0 + np.arange(STEPS), front_m - 4.5 / 2)
+    positions = np.stack([x_m, np.zeros(STEPS)], axis=1)
+    speeds = np.gradient(x_m, 0.1)
+    return TouchedTrack(31, 0, Motion(positions, np.zeros(STEPS), speeds, speeds * 0), 4.5, 1.8, 2.6, False, lanes)
+
+
+@pytest.mark.parametrize(
+    ("over_m", "expected"), [(-0.2, (1,)), (0.02, (1,)), (0.4, (1,)), (0.6, (1, 2)), (4.0, (1, 2))]
+)
+def test_a_lanelet_of_which_the_bumper_is_over_the_line_is_not_driven(
+    tmp_path: Path, over_m: float, expected: tuple[int, ...]
+) -> None:
+    scene = scene_of(crossing(), tmp_path)
+    track = halting(-10 + over_m)
+    assert driven_lanelets(scene, track, recorded_plan(scene, 31, "edited", 0)) == expected
+    assert driven_since(scene, track, LINE_STEP - 5) == expected
+
+
+def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
+    lanes = (Lane(1, line((-60, 0), (-10, 0)), successors=(2,)), Lane(2, line((-10, 0), (-9.4, 0)), predecessors=(1,)))
+    scene = scene_of(ScenarioBuilder(lanes), tmp_path)
+    plan, over = recorded_plan(scene, 31, "edited", 0), ("e1_0",) * LINE_STEP + ("e2_0",) * (STEPS - LINE_STEP)
+    assert driven_lanelets(scene, halting(-9.65, over), plan) == (1, 2)
+    assert driven_lanelets(scene, halting(-9.75, over), plan) == (1,)
+
+
+def test_one_that_stands_with_its_bumper_over_the_line_has_not_arrived_and_waits_at_the_junction(
+    tmp_path: Path,
+) -> None:
+    scene = scene_of(crossing(), tmp_path)
+    plan = recorded_plan(scene, 31, "edited", 0)
+    step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({2}),)})
+    route = vehicle_route(scene, step, plan, halting(-9.98))
+    assert route.arrives is False
+    assert route.reason.startswith("it stands on lanelet 1 when the scenario ends")
+    assert route.reason.endswith(" s waiting at the junction after lanelet 1")
+    assert vehicle_route(scene, step, plan, halting(-9.0)).arrives
+
+
+def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_room(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((-60, 0), (60, 0)), left=(2, True)),
+        Lane(2, line((-60, 3.5), (60, 3.5)), right=(1, True)),
+    )
+    scene = scene_of(ScenarioBuilder(lanes), tmp_path)
+    plan = recorded_plan(scene, 31, "edited", 0)
+    step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({2}),)})
+    rolling = halting(55.0, ("e1_0",) * 95 + ("e1_1",) * 6)
+    route = vehicle_route(scene, step, plan, rolling)
+    assert route.arrives is False
+    assert route.reason == "the scenario ends at 10.0 s while it is on its way to lanelet 2"
