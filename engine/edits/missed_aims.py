@@ -1,5 +1,7 @@
 """Why a driven vehicle does not get where, or does not drive as fast as, an edit wants it to."""
 
+import math
+
 import numpy as np
 
 from plannerforge.engine.edits.cascade import Resimulated
@@ -11,6 +13,7 @@ from plannerforge.engine.edits.manoeuvring import LANE_CHANGE_S
 from plannerforge.engine.edits.overruled import next_speed, sent_elsewhere
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.walker_shadows import walker_of
+from plannerforge.engine.geometry.polyline import Values
 from plannerforge.schemas.errors import NotPossible
 
 SPEED_TOLERANCE_MPS = 0.3
@@ -69,7 +72,9 @@ def speeds_reached(scene: Scene, step: EditStep, result: Resimulated) -> list[st
             found.append(f"{key} does not reach it: another edit holds it to {held}")
         elif len(speeds):
             closest = float(speeds[np.argmin(np.abs(speeds - wanted))])
-            found.append(f"{key} does not reach it, {closest:.1f} m/s at best: {_held_back(scene, track, wanted)}")
+            found.append(
+                f"{key} does not reach it, {closest:.1f} m/s at best: {_held_back(scene, track, speeds, wanted)}"
+            )
     return found
 
 
@@ -109,10 +114,14 @@ def _road_user(scene: Scene, key: int) -> str:
     return f"vehicle {key}" if key > 0 else f"pedestrian {walker_of(key)}"
 
 
-def _held_back(scene: Scene, track: TouchedTrack, wanted_mps: float) -> str:
-    """Why a speed is not reached: no time, or something in the way."""
-    missing = np.abs(track.motion.speeds_mps[-round(1.0 / scene.step_s) - 1 :] - wanted_mps)
-    if missing[0] - missing[-1] < STILL_CHANGING_MPS2:
+def _held_back(scene: Scene, track: TouchedTrack, speeds: Values, wanted_mps: float) -> str:
+    """Why a speed is not reached by the last of those since it was ordered: no time, or something in the way.
+
+    Nothing in the way keeps a vehicle from slowing down, and in less than a second nothing can be told.
+    """
+    a_second = round(1.0 / scene.step_s)
+    gained_mps = float(speeds[-1] - speeds[-a_second - 1]) if len(speeds) > a_second else math.inf
+    if speeds[-1] < wanted_mps and gained_mps < STILL_CHANGING_MPS2:
         return "traffic ahead, a junction or a bend holds it back"
     if track.leaves:
         return "it leaves the network before"

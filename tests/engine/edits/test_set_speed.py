@@ -67,6 +67,12 @@ def test_a_speed_for_which_there_is_no_time_says_so(apply: Apply) -> None:
     assert "at best: the scenario ends at 10.0 s" in what
 
 
+@pytest.mark.parametrize("speed", ["0m/s", "30m/s"])
+def test_a_speed_ordered_just_before_the_end_is_not_blamed_on_the_traffic(apply: Apply, speed: str) -> None:
+    what = apply(held(speed, time_s=9.8), builder=ALONE).outcome.edits[0].what
+    assert "at best: the scenario ends at 10.0 s" in what
+
+
 @pytest.mark.parametrize("speed", ["-1m/s", "90m/s"])
 def test_an_impossible_speed_is_refused(apply: Apply, speed: str) -> None:
     with pytest.raises(InvalidRequest, match="does not drive"):
