@@ -29,10 +29,10 @@ def add_light(network: object, key: int, *phases: tuple[str, int]) -> None:
     network.add_traffic_light(lights.TrafficLight(key, np.zeros(2), lights.TrafficLightCycle(elements)), {1})
 
 
-def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0, x_m: float = 0.0) -> TouchedTrack:
-    """A driven vehicle of which only its lanes and speeds count, and where it stands along lanelet 1."""
+def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> TouchedTrack:
+    """A driven vehicle of which only its lanes and speeds count."""
     values = np.array(speeds_mps)
-    motion = Motion(np.tile([x_m, 0.0], (len(values), 1)), np.zeros(len(values)), values, np.zeros(len(values)))
+    motion = Motion(np.zeros((len(values), 2)), np.zeros(len(values)), values, np.zeros(len(values)))
     return TouchedTrack(51, first_step, motion, 4.5, 1.8, 2.6, False, tuple(lanes))
 
 
