@@ -4,6 +4,7 @@ SUMO's vehicles do not walk: a walker moves at one speed along a given line. The
 he is on their lane, or about to be.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -69,25 +70,42 @@ def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[
     """The line walked along, and in words."""
     footpath = _footpath(edit, scene)
     if footpath is not None:
-        center = without_repeats(np.asarray(scene.network.find_lanelet_by_id(footpath).center_vertices, dtype=float))
-        station = station_m(edit.position or "beginning", footpath, length_m(center))
-        if station > length_m(center) - SIZE_M[0]:
-            raise InvalidRequest(
-                f"lanelet {footpath} ends there", valid=["position=beginning"], next_step="choose an earlier position"
-            )
-        onward = [vertex for vertex in center if project(center, vertex)[0] > station + 1e-6]
-        line = np.array([point_at(center, station)[0], *onward])
-        return line, f"walks along lanelet {footpath} from {station:.1f} m on"
+        return _along(edit, footpath, scene, stands=stands)
     place = first_place(edit, scene, changes, SIZE_M[0])
     check_allowed("pedestrian", place.lanelet_id, scene)
     if stands:
         (x, y), heading = place.pose(scene)
         line = np.array([(x, y), (x + np.cos(heading), y + np.sin(heading))])
-        where = f"stands on lanelet {place.lanelet_id} at {place.station_m:.1f} m"
-        return line, where
+        return line, _stands_on(place.lanelet_id, place.station_m)
     line = _across(scene, place)
     where = f"crosses lanelet {place.lanelet_id} at {place.station_m:.1f} m from its right"
     return line, where
+
+
+def _along(edit: Edit, footpath: int, scene: Scene, *, stands: bool) -> tuple[Points, str]:
+    """The line along a footpath or crossing, and in words."""
+    if edit.lane not in (None, "same"):
+        raise InvalidRequest(
+            f"lane is relative to the ego or a vehicle; '{edit.at}' is a lanelet",
+            valid=["position", "offset_m"],
+            next_step="leave lane out",
+        )
+    center = without_repeats(np.asarray(scene.network.find_lanelet_by_id(footpath).center_vertices, dtype=float))
+    last_m = length_m(center) - SIZE_M[0]
+    station = station_m(edit.position or "beginning", footpath, length_m(center)) + (edit.offset_m or 0.0)
+    if not 0.0 <= station <= last_m:
+        raise InvalidRequest(
+            f"lanelet {footpath} has no room for a pedestrian at {station:.1f} m",
+            valid=[f"position='0m' … position='{math.floor(last_m * 10) / 10:g}m'"],
+            next_step="choose another position",
+        )
+    onward = [vertex for vertex in center if project(center, vertex)[0] > station + 1e-6]
+    line = np.array([point_at(center, station)[0], *onward])
+    return line, _stands_on(footpath, station) if stands else f"walks along lanelet {footpath} from {station:.1f} m on"
+
+
+def _stands_on(lanelet_id: int, station: float) -> str:
+    return f"stands on lanelet {lanelet_id} at {station:.1f} m"
 
 
 def _footpath(edit: Edit, scene: Scene) -> int | None:

@@ -7,7 +7,7 @@ import pytest
 from builders import Lane, ScenarioBuilder, driving, line
 from edit_support import Applied, apply_to
 
-from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 
 @dataclass(frozen=True)
@@ -89,3 +89,42 @@ def test_a_lanelet_s_own_users_and_type_come_before_the_tags_of_a_motorway(
     else:
         with pytest.raises(NotPossible, match="it belongs to a motorway"):
             put(tmp_path, "bicycle", kind, users, ("interstate",))
+
+
+def walker(folder: Path, **arguments: object) -> Applied:
+    """The edit that puts a pedestrian onto a sidewalk of 200 m."""
+    lanes = (Lane(1, line((0, 0), (200, 0))), Lane(2, line((0, 50), (200, 50))))
+    base = Marked(lanes, (driving(31, (10, 50), 5.0, 41),), kind="sidewalk").write(folder / "base.xml")
+    return apply_to(base, folder / "out", {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "1"} | arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what", "walked_m"),
+    [
+        ({"position": "30m"}, "walks along lanelet 1 from 30.0 m on, 1.4 m/s", 5.6),
+        ({"position": "30m", "offset_m": 5.0}, "walks along lanelet 1 from 35.0 m on, 1.4 m/s", 5.6),
+        ({"position": "30m", "speed": "0m/s"}, "stands on lanelet 1 at 30.0 m, 0.0 m/s", 0.0),
+    ],
+)
+def test_a_pedestrian_on_a_footpath_walks_along_it_or_stands(
+    tmp_path: Path, arguments: dict[str, object], what: str, walked_m: float
+) -> None:
+    applied = walker(tmp_path, **arguments)
+    assert what in applied.outcome.edits[0].what
+    places = applied.tracks()[101].positions
+    assert float(places[-1, 0] - places[0, 0]) == pytest.approx(walked_m)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ({"position": "final"}, r"no room for a pedestrian at 200\.0 m"),
+        ({"offset_m": -3.0}, r"no room for a pedestrian at -3\.0 m"),
+        ({"lane": "left"}, "lane is relative to the ego or a vehicle"),
+    ],
+)
+def test_a_place_that_is_not_on_the_footpath_is_refused(
+    tmp_path: Path, arguments: dict[str, object], reason: str
+) -> None:
+    with pytest.raises(InvalidRequest, match=reason):
+        walker(tmp_path, **arguments)

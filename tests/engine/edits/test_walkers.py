@@ -27,8 +27,10 @@ def test_a_departure_and_a_speed_hold(apply: Apply) -> None:
     assert track.speeds_mps[0] == pytest.approx(2.0)
 
 
-def test_one_without_speed_stands_on_the_lane(apply: Apply) -> None:
-    track = apply(WALKER | {"at": "ego", "offset_m": 40, "speed": "0m/s"}, builder=QUIET).tracks()[101]
+def test_one_of_no_speed_stands_on_the_lane(apply: Apply) -> None:
+    applied = apply(WALKER | {"at": "ego", "offset_m": 40, "speed": "0m/s"}, builder=QUIET)
+    track = applied.tracks()[101]
+    assert "stands on lanelet 1 at 80.0 m" in applied.outcome.edits[0].what
     assert track.positions[0] == pytest.approx((80.0, 0.0))
     assert track.positions[-1] == pytest.approx((80.0, 0.0))
 
