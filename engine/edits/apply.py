@@ -12,6 +12,7 @@ from plannerforge.engine.edits.departures import check_departures, entering_onto
 from plannerforge.engine.edits.edit_report import edit_reports, reported_collisions, touched_vehicles
 from plannerforge.engine.edits.entry_conflicts import check_entries
 from plannerforge.engine.edits.kept_scene import scene_of
+from plannerforge.engine.edits.lane_order import is_own_recording
 from plannerforge.engine.edits.missed_aims import check_not_driven_past
 from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
 from plannerforge.engine.edits.operations import resolve_edits
@@ -57,7 +58,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         _check(request, scene, changes, made.steps, result)
         report(0.8, "writing")
         notes = [*_write_changes(document, scene, changes, result), *made.notes]
-        notes += _entries_onto_ego(scene, changes, ego)
+        notes += [*_entries_onto_ego(scene, changes, ego), *_own_recordings(scene, changes)]
         files = (None, None) if request.dry_run else _write_files(request, document, net)
         if request.keep_simulation and not request.dry_run and result.tracks:
             _keep_simulation(setup, request.output)
@@ -114,6 +115,18 @@ def _entries_onto_ego(scene: Scene, changes: Changes, ego: Track | None) -> list
     if not found:
         return []
     return [f"vehicle {', '.join(map(str, found))} enters just where an ego that drives ordinarily is then"]
+
+
+def _own_recordings(scene: Scene, changes: Changes) -> list[str]:
+    """Who lies over the ego from the start whatever the edits do, so that its danger says nothing."""
+    start = changes.ego or scene.ego
+    left = {key: track for key, track in scene.tracks.items() if key not in changes.removed}
+    own = [key for key, track in left.items() if start is not None and is_own_recording(track, start)]
+    if not own:
+        return []
+    return [
+        f"{', '.join(map(str, own))} is the ego's own recording: its danger is 0 m until remove_vehicle takes it out"
+    ]
 
 
 def _write_files(request: ModificationRequest, document: ScenarioDocument, net: Path) -> tuple[Path, Path]:

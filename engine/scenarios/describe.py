@@ -1,12 +1,12 @@
 """Describing a scenario in words and ids, so that an edit can be written from it."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.kept_scene import scene_of
+from plannerforge.engine.edits.lane_order import ego_lane, is_own_recording, leader_and_follower
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import select
 from plannerforge.engine.execution.progress import ProgressReporter
@@ -17,10 +17,11 @@ from plannerforge.engine.scenarios.describe_lanelets import describe_lanelets
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.scenarios.where_words import EgoLane
 from plannerforge.schemas.errors import UnknownName, closest
-from plannerforge.schemas.scenarios import DescribedEgo, DescribedVehicle, DescribeRequest, Description, Detail
+from plannerforge.schemas.scenarios import DescribedVehicle, DescribeRequest, Description, Detail
 
 VEHICLES_SHOWN: Mapping[Detail, int] = {"brief": 8, "vehicles": 40, "lanelets": 0, "checks": 0, "recipe": 0}
 LANELETS_SHOWN: Mapping[Detail, int] = {"brief": 6, "vehicles": 0, "lanelets": 30, "checks": 0, "recipe": 0}
+OWN_RECORDING = "where the ego starts, as fast: its own recording, which counts as a collision until it is removed"
 
 
 def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
@@ -34,7 +35,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     scene = scene_of(request.path, request.problem_id).scene
     ego = describe_ego(scene)
     center, name = _center(scene, request.focus)
-    vehicles = _vehicles(scene, ego, center)
+    vehicles = _vehicles(scene, center)
     near = [vehicle for vehicle in vehicles if vehicle.distance_m <= request.radius_m]
     lanelets, total = describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
     return Description(
@@ -69,15 +70,33 @@ def _center(scene: Scene, focus: str | None) -> tuple[Points, str]:
     return tracks[chosen].positions[index], f"vehicle {chosen}"
 
 
-def _vehicles(scene: Scene, ego: DescribedEgo | None, center: Points) -> list[DescribedVehicle]:
+def _vehicles(scene: Scene, center: Points) -> list[DescribedVehicle]:
     """All vehicles by their distance to the centre; each where it is at the ego's start, or first appears."""
-    lane = _ego_lane(scene, ego)
-    begin = scene.ego.step if scene.ego else 0
+    lane = ego_lane(scene, scene.ego) if scene.ego else None
+    begin, roles = scene.ego.step if scene.ego else 0, _roles(scene)
     described = [
         _vehicle(scene, lane, track, begin, center, moves=key in scene.tracks)
         for key, track in sorted((scene.tracks | scene.standing).items())
     ]
-    return sorted(described, key=lambda vehicle: (vehicle.distance_m, vehicle.vehicle_id))
+    said = [_with_role(scene, vehicle, roles) for vehicle in described]
+    return sorted(said, key=lambda vehicle: (vehicle.distance_m, vehicle.vehicle_id))
+
+
+def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
+    """Say who is the ego's own recording, and whom ``lead`` or ``follow`` mean who is not in the ego's lane."""
+    track = scene.tracks.get(vehicle.vehicle_id)
+    if track is not None and scene.ego is not None and is_own_recording(track, scene.ego):
+        return vehicle.model_copy(update={"where": OWN_RECORDING, "gap_m": None})
+    role = roles.get(vehicle.vehicle_id)
+    if role is None or vehicle.gap_m is not None:
+        return vehicle
+    return vehicle.model_copy(update={"where": f"{vehicle.where}, {role}"})
+
+
+def _roles(scene: Scene) -> dict[int, str]:
+    lead, follow = leader_and_follower(scene, scene.ego) if scene.ego else (None, None)
+    found = {lead: "nearest ahead along lanelets: 'lead'", follow: "nearest behind along lanelets: 'follow'"}
+    return {key: role for key, role in found.items() if key is not None}
 
 
 def _vehicle(
@@ -102,11 +121,3 @@ def _vehicle(
         until_s=round((track.last_step - begin) * scene.step_s, 2),
         moves=moves and float(track.speeds_mps.max(initial=0.0)) > 0.1,
     )
-
-
-def _ego_lane(scene: Scene, ego: DescribedEgo | None) -> EgoLane | None:
-    start: Any = (ego.route or ego.lanelets or (None,))[0] if ego else None
-    if ego is None or scene.ego is None or start is None:
-        return None
-    pose = (scene.ego.position, scene.ego.heading_rad)
-    return EgoLane.of(scene.network, scene.lanelet_graph, start, ego.route, pose)

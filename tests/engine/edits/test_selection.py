@@ -1,7 +1,9 @@
 """Who is meant by a selector."""
 
+import math
+
 import pytest
-from builders import driving, town_road
+from builders import Lane, Problem, ScenarioBuilder, Vehicle, driving, line, town_road
 from edit_support import Apply
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
@@ -39,6 +41,34 @@ def test_selectors(apply: Apply, selectors: list[str], expected: tuple[int, ...]
 def test_who_comes_later_is_in_no_outer_lane_at_the_start(apply: Apply) -> None:
     late = driving(36, (20, 3.5), 8.0, 20, first_step=5)
     assert meant(apply, "leftmost", builder=town_road().cut(11).with_vehicles(*town_road().vehicles, late)) == (33,)
+
+
+def test_the_lead_may_be_on_another_branch_than_the_ego_s_way(apply: Apply) -> None:
+    turning = driving(36, (220, -30), 5.0, 11, heading_rad=-math.pi / 2)
+    builder = town_road().with_vehicles(turning, driving(37, (290, 0), 5.0, 11))
+    assert meant(apply, "lead", builder=builder) == (36,)
+
+
+def test_whose_lanelet_leaves_the_ego_s_lane_later_follows_where_it_still_is_in_it(apply: Apply) -> None:
+    lanes = (Lane(1, line((0, 0), (200, 0))), Lane(3, ((0.0, -0.3), (40.0, -0.3), (80.0, -40.0))))
+    way = tuple((30.0 + s, -0.3 - max(s - 10.0, 0.0), 0.0 if s < 10 else -math.pi / 4, 10.0) for s in range(40))
+    builder = ScenarioBuilder(lanes, (Vehicle(36, way),), problems=(Problem(start=(60.0, 0.0, 0.0, 10.0)),))
+    assert meant(apply, "follow", builder=builder) == (36,)
+
+
+def test_who_overtakes_beside_the_lane_does_not_follow(apply: Apply) -> None:
+    lanes = (Lane(1, line((0, 0), (300, 0)), left=(2, False)), Lane(2, line((300, 3.5), (0, 3.5)), left=(1, False)))
+    others = (driving(36, (25, 3.6), 12.0, 11), driving(37, (10, 0), 10.0, 11))
+    assert meant(apply, "follow", builder=ScenarioBuilder(lanes, others)) == (37,)
+
+
+def test_the_ego_s_own_recording_neither_leads_nor_follows_and_is_noted(apply: Apply) -> None:
+    builder = town_road().cut(11)
+    builder = builder.with_vehicles(*builder.vehicles, driving(36, (39.9, 0), 10.0, 11))
+    assert meant(apply, "follow", builder=builder) == (32,)
+    noted = "36 is the ego's own recording: its danger is 0 m until remove_vehicle takes it out"
+    assert noted in apply({"op": "remove_vehicle", "vehicles": ["35"]}, builder=builder).outcome.warnings
+    assert noted not in apply({"op": "remove_vehicle", "vehicles": ["36"]}, builder=builder).outcome.warnings
 
 
 def test_standing_vehicles(apply: Apply) -> None:

@@ -1,10 +1,12 @@
 """A word means in an edit whom it would mean in the file that the edits before it make."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import ScenarioBuilder, driving, town_road
+from builders import Lane, ScenarioBuilder, driving, line, town_road
 from edit_support import Apply, apply_to
 
 from plannerforge.engine.execution.progress import silent
@@ -59,6 +61,27 @@ def test_who_is_described_as_ahead_is_the_lead(apply: Apply, tmp_path: Path) -> 
     ahead = min((one for one in described if one.gap_m and (one.ahead_m or 0) > 0), key=lambda one: one.ahead_m or 0.0)
     assert ahead.where == "14 m ahead, same lane"
     assert meant(apply, AHEAD, words=["lead"]) == (ahead.vehicle_id,)
+
+
+TURNING = driving(36, (220, -30), 5.0, 11, heading_rad=-math.pi / 2)
+MERGING = (Lane(4, line((-80, -60), (0, 0)), successors=(1,)), Lane(5, line((-100, 0), (0, 0)), successors=(1,)))
+"""Lanelets 4 and 5 lead to the ego's lanelet 1."""
+
+
+@pytest.mark.parametrize("word", ["lead", "follow"])
+def test_a_description_says_whom_lead_and_follow_mean_beside_the_ego_s_lane(
+    apply: Apply, tmp_path: Path, word: str
+) -> None:
+    """On another branch than the ego's way, or on a lane that joins it."""
+    road = town_road()
+    first = replace(road.lanes[0], predecessors=(4, 5))
+    joining = driving(37, (-40, -30), 5.0, 11, heading_rad=math.atan2(60, 80))
+    builder = replace(road, lanes=(first, *road.lanes[1:], *MERGING)).with_vehicles(TURNING, joining)
+    path = builder.write(tmp_path / "beside.xml")
+    described = describe(DescribeRequest(path=path, focus=None, detail="vehicles", radius_m=400.0), silent).vehicles
+    said = [one for one in described if one.where.endswith(f"along lanelets: '{word}'")]
+    assert tuple(one.vehicle_id for one in said) == meant(apply, words=[word], builder=builder)
+    assert "same lane" not in said[0].where
 
 
 @pytest.mark.parametrize(

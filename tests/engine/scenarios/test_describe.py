@@ -1,13 +1,14 @@
 """A described scenario: where vehicles are in words, what lanelets lead to, and what the focus changes."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import Problem, driving, town_road
+from builders import Lane, Problem, ScenarioBuilder, arc, driving, line, town_road
 
 from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.scenarios.describe import describe
+from plannerforge.engine.scenarios.describe import OWN_RECORDING, describe
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.scenario_text import ego_text
 from plannerforge.schemas.scenarios import DescribeRequest, Description, Detail
@@ -37,6 +38,47 @@ def test_the_gap_is_bumper_to_bumper(town: Path) -> None:
     lead = next(vehicle for vehicle in described(town).vehicles if vehicle.vehicle_id == 31)
     assert lead.ahead_m == pytest.approx(30.0, abs=0.1)
     assert lead.gap_m == pytest.approx(30.0 - (4.5 + 4.508) / 2, abs=0.1)
+
+
+def test_who_overtakes_on_the_oncoming_lane_is_not_in_the_same_lane(tmp_path: Path) -> None:
+    lanes = (Lane(1, line((0, 0), (300, 0)), left=(2, False)), Lane(2, line((300, 3.5), (0, 3.5)), left=(1, False)))
+    beside = driving(36, (20, 3.6), 12.0, 20)
+    path = ScenarioBuilder(lanes, (beside,)).write(tmp_path / "overtaking.xml")
+    vehicle = described(path).vehicles[0]
+    assert (vehicle.lanelet, vehicle.where, vehicle.gap_m) == (1, "20 m behind, in the oncoming lane", None)
+
+
+def test_a_wide_vehicle_that_cuts_a_corner_is_still_in_its_lane(tmp_path: Path) -> None:
+    bus = driving(36, (65, -2.5), 8.0, 20, kind="bus", size_m=(12.0, 2.5))
+    vehicle = described(town_road().with_vehicles(bus).write(tmp_path / "bus.xml")).vehicles[0]
+    assert vehicle.where == "25 m ahead, same lane"
+
+
+def test_on_the_ego_s_lanelet_is_the_same_lane_at_the_edge_of_the_map_too(tmp_path: Path) -> None:
+    near_edge = replace(town_road(), problems=(Problem(start=(4.0, 0.0, 0.0, 1.0)),))
+    path = near_edge.with_vehicles(driving(36, (0.3, 0), 1.0, 20)).write(tmp_path / "edge.xml")
+    assert described(path).vehicles[0].where == "4 m behind, same lane"
+
+
+def test_a_place_that_the_lane_reaches_the_long_way_round_is_told_by_both_distances(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((0, 0), (100, 0)), successors=(2,)),
+        Lane(2, arc((100, 10), 10, -math.pi / 2, math.pi), predecessors=(1,), successors=(3,)),
+        Lane(3, line((90, 10), (90, -60)), predecessors=(2,)),
+    )
+    builder = ScenarioBuilder(lanes, problems=(Problem(start=(80.0, 0.0, 0.0, 5.0), goal=None),))
+    below = driving(36, (90, -10), 5.0, 20, heading_rad=-math.pi / 2)
+    vehicle = described(builder.with_vehicles(below).write(tmp_path / "loop.xml")).vehicles[0]
+    assert vehicle.where.startswith("14 m ahead right, heading to the right, 87 m ahead along the lane")
+    assert vehicle.gap_m is None
+
+
+@pytest.mark.parametrize(("speed_mps", "where"), [(10.0, OWN_RECORDING), (14.0, "alongside, same lane")])
+def test_the_ego_s_own_recording_is_named(tmp_path: Path, speed_mps: float, where: str) -> None:
+    path = town_road().with_vehicles(driving(36, (40.2, 0), speed_mps, 20)).write(tmp_path / "own.xml")
+    vehicle = described(path).vehicles[0]
+    assert vehicle.where == where
+    assert (vehicle.gap_m is None) == (where == OWN_RECORDING)
 
 
 def test_a_vehicle_that_comes_later_says_when(tmp_path: Path) -> None:
