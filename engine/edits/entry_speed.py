@@ -20,12 +20,16 @@ LOOK_M = 60.0
 
 @dataclass(frozen=True)
 class _Neighbour:
-    """A vehicle in the lane: how far ahead of the place its centre is (behind negative), its speed, and its length."""
+    """A vehicle in the lane: how far ahead of the place its centre is (behind negative), its speed, and its length.
+
+    ``is_parked``: it never moves.
+    """
 
     vehicle_id: int
     distance_m: float
     speed_mps: float
     length_m: float
+    is_parked: bool = False
 
     def gap_m(self, vehicle_class: VehicleClass) -> float:
         """The room between the bumpers."""
@@ -35,9 +39,9 @@ class _Neighbour:
 def entry_speed(
     scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, way: tuple[int, ...]
 ) -> float:
-    """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane.
+    """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane; parked ones are no traffic.
 
-    Never too fast for the leader, nor for the bends of the way, which begins with the lanelet of the place.
+    Never too fast for the leader, parked or not, nor for the bends of the way, which begins with the lanelet of the place.
 
     Raises:
         NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.
@@ -45,17 +49,15 @@ def entry_speed(
     fastest = min(vehicle_class.maximum_speed_mps, highest_entry_speed(scene, way, place.station_m))
     usual = min(SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id], fastest)
     neighbours = _same_lane(scene, changes, place, step)
-    if not neighbours:
-        return usual
-    nearest = min(neighbours, key=lambda one: (abs(one.distance_m), one.distance_m))
-    is_near = abs(nearest.distance_m) < LOOK_M
-    speed = min(nearest.speed_mps, fastest) if is_near else usual
+    traffic = [one for one in neighbours if not one.is_parked and abs(one.distance_m) < LOOK_M]
+    nearest = min(traffic, key=lambda one: (abs(one.distance_m), one.distance_m), default=None)
+    speed = usual if nearest is None else min(nearest.speed_mps, fastest)
     leaders = [one for one in neighbours if one.distance_m > 0]
     if leaders:
         leader = min(leaders, key=lambda one: one.distance_m)
         free = max(leader.gap_m(vehicle_class) - vehicle_class.minimum_gap_m, 0.0)
         speed = min(speed, math.sqrt(leader.speed_mps**2 + 2 * vehicle_class.deceleration_mps2 * free))
-    followers = [one for one in neighbours if one.distance_m <= 0]
+    followers = [one for one in neighbours if one.distance_m <= 0 and not one.is_parked]
     if followers:
         follower = max(followers, key=lambda one: one.distance_m)
         if _comes_along(follower, scene, changes, vehicle_class, place, step):
@@ -106,5 +108,6 @@ def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[
         lanelet = match.at(index)
         station, _ = project(lanes[lanelet].center, track.positions[index])
         distance = starts[lanelet] + station - place.station_m
-        found.append(_Neighbour(key, distance, float(track.speeds_mps[index]), track.length_m))
+        is_parked = key not in there.tracks
+        found.append(_Neighbour(key, distance, float(track.speeds_mps[index]), track.length_m, is_parked))
     return found
