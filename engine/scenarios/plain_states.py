@@ -29,7 +29,7 @@ def take_plain_states(document: Element) -> dict[int, PlainStates]:
 
     The first and the last state of each stay, so that commonroad-io reads a trajectory of the same duration. A
     trajectory is left whole where one of its states differs from the others in its fields, gives an interval or a
-    region, or holds a text that is no number.
+    region, or holds a text that is no number, or none that is finite.
     """
     found = {}
     for obstacle in document:
@@ -56,7 +56,7 @@ def _read(trajectory: Element) -> PlainStates | None:
         positions = [_point(row["position"]) for row in rows]
     except ValueError:
         return None
-    if min(times) < 0:
+    if min(times) < 0 or not np.isfinite([*columns.values()]).all():
         return None
     return PlainStates(
         positions=np.array(positions, dtype=float),

@@ -74,10 +74,11 @@ class LoadedScenario:
 
 @dataclass(frozen=True)
 class XmlRoot:
-    """Name and attributes of a document's root element."""
+    """Name and attributes of a document's root element, and how many lanelets the document has."""
 
     name: str
     attributes: dict[str, str]
+    lanelets: int
 
 
 def scan_xml(path: Path, limits: XmlLimits | None = None) -> str:
@@ -93,7 +94,7 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> str:
 
 
 def scan_root(path: Path, limits: XmlLimits | None = None) -> XmlRoot:
-    """As ``scan_xml``, with the attributes of the root element.
+    """As ``scan_xml``, with the attributes of the root element and the number of lanelets.
 
     Raises:
         UnsafeInput: naming what was found and the limit.
@@ -113,7 +114,7 @@ def scan_root(path: Path, limits: XmlLimits | None = None) -> XmlRoot:
             scan.parser.Parse(b"", True)
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise UnsafeInput(f"{path.name} is not well-formed XML: {error}") from error
-    return XmlRoot(scan.root, scan.attributes)
+    return XmlRoot(scan.root, scan.attributes, scan.lanelets)
 
 
 class _Scan:
@@ -174,17 +175,31 @@ def unsaid_remarks() -> Iterator[None]:
         log.setLevel(level)
 
 
+def refuse_without_lanelets(file_name: str, lanelets: int) -> None:
+    """commonroad-io fails on a scenario without a road, and says nothing of it.
+
+    Raises:
+        UnsafeInput: there are none.
+    """
+    if not lanelets:
+        raise UnsafeInput(
+            f"{file_name} has no lanelets, so there is no road to drive on",
+            next_step="export the scenario again with its lanelet network, or choose another file",
+        )
+
+
 def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario:
     """Scan and read a CommonRoad file (2018b or 2020a).
 
     Raises:
-        UnsafeInput: the file is hostile, broken or not a CommonRoad file.
+        UnsafeInput: the file is hostile, broken, not a CommonRoad file, or has no lanelets.
     """
     from commonroad.common.file_reader import CommonRoadFileReader
 
     root = scan_root(path, limits)
     if root.name != "commonRoad":
         raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{root.name}>, not <commonRoad>")
+    refuse_without_lanelets(path.name, root.lanelets)
     try:
         with unsaid_remarks():
             scenario, problems = CommonRoadFileReader(path).open()

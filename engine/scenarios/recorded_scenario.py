@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, ElementTree
 from commonroad.common.reader.file_reader_xml import XMLFileReader
 
 from plannerforge.engine.scenarios.plain_states import take_plain_states
-from plannerforge.engine.scenarios.reader import LoadedScenario, XmlLimits, unsaid_remarks
+from plannerforge.engine.scenarios.reader import LoadedScenario, XmlLimits, refuse_without_lanelets, unsaid_remarks
 from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
 from plannerforge.engine.scenarios.xml_document import parse_document
 from plannerforge.schemas.errors import UnsafeInput
@@ -25,11 +25,12 @@ def read_recorded(path: Path, limits: XmlLimits | None = None) -> RecordedScenar
     """Read a CommonRoad file (2018b or 2020a) as ``read_scenario`` does, in half of its time.
 
     Raises:
-        UnsafeInput: the file is hostile, broken or not a CommonRoad file.
+        UnsafeInput: the file is hostile, broken, not a CommonRoad file, or has no lanelets.
     """
     root = parse_document(path, limits)
     if root.tag != "commonRoad":
         raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{root.tag}>, not <commonRoad>")
+    refuse_without_lanelets(path.name, len(root.findall("lanelet")))
     _refuse_duplicate_ids(path.name, root)
     states = take_plain_states(root)
     try:

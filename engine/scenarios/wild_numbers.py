@@ -1,5 +1,6 @@
 """Refusing numbers that no scenario has, before they fill the memory or bend the geometry of whoever uses them."""
 
+import math
 from collections.abc import Iterable
 from itertools import chain
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from plannerforge.engine.scenarios.recorded_scenario import RecordedScenario
-from plannerforge.engine.scenarios.tracks import last_recorded_step
+from plannerforge.engine.scenarios.tracks import last_recorded_step, middle_of
 from plannerforge.schemas.errors import UnsafeInput
 
 LONGEST_COORDINATE_M = 1e8
@@ -36,6 +37,8 @@ def refuse_wild_numbers(read: RecordedScenario) -> None:
             raise UnsafeInput(
                 f"obstacle {obstacle.obstacle_id} has a size that is not above 0 and at most {LARGEST_OBSTACLE_M:g} m"
             )
+    for obstacle in scenario.dynamic_obstacles:
+        _refuse_unfinite(obstacle)
     for track in read.tracks.values():
         if not (_tame(track.positions) and _tame(track.headings_rad) and _tame(track.speeds_mps)):
             raise UnsafeInput(f"obstacle {track.obstacle_id} has states that are not finite or beyond 1e8")
@@ -47,6 +50,22 @@ def refuse_wild_numbers(read: RecordedScenario) -> None:
         if not _tame(values):
             raise UnsafeInput(f"planning problem {key} has an initial state that is not finite or beyond 1e8")
         _refuse_late(f"planning problem {key}", chain([int(state.time_step)], _goal_steps(problem)))
+
+
+def _refuse_unfinite(obstacle: Any) -> None:
+    """A value that is no number is not one that was left out: whatever is made of the file would keep it.
+
+    Of plain trajectories, which are read apart, there are the first and the last state; the rest is finite.
+    """
+    trajectory = getattr(obstacle.prediction, "trajectory", None)
+    for state in (obstacle.initial_state, *(trajectory.state_list if trajectory else ())):
+        for name in state.used_attributes:
+            value = getattr(state, name)
+            if name != "position" and value is not None and not math.isfinite(middle_of(value)):
+                raise UnsafeInput(
+                    f"obstacle {obstacle.obstacle_id} has a {name} that is not finite at step {state.time_step}",
+                    next_step=f"correct the {name} in the file, or leave it out of all states of the obstacle",
+                )
 
 
 def _goal_steps(problem: Any) -> Iterable[int]:

@@ -11,7 +11,8 @@ from builders import town_road
 
 from plannerforge.engine.execution.progress import silent
 from plannerforge.engine.scenarios.facts import read_facts
-from plannerforge.engine.scenarios.reader import scan_root
+from plannerforge.engine.scenarios.reader import read_scenario, scan_root
+from plannerforge.engine.scenarios.recorded_scenario import read_recorded
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.scenarios import ReadFactsRequest
 
@@ -38,14 +39,24 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "a packed file": (b"\x1f\x8b\x08\x00" + b"\x00" * 1000, "well-formed"),
     "a path as id": (GOOD.replace("ZAM_Builder-1_1_T-1", "../../../tmp/evil"), "naming"),
     "coordinates that are no numbers": (GOOD.replace("<x>10.0000", "<x>NaN"), "finite|readable"),
+    "a speed that is no number": (
+        GOOD.replace("<velocity><exact>10.0000", "<velocity><exact>NaN", 1),
+        "velocity .*step 0",
+    ),
+    "a later speed that is no number": (
+        re.sub("(3</exact></time><velocity><exact>)10.0000", r"\1NaN", GOOD),
+        "velocity .*step 3",
+    ),
+    "an endless acceleration": (GOOD.replace("<acceleration><exact>0.0", "<acceleration><exact>INF"), "acceleration"),
     "infinite coordinates": (GOOD.replace("<x>10.0000", "<x>1e999"), "finite|readable"),
     "coordinates beyond the earth": (GOOD.replace("<x>10.0000", "<x>1e300"), "finite|beyond"),
     "two lanelets with one id": (GOOD.replace('<lanelet id="2"', '<lanelet id="1"'), "two elements with the id 1"),
     "two vehicles with one id": (re.sub('(Obstacle id=")32"', '\\g<1>31"', GOOD), "two elements with the id 31"),
     "no lanelets": (
         HEAD + '<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" benchmarkID="A"/>',
-        "readable|naming",
+        "no lanelets",
     ),
+    "no lanelets left": (re.sub("<lanelet .*?</lanelet>", "", GOOD, flags=re.DOTALL), "no lanelets"),
     "time that stands still": (GOOD.replace('StepSize="0.1"', 'StepSize="0"'), "timeStepSize"),
     "time that is no number": (GOOD.replace('StepSize="0.1"', 'StepSize="nan"'), "timeStepSize"),
     "a recording of years": (GOOD.replace("<exact>19</exact>", "<exact>2000000000</exact>"), "2,000,000,000"),
@@ -118,6 +129,15 @@ def test_a_hostile_file_is_refused(tmp_path: Path, name: str) -> None:
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(UnsafeInput, match=reason):
         read_facts(ReadFactsRequest(path=path), silent)
+
+
+@pytest.mark.parametrize("read", [read_recorded, read_scenario])
+def test_a_file_without_a_road_says_so_and_what_to_do(tmp_path: Path, read: Callable[[Path], object]) -> None:
+    path = tmp_path / "empty.xml"
+    path.write_text(re.sub("<lanelet .*?</lanelet>", "", GOOD, flags=re.DOTALL), encoding="utf-8")
+    with pytest.raises(UnsafeInput, match=r"empty\.xml has no lanelets") as caught:
+        read(path)
+    assert "lanelet network" in caught.value.next_step
 
 
 @pytest.mark.parametrize("name", sorted(LARGE))
