@@ -8,6 +8,7 @@ import numpy as np
 from plannerforge.engine.edits.cascade import Resimulated, tracks_after
 from plannerforge.engine.edits.changes import Changes, EditStep, Replay
 from plannerforge.engine.edits.collisions import Body, body_of_track, new_overlaps
+from plannerforge.engine.edits.entry_conflicts import SOON_S
 from plannerforge.engine.edits.occupancy import CLEARANCE_M
 from plannerforge.engine.edits.scene import EGO_SIZE_M, Scene
 from plannerforge.engine.edits.shift_time import moved_in_time
@@ -71,14 +72,17 @@ def _on_top(changes: Changes, result: Resimulated, bodies: Mapping[int, Body]) -
                 yield key, other
     moved = {key: shifted_body(one) for key, one in shifted.items()}
     for key, body in moved.items():
-        yield from ((key, other) for other in _under(body, bodies, moved))
+        yield from ((key, other) for other in _hit(_beginning(body, 1), bodies, moved))
 
 
-def _under(body: Body, bodies: Mapping[int, Body], moved: Mapping[int, Body]) -> tuple[int, ...]:
-    """Whom a recording moved in time begins on top of."""
-    first = replace(body, positions=body.positions[:1], headings_rad=body.headings_rad[:1])
-    hits = new_overlaps([first], (one for other, one in bodies.items() if other != body.key), moved)
+def _hit(body: Body, bodies: Mapping[int, Body], moved: Mapping[int, Body]) -> tuple[int, ...]:
+    """Whom the beginning of a recording moved in time overlaps, and did not as recorded."""
+    hits = new_overlaps([body], (one for other, one in bodies.items() if other != body.key), moved)
     return tuple(hit.second for hit in hits)
+
+
+def _beginning(body: Body, states: int) -> Body:
+    return replace(body, positions=body.positions[:states], headings_rad=body.headings_rad[:states])
 
 
 def _shift(edit: Edit, step: EditStep, scene: Scene, changes: Changes) -> _Shift:
@@ -87,7 +91,7 @@ def _shift(edit: Edit, step: EditStep, scene: Scene, changes: Changes) -> _Shift
 
 
 def _fitting_times(shift: _Shift, scene: Scene, bodies: Mapping[int, Body]) -> list[str]:
-    """The nearest smaller and larger ``time_s`` at which all vehicles of an edit begin where nobody else is."""
+    """The nearest smaller and larger ``time_s`` at which nobody is met soon where the vehicles of an edit begin."""
     found = []
     for sign in (-1, 1):
         tried = (shift.steps + sign * more for more in range(1, 2 * scene.last_step))
@@ -106,7 +110,8 @@ def _fits(shift: _Shift, steps: int, scene: Scene, bodies: Mapping[int, Body]) -
         size_m = track.length_m + 2 * CLEARANCE_M, track.width_m + CLEARANCE_M
         moved[key] = replace(body_of_track(track), size_m=size_m, shifted_steps=total)
     there = {**bodies, **moved}
-    return not any(_under(body, there, moved) for body in moved.values())
+    states = round(SOON_S / scene.step_s) + 1
+    return not any(_hit(_beginning(body, states), there, moved) for body in moved.values())
 
 
 def _ego(scene: Scene) -> tuple[Body, ...]:
