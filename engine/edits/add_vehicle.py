@@ -1,5 +1,6 @@
 """Edit P: put new vehicles in."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from plannerforge.engine.edits.behaviours import behaviour_from, own_minimum_gap
 from plannerforge.engine.edits.changes import Changes, DrivePlan, EditStep
 from plannerforge.engine.edits.entry_speed import entry_speed
 from plannerforge.engine.edits.lanelet_targets import drive_to, nearest_driven, target_lanelets
-from plannerforge.engine.edits.occupancy import free_places, occupant
+from plannerforge.engine.edits.occupancy import CLEARANCE_M, free_places, occupant
 from plannerforge.engine.edits.placing import Place, ahead, first_place
 from plannerforge.engine.edits.road_users import check_allowed
 from plannerforge.engine.edits.scene import Scene
@@ -20,6 +21,7 @@ from plannerforge.schemas.grammar import parse_quantity
 from plannerforge.schemas.modification import Edit
 
 USUAL_SPACING_M = 10.0
+ROUNDING_M = 0.01
 
 
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -37,15 +39,47 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     check_allowed(vehicle_class.name, place.lanelet_id, scene)
     count = edit.count or 1
     spacing = edit.spacing_m if edit.spacing_m is not None else max(USUAL_SPACING_M, 2 * vehicle_class.length_m)
+    targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
     added: list[int] = []
+    places: list[Place] = []
     for number in range(count):
-        plan = _plan(edit, scene, changes, vehicle_class, ahead(scene, place, number * spacing))
+        try:
+            places.append(ahead(scene, place, number * spacing, targets))
+            plan = _plan(edit, scene, changes, vehicle_class, places[-1], targets)
+        except NotPossible as error:
+            if number == 0:
+                raise
+            raise _no_more(error, number, count, spacing, vehicle_class) from error
         added.append(changes.next_id)
         changes = replace(changes.with_plan(plan), next_id=changes.next_id + 1)
-    where = f"on lanelet {place.lanelet_id} at {place.station_m:.1f} m"
-    what = f"{vehicle_class.name} {', '.join(map(str, added))} {where}, {_entries(edit, scene, changes, added)}"
+    who = f"{vehicle_class.name} {', '.join(map(str, added))}"
+    what = f"{who} {_where(places, spacing)}, {_entries(edit, scene, changes, added)}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
     return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
+
+
+def _where(places: list[Place], spacing_m: float) -> str:
+    """Where the vehicles enter, the first and the last of several."""
+    first, last = places[0], places[-1]
+    begin, end = (f"lanelet {place.lanelet_id} at {place.station_m:.1f} m" for place in (first, last))
+    if len(places) == 1:
+        return f"on {begin}"
+    if first.lanelet_id == last.lanelet_id:
+        along = f"on lanelet {first.lanelet_id} from {first.station_m:.1f} to {last.station_m:.1f} m"
+    else:
+        along = f"from {begin} to {end}"
+    return f"{along}, {spacing_m:g} m apart"
+
+
+def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehicle_class: VehicleClass) -> NotPossible:
+    """The refusal of several vehicles of which only some have a place: fewer of them or another spacing would do."""
+    least_m = math.ceil(10 * (vehicle_class.length_m + CLEARANCE_M + ROUNDING_M)) / 10
+    too_near = spacing_m < least_m
+    return NotPossible(
+        f"{number} of {count} vehicles have a place, {spacing_m:g} m apart; of the next: {error.message}",
+        valid=[f"spacing_m={least_m:g} or more"] if too_near else [f"count={number}"],
+        next_step="choose a larger spacing_m" if too_near else "add fewer, or choose another place or spacing_m",
+    )
 
 
 def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> str:
@@ -76,10 +110,16 @@ def _class(word: str | None) -> VehicleClass:
     return classes[word.strip().lower()]
 
 
-def _plan(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> DrivePlan:
+def _plan(
+    edit: Edit,
+    scene: Scene,
+    changes: Changes,
+    vehicle_class: VehicleClass,
+    place: Place,
+    targets: frozenset[int],
+) -> DrivePlan:
     step = _free_step(edit, scene, changes, vehicle_class, place)
     usual = behaviour_from(usual_behaviour(vehicle_class), edit.preset, edit.params, own_minimum_gap_m(vehicle_class))
-    targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
     who = f"the added {vehicle_class.name}"
     way = drive_to(scene, place.lanelet_id, targets, who) if targets else (place.lanelet_id,)
     edges = scene.edge_graph.route(way)

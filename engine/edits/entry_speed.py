@@ -41,7 +41,7 @@ def entry_speed(
 ) -> float:
     """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane; parked ones are no traffic.
 
-    Never too fast for the leader, even a parked one, nor for the bends of the way, which begins with the place's lanelet.
+    Never too fast for the leader, parked or not, nor for the bends of the way, which begins with the place's lanelet.
 
     Raises:
         NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.

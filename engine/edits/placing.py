@@ -80,8 +80,10 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
     return ahead(scene, Place(lane, station), edit.offset_m or 0.0)
 
 
-def ahead(scene: Scene, place: Place, distance_m: float) -> Place:
+def ahead(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
     """The place farther along the lane (behind for a negative distance), over the straightest joints.
+
+    ``targets``: lanelets on the shortest way to any of which it lies, as far as a way leads there.
 
     Raises:
         NotPossible: the road ends before.
@@ -100,6 +102,7 @@ def ahead(scene: Scene, place: Place, distance_m: float) -> Place:
             )
         before, current = lanes[key].length_m, lanes[key].center
         if forward:
+            onward = _towards(scene, key, onward, targets)
             key = max(onward, key=lambda other: (straightness(current, lanes[other].center), -other))
             station -= before
         else:
@@ -107,6 +110,15 @@ def ahead(scene: Scene, place: Place, distance_m: float) -> Place:
             station += lanes[key].length_m
         seen.add(key)
     return Place(key, station)
+
+
+def _towards(scene: Scene, key: int, onward: list[int], targets: frozenset[int]) -> list[int]:
+    """Those of the lanelets after one that are on the shortest way to targets, else that lead there, else all."""
+    if not targets:
+        return onward
+    way = scene.driven_graph.shortest_route([key], sorted(targets)) or ()
+    leading = [other for other in onward if scene.driven_graph.shortest_route([other], sorted(targets))]
+    return [other for other in onward if other in way] or leading or onward
 
 
 def _lanelet(text: str, scene: Scene, changes: Changes) -> int | None:
@@ -153,22 +165,37 @@ def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) ->
 
 
 def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
-    """The nearest lane of the other direction beside a point so far along the reference's own lane."""
+    """The lane of the other direction beside a point so far along the reference's own lane.
+
+    It is the one that the map says lies beside, else the nearest.
+    """
     station, _ = project(scene.layout.table.lanes[reference.lanelet_id].center, reference.position)
-    point, heading = ahead(scene, Place(reference.lanelet_id, station), offset_m).pose(scene)
+    own = ahead(scene, Place(reference.lanelet_id, station), offset_m)
+    (point, heading), declared = own.pose(scene), _declared_opposite(scene, own.lanelet_id)
     found = []
     for key, lane in scene.layout.table.lanes.items():
         station, beside = project(lane.center, point)
         against = abs(wrap_angle(point_at(lane.center, station)[1] - heading)) > ONCOMING_RAD
         if against and abs(beside) <= ONCOMING_REACH_M and 0.0 < station < lane.length_m:
-            found.append((abs(beside), key, station))
+            found.append((key != declared, abs(beside), key, station))
     if not found:
         raise NotPossible(
             f"{reference.name} has no oncoming lane beside its own {offset_m:+.1f} m along it",
             valid=["lane=same, left or right", "another offset_m"],
             next_step="choose another place",
         )
-    return Place(min(found)[1], min(found)[2])
+    *_, key, station = min(found)
+    return Place(key, station)
+
+
+def _declared_opposite(scene: Scene, lanelet_id: int) -> int | None:
+    """The lanelet of the other direction that the map puts to the left of a lanelet and those beside it, or None."""
+    lanes, seen = scene.layout.table.lanes, {lanelet_id}
+    while (left := lanes[lanelet_id].left) in lanes and left not in seen:
+        lanelet_id = left
+        seen.add(left)
+    lanelet = scene.network.find_lanelet_by_id(lanelet_id)
+    return None if lanelet.adj_left_same_direction else lanelet.adj_left
 
 
 def _lane_beside(reference: _Reference, side: str, scene: Scene) -> int:
