@@ -201,11 +201,17 @@ def _late_entries(scene: Scene, changes: Changes, result: Resimulated) -> list[s
     """Who enters after time 0, for which CommonRoad's schema has no form."""
     steps = {key: plan.from_step for key, plan in result.plans.items() if plan.cause == "added"}
     steps |= {key: replay.track.first_step for key, replay in changes.replays.items()}
-    entries = [
-        f"vehicle {key} enters at {step * scene.step_s:.1f} s" for key, step in sorted(steps.items()) if step > 0
-    ]
-    if not entries:
+    late: dict[int, list[int]] = {}
+    for key, step in sorted(steps.items(), key=lambda entry: (entry[1], entry[0])):
+        if step > 0:
+            late.setdefault(step, []).append(key)
+    if not late:
         return []
+    entries = [
+        f"vehicle{'s' * (len(keys) > 1)} {', '.join(map(str, keys))} enter{'s' * (len(keys) == 1)} at "
+        f"{step * scene.step_s:.1f} s"
+        for step, keys in late.items()
+    ]
     return [f"{', '.join(entries)}: CommonRoad's schema wants everybody there at time 0, its reader takes it"]
 
 

@@ -42,6 +42,11 @@ def test_an_entry_after_time_0_is_written_as_it_is_and_said_because_the_schema_h
     assert any(text.startswith(said) for text in applied.outcome.warnings)
 
 
+def test_those_that_enter_at_one_time_are_told_of_together(apply: Apply) -> None:
+    (told,) = apply({"op": "shift_time", "vehicles": ["31", "34"], "time_s": 1}).outcome.warnings
+    assert told.startswith("vehicles 31, 34 enter at 1.0 s: ")
+
+
 def test_two_shifts_add_up_and_lose_nothing(apply: Apply) -> None:
     applied = apply(ONCOMING | {"time_s": -3}, ONCOMING | {"time_s": 3})
     assert np.array_equal(applied.tracks()[34].positions, applied.base_tracks()[34].positions)
