@@ -123,6 +123,16 @@ def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]
     }
 
 
+def values_set(params: Sequence[str], made: Sequence[Behaviour]) -> list[str]:
+    """Single parameters as given, relative ones with the value that acts, or the smallest and largest of several."""
+    said = []
+    for text, one in zip(params, map(parse_assignment, params), strict=True):
+        values = sorted({behaviour.values[one.name] for behaviour in made}) if one.operator != "=" else []
+        told = " … ".join(f"{value:g}" for value in (values if len(values) < 3 else (values[0], values[-1])))
+        said.append(f"{text} ({told})" if told else text)
+    return said
+
+
 def _assigned(values: Mapping[str, float], assignment: Assignment) -> float:
     allowed = PARAMETERS.get(assignment.name)
     if allowed is None:

@@ -24,8 +24,9 @@ def plan_from(scene: Scene, changes: Changes, vehicle_id: int, time_s: float | N
         last = scene.tracks[vehicle_id].last_step - 1
     step = first if time_s is None else round(time_s / scene.step_s)
     if not first <= step <= last:
+        asked_s = step * scene.step_s if time_s is None else time_s
         raise InvalidRequest(
-            f"vehicle {vehicle_id} is not there at {step * scene.step_s:g} s",
+            f"vehicle {vehicle_id} is not there at {asked_s:g} s",
             valid=[f"time_s in {first * scene.step_s:g} … {last * scene.step_s:g}"],
             next_step="choose a time_s at which it is there",
         )

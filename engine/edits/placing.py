@@ -90,14 +90,14 @@ def ahead(scene: Scene, place: Place, distance_m: float, targets: frozenset[int]
     """
     lanes, table = scene.layout.table.lanes, scene.layout.table
     key, station, seen = place.lanelet_id, place.station_m + distance_m, {place.lanelet_id}
+    room_m = lanes[key].length_m - place.station_m if distance_m > 0.0 else -place.station_m
     while not 0.0 <= station <= lanes[key].length_m:
         forward = station > lanes[key].length_m
         onward = [other for other in (table.successors if forward else table.predecessors)[key] if other not in seen]
         if not onward:
-            beyond = station - lanes[key].length_m if forward else station
             raise NotPossible(
-                f"the road ends before {distance_m:+.1f} m from lanelet {place.lanelet_id} at {place.station_m:.1f} m",
-                valid=[f"up to {distance_m - beyond:+.1f} m, where lanelet {key} {'ends' if forward else 'begins'}"],
+                f"the road ends before {distance_m:+.6g} m from lanelet {place.lanelet_id} at {place.station_m:.1f} m",
+                valid=[f"up to {room_m:+.1f} m, where lanelet {key} {'ends' if forward else 'begins'}"],
                 next_step="choose a place within the road",
             )
         before, current = lanes[key].length_m, lanes[key].center
@@ -105,9 +105,11 @@ def ahead(scene: Scene, place: Place, distance_m: float, targets: frozenset[int]
             onward = _towards(scene, key, onward, targets)
             key = max(onward, key=lambda other: (straightness(current, lanes[other].center), -other))
             station -= before
+            room_m += lanes[key].length_m
         else:
             key = max(onward, key=lambda other: (straightness(lanes[other].center, current), -other))
             station += lanes[key].length_m
+            room_m -= lanes[key].length_m
         seen.add(key)
     return Place(key, station)
 
@@ -180,7 +182,7 @@ def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
             found.append((key != declared, abs(beside), key, station))
     if not found:
         raise NotPossible(
-            f"{reference.name} has no oncoming lane beside its own {offset_m:+.1f} m along it",
+            f"{reference.name} has no oncoming lane beside its own {offset_m:+.6g} m along it",
             valid=["lane=same, left or right", "another offset_m"],
             next_step="choose another place",
         )

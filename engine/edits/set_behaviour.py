@@ -2,7 +2,14 @@
 
 from dataclasses import replace
 
-from plannerforge.engine.edits.behaviours import behaviour_from, own_minimum_gap_m, parameters_set, presets
+from plannerforge.engine.edits.behaviours import (
+    Behaviour,
+    behaviour_from,
+    own_minimum_gap_m,
+    parameters_set,
+    presets,
+    values_set,
+)
 from plannerforge.engine.edits.changes import Changes, EditStep, plan_of
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.edits.selection import select
@@ -30,6 +37,7 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         )
     vehicles = select(edit.vehicles, scene, changes)
     kept: list[str] = []
+    made: list[Behaviour] = []
     for vehicle_id in vehicles:
         plan = plan_of(scene, changes, vehicle_id)
         own_gap_m = own_minimum_gap_m(plan.vehicle_class)
@@ -37,8 +45,9 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         if edit.preset and own_gap_m is not None and behaviour.values["minGap"] == own_gap_m:
             kept.append(f"{plan.vehicle_class.name} {vehicle_id} keeps its own minGap of {own_gap_m:g} m")
         changes = changes.with_plan(replace(plan, behaviour=behaviour))
+        made.append(behaviour)
     words = [edit.preset.strip().lower()] if edit.preset else []
     shown = ", ".join(str(key) for key in vehicles[:8]) + (" …" if len(vehicles) > 8 else "")
-    what = f"{' '.join([*words, *edit.params])} for {shown}"
+    what = f"{' '.join([*words, *values_set(edit.params, made)])} for {shown}"
     said = "; ".join([what, *kept[:MOST_KEPT_NAMED]])
     return EditStep(changes, vehicles, said, parameters=parameters_set(edit.preset, edit.params))

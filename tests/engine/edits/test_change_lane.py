@@ -91,6 +91,8 @@ def test_a_time_at_which_it_is_not_there_is_refused_with_the_times_it_is(apply: 
     with pytest.raises(InvalidRequest, match="31 is not there at 20 s") as caught:
         apply(LEFT | {"time_s": 20.0}, builder=FREE)
     assert caught.value.valid == ("time_s in 0 … 9.9",)
+    with pytest.raises(InvalidRequest, match=r"31 is not there at 9\.96 s"):
+        apply(LEFT | {"time_s": 9.96}, builder=FREE)
 
 
 def test_a_lane_that_leads_elsewhere_is_driven_on_in(apply: Apply) -> None:

@@ -86,11 +86,12 @@ def test_of_several_each_departure_is_told_where_they_differ(apply: Apply) -> No
     assert second == "102: 10.0 m/s, from 1.0 s on"
 
 
-@pytest.mark.parametrize(("offset_m", "largest_m"), [(-50, "-40.0"), (300, "+260.0")])
+@pytest.mark.parametrize(("offset_m", "largest_m"), [(-50, "-40.0"), (300, "+260.0"), (1e308, "+260.0")])
 def test_beyond_the_road_the_largest_offset_is_named_and_works(apply: Apply, offset_m: float, largest_m: str) -> None:
     with pytest.raises(NotPossible, match="the road ends before") as caught:
         apply(CAR | {"at": "ego", "offset_m": offset_m}, builder=SHORT)
     assert caught.value.valid[0].startswith(f"up to {largest_m} m")
+    assert len(caught.value.text) < 300
     alone = SHORT.with_vehicles(driving(31, (10, 7), 9, 31))
     assert apply(CAR | {"at": "ego", "offset_m": float(largest_m)}, builder=alone).outcome.edits[0].done
 

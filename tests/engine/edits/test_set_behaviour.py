@@ -25,6 +25,13 @@ def test_presets_act_in_their_order(apply: Apply) -> None:
     assert reached["emergency"] > reached["aggressive"] > reached["balanced"] > reached["cautious"] > reached["eco"]
 
 
+def test_of_a_relative_parameter_the_value_that_acts_is_told(apply: Apply) -> None:
+    first = {"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=2"]}
+    twice = {"op": "set_behaviour", "vehicles": ["31", "32", "33"], "params": ["tau*2", "sigma=0.1"]}
+    _, told = apply(first, twice).outcome.edits
+    assert told.what == "tau*2 (2 … 4) sigma=0.1 for 31, 32, 33"
+
+
 def test_a_longer_headway_keeps_farther_from_the_leader(apply: Apply) -> None:
     west = math.pi
     leader, follower = (driving(key, (x, 7), 8.0, 151, heading_rad=west) for key, x in ((32, 240), (33, 270)))
