@@ -71,7 +71,7 @@ class Journey:
         driven = float(np.linalg.norm(np.diff(self.track.positions, axis=0), axis=1).sum())
         if left > before - DETOUR_SHARE * driven + ROOM_M:
             return False
-        return before > self._slow_reach_m() or self._lacks_time_to_change() or self._finds_no_gap()
+        return before + LINE_M > self._slow_reach_m() or self._lacks_time_to_change() or self._finds_no_gap()
 
     def _slow_reach_m(self) -> float:
         """How far a driver in no hurry gets in the time that the vehicle is there and not held up."""

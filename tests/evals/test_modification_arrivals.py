@@ -43,6 +43,14 @@ def test_one_who_had_time_and_a_free_road_is_not(folder: Path) -> None:
     assert not dawdling.is_late_with_reason()
 
 
+@pytest.mark.parametrize(("spare_m", "is_late"), [(-0.3, True), (0.3, True), (0.7, False)])
+def test_one_who_gets_to_the_line_and_no_farther_had_no_time(folder: Path, spare_m: float, is_late: bool) -> None:
+    reach_m = 8.0 * (4.0 / 1.5) + 6.0 * (5.9 - 4.0 / 1.5)
+    begin_m = 200.0 - 4.5 / 2 - (reach_m - spare_m)
+    short = slowing(journey(folder, {12}, driving(51, (begin_m, 0), 10.0, 60)), 3.5)
+    assert short.is_late_with_reason() is is_late
+
+
 def test_one_who_drove_past_or_another_way_is_not(folder: Path) -> None:
     assert not journey(folder, {12}, driving(51, (150, 0), 10.0, 100)).is_late_with_reason()
     assert not journey(folder, {12}, driving(51, (150, 3.5), 10.0, 100)).is_late_with_reason()
