@@ -7,7 +7,7 @@ import numpy as np
 
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.rendering.canvas import SMALL_PT, TEXT_PT, TITLE_PT
-from plannerforge.engine.rendering.palette import EGO_COLOUR, INK, MUTED, class_colour, series_style
+from plannerforge.engine.rendering.palette import EGO_COLOUR, INK, MUTED, class_colour, light_mark, series_style
 from plannerforge.engine.rendering.scene_view import Inventory
 from plannerforge.engine.rendering.viewport import Viewport
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Handle = TypeVar("Handle")
 
 _CLASS_WORDS = {"priorityVehicle": "emergency vehicle", "parkedVehicle": "parked vehicle", "unknown": "other"}
+_LIGHT_WORDS = {"redYellow": "red and yellow", "inactive": "off"}
 
 
 def write_title(figure: "Figure", title: str, subtitle: str, *, x: float = 0.012, top_px: float = 10) -> None:
@@ -89,8 +90,9 @@ def draw_legend(figure: "Figure", shown: Inventory) -> None:
     ]
     if shown.has_stop_lines:
         handles.append(Line2D([], [], color=INK, linewidth=2.6, label="stop line"))
-    if shown.signals:
-        handles.append(mark("o", "#C8C8C8", 7, f"traffic light: {', '.join(shown.signals)}"))
+    handles += [
+        mark(*light_mark(state), 7, f"traffic light: {_LIGHT_WORDS.get(state, state)}") for state in shown.signals
+    ]
     if handles:
         figure.legend(
             handles=_by_rows(handles, shown.columns),

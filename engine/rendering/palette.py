@@ -16,10 +16,10 @@ EGO_COLOUR = VERMILLION
 INK = "#1A1A1A"
 MUTED = "#5A5A5A"
 ROAD, ROAD_EDGE, DIRECTION = "#E4E4E4", "#9A9A9A", "#B4B4B4"
-LIGHT_RED, LIGHT_YELLOW, LIGHT_GREEN = "#D62728", "#E6B800", "#1A9850"
+LIGHT_RED, LIGHT_YELLOW, LIGHT_GREEN, LIGHT_OFF = "#D62728", "#E6B800", "#1A9850", "#C8C8C8"
 
 EXACT = (
-    "#FFFFFF", INK, MUTED, ROAD, ROAD_EDGE, DIRECTION, LIGHT_RED, LIGHT_YELLOW, LIGHT_GREEN,
+    "#FFFFFF", INK, MUTED, ROAD, ROAD_EDGE, DIRECTION, LIGHT_RED, LIGHT_YELLOW, LIGHT_GREEN, LIGHT_OFF,
     BLACK, ORANGE, SKY_BLUE, GREEN, YELLOW, BLUE, VERMILLION, PURPLE, GREY,
 )  # fmt: skip
 """Colours that carry a meaning: they stay exact where an image is reduced to a palette."""
@@ -48,6 +48,13 @@ _OUTCOME_COLOURS = {
     "invalid": "#BDBDBD",
 }
 
+_LIGHT_MARKS = {
+    "red": ("s", LIGHT_RED),
+    "redYellow": ("s", LIGHT_YELLOW),
+    "yellow": ("D", LIGHT_YELLOW),
+    "green": ("o", LIGHT_GREEN),
+}
+
 LineStyle = Literal["solid"] | tuple[float, tuple[float, ...]]
 
 _SERIES: tuple[tuple[str, LineStyle], ...] = (
@@ -63,6 +70,11 @@ _SERIES: tuple[tuple[str, LineStyle], ...] = (
 def class_colour(obstacle_type: str) -> str:
     """Fill colour of a CommonRoad obstacle type; grey for those without a class of their own."""
     return _CLASS_COLOURS.get(obstacle_type, GREY)
+
+
+def light_mark(state: str) -> tuple[str, str]:
+    """Marker and fill colour of a traffic light in a state: the shape says it as well; a light grey dot if inactive."""
+    return _LIGHT_MARKS.get(state, ("o", LIGHT_OFF))
 
 
 def outcome_colour(outcome: str) -> str:

@@ -13,11 +13,9 @@ from plannerforge.engine.rendering.palette import (
     DIRECTION,
     EGO_COLOUR,
     INK,
-    LIGHT_GREEN,
-    LIGHT_RED,
-    LIGHT_YELLOW,
     ROAD,
     ROAD_EDGE,
+    light_mark,
 )
 from plannerforge.engine.rendering.scene_content import LaneletShape, SceneContent
 from plannerforge.engine.rendering.viewport import Viewport
@@ -29,7 +27,6 @@ ON_SURFACE_M = 0.15
 PIECE_M = 2.0
 LARGEST_GAP_PIECES = 5
 LANE_LINE = "#FFFFFF"
-_LIGHT_COLOURS = {"red": LIGHT_RED, "redYellow": LIGHT_RED, "yellow": LIGHT_YELLOW, "green": LIGHT_GREEN}
 
 
 def draw_road(axes: "Axes", content: SceneContent, viewport: Viewport) -> None:
@@ -85,18 +82,14 @@ def draw_stop_lines(axes: "Axes", content: SceneContent) -> None:
 
 
 def draw_signals(axes: "Axes", content: SceneContent, step: int, viewport: Viewport) -> None:
-    """Draw the traffic lights in the colour of the moment.
-
-    The shape says the colour as well: red square, yellow diamond, green circle.
-    """
-    shapes = {"red": "s", "redYellow": "s", "yellow": "D", "green": "o"}
+    """Draw the traffic lights with the marks of the moment."""
     seen = [signal for signal in content.signals if viewport.contains(signal.position[None, :])]
     for signal in seen:
-        state = signal.state_at(step)
+        marker, colour = light_mark(signal.state_at(step))
         axes.plot(
             *signal.position,
-            marker=shapes.get(state, "o"),
-            color=_LIGHT_COLOURS.get(state, "#C8C8C8"),
+            marker=marker,
+            color=colour,
             markeredgecolor=INK,
             markersize=7,
             linestyle="none",

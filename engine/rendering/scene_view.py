@@ -49,8 +49,9 @@ class Inventory:
     @property
     def rows(self) -> int:
         """Lines of the legend."""
-        flags = (self.has_ego, self.has_goal, self.has_stop_lines, bool(self.signals), self.has_collision)
-        return max(math.ceil((len(self.kinds) + len(self.runs) + sum(flags)) / self.columns), 1)
+        flags = (self.has_ego, self.has_goal, self.has_stop_lines, self.has_collision)
+        entries = len(self.kinds) + len(self.signals) + len(self.runs) + sum(flags)
+        return max(math.ceil(entries / self.columns), 1)
 
 
 def inventory(
