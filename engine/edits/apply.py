@@ -13,6 +13,7 @@ from plannerforge.engine.edits.edit_report import edit_reports, reported_collisi
 from plannerforge.engine.edits.entry_conflicts import check_entries
 from plannerforge.engine.edits.kept_scene import scene_of
 from plannerforge.engine.edits.lane_order import is_own_recording
+from plannerforge.engine.edits.leaders import everybody_after
 from plannerforge.engine.edits.missed_aims import check_not_driven_past
 from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
 from plannerforge.engine.edits.operations import resolve_edits
@@ -25,7 +26,7 @@ from plannerforge.engine.execution.progress import ProgressReporter
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.drivability import check_drivability
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.modification import ModificationOutcome, ModificationRequest, TouchedVehicle
+from plannerforge.schemas.modification import EditReport, ModificationOutcome, ModificationRequest, TouchedVehicle
 
 SCENARIO_FILE, NET_FILE = "scenario.xml", "scenario.net.xml"
 
@@ -63,8 +64,9 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
         if request.keep_simulation and not request.dry_run and result.tracks:
             _keep_simulation(setup, request.output)
     after = None if ego is None else danger_after(ego, scene, changes, result)
+    reports = edit_reports(request, scene, made.steps, result, everybody_after(scene, changes, result, ego))
     dangers = (None if before is None else before.danger, after)
-    return _outcome(request, scene, changes, made.steps, result, dangers, files, notes)
+    return _outcome(request, scene, changes, reports, result, dangers, files, notes)
 
 
 def _check(
@@ -147,7 +149,7 @@ def _outcome(
     request: ModificationRequest,
     scene: Scene,
     changes: Changes,
-    steps: tuple[EditStep, ...],
+    edits: tuple[EditReport, ...],
     result: Resimulated,
     dangers: tuple[Danger | None, Danger | None],
     files: tuple[Path | None, Path | None],
@@ -158,7 +160,7 @@ def _outcome(
     return ModificationOutcome(
         xml=files[0],
         net=files[1],
-        edits=edit_reports(request, scene, steps, result),
+        edits=edits,
         touched=touched,
         removed=tuple(sorted(changes.removed)),
         collisions=reported_collisions(scene, result),

@@ -1,10 +1,14 @@
-"""What kept a driven vehicle from getting on: red lights, standing, and lanelets that are driven slowly."""
+"""What kept a driven vehicle from getting on: red lights, standing, slow lanelets, and who drove ahead."""
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from plannerforge.engine.edits.handover import TouchedTrack
+from plannerforge.engine.edits.leaders import in_words, leader
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.geometry.polyline import project
+from plannerforge.engine.scenarios.tracks import Track
 
 STANDING_MPS = 0.1
 LEAST_STANDING_S = 1.0
@@ -20,21 +24,28 @@ AT_LINE_M = 3.0
 RED = frozenset("ru")
 
 
-def delay(scene: Scene, track: TouchedTrack, driven: tuple[int, ...] = ()) -> str:
-    """Where a vehicle stood longest, or else which lanelet made it slow, as the end of a sentence; "" for neither.
+def delay(scene: Scene, track: TouchedTrack, others: Mapping[int, Track], driven: tuple[int, ...] = ()) -> str:
+    """What held a vehicle up, as the end of a sentence: where it stood longest, slow lanelets, somebody ahead, or "".
 
-    ``driven``: the lanelets that it gets onto; with its bumper over the line of the next one it stands on the last.
+    ``others``: everybody as the edits leave them. ``driven``: the lanelets that it gets onto; with its bumper over the
+    line of the next one it stands on the last.
     """
     steps, key = _longest_stand(scene, track, driven)
     stood_s = len(steps) * scene.step_s
     if stood_s >= LEAST_STANDING_S:
-        return f", after {stood_s:.1f} s {_standing(scene, track, steps, key)} lanelet {key}"
+        where = f"{_standing(scene, track, steps, key)} lanelet {key}"
+        return f", after {stood_s:.1f} s {where}{_behind(scene, track, others, steps)}"
     slow = _slow_lanelet(scene, track)
-    return (
-        ""
-        if slow is None
-        else f", on lanelets that allow no more than {scene.driven_speeds_mps[slow]:.1f} m/s ({slow})"
-    )
+    if slow is None:
+        behind = _behind(scene, track, others, range(track.first_step, track.last_step + 1))
+        return f",{behind}" if behind else ""
+    return f", on lanelets that allow no more than {scene.driven_speeds_mps[slow]:.1f} m/s ({slow})"
+
+
+def _behind(scene: Scene, track: TouchedTrack, others: Mapping[int, Track], steps: Sequence[int]) -> str:
+    """Behind whom a vehicle was for most of some steps, in words; "" for nobody."""
+    ahead = leader(track, others, np.array(steps) - track.first_step)
+    return "" if ahead is None else f" behind {in_words(scene, ahead)}"
 
 
 def _standing(scene: Scene, track: TouchedTrack, steps: list[int], key: int) -> str:

@@ -1,6 +1,6 @@
 """What is said about edits that were carried out: routes, arrival, feasibility, collisions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -28,17 +28,23 @@ from plannerforge.schemas.modification import (
 
 
 def edit_reports(
-    request: ModificationRequest, scene: Scene, steps: tuple[EditStep, ...], result: Resimulated
+    request: ModificationRequest,
+    scene: Scene,
+    steps: tuple[EditStep, ...],
+    result: Resimulated,
+    others: Mapping[int, Track],
 ) -> tuple[EditReport, ...]:
     """One report per edit of this request; those of earlier requests are not repeated.
 
     An edit is not done where those that follow leave nothing of it.
+
+    ``others``: everybody as the edits leave them.
     """
     found = []
     for index in range(request.earlier, len(request.edits)):
         edit, step = request.edits[index], steps[index]
         driven = [key for key in step.vehicles if key in result.tracks]
-        routes = tuple(vehicle_route(scene, step, result.plans[key], result.tracks[key]) for key in driven)
+        routes = tuple(vehicle_route(scene, step, result.plans[key], result.tracks[key], others) for key in driven)
         speeds = speeds_reached(scene, step, result)
         kept = why_driven(step.vehicles, scene, steps[-1].changes, result) if edit.op == "shift_time" else []
         undone = _undone(edit.op, step, steps[index + 1 :], result, routes)
@@ -70,7 +76,9 @@ def _undone(
     return ["a later edit removes what it is about" if is_removed else "later edits overrule it"]
 
 
-def vehicle_route(scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedTrack) -> VehicleRoute:
+def vehicle_route(
+    scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedTrack, others: Mapping[int, Track]
+) -> VehicleRoute:
     """The lanelets that a vehicle drives, as simulated, and whether it gets to one lanelet of each aim of an edit.
 
     For one that does not get there in time they go on as it would drive, as long as there is a way.
@@ -81,7 +89,7 @@ def vehicle_route(scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedT
         return VehicleRoute(vehicle_id=key, lanelets=driven)
     later = driven_since(scene, track, step.since[key]) if key in step.since else driven
     missed = [targets for targets in aims if not targets & set(later)]
-    reason = why_not(scene, step, plan, track, driven, missed[0]) if missed else ""
+    reason = why_not(scene, step, plan, track, driven, missed[0], others) if missed else ""
     way = (*driven, *_way_on(scene, plan, track, driven)) if missed else driven
     return VehicleRoute(vehicle_id=key, lanelets=way, arrives=not missed, reason=reason)
 

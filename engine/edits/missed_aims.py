@@ -1,6 +1,7 @@
 """Why a driven vehicle does not get where, or does not drive as fast as, an edit wants it to."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -9,11 +10,12 @@ from plannerforge.engine.edits.changes import DrivePlan, EditStep
 from plannerforge.engine.edits.delays import delay
 from plannerforge.engine.edits.driven_way import driven_lanelets
 from plannerforge.engine.edits.handover import TouchedTrack
+from plannerforge.engine.edits.leaders import in_words
 from plannerforge.engine.edits.manoeuvring import LANE_CHANGE_S
 from plannerforge.engine.edits.overruled import next_speed, sent_elsewhere
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.edits.walker_shadows import walker_of
 from plannerforge.engine.geometry.polyline import Values
+from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.schemas.errors import NotPossible
 
 SPEED_TOLERANCE_MPS = 0.3
@@ -22,13 +24,22 @@ MOST_NAMED = 3
 
 
 def why_not(
-    scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedTrack, driven: tuple[int, ...], targets: frozenset[int]
+    scene: Scene,
+    step: EditStep,
+    plan: DrivePlan,
+    track: TouchedTrack,
+    driven: tuple[int, ...],
+    targets: frozenset[int],
+    others: Mapping[int, Track],
 ) -> str:
-    """The reason for which a vehicle, which drives over these lanelets, gets to none of an edit's targets."""
+    """The reason for which a vehicle, which drives over these lanelets, gets to none of an edit's targets.
+
+    ``others``: everybody as the edits leave them.
+    """
     if sent_elsewhere(step, plan, targets):
         return "a later edit sends it another way"
     since = step.since.get(track.vehicle_id, track.first_step)
-    return _held_up(scene, plan, track, driven, targets, since)
+    return _held_up(scene, plan, track, driven, targets, since, others)
 
 
 def check_not_driven_past(scene: Scene, plan: DrivePlan, track: TouchedTrack) -> None:
@@ -45,7 +56,7 @@ def check_not_driven_past(scene: Scene, plan: DrivePlan, track: TouchedTrack) ->
         return
     ahead = None if track.leaves else scene.lanelet_graph.shortest_route(driven[-1:], sorted(plan.targets))
     if ahead is None:
-        reason = _held_up(scene, plan, track, driven, plan.targets, track.first_step)
+        reason = _held_up(scene, plan, track, driven, plan.targets, track.first_step, {})
         raise NotPossible(
             f"vehicle {track.vehicle_id} would drive past lanelet {_first_target(plan, plan.targets)}: {reason}, and "
             "it is too fast to wait for a gap",
@@ -79,7 +90,13 @@ def speeds_reached(scene: Scene, step: EditStep, result: Resimulated) -> list[st
 
 
 def _held_up(
-    scene: Scene, plan: DrivePlan, track: TouchedTrack, driven: tuple[int, ...], targets: frozenset[int], since: int
+    scene: Scene,
+    plan: DrivePlan,
+    track: TouchedTrack,
+    driven: tuple[int, ...],
+    targets: frozenset[int],
+    since: int,
+    others: Mapping[int, Track],
 ) -> str:
     """The missing gap if the vehicle was beside a target, else where it is at the end."""
     target, last = _first_target(plan, targets), driven[-1] if driven else plan.lanelets[0]
@@ -96,22 +113,15 @@ def _held_up(
     if track.leaves:
         return f"{ends} before lanelet {target}"
     if float(track.motion.speeds_mps[-1]) < 0.1:
-        return f"it stands on lanelet {last} when {ends}{delay(scene, track, driven)}"
-    return f"{ends} while it is on its way to lanelet {target}{delay(scene, track, driven)}"
+        return f"it stands on lanelet {last} when {ends}{delay(scene, track, others, driven)}"
+    return f"{ends} while it is on its way to lanelet {target}{delay(scene, track, others, driven)}"
 
 
 def _in_the_way(scene: Scene, track: TouchedTrack) -> str:
     """Who left no room for a change of lane, in words; empty where nobody is known to."""
-    found = [_road_user(scene, key) for key in track.in_the_way]
+    found = [in_words(scene, key) for key in track.in_the_way]
     more = " and others" if len(found) > MOST_NAMED else ""
     return f"; in the way: {', '.join(found[:MOST_NAMED])}{more}" if found else ""
-
-
-def _road_user(scene: Scene, key: int) -> str:
-    """The ego drives under its planning problem's id, below zero where an obstacle has it too."""
-    if scene.ego is not None and key not in scene.tracks and abs(key) == scene.ego.problem_id:
-        return "the ego"
-    return f"vehicle {key}" if key > 0 else f"pedestrian {walker_of(key)}"
 
 
 def _held_back(scene: Scene, track: TouchedTrack, speeds: Values, wanted_mps: float) -> str:

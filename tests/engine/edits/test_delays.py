@@ -1,5 +1,6 @@
 """The report names what kept a late vehicle from getting on."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ from commonroad.scenario import traffic_light as lights
 
 from plannerforge.engine.edits.delays import delay, is_red
 from plannerforge.engine.edits.handover import TouchedTrack
-from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.edits.scene import Ego, Scene
 from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.smoothing import Motion
 
 LIGHT, OTHER_LIGHT = 900, 901
@@ -37,12 +39,14 @@ def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> To
 
 
 def test_who_stood_at_a_red_light_is_said_to(scene: Scene) -> None:
-    assert delay(scene, driven(["e1_0"] * 30, [0.0] * 20 + [5.0] * 10)) == ", after 2.0 s at a red light on lanelet 1"
+    assert (
+        delay(scene, driven(["e1_0"] * 30, [0.0] * 20 + [5.0] * 10), {}) == ", after 2.0 s at a red light on lanelet 1"
+    )
 
 
 def test_who_stood_while_the_light_was_green_only_stood(scene: Scene) -> None:
     late = driven(["e1_0"] * 30, [0.0] * 20 + [5.0] * 10, first_step=35)
-    assert delay(scene, late) == ", after 2.0 s standing on lanelet 1"
+    assert delay(scene, late, {}) == ", after 2.0 s standing on lanelet 1"
 
 
 def test_a_light_for_another_turn_that_is_green_leaves_the_red_one_open_to_doubt(scene: Scene) -> None:
@@ -54,9 +58,35 @@ def test_a_light_for_another_turn_that_is_green_leaves_the_red_one_open_to_doubt
 def test_who_drove_as_fast_as_a_slow_lanelet_allows_was_held_to_it(scene: Scene) -> None:
     scene.driven_speeds_mps[1] = 3.0
     crawling = driven(["e1_0"] * 30, [3.0] * 30)
-    assert delay(scene, crawling) == ", on lanelets that allow no more than 3.0 m/s (1)"
-    assert delay(scene, driven(["e1_0"] * 30, [2.0] * 30)) == ""
+    assert delay(scene, crawling, {}) == ", on lanelets that allow no more than 3.0 m/s (1)"
+    assert delay(scene, driven(["e1_0"] * 30, [2.0] * 30), {}) == ""
 
 
 def test_who_drove_freely_has_nothing_to_say(scene: Scene) -> None:
-    assert delay(scene, driven(["e1_0"] * 30, [0.0] * 5 + [12.0] * 25)) == ""
+    assert delay(scene, driven(["e1_0"] * 30, [0.0] * 5 + [12.0] * 25), {}) == ""
+
+
+@pytest.mark.parametrize(("speed_mps", "first_step"), [(0.0, 35), (9.0, 0)])
+def test_who_was_behind_somebody_for_most_of_the_time_is_said_to(
+    scene: Scene, speed_mps: float, first_step: int
+) -> None:
+    late = driven(["e1_0"] * 30, [speed_mps] * 30, first_step)
+    ahead, farther, beside = parked(61, (8.0, 0.5)), parked(62, (20.0, 0.0)), parked(63, (8.0, 3.5))
+    own, after = replace(ahead, obstacle_id=51), parked(64, (-8.0, 0.0))
+    assert delay(scene, late, {61: ahead, 62: farther, 63: beside, 51: own}).endswith(" behind vehicle 61")
+    assert "behind" not in delay(scene, late, {62: replace(farther, positions=farther.positions + 20.0)})
+    assert "behind" not in delay(scene, late, {63: beside, 51: own, 64: after})
+    assert "behind" not in delay(scene, late, {61: replace(ahead, first_step=first_step + 20)})
+
+
+def test_the_ego_and_walkers_are_called_what_they_are(scene: Scene) -> None:
+    late, ahead = driven(["e1_0"] * 30, [9.0] * 30), parked(61, (8.0, 0.5))
+    walker = replace(ahead, kind="pedestrian")
+    assert delay(replace(scene, tracks={61: walker}), late, {61: walker}) == ", behind pedestrian 61"
+    led = replace(scene, ego=Ego(61, 1, np.zeros(2), 0.0, 0.0, ()))
+    assert delay(led, late, {61: ahead}) == ", behind the ego"
+
+
+def parked(key: int, place: tuple[float, float]) -> Track:
+    """A car that stands 100 steps long, from the first one on."""
+    return Track(key, "car", 4.5, 1.8, 0, np.tile(place, (100, 1)), np.zeros(100), np.zeros(100))

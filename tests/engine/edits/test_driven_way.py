@@ -57,11 +57,11 @@ def test_one_that_stands_with_its_bumper_over_the_line_has_not_arrived_and_waits
     scene = scene_of(crossing(), tmp_path)
     plan = recorded_plan(scene, 31, "edited", 0)
     step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({2}),)})
-    route = vehicle_route(scene, step, plan, halting(-9.98))
+    route = vehicle_route(scene, step, plan, halting(-9.98), {})
     assert route.arrives is False
     assert route.reason.startswith("it stands on lanelet 1 when the scenario ends")
     assert route.reason.endswith(" s waiting at the junction after lanelet 1")
-    assert vehicle_route(scene, step, plan, halting(-9.0)).arrives
+    assert vehicle_route(scene, step, plan, halting(-9.0), {}).arrives
 
 
 def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_room(tmp_path: Path) -> None:
@@ -73,6 +73,6 @@ def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_roo
     plan = recorded_plan(scene, 31, "edited", 0)
     step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({2}),)})
     rolling = halting(55.0, ("e1_0",) * 95 + ("e1_1",) * 6)
-    route = vehicle_route(scene, step, plan, rolling)
+    route = vehicle_route(scene, step, plan, rolling, {})
     assert route.arrives is False
     assert route.reason == "the scenario ends at 10.0 s while it is on its way to lanelet 2"

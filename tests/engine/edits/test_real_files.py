@@ -58,3 +58,11 @@ def test_an_obstacle_may_have_the_number_of_the_planning_problem(shared_data: Pa
     applied = apply_to(source, tmp_path, {"op": "set_behaviour", "vehicles": ["all"], "preset": "eco"})
     assert [one.vehicle_id for one in applied.outcome.touched] == [256, 257]
     assert applied.outcome.ego_after is not None
+
+
+@pytest.mark.shared_data
+def test_who_stands_behind_an_ego_inside_the_junction_is_said_to(shared_data: Path, tmp_path: Path) -> None:
+    source = shared_data / "data" / "commonroad" / "CHN_Qingdao-33_4_T-1.xml"
+    applied = apply_to(source, tmp_path, {"op": "reroute", "vehicles": ["30693"], "to": ["859"]})
+    (route,) = applied.outcome.edits[0].routes
+    assert route.reason.endswith(" s standing on lanelet 124 behind the ego")

@@ -78,7 +78,8 @@ def test_one_that_is_held_up_before_it_is_across_does_not_arrive(apply: Apply) -
     (route,) = applied.outcome.edits[0].routes
     assert route.arrives is False
     assert route.reason == (
-        "it stands on lanelet 11 when the scenario ends at 15.0 s, after 13.8 s standing on lanelet 11"
+        "it stands on lanelet 11 when the scenario ends at 15.0 s, after 13.8 s standing on lanelet 11 "
+        "behind vehicle 41"
     )
     assert fronts(applied)[:, 1].max() < BOUNDARY_M
     assert not applied.outcome.collisions
