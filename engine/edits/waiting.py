@@ -10,7 +10,13 @@ LAST_M = 0.5
 """So far before its end a lane counts as over; on a shorter one, half of it."""
 
 TO_STEER_OVER_M = 15.0
-"""A vehicle that stands needs so much road to get into the lane beside; it waits so far before the end of its own."""
+"""A slow vehicle needs so much road to get into the lane beside; it waits so far before the end of its own.
+
+One that needs several changes of lane waits so far for each of them.
+"""
+
+STEERING_OVER_MPS = 5.0
+"""A vehicle with a gap beside it rolls on so fast on that road: SUMO begins no change of lane while it brakes hard."""
 
 STEERING_OVER_M = 0.3
 """A vehicle so far beside the middle of its lane is not yet wholly in it."""
@@ -50,8 +56,8 @@ class Waiting:
         if left_m < -LAST_M:
             return None
         lane, wanted = int(index), _nearest_lane(one, edge, int(index))
-        goes_on = wanted == lane or self._steers_over(one.key, lane_id, 1 if wanted > lane else -1)
-        highest_mps = self._braked(one, left_m, left_m if goes_on else left_m - TO_STEER_OVER_M)
+        goes_on = wanted != lane and self._steers_over(one.key, lane_id, 1 if wanted > lane else -1)
+        highest_mps = self._braked(one, left_m, abs(wanted - lane), goes_on=goes_on)
         if highest_mps is not None and wanted != lane:
             self._vehicle.changeLane(one.key, wanted, LANE_CHANGE_S)
         return highest_mps
@@ -67,10 +73,16 @@ class Waiting:
         beside_m = abs(float(self._vehicle.getLateralLanePosition(key)))
         return (comes_over and beside_m > STEERING_OVER_M) or bool(self._vehicle.couldChangeLane(key, direction))
 
-    def _braked(self, one: Participant, left_m: float, room_m: float) -> float | None:
-        """The next speed of a vehicle that shall stand within some room, and has to within all that is left."""
+    def _braked(self, one: Participant, left_m: float, changes: int, *, goes_on: bool) -> float | None:
+        """The next speed of a vehicle that has some way left for its changes of lane; if it goes on, one begins now."""
         speed, step_s = float(self._vehicle.getSpeed(one.key)), float(self._sumo.simulation.getDeltaT())
-        return next_speed_mps(speed, one.behaviour.values["decel"], step_s, room_m, left_m)
+        usual, wait_m = one.behaviour.values["decel"], left_m - changes * TO_STEER_OVER_M
+        if not goes_on:
+            return next_speed_mps(speed, usual, step_s, wait_m, left_m)
+        over_m = wait_m + TO_STEER_OVER_M
+        if over_m > LAST_M:
+            return next_speed_mps(speed, usual, step_s, wait_m, over_m, STEERING_OVER_MPS)
+        return next_speed_mps(speed, usual, step_s, over_m, left_m)
 
     def _tell(self, one: Participant, target: tuple[str, int], lane_id: str) -> None:
         """Have SUMO look for gaps into the target's lane from far on, by a stop there that is passed.

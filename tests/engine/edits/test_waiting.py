@@ -127,3 +127,22 @@ def test_one_that_may_take_any_of_several_lanes_waits_for_the_first_gap(apply: A
     applied = apply(to_either, builder=beside_a_column(160, 10.0, ScenarioBuilder(lanes, ())))
     assert applied.outcome.edits[0].routes[0].arrives
     assert np.all(applied.tracks()[36].positions[fronts_m(applied) > 198.0, 1] > 1.75)
+
+
+def test_several_lane_changes_fit_into_the_last_road_of_an_empty_map(apply: Apply) -> None:
+    lanes = tuple(
+        Lane(
+            key,
+            line((0, 3.5 * (key - 1)), (200, 3.5 * (key - 1))),
+            left=(key + 1, True) if key < 4 else None,
+            right=(key - 1, True) if key > 1 else None,
+        )
+        for key in (1, 2, 3, 4)
+    )
+    to_the_left = {"op": "reroute", "vehicles": ["36"], "to": ["4"]}
+    alone = ScenarioBuilder(lanes, ()).with_vehicles(driving(36, (117, 0), 20.0, 151))
+    applied = apply(to_the_left, builder=alone)
+    track = applied.tracks()[36]
+    assert applied.outcome.edits[0].routes[0].arrives
+    assert track.speeds_mps.min() > 2.0
+    assert np.abs(track.headings_rad).max() < np.radians(30)
