@@ -8,13 +8,18 @@ REACTION_S = 0.5
 """The least time after which a driver brakes hard."""
 
 
+def stopping_way_m(speed_mps: float) -> float:
+    """The way in m in which a driver stops from a speed, or in which he loses one by which he comes closer."""
+    return speed_mps * REACTION_S + speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+
+
 def gets_onto(coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float]) -> bool:
     """Whether a vehicle gets onto a rectangle (length, width) on its recorded way if it brakes hard from a step on."""
     index = coming.index_at(step)
     if index is None:
         return False
     speed_mps = max(float(coming.speeds_mps[index]), 0.0)
-    stops_after_m = speed_mps * REACTION_S + speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+    stops_after_m = stopping_way_m(speed_mps)
     place, size = oriented_rectangle(center, heading_rad, size_m), (coming.length_m, coming.width_m)
     count = int((arc_length(coming.positions[index:]) <= stops_after_m).sum())
     return any(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from plannerforge.engine.edits.changes import Changes, DrivePlan, drivable_ids, not_drivable, recorded_plan
-from plannerforge.engine.edits.collisions import Overlap, body_of_touched, body_of_track, new_overlaps
+from plannerforge.engine.edits.collisions import Body, Overlap, body_of_touched, body_of_track, new_overlaps
 from plannerforge.engine.edits.giving_way import plans_giving_way
 from plannerforge.engine.edits.handover import TouchedTrack, touched_track
 from plannerforge.engine.edits.participants import Participant, participants
@@ -85,6 +85,11 @@ def tracks_after(scene: Scene, changes: Changes, result: Resimulated) -> tuple[T
     return (*tracks, *(region.track for region in after.regions))
 
 
+def bodies_after(scene: Scene, changes: Changes, result: Resimulated) -> dict[int, Body]:
+    """The bodies of everybody as the edits leave them, by the id of the track."""
+    return {track.obstacle_id: body_of_track(track) for track in tracks_after(scene, changes, result)}
+
+
 def _everybody(scene: Scene, changes: Changes) -> dict[int, DrivePlan]:
     return {
         key: recorded_plan(scene, key, "handed_over", scene.tracks[key].first_step)
@@ -160,8 +165,7 @@ def _giving_way(scene: Scene, changes: Changes, result: Resimulated) -> dict[int
     overlaps = tuple(hit for hit in result.overlaps if not _is_taken_place(changes, result.plans, hit))
     if not overlaps:
         return {}
-    bodies = {track.obstacle_id: body_of_track(track) for track in tracks_after(scene, changes, result)}
-    return plans_giving_way(result.plans, result.tracks, bodies, overlaps)
+    return plans_giving_way(result.plans, result.tracks, bodies_after(scene, changes, result), overlaps)
 
 
 def _is_taken_place(changes: Changes, plans: Mapping[int, DrivePlan], hit: Overlap) -> bool:

@@ -57,11 +57,10 @@ def _standing(scene: Scene, track: TouchedTrack, steps: list[int], key: int) -> 
 
 def _is_at_junction(scene: Scene, track: TouchedTrack, step: int, key: int) -> bool:
     """Whether a vehicle is the first at the end of a lanelet that leads into a junction."""
-    lane, index = scene.layout.table.lanes[key], step - track.first_step
+    lane = scene.layout.table.lanes[key]
     if key not in scene.layout.lane_of or scene.layout.lane_of.keys() >= set(scene.layout.table.successors[key]):
         return False
-    heading = float(track.motion.headings_rad[index])
-    front = track.motion.positions[index] + track.length_m / 2 * np.array([np.cos(heading), np.sin(heading)])
+    front = track.fronts[step - track.first_step]
     return project(lane.center, front)[0] >= lane.length_m - AT_LINE_M
 
 

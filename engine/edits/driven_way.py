@@ -55,10 +55,9 @@ def _gone_onto(scene: Scene, track: TouchedTrack, lanelets: tuple[int, ...], beg
 
 def _gets_onto(scene: Scene, track: TouchedTrack, lanelet_id: int, begin: int) -> bool:
     """Whether more of a vehicle's front half than its bumper is on a lanelet at any step."""
-    area, motion = scene.matcher.area(lanelet_id), track.motion
+    area = scene.matcher.area(lanelet_id)
     least_m = min(ON_IT_M, scene.lanelet_graph.length_m[lanelet_id] / 2)
-    forward = np.stack([np.cos(motion.headings_rad), np.sin(motion.headings_rad)], axis=1)
-    halves = np.stack([motion.positions + track.length_m / 2 * forward, motion.positions], axis=1)[begin:]
+    halves = np.stack([track.fronts, track.motion.positions], axis=1)[begin:]
     return any(
         bool((shapely.length(shapely.intersection(area, shapely.linestrings(part))) > least_m).any())
         for part in (halves[-1:], halves)

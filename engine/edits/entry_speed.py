@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass
 
 from plannerforge.engine.edits.altered_scene import populated
-from plannerforge.engine.edits.braking_reach import REACTION_S, gets_onto
+from plannerforge.engine.edits.braking_reach import gets_onto, stopping_way_m
 from plannerforge.engine.edits.changes import Changes
 from plannerforge.engine.edits.placing import Place
 from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.edits.turn_speed import HARDEST_BRAKING_MPS2, highest_entry_speed
+from plannerforge.engine.edits.turn_speed import highest_entry_speed
 from plannerforge.engine.geometry.polyline import project
 from plannerforge.engine.scenarios.tracks import Track
 from plannerforge.engine.traffic.vehicle_classes import VehicleClass
@@ -77,9 +77,8 @@ def _comes_along(
 
 
 def _check_follower(follower: _Neighbour, vehicle_class: VehicleClass, place: Place, speed_mps: float) -> None:
-    closing = max(follower.speed_mps - speed_mps, 0.0)
     gap = follower.gap_m(vehicle_class)
-    needed = closing * REACTION_S + closing**2 / (2 * HARDEST_BRAKING_MPS2)
+    needed = stopping_way_m(max(follower.speed_mps - speed_mps, 0.0))
     if needed > gap:
         raise NotPossible(
             f"a {vehicle_class.name} that enters lanelet {place.lanelet_id} at {place.station_m:.1f} m with "

@@ -48,6 +48,12 @@ class TouchedTrack:
         """The last step at which the vehicle is there."""
         return self.first_step + len(self.motion.speeds_mps) - 1
 
+    @property
+    def fronts(self) -> Points:
+        """The front bumper (n, 2) in m at every step of the motion."""
+        forward = np.stack([np.cos(self.motion.headings_rad), np.sin(self.motion.headings_rad)], axis=1)
+        return self.motion.positions + self.length_m / 2 * forward
+
     def whole(self, start: Track) -> Track:
         """The recorded track up to the hand-over, and this motion from there on."""
         index = self.first_step - start.first_step

@@ -1,19 +1,16 @@
 """Vehicles on a long lane, whose limit is that of its straights, slow down where it bends."""
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from plannerforge.engine.edits.braking import next_speed_mps
 from plannerforge.engine.edits.participants import Participant
-from plannerforge.engine.edits.turn_speed import HARDEST_BRAKING_MPS2
 from plannerforge.engine.geometry.polyline import Values
 
 BESIDE_M = 1.0
 """A place so little behind the bumper still counts: places are so far apart."""
-
-SHORTEST_M = 0.5
 
 
 class LongBends:
@@ -38,13 +35,7 @@ class LongBends:
         if not ahead:
             return None
         away_m, allowed_mps = (np.concatenate(column) for column in zip(*ahead, strict=True))
-        before = np.maximum(away_m - speed * step_s, 0.0)
-        allowed = math.sqrt(float(np.min(allowed_mps**2 + 2 * usual * before)))
-        if speed + usual * step_s <= allowed:
-            return None
-        needed = float(np.max((speed**2 - allowed_mps**2) / (2 * np.maximum(away_m, SHORTEST_M))))
-        hardest = min(max(needed, usual), HARDEST_BRAKING_MPS2) if allowed < speed - usual * step_s else usual
-        return max(min(allowed, speed), speed - hardest * step_s, 0.0)
+        return next_speed_mps(speed, usual, step_s, away_m, away_m, allowed_mps)
 
     def _places_ahead(self, one: Participant, lane_id: str, reach_m: float) -> Iterator[tuple[Values, Values]]:
         """Distances in m to the bends within reach on the route, and the speeds for them, lane by lane.

@@ -16,7 +16,7 @@ from plannerforge.engine.network.sumo_net_signals import Signal, signals_of
 from plannerforge.engine.network.sumo_net_speeds import (
     LONG_M,
     SlowPlaces,
-    bend_speed,
+    lowered_by_bends,
     posted_speeds,
     slow_places,
     straight_speeds,
@@ -152,8 +152,7 @@ class Scene:
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
         """The speed that the sharpest bend of every drivable lanelet takes, where that is less."""
-        lanes = self.layout.table.lanes
-        return {key: min(speed, bend_speed(lanes[key].center)) for key, speed in self.straight_speeds_mps.items()}
+        return lowered_by_bends(self.layout, self.straight_speeds_mps)
 
     @cached_property
     def slow_places(self) -> dict[str, SlowPlaces]:

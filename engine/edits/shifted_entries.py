@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from plannerforge.engine.edits.cascade import Resimulated, tracks_after
+from plannerforge.engine.edits.cascade import Resimulated, bodies_after
 from plannerforge.engine.edits.changes import Changes, EditStep, Replay
 from plannerforge.engine.edits.collisions import Body, body_of_track, new_overlaps
 from plannerforge.engine.edits.entry_conflicts import SOON_S
@@ -51,9 +51,7 @@ def check_shifted_entries(
 def bodies_asked_for(scene: Scene, changes: Changes, result: Resimulated) -> dict[int, Body]:
     """Everybody as the edits leave them but for who is handed over because of them, and the ego where it starts."""
     asked = {key: track for key, track in result.tracks.items() if result.plans[key].cause != "handed_over"}
-    bodies = {
-        track.obstacle_id: body_of_track(track) for track in tracks_after(scene, changes, replace(result, tracks=asked))
-    }
+    bodies = bodies_after(scene, changes, replace(result, tracks=asked))
     bodies |= {key: shifted_body(one) for key, one in changes.replays.items() if key not in asked}
     return bodies | {body.key: body for body in _ego(scene)}
 

@@ -71,8 +71,12 @@ def lane_speeds(
         recorded_mps: fastest speed recorded on each lanelet; missing ones count as slow.
         posted_mps: speed limit of each lanelet that has one.
     """
-    straight = straight_speeds(layout, recorded_mps, posted_mps)
-    return {key: min(speed, bend_speed(layout.table.lanes[key].center)) for key, speed in straight.items()}
+    return lowered_by_bends(layout, straight_speeds(layout, recorded_mps, posted_mps))
+
+
+def lowered_by_bends(layout: NetLayout, straight_mps: Mapping[int, float]) -> dict[int, float]:
+    """Speeds by lanelet, each no more than the sharpest bend of the lanelet takes."""
+    return {key: min(speed, bend_speed(layout.table.lanes[key].center)) for key, speed in straight_mps.items()}
 
 
 def straight_speeds(
