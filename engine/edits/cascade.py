@@ -105,7 +105,7 @@ def _round(
     plans: Mapping[int, DrivePlan],
     shown: tuple[Participant, ...],
 ) -> Resimulated:
-    driven = resimulate(setup, (*participants(scene, changes, plans), *shown))
+    driven = resimulate(setup, (*participants(scene, plans, changes.removed, changes.replays.values()), *shown))
     tracks: dict[int, TouchedTrack] = {}
     for key, plan in plans.items():
         seen = driven.get(key) or _gone_at_once(scene, plan)

@@ -12,7 +12,6 @@ from plannerforge.engine.edits.occupied_regions import obstacle_of
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.geometry.polyline import wrap_angle
 from plannerforge.engine.planners.criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores
-from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.time_to_collision import times_to_collision_s
 from plannerforge.engine.planners.vehicle_models import BMW_320I
 from plannerforge.engine.scenarios.tracks import Track
@@ -98,27 +97,22 @@ def _replayed(track: Track, scene: Scene, changes: Changes, result: Resimulated)
 
 
 def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> Danger:
-    states = [
-        EgoState(drive.first_step + index, position, float(heading), float(speed))
-        for index, (position, heading, speed) in enumerate(
-            zip(drive.positions, drive.headings_rad, drive.speeds_mps, strict=True)
-        )
-    ]
-    figures = _figures(states, (*others, *(one.track for one in replayed)), step_s)
+    ego = replace(drive, length_m=BMW_320I.length_m, width_m=BMW_320I.width_m)
+    figures = _figures(ego, (*others, *(one.track for one in replayed)), step_s)
     if figures.minimum_distance_m != 0.0:
         return Danger(figures)
-    hits = {one.track.obstacle_id: step for one in replayed if (step := _recorded_hit(states, one)) is not None}
+    hits = {one.track.obstacle_id: step for one in replayed if (step := _recorded_hit(ego, one)) is not None}
     if not hits:
         return Danger(figures)
     last_steps = {key: step - round(REACTION_S / step_s) for key, step in hits.items()}
     tracks = [one.track for one in replayed]
     kept = [_until(track, last_steps[track.obstacle_id]) if track.obstacle_id in hits else track for track in tracks]
     counted = (*others, *(track for track in kept if track is not None))
-    return Danger(_figures(states, counted, step_s), tuple(sorted(hits)))
+    return Danger(_figures(ego, counted, step_s), tuple(sorted(hits)))
 
 
-def _figures(states: list[EgoState], others: tuple[Track, ...], step_s: float) -> EgoDanger:
-    met = encounters(states, _Others(others), BMW_320I)
+def _figures(ego: Track, others: tuple[Track, ...], step_s: float) -> EgoDanger:
+    met = encounters(ego, _Others(others))
     if not len(met.state):
         return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
     gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
@@ -131,23 +125,23 @@ def _figures(states: list[EgoState], others: tuple[Track, ...], step_s: float) -
         minimum_time_to_collision_s=round(soonest, 3) if math.isfinite(soonest) else None,
         risk_score=int(scores[worst]),
         most_critical_id=obstacle_of(others[int(met.track[worst])].obstacle_id),
-        most_critical_time_s=round(states[int(met.state[worst])].step * step_s, 3),
+        most_critical_time_s=round((ego.first_step + int(met.state[worst])) * step_s, 3),
     )
 
 
-def _recorded_hit(states: list[EgoState], one: _Replayed) -> int | None:
+def _recorded_hit(ego: Track, one: _Replayed) -> int | None:
     """The step at which a road user runs into the ego from behind, if nobody drives it then and its recording does."""
-    step = _hit_from_behind(states, one.track)
+    step = _hit_from_behind(ego, one.track)
     if step is None or (one.until_step is not None and step > one.until_step):
         return None
-    if one.recording is not one.track and _hit_from_behind(states, one.recording) is None:
+    if one.recording is not one.track and _hit_from_behind(ego, one.recording) is None:
         return None
     return step
 
 
-def _hit_from_behind(states: list[EgoState], track: Track) -> int | None:
+def _hit_from_behind(ego: Track, track: Track) -> int | None:
     """The step at which a vehicle first touches the ego, if it is behind it then and heads as it does; else None."""
-    met = encounters(states, _Others((track,)), BMW_320I)
+    met = encounters(ego, _Others((track,)))
     touching = np.flatnonzero(gaps_m(met) == 0.0)
     if not len(touching):
         return None
@@ -156,8 +150,8 @@ def _hit_from_behind(states: list[EgoState], track: Track) -> int | None:
     away = met.other.centers[first] - met.ego.centers[first]
     ahead_m = float(away[0]) * math.cos(heading) + float(away[1]) * math.sin(heading)
     follows = abs(wrap_angle(float(met.other.headings_rad[first]) - heading)) < SAME_DIRECTION_RAD
-    is_behind = follows and ahead_m < -BMW_320I.length_m / 2
-    return states[int(met.state[first])].step if is_behind else None
+    is_behind = follows and ahead_m < -ego.length_m / 2
+    return ego.first_step + int(met.state[first]) if is_behind else None
 
 
 def _until(track: Track, last_step: int) -> Track | None:

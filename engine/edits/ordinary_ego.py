@@ -6,7 +6,7 @@ it, and it is the path against which the danger before and after the edits is me
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def ordinary_drive(
     plan = _plan(scene, ego, goals)
     if plan is None:
         return None
-    recorded = participants(scene, replace(changes, driven={}), {})
+    recorded = participants(scene, {}, changes.removed, changes.replays.values())
     driven = resimulate(setup, (*recorded, driven_participant(scene, plan)))
     seen = driven.get(plan.start.obstacle_id)
     motion = None if seen is None else touched_track(plan.start, seen, scene.step_s, scene.last_step)

@@ -2,13 +2,13 @@
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from xml.sax.saxutils import quoteattr
 
 from plannerforge.engine.edits.behaviours import Behaviour, usual_behaviour
-from plannerforge.engine.edits.changes import Changes, DrivePlan, class_of
+from plannerforge.engine.edits.changes import DrivePlan, Replay, class_of
 from plannerforge.engine.edits.lane_matching import LaneMatch
 from plannerforge.engine.edits.manoeuvring import Halt, Manoeuvre
 from plannerforge.engine.edits.scene import Scene
@@ -99,18 +99,27 @@ class Participant:
         return f"<vType {' '.join(f'{name}={quoteattr(str(value))}' for name, value in attributes.items())}/>"
 
 
-def participants(scene: Scene, changes: Changes, plans: Mapping[int, DrivePlan]) -> tuple[Participant, ...]:
-    """All road users near a lane, by ascending id; ``plans`` are the driven ones, handed over ones included."""
+def participants(
+    scene: Scene, plans: Mapping[int, DrivePlan], removed: Collection[int] = (), replays: Iterable[Replay] = ()
+) -> tuple[Participant, ...]:
+    """All road users near a lane, by ascending id.
+
+    Args:
+        scene: the scene with recordings as they are replayed.
+        plans: the driven ones by id, handed over ones included.
+        removed: ids of those that are left out.
+        replays: tracks that are given; of them, pedestrians that were added are shown to SUMO's drivers.
+    """
     found = [driven_participant(scene, plan) for plan in plans.values()]
     for key, track in (scene.tracks | scene.standing).items():
-        if key not in plans and key not in changes.removed and key in scene.matches:
+        if key not in plans and key not in removed and key in scene.matches:
             found.append(replayed_participant(scene, track, scene.matches[key]))
     found += [
         replayed_participant(scene, region.track, region.match)
         for region in scene.regions
-        if region.obstacle_id not in changes.removed and region.match is not None
+        if region.obstacle_id not in removed and region.match is not None
     ]
-    for replay in changes.replays.values():
+    for replay in replays:
         if replay.recording is None:
             shadows = walker_shadows(scene, replay.track)
             found += [replayed_participant(scene, shadow, LaneMatch((0,), (key,))) for shadow, key in shadows]

@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plannerforge.engine.geometry.polyline import Points, Values, arc_length, wrap_angles
-from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.time_to_collision import MovingRectangles, corners_of, times_to_collision_s
-from plannerforge.engine.planners.vehicle import VehicleParameters
 from plannerforge.engine.scenarios.tracks import Track
 
 NEAR_M = 60.0
@@ -54,14 +52,14 @@ class Encounters:
     other: MovingRectangles
 
 
-def criticality(states: list[EgoState], others: Others, vehicle: VehicleParameters) -> Criticality:
-    """The most critical figures over the driven states (the initial one included)."""
-    met = encounters(states, others, vehicle)
+def criticality(ego: Track, others: Others) -> Criticality:
+    """The most critical figures over the driven states of the ego (the initial one included)."""
+    met = encounters(ego, others)
     if not len(met.state):
         return Criticality()
     gaps = gaps_m(met)
     times = times_to_collision_s(met.ego, met.other)
-    headways = time_headways_s(states, met)
+    headways = time_headways_s(ego, met)
     return Criticality(
         minimum_distance_m=float(gaps.min()),
         minimum_time_to_collision_s=_least(times),
@@ -70,10 +68,10 @@ def criticality(states: list[EgoState], others: Others, vehicle: VehicleParamete
     )
 
 
-def encounters(states: list[EgoState], others: Others, vehicle: VehicleParameters) -> Encounters:
+def encounters(ego: Track, others: Others) -> Encounters:
     """Who was within 60 m of the ego (centre to centre), and when."""
-    steps = np.array([state.step for state in states])
-    centers = np.array([state.position for state in states])
+    steps = np.arange(ego.first_step, ego.last_step + 1)
+    centers = ego.positions
     chosen, found, sizes = [], [], []
     everybody = [(track, False) for track in others.moving] + [(track, True) for track in others.standing]
     for track, standing in everybody:
@@ -89,12 +87,11 @@ def encounters(states: list[EgoState], others: Others, vehicle: VehicleParameter
     who = np.repeat(np.arange(len(chosen)), [len(near) for near in chosen])
     other = np.concatenate(found) if found else np.zeros((0, 4))
     size = np.concatenate(sizes) if sizes else np.zeros((0, 2))
-    headings, speeds = (np.array([getattr(s, name) for s in states]) for name in ("heading_rad", "speed_mps"))
-    own_size = np.tile([vehicle.length_m, vehicle.width_m], (len(state), 1))
+    own_size = np.tile([ego.length_m, ego.width_m], (len(state), 1))
     return Encounters(
         state,
         who,
-        MovingRectangles(centers[state], headings[state], own_size, speeds[state]),
+        MovingRectangles(centers[state], ego.headings_rad[state], own_size, ego.speeds_mps[state]),
         MovingRectangles(other[:, :2], other[:, 2], size, other[:, 3]),
     )
 
@@ -107,7 +104,7 @@ def gaps_m(met: Encounters) -> Values:
     return gaps
 
 
-def time_headways_s(states: list[EgoState], met: Encounters) -> Values:
+def time_headways_s(ego: Track, met: Encounters) -> Values:
     """Seconds until the ego's front is where the front of the vehicle ahead is now, at the ego's speed.
 
     Time headway as in Vogel 2003 (a comparison of headway and time to collision): the distance from front to front
@@ -115,9 +112,8 @@ def time_headways_s(states: list[EgoState], met: Encounters) -> Values:
     ahead is who is on that path (sideways overlap of the bodies) and heads within 45° of it. Infinite for all others
     and while the ego stands.
     """
-    path = np.array([state.position for state in states])
-    last = np.array([np.cos(states[-1].heading_rad), np.sin(states[-1].heading_rad)])
-    path = np.concatenate([path, path[-1:] + NEAR_M * last])
+    last = np.array([np.cos(ego.headings_rad[-1]), np.sin(ego.headings_rad[-1])])
+    path = np.concatenate([ego.positions, ego.positions[-1:] + NEAR_M * last])
     stations = arc_length(path)
     station, distance, heading = _on_path(path, stations, met)
     ahead_m = station - stations[met.state] + (met.other.sizes_m[:, 0] - met.ego.sizes_m[:, 0]) / 2

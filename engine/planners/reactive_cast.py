@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from plannerforge.engine.edits.changes import Changes, not_drivable, recorded_plan
+from plannerforge.engine.edits.changes import not_drivable, recorded_plan
 from plannerforge.engine.edits.lane_matching import LaneMatcher
 from plannerforge.engine.edits.participants import Hint, Participant, participants
 from plannerforge.engine.edits.scene import Scene
@@ -59,7 +59,7 @@ class Cast:
         ]
         begin = {key: max(first_step, scene.tracks[key].first_step) for key in keys}
         plans = {key: recorded_plan(scene, key, "edited", begin[key]) for key in keys}
-        cast = participants(scene, Changes(next_id=0, driven=plans), plans)
+        cast = participants(scene, plans)
         return cls(
             scene,
             driven=tuple(one for one in cast if one.drive_from is not None),

@@ -12,7 +12,6 @@ from edit_support import Apply
 from plannerforge.engine.edits.danger import danger_to
 from plannerforge.engine.edits.scene import Scene
 from plannerforge.engine.planners.criticality import criticality
-from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.vehicle_models import BMW_320I
 from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.engine.scenarios.tracks import Track
@@ -64,9 +63,8 @@ def test_a_removed_vehicle_takes_its_danger_with_it(apply: Apply) -> None:
 def test_danger_is_the_criticality_of_the_same_drive(tmp_path: Path) -> None:
     tracks = Scene.of(read_scenario(town_road().write(tmp_path / "base.xml"))).tracks
     drive, others = tracks[32], tuple(track for key, track in tracks.items() if key != 32)
-    steps = range(drive.first_step, drive.last_step + 1)
-    poses = zip(steps, drive.positions, drive.headings_rad, drive.speeds_mps, strict=True)
-    whole = criticality([EgoState(*pose) for pose in poses], Around(others), BMW_320I)
+    ego = replace(drive, length_m=BMW_320I.length_m, width_m=BMW_320I.width_m)
+    whole = criticality(ego, Around(others))
     found = danger_to(drive, others, step_s=0.1).figures
     assert found.minimum_distance_m == pytest.approx(whole.minimum_distance_m, abs=1e-3)
     assert found.minimum_time_to_collision_s == pytest.approx(whole.minimum_time_to_collision_s, abs=1e-3)

@@ -7,7 +7,7 @@ import libsumo
 import pytest
 from builders import Vehicle, driving, town_road
 
-from plannerforge.engine.edits.changes import Changes, recorded_plan
+from plannerforge.engine.edits.changes import recorded_plan
 from plannerforge.engine.edits.participants import Participant, participants
 from plannerforge.engine.edits.resimulation import front_of, resimulate
 from plannerforge.engine.edits.scene import Scene
@@ -15,7 +15,6 @@ from plannerforge.engine.edits.sumo_process import SimulationSetup
 from plannerforge.engine.network.sumo_net_writer import write_sumo_net
 from plannerforge.engine.scenarios.reader import read_scenario
 
-UNCHANGED = Changes(next_id=100, driven={})
 ASTRAY = driving(36, (20, 6.8), 10.0, 151)
 """Recorded nearer to the oncoming lane than to its own."""
 
@@ -47,7 +46,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
 
 def test_nobody_driven_needs_no_simulation(tmp_path: Path, runs: Runs) -> None:
     scene = _scene(tmp_path)
-    assert resimulate(_setup(scene, tmp_path), participants(scene, UNCHANGED, {})) == {}
+    assert resimulate(_setup(scene, tmp_path), participants(scene, {})) == {}
     assert runs.steps == []
 
 
@@ -71,7 +70,7 @@ def test_it_looks_for_those_astray_until_the_last_hand_over(tmp_path: Path, runs
     scene = _scene(tmp_path, *town_road().vehicles, ASTRAY)
     late = recorded_plan(scene, 33, "edited", 40)
     plans = {36: recorded_plan(scene, 36, "edited", 0), 33: late}
-    resimulate(_setup(scene, tmp_path), participants(scene, UNCHANGED, plans))
+    resimulate(_setup(scene, tmp_path), participants(scene, plans))
     assert runs.steps[0] == 41
 
 
@@ -108,4 +107,4 @@ def _setup(scene: Scene, folder: Path) -> SimulationSetup:
 
 def _driving(scene: Scene, *keys: int) -> tuple[Participant, ...]:
     plans = {key: recorded_plan(scene, key, "edited", 0) for key in keys}
-    return participants(scene, UNCHANGED, plans)
+    return participants(scene, plans)

@@ -2,17 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from plannerforge.engine.geometry.polyline import Points, Values
 from plannerforge.engine.planners.criticality import criticality, risk_scores
-from plannerforge.engine.planners.interface import EgoState
-from plannerforge.engine.planners.vehicle import VehicleParameters
 from plannerforge.engine.scenarios.tracks import Track
-
-EGO = VehicleParameters(length_m=4.0, width_m=2.0)
 
 
 @dataclass
@@ -23,8 +19,13 @@ class Around:
     standing: tuple[Track, ...] = ()
 
 
-def straight(speed_mps: float = 10.0, steps: int = 10, first_step: int = 0) -> list[EgoState]:
-    return [EgoState(first_step + i, np.array([i * 0.1 * speed_mps, 0.0]), 0.0, speed_mps) for i in range(steps + 1)]
+def driven(positions: Points, headings_rad: Values, speed_mps: float, first_step: int = 0) -> Track:
+    return Track(1, "car", 4.0, 2.0, first_step, positions, headings_rad, np.full(len(positions), speed_mps))
+
+
+def straight(speed_mps: float = 10.0, steps: int = 10, first_step: int = 0) -> Track:
+    positions = np.array([(i * 0.1 * speed_mps, 0.0) for i in range(steps + 1)])
+    return driven(positions, np.zeros(steps + 1), speed_mps, first_step)
 
 
 def track(x: float, y: float, speed_mps: float, heading: float = 0.0, steps: int = 10, first_step: int = 0) -> Track:
@@ -34,8 +35,8 @@ def track(x: float, y: float, speed_mps: float, heading: float = 0.0, steps: int
     return Track(7, "car", 5.0, 2.0, first_step, positions, np.full(count, heading), np.full(count, speed_mps))
 
 
-def measured(states: list[EgoState], *moving: Track, standing: tuple[Track, ...] = ()) -> tuple[float | None, ...]:
-    found = criticality(states, Around(moving, standing), EGO)
+def measured(ego: Track, *moving: Track, standing: tuple[Track, ...] = ()) -> tuple[float | None, ...]:
+    found = criticality(ego, Around(moving, standing))
     return (
         found.minimum_distance_m,
         found.minimum_time_to_collision_s,
@@ -67,9 +68,9 @@ def test_only_a_vehicle_ahead_in_the_path_gives_a_headway(other: Track) -> None:
 
 def test_a_lead_behind_a_bend_is_ahead_on_the_driven_path_not_on_the_heading() -> None:
     angles = np.linspace(0.0, math.pi / 2, 21)
-    bend = [EgoState(i, 20.0 * np.array([math.sin(a), 1 - math.cos(a)]), float(a), 10.0) for i, a in enumerate(angles)]
+    bend = driven(20.0 * np.column_stack([np.sin(angles), 1 - np.cos(angles)]), angles, 10.0)
     lead = track(20.0, 20.0, 0.0, heading=math.pi / 2, steps=5)
-    arc = sum(np.linalg.norm(b.position - a.position) for a, b in pairwise(bend[5:]))
+    arc = np.linalg.norm(np.diff(bend.positions[5:], axis=0), axis=1).sum()
     assert measured(bend, lead)[2] == pytest.approx((arc + 0.5) / 10.0, abs=0.01)
 
 
