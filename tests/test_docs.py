@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.edits.behaviours import PARAMETERS, presets
-from plannerforge.engine.network.rules.registry import NAMES as RULES
+from plannerforge.engine.network.rules.check import all_rules
 from plannerforge.schemas.errors import error_classes
 from plannerforge.schemas.modification import ARGUMENTS_OF
 from plannerforge.server.settings import Settings
@@ -25,7 +25,7 @@ def names_in(page: str) -> set[str]:
         ("README.md", [spec.name for spec in TOOLS]),
         ("README.md", list(Settings.model_fields)),
         ("docs/errors.md", list(error_classes())),
-        ("docs/rules.md", list(RULES)),
+        ("docs/rules.md", [rule.rule_id for rule in all_rules()]),
         ("docs/edits.md", [*ARGUMENTS_OF, *presets(), *PARAMETERS]),
     ],
     ids=["tools", "settings", "errors", "rules", "edits"],

@@ -1,13 +1,25 @@
-"""Running all rules on a network."""
+"""Running all rules on a network: module by module and, within one, in the order in which they are written.
+
+Adding one: its function under ``@rule`` in the module that it belongs to, its defect in the tests, its line in
+``docs/rules.md``.
+"""
 
 from collections.abc import Iterable
 from pathlib import Path
 
 from plannerforge.engine.network.road_document import RoadDocument
 from plannerforge.engine.network.road_document_reader import read_road_document
-from plannerforge.engine.network.rules.registry import all_rules
+from plannerforge.engine.network.rules import geometry, intersections, signs_and_lights, topology, vocabulary
+from plannerforge.engine.network.rules.rule import Rule
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.network_rules import CheckedFile, RuleFinding, Severity
+
+MODULES = (geometry, topology, signs_and_lights, intersections, vocabulary)
+
+
+def all_rules() -> tuple[Rule, ...]:
+    """The rules in the order in which they run and report."""
+    return tuple(value for module in MODULES for value in vars(module).values() if isinstance(value, Rule))
 
 
 def check_file(path: Path) -> CheckedFile:

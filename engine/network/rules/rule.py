@@ -1,5 +1,6 @@
-"""What a rule is, and what it finds."""
+"""What a rule is, and what it finds: a function under ``@rule``, whose name is the rule's id."""
 
+import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -17,6 +18,9 @@ class Defect:
     where: Points | None = None
 
 
+Find = Callable[[RoadDocument], Iterator[Defect]]
+
+
 @dataclass(frozen=True)
 class Rule:
     """A rule with its description.
@@ -29,7 +33,7 @@ class Rule:
     severity: Severity
     meaning: str
     why: str
-    find: Callable[[RoadDocument], Iterator[Defect]]
+    find: Find
 
     def check(self, document: RoadDocument) -> list[RuleFinding]:
         """All defects of one network."""
@@ -45,3 +49,17 @@ class Rule:
             )
             for defect in self.find(document)
         ]
+
+
+def rule(severity: Severity, *, why: str) -> Callable[[Find], Rule]:
+    """Make a rule of the function that finds its defects: called after it, and described by its docstring.
+
+    Args:
+        severity: see :class:`Rule`.
+        why: what a defect does to a reader or a planner.
+    """
+
+    def make(find: Find) -> Rule:
+        return Rule(find.__name__, severity, inspect.cleandoc(find.__doc__ or ""), why, find)
+
+    return make

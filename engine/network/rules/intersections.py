@@ -1,0 +1,74 @@
+"""Intersections: their incoming lanelets and where those lead."""
+
+from collections.abc import Iterator
+
+from plannerforge.engine.network.road_document import RoadDocument
+from plannerforge.engine.network.rules.rule import Defect, rule
+
+
+@rule("error", why="Right of way and turning directions there are undefined; the reader may fail.")
+def unknown_lanelet_at_intersection(document: RoadDocument) -> Iterator[Defect]:
+    """An intersection names a lanelet or an arm that is not in the file."""
+    for intersection in document.intersections:
+        arms = {incoming.incoming_id for incoming in intersection.incomings}
+        for incoming in intersection.incomings:
+            for key in sorted({*incoming.lanelet_ids, *incoming.exit_ids} - set(document.by_id)):
+                message = f"lanelet {key} of arm {incoming.incoming_id} is not in the file"
+                yield Defect(message, (intersection.intersection_id, key))
+            if incoming.left_of is not None and incoming.left_of not in arms:
+                message = f"arm {incoming.left_of}, which arm {incoming.incoming_id} is left of, is not there"
+                yield Defect(message, (intersection.intersection_id, incoming.left_of))
+
+
+@rule("error", why="The schema asks for one; the intersection says nothing.")
+def intersection_without_incoming(document: RoadDocument) -> Iterator[Defect]:
+    """An intersection has no incoming arm."""
+    for intersection in document.intersections:
+        if not intersection.incomings:
+            yield Defect("has no incoming arm", (intersection.intersection_id,))
+
+
+@rule("error", why="Nobody can come from there, so the arm has no meaning.")
+def incoming_without_lanelet(document: RoadDocument) -> Iterator[Defect]:
+    """An arm of an intersection names no lanelet that leads in."""
+    for intersection in document.intersections:
+        for incoming in intersection.incomings:
+            if not incoming.lanelet_ids:
+                message = f"arm {incoming.incoming_id} names no lanelet that leads in"
+                yield Defect(message, (intersection.intersection_id, incoming.incoming_id))
+
+
+@rule("warning", why="Turning directions cannot be told: whoever comes from there seems to have no way on.")
+def incoming_without_exit(document: RoadDocument) -> Iterator[Defect]:
+    """An arm of an intersection names no lanelet to the right, straight on or to the left."""
+    for intersection in document.intersections:
+        for incoming in intersection.incomings:
+            if incoming.lanelet_ids and not incoming.exit_ids:
+                message = f"arm {incoming.incoming_id} names no way on"
+                yield Defect(message, (intersection.intersection_id, incoming.incoming_id))
+
+
+@rule("error", why="The turning direction that the intersection states cannot be driven.")
+def exit_not_behind_incoming(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet to the right, straight on or to the left follows none of the lanelets of its arm."""
+    known = document.by_id
+    for intersection in document.intersections:
+        for incoming in intersection.incomings:
+            behind = {key for own in incoming.lanelet_ids if own in known for key in known[own].successors}
+            for key in sorted(set(incoming.exit_ids) & set(known) - behind):
+                message = f"lanelet {key} follows no lanelet of arm {incoming.incoming_id}"
+                yield Defect(message, (intersection.intersection_id, incoming.incoming_id, key))
+
+
+@rule("warning", why="Which arm a vehicle comes from, and so who yields to whom, is ambiguous.")
+def lanelet_in_two_incomings(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet is named by two arms of one intersection."""
+    for intersection in document.intersections:
+        arms: dict[int, list[int]] = {}
+        for incoming in intersection.incomings:
+            for key in incoming.lanelet_ids:
+                arms.setdefault(key, []).append(incoming.incoming_id)
+        for key, named in arms.items():
+            if len(named) > 1:
+                message = f"lanelet {key} belongs to arms {', '.join(map(str, named))}"
+                yield Defect(message, (intersection.intersection_id, key))

@@ -1,0 +1,196 @@
+"""Traffic signs, lights and stop lines: that they exist, belong to a lanelet and stand where they act."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from plannerforge.engine.geometry.polyline import length_m, project
+from plannerforge.engine.network.road_document import RoadDocument
+from plannerforge.engine.network.rules.rule import Defect, rule
+from plannerforge.engine.network.sign_numbers import SPEED_LIMITS
+
+
+@rule("error", why="References to it are ambiguous; commonroad-io refuses the file or keeps one of the two.")
+def repeated_id(document: RoadDocument) -> Iterator[Defect]:
+    """An id is given to two elements of the file."""
+    names: dict[int, list[str]] = {}
+    for key, name in document.ids:
+        names.setdefault(key, []).append(name)
+    for key, holders in names.items():
+        if len(holders) > 1:
+            yield Defect(f"id {key} is given to {len(holders)} elements: {', '.join(holders)}", (key,))
+
+
+@rule("error", why="The reader fails or drops the rule that the sign stands for.")
+def unknown_sign(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet or stop line refers to a traffic sign that is not in the file."""
+    known = {sign.sign_id for sign in document.signs}
+    for lanelet in document.lanelets:
+        at_line = lanelet.stop_line.sign_ids if lanelet.stop_line is not None else ()
+        for key in sorted({*lanelet.sign_ids, *at_line} - known):
+            yield Defect(f"traffic sign {key} is not in the file", (lanelet.lanelet_id, key))
+
+
+@rule("error", why="The reader fails, or the junction is taken for one without lights.")
+def unknown_light(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet or stop line refers to a traffic light that is not in the file."""
+    known = {light.light_id for light in document.lights}
+    for lanelet in document.lanelets:
+        at_line = lanelet.stop_line.light_ids if lanelet.stop_line is not None else ()
+        for key in sorted({*lanelet.light_ids, *at_line} - known):
+            yield Defect(f"traffic light {key} is not in the file", (lanelet.lanelet_id, key))
+
+
+@rule("error", why="The sign has no effect on anybody; commonroad-io does not read such a file.")
+def unused_sign(document: RoadDocument) -> Iterator[Defect]:
+    """No lanelet refers to a traffic sign."""
+    used = {key for lanelet in document.lanelets for key in lanelet.sign_ids}
+    for sign in document.signs:
+        if sign.sign_id not in used:
+            yield Defect("no lanelet refers to this sign", (sign.sign_id,), sign.position)
+
+
+@rule("warning", why="It is drawn, but nobody stops at it.")
+def unused_light(document: RoadDocument) -> Iterator[Defect]:
+    """No lanelet refers to a traffic light."""
+    used = {key for lanelet in document.lanelets for key in lanelet.light_ids}
+    for light in document.lights:
+        if light.light_id not in used:
+            yield Defect("no lanelet refers to this light", (light.light_id,), light.position)
+
+
+@rule("error", why="The schema asks for one, and without it the sign has no meaning.")
+def sign_without_plate(document: RoadDocument) -> Iterator[Defect]:
+    """A traffic sign holds no sign element."""
+    for sign in document.signs:
+        if not sign.plates:
+            yield Defect("holds no sign element", (sign.sign_id,), sign.position)
+
+
+GERMAN_SPEED_LIMIT = "274"
+"""The reader takes this number for a speed limit in every country."""
+
+
+@rule("warning", why="The reader takes it for an unknown sign: a limit or a right of way is lost.")
+def unknown_sign_number(document: RoadDocument) -> Iterator[Defect]:
+    """The number of a sign is not among those that CommonRoad knows for the country of the benchmark id."""
+    from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry, TrafficSignIDCountries
+
+    countries = {country.value for country in SupportedTrafficSignCountry}
+    country = document.country if document.country in countries else SupportedTrafficSignCountry.ZAMUNDA.value
+    known = {sign.value for sign in TrafficSignIDCountries[country]} | {GERMAN_SPEED_LIMIT}
+    for sign in document.signs:
+        for number, _ in sign.plates:
+            if number not in known:
+                yield Defect(f"{country} has no sign {number!r}", (sign.sign_id,), sign.position)
+
+
+FASTEST_LIMIT_MPS = 60.0
+
+
+@rule("warning", why="Limits are in m/s; a larger one was probably written in km/h, and planners would aim at it.")
+def implausible_speed_limit(document: RoadDocument) -> Iterator[Defect]:
+    """A speed limit is no number, not above 0, or above 60 m/s."""
+    for sign in document.signs:
+        for number, values in sign.plates:
+            for text in values if number in SPEED_LIMITS else ():
+                if not 0 < _speed(text) <= FASTEST_LIMIT_MPS:
+                    yield Defect(f"a limit of {text!r} m/s", (sign.sign_id,), sign.position)
+
+
+def _speed(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
+@rule("warning", why="Its colour at any time is undefined.")
+def light_without_cycle(document: RoadDocument) -> Iterator[Defect]:
+    """An active traffic light has no cycle."""
+    for light in document.lights:
+        if light.active and not light.phases:
+            yield Defect("is active but has no cycle", (light.light_id,), light.position)
+
+
+@rule("error", why="The cycle cannot be followed in time: the sum of the durations is wrong.")
+def phase_without_duration(document: RoadDocument) -> Iterator[Defect]:
+    """A phase of a traffic light lasts 0 steps or fewer."""
+    for light in document.lights:
+        for steps, colour in light.phases:
+            if steps <= 0:
+                yield Defect(f"{colour or 'a phase'} lasts {steps} steps", (light.light_id,), light.position)
+
+
+@rule("warning", why="Whoever obeys it stands there for ever.")
+def light_never_green(document: RoadDocument) -> Iterator[Defect]:
+    """The cycle of an active traffic light shows neither green nor inactive."""
+    for light in document.lights:
+        colours = {colour for _, colour in light.phases}
+        if light.active and colours and not colours & {"green", "inactive"}:
+            yield Defect(f"shows only {', '.join(sorted(colours))}", (light.light_id,), light.position)
+
+
+LIGHT_COLOURS = frozenset({"red", "yellow", "redYellow", "green", "inactive"})
+
+
+@rule("error", why="The reader refuses the file.")
+def unknown_colour(document: RoadDocument) -> Iterator[Defect]:
+    """A phase of a traffic light shows a colour that CommonRoad does not know."""
+    for light in document.lights:
+        for colour in sorted({colour for _, colour in light.phases} - LIGHT_COLOURS):
+            yield Defect(f"shows {colour!r}", (light.light_id,), light.position)
+
+
+FARTHEST_SIGN_M = 50.0
+
+
+@rule("warning", why="Its position or the reference is wrong.")
+def sign_far_away(document: RoadDocument) -> Iterator[Defect]:
+    """A traffic sign (but a speed limit, which holds on) stands more than 50 m from all its lanelets."""
+    from shapely import Point
+
+    for sign in document.signs:
+        if any(number in SPEED_LIMITS for number, _ in sign.plates):
+            continue
+        holders = [lanelet for lanelet in document.drawn if sign.sign_id in lanelet.sign_ids]
+        if sign.position is None or not holders or not np.isfinite(sign.position).all():
+            continue
+        distance = min(float(lanelet.polygon.distance(Point(*sign.position))) for lanelet in holders)
+        if distance > FARTHEST_SIGN_M:
+            keys = tuple(lanelet.lanelet_id for lanelet in holders)
+            yield Defect(f"stands {distance:.0f} m from its lanelets", (sign.sign_id, *keys), sign.position)
+
+
+FARTHEST_STOP_LINE_M = 3.0
+
+
+@rule("warning", why="Vehicles would stop for a line that they do not cross.")
+def stop_line_misplaced(document: RoadDocument) -> Iterator[Defect]:
+    """Both ends of a stop line lie more than 3 m outside the lanelet."""
+    from shapely import LineString
+
+    for lanelet in document.drawn:
+        line = lanelet.stop_line
+        if line is None or len(line.points) < 2 or not np.isfinite(line.points).all():
+            continue
+        distance = float(lanelet.polygon.distance(LineString(line.points)))
+        if distance > FARTHEST_STOP_LINE_M:
+            yield Defect(f"its stop line lies {distance:.1f} m outside", (lanelet.lanelet_id,), line.points[0])
+
+
+SHORTEST_WITH_STOP_LINE_M = 10.0
+
+
+@rule("warning", why="Vehicles would stop far from the junction that the line is for, or behind it.")
+def stop_line_at_beginning(document: RoadDocument) -> Iterator[Defect]:
+    """The middle of a stop line lies nearer to the beginning than to the end of a lanelet of 10 m and more."""
+    for lanelet in document.drawn:
+        line = lanelet.stop_line
+        if line is None or len(line.points) < 2 or not np.isfinite(line.points).all():
+            continue
+        length = length_m(lanelet.center)
+        station, _ = project(lanelet.center, line.points.mean(axis=0))
+        if length >= SHORTEST_WITH_STOP_LINE_M and station < length / 2:
+            message = f"its stop line lies {station:.1f} m behind the beginning of {length:.1f} m"
+            yield Defect(message, (lanelet.lanelet_id,), line.points[0])

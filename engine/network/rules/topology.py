@@ -1,0 +1,219 @@
+"""How lanelets hang together: what follows, what lies beside, what covers what."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plannerforge.engine.geometry.polyline import headings, length_m, wrap_angle
+from plannerforge.engine.network.road_document import LaneletElement, RoadDocument
+from plannerforge.engine.network.rules.rule import Defect, rule
+
+
+@rule("error", why="Routes end in nothing, or the reader silently drops the connection.")
+def unknown_successor(document: RoadDocument) -> Iterator[Defect]:
+    """A predecessor or successor is not in the file."""
+    for lanelet in document.lanelets:
+        for role, keys in (("successor", lanelet.successors), ("predecessor", lanelet.predecessors)):
+            for key in sorted(set(keys) - set(document.by_id)):
+                yield Defect(f"{role} {key} is not in the file", (lanelet.lanelet_id, key))
+
+
+@rule("error", why="A lane change is offered into nothing.")
+def unknown_neighbour(document: RoadDocument) -> Iterator[Defect]:
+    """A neighbour on the left or right is not in the file."""
+    for lanelet in document.lanelets:
+        for side, beside in (("left", lanelet.left_neighbour), ("right", lanelet.right_neighbour)):
+            if beside is not None and beside.lanelet_id not in document.by_id:
+                message = f"neighbour {beside.lanelet_id} on the {side} is not in the file"
+                yield Defect(message, (lanelet.lanelet_id, beside.lanelet_id))
+
+
+@rule("error", why="Searching forwards and backwards gives different routes.")
+def one_way_succession(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet names a successor that does not name it as predecessor, or the other way round."""
+    known = document.by_id
+    for lanelet in document.lanelets:
+        for key in lanelet.successors:
+            if key in known and lanelet.lanelet_id not in known[key].predecessors:
+                yield Defect(f"successor {key} does not name it as predecessor", (lanelet.lanelet_id, key))
+        for key in lanelet.predecessors:
+            if key in known and lanelet.lanelet_id not in known[key].successors:
+                yield Defect(f"predecessor {key} does not name it as successor", (lanelet.lanelet_id, key))
+
+
+LARGEST_GAP_M = 1.0
+
+
+@rule("warning", why="Reference paths jump there, which no vehicle can follow.")
+def gap_at_join(document: RoadDocument) -> Iterator[Defect]:
+    """End and beginning of two consecutive lanelets lie more than 1 m apart."""
+    for one, other in document.joins:
+        gap = float(np.linalg.norm(other.center[0] - one.center[-1]))
+        if gap > LARGEST_GAP_M:
+            message = f"{gap:.2f} m between its end and the beginning of {other.lanelet_id}"
+            yield Defect(message, (one.lanelet_id, other.lanelet_id), one.center[-1])
+
+
+LARGEST_HEADING_JUMP_RAD = np.radians(45)
+
+
+@rule("warning", why="No vehicle can turn on the spot: the reference path has a corner.")
+def heading_jump(document: RoadDocument) -> Iterator[Defect]:
+    """The heading changes by more than 45° from the end of a lanelet to the beginning of its successor."""
+    for one, other in document.joins:
+        before, after = one.path[-2:], other.path[:2]
+        if len(before) < 2 or len(after) < 2:
+            continue
+        turn = abs(wrap_angle(float(headings(after)[0] - headings(before)[0])))
+        if turn > LARGEST_HEADING_JUMP_RAD:
+            message = f"turns by {np.degrees(turn):.0f}° into {other.lanelet_id}"
+            yield Defect(message, (one.lanelet_id, other.lanelet_id), one.center[-1])
+
+
+@rule("error", why="Searches for a route can run in a circle without moving.")
+def follows_itself(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet is its own successor, predecessor or neighbour."""
+    for lanelet in document.lanelets:
+        roles = {
+            "successor": lanelet.successors,
+            "predecessor": lanelet.predecessors,
+            "neighbour": tuple(beside.lanelet_id for beside in lanelet.neighbours),
+        }
+        named = [role for role, keys in roles.items() if lanelet.lanelet_id in keys]
+        if named:
+            yield Defect(f"is its own {' and '.join(named)}", (lanelet.lanelet_id,))
+
+
+@rule("error", why="One of the two is wrong: what lies ahead cannot lie beside.")
+def follows_and_lies_beside(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet is successor or predecessor and also neighbour of the same other lanelet."""
+    for lanelet in document.lanelets:
+        beside = {neighbour.lanelet_id for neighbour in lanelet.neighbours}
+        for key in sorted(beside & {*lanelet.successors, *lanelet.predecessors} - {lanelet.lanelet_id}):
+            yield Defect(f"{key} lies both in line with it and beside it", (lanelet.lanelet_id, key))
+
+
+@rule("error", why="A lane change is possible in one direction only, or back into another lane.")
+def one_way_neighbour(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet names a neighbour that does not name it on the side where it lies."""
+    known = document.by_id
+    for lanelet in document.lanelets:
+        for side, beside in (("left", lanelet.left_neighbour), ("right", lanelet.right_neighbour)):
+            if beside is None or beside.lanelet_id not in known:
+                continue
+            other = known[beside.lanelet_id]
+            facing = other.left_neighbour if (side == "left") != beside.same_direction else other.right_neighbour
+            if facing is None or facing.lanelet_id != lanelet.lanelet_id:
+                message = f"{beside.lanelet_id} on its {side} does not name it as neighbour on the side where it lies"
+                yield Defect(message, (lanelet.lanelet_id, beside.lanelet_id))
+
+
+@rule("error", why="A planner changes into oncoming traffic, or refuses a lane that it may use.")
+def neighbour_direction(document: RoadDocument) -> Iterator[Defect]:
+    """A neighbour said to lead the same way leads the other way, or the other way round."""
+    for lanelet in document.drawn:
+        for beside in lanelet.neighbours:
+            other = document.by_id.get(beside.lanelet_id)
+            if other is None or not other.is_drawn:
+                continue
+            ahead, ahead_there = (one.center[-1] - one.center[0] for one in (lanelet, other))
+            if float(ahead @ ahead_there) * (1 if beside.same_direction else -1) < 0:
+                said = "same" if beside.same_direction else "opposite"
+                message = f"neighbour {other.lanelet_id} does not lead the {said} way"
+                yield Defect(message, (lanelet.lanelet_id, other.lanelet_id), lanelet.center[0])
+
+
+LARGEST_DISTANCE_TO_NEIGHBOUR_M = 2.0
+
+
+@rule("warning", why="A lane change crosses ground that belongs to no lanelet, or the lanelets overlap.")
+def neighbour_apart(document: RoadDocument) -> Iterator[Defect]:
+    """The bounds of two neighbours that should be one lie more than 2 m apart over most of their length."""
+    from shapely import LineString, distance, points
+
+    for lanelet in document.drawn:
+        for side, beside in (("left", lanelet.left_neighbour), ("right", lanelet.right_neighbour)):
+            other = None if beside is None else document.by_id.get(beside.lanelet_id)
+            if beside is None or other is None or not other.is_drawn:
+                continue
+            bound = lanelet.left if side == "left" else lanelet.right
+            facing = other.right if (side == "left") == beside.same_direction else other.left
+            apart = float(np.median(distance(points(bound), LineString(facing))))
+            if apart > LARGEST_DISTANCE_TO_NEIGHBOUR_M:
+                message = f"its {side} bound and that of neighbour {other.lanelet_id} lie {apart:.1f} m apart"
+                yield Defect(message, (lanelet.lanelet_id, other.lanelet_id), bound[len(bound) // 2])
+
+
+@rule("error", why="One of the two sides is wrong, and a lane change to it leads to the other side.")
+def neighbour_on_both_sides(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet has the same neighbour on its left and on its right."""
+    for lanelet in document.lanelets:
+        keys = [beside.lanelet_id for beside in lanelet.neighbours]
+        if len(keys) == 2 and keys[0] == keys[1]:
+            yield Defect(f"neighbour {keys[0]} is named on both sides", (lanelet.lanelet_id, keys[0]))
+
+
+LARGEST_OVERLAP_SHARE = 0.9
+SHORTEST_OVERLAP_M = 2.0
+"""Shorter pieces inside a junction lie within their neighbours by nature."""
+
+
+@rule(
+    "warning", why="A position belongs to both; which one a vehicle is on, and what traffic it meets there, is chance."
+)
+def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
+    """Two lanelets of one direction that neither begin nor end together cover each other by nine tenths."""
+    from shapely import area, intersection
+
+    lanelets = [lanelet for lanelet in document.drawn if length_m(lanelet.center) >= SHORTEST_OVERLAP_M]
+    areas = np.array([lanelet.polygon for lanelet in lanelets])
+    pairs = _unrelated_pairs(lanelets, areas)
+    if not len(pairs):
+        return
+    first, second = areas[pairs[:, 0]], areas[pairs[:, 1]]
+    shared = intersection(first, second)
+    shares = area(shared) / np.maximum(np.minimum(area(first), area(second)), 1e-9)
+    for index in np.flatnonzero(shares > LARGEST_OVERLAP_SHARE):
+        one, other = (lanelets[number].lanelet_id for number in pairs[index])
+        place = shared[index].centroid
+        message = f"{shares[index]:.0%} of the smaller one lies on lanelet {other}"
+        yield Defect(message, (one, other), np.array([place.x, place.y]))
+
+
+def _unrelated_pairs(lanelets: list[LaneletElement], areas: NDArray[np.object_]) -> NDArray[np.int64]:
+    """Numbers of the lanelets (n, 2) that meet, lead the same way and do not belong together."""
+    from shapely import STRtree
+
+    first, second = STRtree(areas).query(areas, predicate="intersects")
+    found = [
+        (i, j)
+        for i, j in sorted(zip(first.tolist(), second.tolist(), strict=True))
+        if i < j and not _belong_together(lanelets[i], lanelets[j]) and _same_way(lanelets[i], lanelets[j])
+    ]
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def _belong_together(one: LaneletElement, other: LaneletElement) -> bool:
+    """Whether both begin or end at one lanelet (a fork, a merge), or one follows the other."""
+    fork = set(one.predecessors) & set(other.predecessors) or set(one.successors) & set(other.successors)
+    in_line = other.lanelet_id in one.successors + one.predecessors
+    return bool(fork) or in_line
+
+
+def _same_way(one: LaneletElement, other: LaneletElement) -> bool:
+    ahead, ahead_there = (lanelet.center[-1] - lanelet.center[0] for lanelet in (one, other))
+    return float(ahead @ ahead_there) > 0.7 * float(np.linalg.norm(ahead) * np.linalg.norm(ahead_there))
+
+
+LONGEST_ISOLATED_M = 50.0
+"""A longer one may be a road of its own that was cut out at both ends."""
+
+
+@rule("warning", why="Nobody can get there or away; mostly a connection was forgotten.")
+def isolated_lanelet(document: RoadDocument) -> Iterator[Defect]:
+    """A lanelet shorter than 50 m, one of several, has neither predecessor, successor nor neighbour."""
+    for lanelet in document.lanelets if len(document.lanelets) > 1 else ():
+        connected = lanelet.predecessors or lanelet.successors or lanelet.neighbours
+        if not connected and lanelet.is_drawn and length_m(lanelet.center) < LONGEST_ISOLATED_M:
+            yield Defect("has neither predecessor, successor nor neighbour", (lanelet.lanelet_id,), lanelet.center[0])
