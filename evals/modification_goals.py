@@ -8,10 +8,11 @@ from lxml import etree
 
 from plannerforge.engine.geometry.polyline import project
 from plannerforge.engine.network.positions import POSITION_WORDS
+from plannerforge.evals.modification_drivers import SIZE_TOLERANCE_M
 from plannerforge.evals.modification_reach import length_m
 from plannerforge.evals.modification_written import Truth, Written
 
-GOAL_TOLERANCE_M, SIZE_TOLERANCE_M = 0.5, 0.01
+GOAL_TOLERANCE_M = 0.5
 USUAL_SIZE_M = (6.0, 2.0)
 """Length and width of a goal where neither the request nor the file gives any, as in the paper's code."""
 

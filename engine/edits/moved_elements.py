@@ -7,11 +7,9 @@ from plannerforge.engine.edits.changes import Replay
 from plannerforge.engine.edits.handover import TouchedTrack
 from plannerforge.engine.edits.scenario_document import ScenarioDocument
 from plannerforge.engine.edits.scene import Ego
-from plannerforge.engine.edits.state_elements import exact, obstacle_element, point_element, state_step
+from plannerforge.engine.edits.state_elements import Element, exact, obstacle_element, point_element, state_step
 from plannerforge.engine.traffic.smoothing import Motion
 from plannerforge.engine.traffic.vehicle_classes import nearest_class
-
-Element = etree._Element
 
 _INITIAL_OF = {"trajectory": "initialState", "signalSeries": "initialSignalState"}
 _AT_REST = {"yawRate": 0.0, "slipAngle": 0.0, "acceleration": 0.0}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from plannerforge.engine.analysis.intervals import rate
 from plannerforge.engine.rendering.canvas import PICTURE_WIDTH_PX, SMALL_PT, new_figure, pixels, save_png, shortened
+from plannerforge.engine.rendering.flip_chart import _DARK
 from plannerforge.engine.rendering.furniture import write_title
 from plannerforge.engine.rendering.palette import INK, outcome_colour
 from plannerforge.schemas.runs import Outcome, RunRecord
@@ -24,7 +25,6 @@ _ORDER: tuple[Outcome, ...] = (
     "off_road",
     "collision",
 )
-_DARK = ("goal_reached", "collision", "off_road")
 
 
 def draw_outcomes(groups: Sequence[tuple[str, Sequence[RunRecord]]], path: Path) -> tuple[tuple[int, int], str]:
