@@ -55,41 +55,41 @@ bench: bench-server bench-planners bench-faults bench-reactive bench-responsibil
 	bench-selection bench-import-crashes
 
 bench-server: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_server
+	@$(PYTHON) -m plannerforge.evals.server
 
 bench-selection: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_selection
+	@$(PYTHON) -m plannerforge.evals.selection
 
 bench-planners: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_planners
+	@$(PYTHON) -m plannerforge.evals.planners
 
 bench-faults: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_planner_faults
+	@$(PYTHON) -m plannerforge.evals.faults.planners
 
 bench-reactive: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_reactive
+	@$(PYTHON) -m plannerforge.evals.planners.reactive
 
 bench-responsibility: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_responsibility
+	@$(PYTHON) -m plannerforge.evals.planners.responsibility
 
 bench-weights: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_weights
+	@$(PYTHON) -m plannerforge.evals.planners.weights
 
 bench-routes: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_routes
+	@$(PYTHON) -m plannerforge.evals.planners.routes
 
 bench-generation: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_generation
+	@$(PYTHON) -m plannerforge.evals.generation
 
 bench-modification: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_modification --workers $(WORKERS)
+	@$(PYTHON) -m plannerforge.evals.modification --workers $(WORKERS)
 
 bench-import-crashes: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.bench_import_crashes
+	@$(PYTHON) -m plannerforge.evals.faults.imports
 
 starter: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.engine.maps.draw_library
-	@$(PYTHON) -m plannerforge.engine.catalog.build_starter
+	@$(PYTHON) -m plannerforge.engine.maps.drawn_library
+	@$(PYTHON) -m plannerforge.engine.generation.starter_catalog
 
 format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff format .

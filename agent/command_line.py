@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from plannerforge.server.command_line import application
+from ..server.command_line import application
 
 
 def main() -> None:
@@ -22,6 +22,6 @@ def demo(
     folder: Annotated[Path, typer.Option(help="Where the report, pictures and scenarios go.")] = Path("demo-output"),
 ) -> None:
     """Take a scenario through every stage with a real MCP client, and write a report."""
-    from plannerforge.agent.demo import run_demo
+    from .demo import run_demo
 
     raise typer.Exit(run_demo(scenario=scenario, map_file=map_file, folder=folder))

@@ -1,1 +1,40 @@
-"""The domain library: maps, networks, traffic, scenarios, planners, results. It knows nothing of MCP."""
+"""The domain library; knows nothing of MCP.
+
+Its packages stand in an order that import-linter holds (``pyproject.toml``): each imports only those below it, and of
+them only the names on their *face*, which is the ``__init__.py``. ``criticality`` is a package of one file.
+"""
+
+import ast
+import importlib
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+
+def lazy_face(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+    """``__getattr__`` and ``__dir__`` of a package that imports a name's module when the name is first asked for.
+
+    The names are those that the package imports from its own modules under ``TYPE_CHECKING``, where type checkers,
+    editors and import graphs read them too. The server's process imports many faces and must not load numpy for it.
+
+    Args:
+        package: the package's ``__name__``.
+        file: its ``__file__``.
+    """
+    modules = _names_on_face(Path(file))
+
+    def get(name: str) -> object:
+        if name not in modules:
+            raise AttributeError(f"{package} has no {name!r} on its face; it has {', '.join(sorted(modules))}")
+        value = getattr(importlib.import_module(modules[name], package), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return get, lambda: sorted(modules)
+
+
+def _names_on_face(file: Path) -> dict[str, str]:
+    """The relative module of each name that a face imports."""
+    checked = (node for node in ast.parse(file.read_bytes()).body if isinstance(node, ast.If))
+    imports = (node for block in checked for node in block.body if isinstance(node, ast.ImportFrom) and node.level == 1)
+    return {alias.name: f".{node.module}" for node in imports for alias in node.names}

@@ -21,24 +21,21 @@ import anyio
 from mcp import Client
 from mcp.types import CallToolResult, TextContent
 
-from plannerforge.server.assembly import create_server
-from plannerforge.server.settings import Settings
+from ..server.assembly import create_server
+from ..server.settings import Settings
 
 EVERY = 4
 """Of the shared scenarios, sorted by name, every so many are taken: 49 of 195."""
-
 WRITTEN_AT = re.compile(r"\b\d{4}-\d\d-\d\dT[\d:.+Z-]+")
 UNSTEADY = ("_ms", "elapsed_s", "wall_s", "computing_s", "created", "run_time_s", "planning_s")
 """Endings of fields that hold a duration or a moment of this very execution."""
-
 TIMING = "timing.json"
 """What a run took; it is another at every execution."""
-
 Arguments = dict[str, Any]
 
 
 @dataclass
-class Digests:
+class _Digests:
     """What was made: a digest a file (below the workspace), and the text of every answer by its request."""
 
     workspace: Path
@@ -72,7 +69,7 @@ def _steady(value: Any) -> Any:
     return [_steady(item) for item in value] if isinstance(value, list) else value
 
 
-def edits_of(description: dict[str, Any]) -> Iterator[tuple[str, list[Arguments]]]:
+def _edits_of(description: dict[str, Any]) -> Iterator[tuple[str, list[Arguments]]]:
     """One try of each kind of edit for a described scenario, by what is there; a refusal is an answer as well."""
     ids = [str(one["vehicle_id"]) for one in description["vehicles"]]
     goal = (description["ego"] or {}).get("goal_lanelets") or []
@@ -101,20 +98,19 @@ def edits_of(description: dict[str, Any]) -> Iterator[tuple[str, list[Arguments]
     )
 
 
-async def _record_scenario(client: Client, digests: Digests, path: Path) -> None:
+async def _record_scenario(client: Client, digests: _Digests, path: Path) -> None:
     name = path.stem
     digests.note(f"{name} import", await client.call_tool("import_files", {"path": str(path)}))
     for detail in ("brief", "vehicles", "lanelets", "checks"):
-        arguments = {"scenario_id": name, "detail": detail}
-        result = await client.call_tool("describe_scenario", arguments)
+        result = await client.call_tool("describe_scenario", {"scenario_id": name, "detail": detail})
         digests.note(f"{name} describe {detail}", result)
         if detail == "brief":
             description = (result.structured_content or {}).get("description")
     if description is None:
         return
-    for kind, edits in edits_of(description):
+    for kind, edits in _edits_of(description):
         for traffic in ("recorded", "reactive") if kind == "composite" else ("recorded",):
-            arguments = {"scenario_id": name, "edits": edits, "traffic": traffic}
+            arguments: Arguments = {"scenario_id": name, "edits": edits, "traffic": traffic}
             digests.note(f"{name} edit {kind} {traffic}", await client.call_tool("modify_scenario", arguments))
     for planner, traffic, prediction in (
         ("frenetix:Default", "recorded", "constant_velocity"),
@@ -126,7 +122,7 @@ async def _record_scenario(client: Client, digests: Digests, path: Path) -> None
         digests.note(f"{name} run {planner} {traffic}", result)
 
 
-async def _record_map(client: Client, digests: Digests, path: Path) -> None:
+async def _record_map(client: Client, digests: _Digests, path: Path) -> None:
     result = await client.call_tool("import_files", {"path": str(path)})
     digests.note(f"map {path.name} import", result)
     found = re.search(r"map_[0-9a-z]+", json.dumps(result.structured_content))
@@ -137,7 +133,7 @@ async def _record_map(client: Client, digests: Digests, path: Path) -> None:
         digests.note(f"map {path.name} {density}", await client.call_tool("generate_scenarios", arguments))
 
 
-async def _record_results(client: Client, digests: Digests) -> None:
+async def _record_results(client: Client, digests: _Digests) -> None:
     for name, tool, arguments in (
         ("find", "find_scenarios", {"road_net": ["lanes>=2"], "obstacles": ["car>=2"], "limit": 20}),
         ("find text", "find_scenarios", {"text": "roundabout with a truck", "limit": 20}),
@@ -149,13 +145,13 @@ async def _record_results(client: Client, digests: Digests) -> None:
         digests.note(f"results {name}", await client.call_tool(tool, arguments))
 
 
-async def record(data: Path, output: Path, maps: int) -> None:
-    """Ask for everything and write the digests."""
-    scenarios = sorted((data / "commonroad").glob("*.xml"))[::EVERY]
+async def record(data: Path, output: Path, every: int, maps: int) -> None:
+    """Ask for everything and write the digests: every n-th scenario by name, and the smallest maps."""
+    scenarios = sorted((data / "commonroad").glob("*.xml"))[::every]
     extracts = sorted((data / "osm").glob("*.osm"), key=lambda path: path.stat().st_size)[:maps]
     workspace = Path(tempfile.gettempdir()) / f"same-bytes-{os.getpid()}"
     settings = Settings(workspace=workspace, roots=(data,), warm_up=False, journal=False)
-    digests = Digests(workspace)
+    digests = _Digests(workspace)
     async with Client(create_server(settings)) as client:
         for number, path in enumerate(scenarios):
             sys.stderr.write(f"{number + 1} of {len(scenarios)}: {path.stem}\n")
@@ -167,12 +163,13 @@ async def record(data: Path, output: Path, maps: int) -> None:
     output.write_text(json.dumps({"answers": digests.answers, "files": digests.files()}, indent=1), encoding="utf-8")
 
 
-def compare(before: Path, after: Path) -> int:
-    """Print what differs; the number of differences."""
+def compare(before: Path, after: Path, *, subset: bool) -> int:
+    """Print what differs; the number of differences. ``subset``: the later record made fewer requests."""
     old, new = (json.loads(path.read_text(encoding="utf-8")) for path in (before, after))
     differences = 0
     for part in ("files", "answers"):
-        names = sorted({*old[part], *new[part]})
+        names = sorted(new[part] if subset else {*old[part], *new[part]})
+        names = [name for name in names if not (subset and name.startswith("results "))]
         changed = [name for name in names if old[part].get(name) != new[part].get(name)]
         sys.stdout.write(f"{part}: {len(names) - len(changed)} of {len(names)} the same\n")
         for name in changed:
@@ -188,15 +185,17 @@ def main() -> None:
     recording = commands.add_parser("record")
     recording.add_argument("output", type=Path)
     recording.add_argument("--data", type=Path, default=Path("../shared/data"))
+    recording.add_argument("--every", type=int, default=4, help="4 takes 49 of the 195 shared scenarios")
     recording.add_argument("--maps", type=int, default=24)
     comparing = commands.add_parser("compare")
     comparing.add_argument("before", type=Path)
     comparing.add_argument("after", type=Path)
+    comparing.add_argument("--subset", action="store_true")
     given = parser.parse_args()
     if given.command == "record":
-        anyio.run(record, given.data, given.output, given.maps)
+        anyio.run(record, given.data, given.output, given.every, given.maps)
     else:
-        raise SystemExit(min(compare(given.before, given.after), 1))
+        raise SystemExit(min(compare(given.before, given.after, subset=given.subset), 1))
 
 
 if __name__ == "__main__":

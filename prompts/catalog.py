@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 from mcp.types import GetPromptResult, Prompt, PromptArgument, PromptMessage, TextContent
 
-from plannerforge.schemas.errors import InvalidRequest, UnknownName, closest
+from ..schemas.errors import InvalidRequest, UnknownName, closest
 
 
 @dataclass(frozen=True)
-class PromptSpec:
+class _PromptSpec:
     """A prompt: its arguments (name → meaning and default; an empty default makes it required) and its text."""
 
     name: str
@@ -30,8 +30,8 @@ class PromptSpec:
         )
 
 
-PROMPTS: tuple[PromptSpec, ...] = (
-    PromptSpec(
+PROMPTS: tuple[_PromptSpec, ...] = (
+    _PromptSpec(
         "compare_presets",
         "Compare two planner presets",
         "Run two presets on the same scenarios and say what got better",
@@ -45,7 +45,7 @@ PROMPTS: tuple[PromptSpec, ...] = (
         "ids, which scenarios flipped each way, what got better, what got worse, and whether the "
         "difference is significant. Show a picture of one scenario that flipped.",
     ),
-    PromptSpec(
+    _PromptSpec(
         "find_the_weak_spot",
         "Find a planner's weak spot",
         "Make a scenario harder step by step until the planner fails, and explain why",
@@ -55,7 +55,7 @@ PROMPTS: tuple[PromptSpec, ...] = (
         "planner fails. Use analyze_results with detail timeline on the failing run and explain in three "
         "sentences why it failed, quoting the figures and the run id.",
     ),
-    PromptSpec(
+    _PromptSpec(
         "explain_a_run",
         "Explain a run",
         "What happened in a run and which weight to change",

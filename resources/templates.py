@@ -7,14 +7,14 @@ import json
 import re
 from dataclasses import dataclass
 
-from plannerforge.engine.workspace.artifacts import Workspace, artifact_kinds
-from plannerforge.schemas.errors import UnknownName
+from ..engine.workspace import Workspace, artifact_kinds
+from ..schemas.errors import UnknownName
 
 SCHEME = "plannerforge://"
 
 
 @dataclass(frozen=True)
-class Template:
+class _Template:
     """One family of resources: the URI's form, and what is behind it."""
 
     uri_template: str
@@ -23,16 +23,15 @@ class Template:
     mime_type: str
 
 
-TEMPLATES: tuple[Template, ...] = (
-    Template(f"{SCHEME}scenario/{{id}}/xml", "scenario", "CommonRoad XML of a scenario", "application/xml"),
-    Template(f"{SCHEME}scenario/{{id}}/net", "sumo_net", "SUMO net of a scenario", "application/xml"),
-    Template(f"{SCHEME}config/{{id}}/yaml", "configuration", "Cost weights of a planner as YAML", "application/yaml"),
-    Template(f"{SCHEME}run/{{id}}/steps", "run_steps", "Trajectory and cost terms of a run", "application/json"),
-    Template(f"{SCHEME}{{kind}}/{{id}}/record", "record", "Record and recipe of any artifact", "application/json"),
-    Template(f"{SCHEME}picture/{{name}}", "picture", "A picture or animation that render made", "image/png"),
-    Template(f"{SCHEME}report/{{name}}", "report", "A report as one HTML page", "text/html"),
+TEMPLATES: tuple[_Template, ...] = (
+    _Template(f"{SCHEME}scenario/{{id}}/xml", "scenario", "CommonRoad XML of a scenario", "application/xml"),
+    _Template(f"{SCHEME}scenario/{{id}}/net", "sumo_net", "SUMO net of a scenario", "application/xml"),
+    _Template(f"{SCHEME}config/{{id}}/yaml", "configuration", "Cost weights of a planner as YAML", "application/yaml"),
+    _Template(f"{SCHEME}run/{{id}}/steps", "run_steps", "Trajectory and cost terms of a run", "application/json"),
+    _Template(f"{SCHEME}{{kind}}/{{id}}/record", "record", "Record and recipe of any artifact", "application/json"),
+    _Template(f"{SCHEME}picture/{{name}}", "picture", "A picture or animation that render made", "image/png"),
+    _Template(f"{SCHEME}report/{{name}}", "report", "A report as one HTML page", "text/html"),
 )
-
 _FILES = {
     ("scenario", "xml"): ("scenario.xml", "application/xml"),
     ("scenario", "net"): ("scenario.net.xml", "application/xml"),

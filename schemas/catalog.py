@@ -5,14 +5,13 @@ from typing import Literal
 
 from pydantic import Field
 
-from plannerforge.schemas.base import Arguments, Model, Result
+from .base import Arguments, Model, Result
 
 Facet = Literal["all", "places", "tags", "features", "road_net", "obstacles", "maps", "behaviours", "planners"]
 Method = Literal["funnel", "semantic", "hybrid", "rrf", "bm25"]
 Stage = Literal["location", "tags", "road_net", "obstacles", "velocity"]
 PACKAGED_MODEL = "all-MiniLM-L6-v2"
 """The embedding model that installs with the package."""
-
 STAGES: tuple[Stage, ...] = ("location", "tags", "road_net", "obstacles", "velocity")
 
 

@@ -14,15 +14,13 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from plannerforge.schemas.errors import InvalidRequest, UnknownName, closest
+from .errors import InvalidRequest, UnknownName, closest
 
 NAME = r"[A-Za-z_][A-Za-z0-9_.\-]*"
 NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 UNIT = r"[A-Za-z][A-Za-z/0-9]*"
-
 COMPARISON_PATTERN = rf"^!?{NAME}(@[a-z]+)?((>=|<=|=|>|<).+)?$"
 ASSIGNMENT_PATTERN = rf"^{NAME}\s*[=*+\-].+$"
-
 _TO_BASE: dict[str, dict[str, float]] = {
     "m/s": {"m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704},
     "m": {"m": 1.0, "km": 1000.0, "ft": 0.3048},
@@ -228,9 +226,7 @@ def parse_selector(text: str) -> Selector:
             )
         return Selector(kind, argument, negated)
     raise UnknownName(
-        f"'{text}' selects no vehicles",
-        valid=_nearest_selectors(kind),
-        next_step="name a vehicle in such a form",
+        f"'{text}' selects no vehicles", valid=_nearest_selectors(kind), next_step="name a vehicle in such a form"
     )
 
 

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from plannerforge.schemas.base import Arguments, Model, Result
+from .base import Arguments, Model, Result
 
 
 class ImportFilesArguments(Arguments):

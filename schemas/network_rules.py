@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from plannerforge.schemas.base import Model
+from .base import Model
 
 Severity = Literal["error", "warning"]
 

@@ -4,8 +4,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from plannerforge.schemas.base import Arguments, Model
-from plannerforge.schemas.results import ConfigWeights, RunSource, ScenarioSource
+from .base import Arguments, Model
+from .results import ConfigWeights, RunSource, ScenarioSource
 
 PictureKind = Literal["auto", "picture", "animation", "outcomes", "costs", "flips", "profile"]
 

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from plannerforge.schemas.base import Model
+from .base import Model
 
 Outcome = Literal[
     "goal_reached",
@@ -25,17 +25,14 @@ come to the goal when 1.7 times the steps to the goal's last step were over; ``i
 trajectory that the vehicle can drive; ``invalid``: the problem cannot be solved by anybody, said before the run and
 never a planner's failure.
 """
-
 NO_TRAJECTORY: tuple[Outcome, ...] = ("invalid", "infeasible")
 """Outcomes without a motion to speak of: the problem is broken, or the planner finds no trajectory for it."""
-
 InvalidReason = Literal[
     "no_goal_state", "initial_collision", "ego_off_road", "ego_against_route", "goal_unreachable", "goal_out_of_time"
 ]
 """Why a problem is invalid. ``ego_against_route``: the ego begins with its heading more than 90° off the way to its
 goal; ``goal_unreachable``: no route on the lanelet graph, or it lies behind the ego and no way leads back;
 ``goal_out_of_time``: not even the vehicle's largest acceleration brings the ego there in time."""
-
 Prediction = Literal["constant_velocity", "growing_covariance", "lane", "ground_truth"]
 Traffic = Literal["recorded", "reactive"]
 """``reactive``: the others react to the ego, driven by SUMO; ``recorded``: they follow their recording."""
@@ -135,8 +132,7 @@ class RunRecord(Model):
     off_the_lanes: tuple[int, ...] = Field((), description="lane prediction: obstacles predicted straight on")
     on_recording: tuple[int, ...] = Field((), description="reactive traffic: obstacles that SUMO could not drive")
     eased_over_m: float | None = Field(
-        None,
-        description="metres of a curve onto the route, where the start allows no way along its centre",
+        None, description="metres of a curve onto the route, where the start allows no way along its centre"
     )
     rejected_candidates: dict[str, int] = Field(description="constraint → candidates it rejected, over the whole run")
     metrics: RunMetrics | None

@@ -1,14 +1,68 @@
 """What is known about a scenario: its metadata layers, and what ``describe_scenario`` takes and answers."""
 
+import json
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, JsonValue
 
-from plannerforge.schemas.base import Arguments, Model, Result
-from plannerforge.schemas.described_generation import DescribedGeneration
-from plannerforge.schemas.scenario_text import scenario_text
-from plannerforge.schemas.vocabulary import GoalForm
+from .base import Arguments, Model, Result
+from .generation import DensityFacts, ScenarioType, SiteFacts
+from .vocabulary import GoalForm
+
+# ---------- described_generation
+# How a generated scenario came out, as ``describe_scenario`` tells it: what was asked beside what was realised.
+
+
+class DescribedGeneration(Model):
+    """Site, traffic and checks of a generated scenario, as they were when it was made.
+
+    ``notes`` (repairs among them), ``network_warnings`` and ``netconvert_warnings`` are listed only where the detail
+    asks for them; their numbers always stand there. ``feasible_share``: of the recorded tracks, in [0, 1].
+    """
+
+    site: SiteFacts
+    scenario_type_asked: ScenarioType
+    vehicles_asked: int
+    vehicles_realised: int
+    classes_asked: dict[str, int]
+    classes_realised: dict[str, int]
+    density: DensityFacts
+    duration_asked_s: float
+    recorded_s: float
+    feasible_share: float
+    checks_failed: tuple[str, ...]
+    notes_total: int
+    warnings_total: int
+    notes: tuple[str, ...] = ()
+    network_warnings: tuple[str, ...] = ()
+    netconvert_warnings: tuple[str, ...] = ()
+
+    def lines(self) -> list[str]:
+        """Site, traffic and checks in a line, then notes and warnings, one each."""
+        site, density = self.site, self.density
+        streets = ", ".join(site.streets) or "unnamed roads"
+        mark = f", OSM {site.osm_id}" if site.osm_id else ""
+        classes = ", ".join(f"{count} {name}" for name, count in self.classes_realised.items()) or "the ego alone"
+        asked = "".join(f", at least {count} {name}" for name, count in self.classes_asked.items())
+        listed = [f"Generation note: {note}" for note in self.notes]
+        listed += [f"Road network: {warning}" for warning in self.network_warnings]
+        listed += [f"netconvert: {warning}" for warning in self.netconvert_warnings]
+        told = listed or self.notes_total + self.warnings_total == 0
+        unlisted = "" if told else f" {self.notes_total} notes, {self.warnings_total} warnings: detail checks."
+        first = (
+            f"Generated: {site.scenario_type} (asked: {self.scenario_type_asked}) at {site.latitude:.5f}, "
+            f"{site.longitude:.5f} within {site.radius_m:g} m ({streets}{mark}); vehicles {self.vehicles_realised} "
+            f"(asked: {self.vehicles_asked}{asked}), beside the ego {classes}; {density.at_start_per_lane_km:g} per "
+            f"lane-km at the start, {density.at_end_per_lane_km:g} at the end (asked: {density.wish}, "
+            f"{density.target_per_lane_km:g}); {self.recorded_s:g} s recorded (asked: {self.duration_asked_s:g} s); "
+            f"{self.feasible_share:.0%} of tracks drivable; checks failed: {', '.join(self.checks_failed) or 'none'}."
+        )
+        return [first + unlisted, *listed]
+
+
+# ---------- scenarios
+# What is known about a scenario: its metadata layers, and what ``describe_scenario`` takes and answers.
 
 
 class LocationFacts(Model):
@@ -118,11 +172,7 @@ class ScenarioFacts(Model):
 
     def _seen_from(self, ego: EgoFacts) -> "ScenarioFacts":
         roads = self.roads.model_copy(
-            update={
-                "signs_ego": ego.signs,
-                "traffic_light_ego": ego.traffic_light,
-                "limits_ego_kmh": ego.limits_kmh,
-            }
+            update={"signs_ego": ego.signs, "traffic_light_ego": ego.traffic_light, "limits_ego_kmh": ego.limits_kmh}
         )
         others = tuple(one for one in self.egos if one is not ego)
         return self.model_copy(
@@ -260,4 +310,67 @@ class DescribeScenarioResult(Result):
 
     def to_text(self) -> str:
         """Head, ego, vehicles, lanelets: a line each."""
-        return scenario_text(self)
+        return _scenario_text(self)
+
+
+# ---------- scenario_text
+# The compact text of a described scenario.
+
+
+def _scenario_text(result: "DescribeScenarioResult") -> str:
+    """Head, ego, vehicles, lanelets, checks, how it was generated and its recipe, a line each."""
+    counts = ", ".join(f"{count} {kind}" for kind, count in result.counts.items()) or "no traffic"
+    lines = [f"{result.scenario_id} ({result.origin}, {result.place}): {result.duration_s:g} s, {counts}."]
+    lines.append(f"Tags: {', '.join(result.tags) or 'none'}. Computed: {', '.join(result.features) or 'nothing'}.")
+    if result.signs:
+        lines.append(f"On the ego's lane: {', '.join(result.signs)}.")
+    shown = result.description
+    lines.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
+    if shown.vehicles:
+        lines.append(f"Vehicles, nearest to {shown.focus} first ({len(shown.vehicles)} of {shown.vehicles_total}):")
+        lines += [_vehicle(vehicle) for vehicle in shown.vehicles]
+    elif shown.vehicles_total:
+        lines.append(f"No vehicle near {shown.focus}; {shown.vehicles_total} elsewhere: raise radius_m.")
+    if shown.lanelets:
+        lines.append(f"Lanelets near {shown.focus} ({len(shown.lanelets)} of {shown.lanelets_total}):")
+        lines += [_lanelet(lanelet) for lanelet in shown.lanelets]
+    lines += [f"Check: {check}" for check in shown.checks]
+    lines += result.generation.lines() if result.generation is not None else []
+    if result.recipe is not None:
+        lines.append(f"Recipe: {json.dumps(result.recipe, ensure_ascii=False, sort_keys=True)}")
+    return "\n".join(lines)
+
+
+def ego_text(ego: "DescribedEgo") -> str:
+    """Where the ego starts, what its goal asks for and its way there, in a line."""
+    lanes = f"{ego.lanes} lane{'' if ego.lanes == 1 else 's'} in its direction"
+    lanelets = f"lanelet {', '.join(map(str, ego.lanelets))}" if ego.lanelets else "no lanelet"
+    route = f" Way: {ego.way}{f', lanelets {_chain(ego.route)}' if ego.route else ''}."
+    return f"Ego: {ego.speed_mps:.1f} m/s on {lanelets}, {lanes}. Goal: {ego.goal}.{route}"
+
+
+def _chain(route: tuple[int, ...]) -> str:
+    shown = [str(key) for key in (route if len(route) <= 8 else (*route[:4], *route[-3:]))]
+    return " → ".join(shown if len(route) <= 8 else [*shown[:4], "…", *shown[4:]])
+
+
+def _vehicle(vehicle: "DescribedVehicle") -> str:
+    gap = f", gap {vehicle.gap_m:.1f} m" if vehicle.gap_m is not None else ""
+    lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ""
+    when = f", from {vehicle.from_s:g} s" if vehicle.from_s > 0 else ""
+    speed = f"{vehicle.speed_mps:.1f} m/s" if vehicle.moves else "stands"
+    kind = f"{vehicle.kind} ({vehicle.vehicle_class})" if vehicle.vehicle_class else vehicle.kind
+    return f"- {vehicle.vehicle_id} {kind}: {vehicle.where}, {speed}{gap}{lanelet}{when}"
+
+
+def _lanelet(lanelet: "DescribedLanelet") -> str:
+    beside = [f"left {lanelet.left}"] if lanelet.left is not None else []
+    beside += [f"right {lanelet.right}"] if lanelet.right is not None else []
+    beside += [f"opposite {lanelet.opposite}"] if lanelet.opposite is not None else []
+    parts = [f"{lanelet.length_m:.0f} m", *([f"edge {lanelet.edge}"] if lanelet.edge else [])]
+    parts += [lanelet.role] if lanelet.role else []
+    parts += [f"leads {', '.join(lanelet.successors)}" if lanelet.successors else "leads nowhere"]
+    parts += [f"beside {', '.join(beside)}"] if beside else []
+    parts += [f"limit {lanelet.limit_kmh:g} km/h"] if lanelet.limit_kmh else []
+    parts += [f"vehicles {', '.join(map(str, lanelet.vehicles))}"] if lanelet.vehicles else []
+    return f"- {lanelet.lanelet_id}: {'; '.join(parts)}"

@@ -34,7 +34,6 @@ TAGS: Final[dict[str, str]] = {
     "two_lane": "two lanes, usually one per direction",
     "urban": "built-up area",
 }
-
 SIGNS: Final[dict[str, str]] = {
     "right_before_left_rule": "give way to the right",
     "yield": "give way",
@@ -52,13 +51,11 @@ SIGNS: Final[dict[str, str]] = {
     "turning_priority_right": "the priority road bends right",
     "turning_priority_wait": "the bending priority road comes first",
 }
-
 ROAD_NET_KEYS: Final[dict[str, str]] = {
     **SIGNS,
     "traffic_light": "at least one light",
     "lanes": "lanelets side by side in the ego's direction",
 }
-
 OBSTACLE_TYPES: Final[tuple[str, ...]] = (
     "car",
     "truck",
@@ -74,7 +71,6 @@ OBSTACLE_TYPES: Final[tuple[str, ...]] = (
     "roadBoundary",
     "unknown",
 )
-
 FEATURES: Final[dict[str, str]] = {
     "intersection": "lanes cross within 100 m of the ego's start, or on its way",
     "roundabout": "lanes form a circle with several entries",
@@ -89,13 +85,11 @@ FEATURES: Final[dict[str, str]] = {
     "lead_vehicle": "a vehicle is ahead of the ego in its lane within 50 m at the start",
     "ego_stands_at_start": "the ego's initial speed is below 0.5 m/s",
 }
-
 MEASURES: Final[dict[str, str]] = {
     "ttc": "seconds until an ego that keeps path and initial speed meets the recorded traffic",
     "horizon": "seconds to the last time step of any recording or goal",
     "density": "recorded vehicles per kilometre of lanelets, mean over the recording",
 }
 """Numbers computed from geometry and recording, compared in the ``features`` argument (``ttc<=3s``)."""
-
 GoalForm = Literal["region", "lanelet", "speed", "orientation", "time"]
 """What a goal states: a region (shape), a lanelet, a speed, a heading or only a time."""

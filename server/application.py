@@ -18,15 +18,15 @@ from mcp.server.mcpserver.context import Context
 from mcp.types import INVALID_PARAMS, CallToolResult, GetPromptResult, Prompt, ResourceTemplate, Tool
 from pydantic import AnyUrl
 
-from plannerforge import __version__
-from plannerforge.prompts.catalog import PROMPTS, prompt_text
-from plannerforge.resources.templates import TEMPLATES, read_resource
-from plannerforge.schemas.errors import PlannerForgeError, UnknownName, closest
-from plannerforge.server.journal import Journal
-from plannerforge.server.tool_calls import answer
-from plannerforge.server.tool_descriptions import described_tool
-from plannerforge.tools.call import Services, ToolCall
-from plannerforge.tools.registry import ToolSpec
+from .. import __version__
+from ..prompts.catalog import PROMPTS, prompt_text
+from ..resources.templates import TEMPLATES, read_resource
+from ..schemas.errors import PlannerForgeError, UnknownName, closest
+from ..tools.call import Services, ToolCall
+from ..tools.registry import ToolSpec
+from .journal import Journal
+from .tool_calls import answer
+from .tool_descriptions import described_tool
 
 INSTRUCTIONS = """\
 PlannerForge tests motion planners on CommonRoad scenarios: find or generate a scenario, modify it, run planners, \
@@ -37,9 +37,7 @@ answers with runs, or with a job for get_job when it takes long. analyze_results
 against B, render draws. Everything made is kept under its id; "latest" means the newest of its kind. Pass the user's \
 words and units on; a refusal names what is valid and the next call. Figures in answers are computed: quote them with \
 their ids, and never invent ids or numbers."""
-
 PROGRESS_INTERVAL_S = 0.5
-
 ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 
 

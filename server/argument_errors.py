@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from plannerforge.schemas.errors import InvalidRequest, closest
+from ..schemas.errors import InvalidRequest, closest
 
 SHOWN_CHARACTERS = 60
 
@@ -106,12 +106,7 @@ def _wanted(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
     return " ".join([choices or kind or "a value", *bounds]) + described
 
 
-_BOUNDS = (
-    ("minimum", "from"),
-    ("exclusiveMinimum", "above"),
-    ("maximum", "to"),
-    ("exclusiveMaximum", "below"),
-)
+_BOUNDS = (("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "to"), ("exclusiveMaximum", "below"))
 
 
 def _short(value: Any) -> str:

@@ -8,22 +8,18 @@ from pathlib import Path
 
 import anyio
 
-from plannerforge.engine.execution.claims import Claims
-from plannerforge.engine.execution.job_runner import JobRunner
-from plannerforge.engine.execution.jobs import JobStore
-from plannerforge.engine.execution.pool import WorkerPool
-from plannerforge.engine.workspace.artifacts import Workspace
-from plannerforge.schemas.catalog import BuildIndexRequest, BuildIndexResponse
-from plannerforge.schemas.errors import PlannerForgeError
-from plannerforge.server.application import PlannerForgeServer
-from plannerforge.server.journal import Journal
-from plannerforge.server.settings import Settings
-from plannerforge.tools.call import Services
-from plannerforge.tools.catalog import FIRST_TEXT_SEARCH_TIMEOUT_S, INDEX_FOLDER
-from plannerforge.tools.registry import TOOLS, ToolSpec
+from ..engine.execution import Claims, JobRunner, JobStore, WorkerPool
+from ..engine.workspace import Workspace
+from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse
+from ..schemas.errors import PlannerForgeError
+from ..tools.call import Services
+from ..tools.catalog import FIRST_TEXT_SEARCH_TIMEOUT_S, INDEX_FOLDER
+from ..tools.registry import TOOLS, ToolSpec
+from .application import PlannerForgeServer
+from .journal import Journal
+from .settings import Settings
 
 logger = logging.getLogger(__name__)
-
 WARM_UP_DELAY_S = 1.0
 """The first answers come before the first worker: both want the same cores."""
 
@@ -92,7 +88,7 @@ async def _warm_up(workers: WorkerPool, workspace: Workspace, model: str) -> Non
     request = BuildIndexRequest(database=workspace.database.path, index=workspace.root / INDEX_FOLDER, model=model)
     try:
         await workers.run(
-            "plannerforge.engine.catalog.rank:build_index",
+            "plannerforge.engine.catalog.ranking:build_index",
             request,
             BuildIndexResponse,
             timeout_s=FIRST_TEXT_SEARCH_TIMEOUT_S,

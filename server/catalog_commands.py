@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from plannerforge.server.flags import Workers, Workspace, settings_from
+from .flags import Workers, Workspace, settings_from
 
 catalog = typer.Typer(name="catalog", help="Fill the catalogue with CommonRoad scenarios.", no_args_is_help=True)
 
@@ -31,8 +31,8 @@ def fetch(
     from rich.console import Console
     from rich.progress import Progress
 
-    from plannerforge.engine.catalog.download import download, unpack
-    from plannerforge.schemas.errors import PlannerForgeError
+    from ..engine.catalog import download, unpack
+    from ..schemas.errors import PlannerForgeError
 
     console = Console(stderr=True)
     root = settings_from(workspace=workspace).workspace.expanduser().resolve()
@@ -51,7 +51,7 @@ def fetch(
 
 
 def _import(folder: Path, workspace: Path | None, workers: int | None) -> int:
-    from plannerforge.server.one_call import make_call
+    from .one_call import make_call
 
     path = folder.expanduser().resolve()
     root = path if path.is_dir() else path.parent

@@ -8,14 +8,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Column, Table
 
-from plannerforge.schemas.network_rules import CheckedFile
+from ..schemas.network_rules import CheckedFile
 
 SHOWN_IDS = 4
 
 
 def check_files(paths: Sequence[Path], *, as_json: bool) -> int:
     """Check every file and print what was found; 0 where no rule found an error, otherwise 1."""
-    from plannerforge.engine.network.rules.check import check_file
+    from ..engine.network import check_file
 
     checked = [check_file(path) for path in paths]
     if as_json:

@@ -11,9 +11,9 @@ from typing import Annotated
 
 import typer
 
-from plannerforge.server.catalog_commands import catalog
-from plannerforge.server.flags import MapFolders, Roots, Workers, Workspace, settings_from
-from plannerforge.server.maps_commands import maps
+from .catalog_commands import catalog
+from .flags import MapFolders, Roots, Workers, Workspace, settings_from
+from .maps_commands import maps
 
 application = typer.Typer(
     name="plannerforge",
@@ -22,7 +22,6 @@ application = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
 application.add_typer(catalog)
 application.add_typer(maps)
 
@@ -39,7 +38,7 @@ def serve(
     log_level: Annotated[str | None, typer.Option(help="DEBUG, INFO, WARNING or ERROR; goes to stderr.")] = None,
 ) -> None:
     """Serve MCP over standard input and output."""
-    from plannerforge.server.assembly import create_server
+    from .assembly import create_server
 
     settings = settings_from(
         workspace=workspace,
@@ -66,7 +65,7 @@ def call(
     workers: Workers = None,
 ) -> None:
     """Make one tool call, the same that an MCP client makes."""
-    from plannerforge.server.one_call import make_call
+    from .one_call import make_call
 
     settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, warm_up=False)
     raise typer.Exit(make_call(settings, tool, arguments, as_json=as_json))
@@ -77,7 +76,7 @@ def list_tools(
     essential: Annotated[bool, typer.Option("--essential", help="Only the small set for small models.")] = False,
 ) -> None:
     """List the tools with what they cost in tokens."""
-    from plannerforge.server.tool_costs import print_costs
+    from .tool_costs import print_costs
 
     print_costs(settings_from(tools="essential" if essential else None))
 
@@ -88,6 +87,6 @@ def check(
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
     """Check the road networks of CommonRoad files; exit code 1 where one has errors."""
-    from plannerforge.server.check_command import check_files
+    from .check_command import check_files
 
     raise typer.Exit(check_files(files, as_json=as_json))

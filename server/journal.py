@@ -13,22 +13,20 @@ from typing import Any
 
 from mcp.types import CallToolResult, TextContent
 
-from plannerforge.server.tokens import count_tokens
+from .tokens import count_tokens
 
 logger = logging.getLogger(__name__)
-
 KEPT_FILES = 5
 MOST_IDS = 20
 CLOSE_TIMEOUT_S = 10.0
 """Reading the tables of the token count takes about a second, which is longer than many a single call."""
-
 _ID = re.compile(
     r"\b(?:(?:cfg|run|batch|search|job)_[0-9a-f]{8,}(?:_\d+)?|map_\w+|(?:C-)?[A-Z]{3}_[A-Za-z]\w*-[\w\-]+)"
 )
 
 
 @dataclass(frozen=True)
-class JournalEntry:
+class _JournalEntry:
     """One call: when (UTC), by whom, what was asked, what came out and how long it took."""
 
     time: str
@@ -104,9 +102,9 @@ class _Appending(logging.handlers.RotatingFileHandler):
         logger.error("a call could not be written down in %s", self.baseFilename, exc_info=True)
 
 
-def _entry(call: dict[str, Any]) -> JournalEntry:
+def _entry(call: dict[str, Any]) -> _JournalEntry:
     said = json.dumps(call["structured"], ensure_ascii=False) if call["structured"] else call["text"]
-    return JournalEntry(
+    return _JournalEntry(
         time=call["time"],
         client=call["client"],
         tool=call["tool"],

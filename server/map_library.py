@@ -8,13 +8,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError
-from plannerforge.schemas.importing import ImportedItem
-from plannerforge.server.assembly import open_services
-from plannerforge.server.settings import Settings
-from plannerforge.tools.call import ToolCall
-from plannerforge.tools.importing_kinds import import_map, known_country
-from plannerforge.tools.maps import MapsAtHand, maps_at_hand
+from ..schemas.errors import InvalidRequest, PlannerForgeError
+from ..schemas.importing import ImportedItem
+from ..tools.call import ToolCall
+from ..tools.maps import MapsAtHand, import_map, known_country, maps_at_hand
+from .assembly import open_services
+from .settings import Settings
 
 SHOWN_STREETS = 3
 

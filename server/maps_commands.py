@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from plannerforge.server.flags import MapFolders, Workspace, settings_from
+from .flags import MapFolders, Workspace, settings_from
 
 maps = typer.Typer(name="maps", no_args_is_help=True, help="The maps that scenarios are made from.")
 
@@ -23,15 +23,15 @@ def add(
     workspace: Workspace = None,
 ) -> None:
     """Take maps into the workspace's library."""
-    from plannerforge.server.map_library import add_maps
+    from .map_library import add_maps
 
     settings = settings_from(workspace=workspace, warm_up=False)
     raise typer.Exit(add_maps(settings, files, place=place, country=country))
 
 
 @maps.command(name="list")
-def list_all(workspace: Workspace = None, map_folders: MapFolders = None) -> None:
+def _list_all(workspace: Workspace = None, map_folders: MapFolders = None) -> None:
     """List the maps at hand with what sites they hold."""
-    from plannerforge.server.map_library import list_maps
+    from .map_library import list_maps
 
     raise typer.Exit(list_maps(settings_from(workspace=workspace, map_folders=map_folders, warm_up=False)))

@@ -9,8 +9,8 @@ from mcp.types import CallToolResult, TextContent
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
-from plannerforge.server.assembly import create_server
-from plannerforge.server.settings import Settings
+from .assembly import create_server
+from .settings import Settings
 
 
 def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool, to_the_end: bool = False) -> int:

@@ -15,8 +15,8 @@ from pydantic_settings import (
     TomlConfigSettingsSource,
 )
 
-from plannerforge.engine.execution.limits import Limits
-from plannerforge.schemas.catalog import PACKAGED_MODEL
+from ..engine.execution import Limits
+from ..schemas.catalog import PACKAGED_MODEL
 
 APPLICATION = "plannerforge"
 HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")

@@ -9,11 +9,11 @@ from typing import Any
 
 from mcp.types import CallToolResult, ContentBlock, ImageContent, ResourceLink, TextContent
 
-from plannerforge.schemas.base import Arguments, Result
-from plannerforge.schemas.errors import PlannerForgeError, UnexpectedFailure
-from plannerforge.server.argument_errors import read_arguments
-from plannerforge.tools.call import ImageAnswer, ToolCall
-from plannerforge.tools.registry import ToolSpec
+from ..schemas.base import Arguments, Result
+from ..schemas.errors import PlannerForgeError, UnexpectedFailure
+from ..tools.call import ImageAnswer, ToolCall
+from ..tools.registry import ToolSpec
+from .argument_errors import read_arguments
 
 logger = logging.getLogger(__name__)
 

@@ -5,11 +5,11 @@ import json
 from rich.console import Console
 from rich.table import Table
 
-from plannerforge.server.assembly import offered_tools
-from plannerforge.server.settings import Settings
-from plannerforge.server.tokens import count_tokens
-from plannerforge.server.tool_descriptions import described_tool
-from plannerforge.tools.registry import ToolSpec
+from ..tools.registry import ToolSpec
+from .assembly import offered_tools
+from .settings import Settings
+from .tokens import count_tokens
+from .tool_descriptions import described_tool
 
 
 def tool_cost(spec: ToolSpec) -> int:

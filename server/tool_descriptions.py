@@ -8,7 +8,7 @@ from importlib.resources import files
 
 from mcp.types import Tool
 
-from plannerforge.tools.registry import ToolSpec
+from ..tools.registry import ToolSpec
 
 
 def described_tool(spec: ToolSpec) -> Tool:
@@ -19,6 +19,6 @@ def described_tool(spec: ToolSpec) -> Tool:
     file = files("plannerforge.server").joinpath("descriptions", f"{spec.name}.json")
     if file.is_file():
         return Tool.model_validate_json(file.read_text(encoding="utf-8"))
-    from plannerforge.server.tool_schema import tool_description
+    from .tool_schema import tool_description
 
     return tool_description(spec)

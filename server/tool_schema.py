@@ -6,7 +6,7 @@ from typing import Any
 from mcp.types import Tool, ToolAnnotations
 from pydantic import BaseModel
 
-from plannerforge.tools.registry import ToolSpec
+from ..tools.registry import ToolSpec
 
 LENGTHS = ("minItems", "maxItems")
 

@@ -3,9 +3,8 @@
 import sqlite3
 from collections.abc import Mapping, Sequence
 
-from plannerforge.engine.catalog.constraints import constraints_of
+from plannerforge.engine.catalog.constraints import constraints_of, location_constraints
 from plannerforge.engine.catalog.funnel import Funnel
-from plannerforge.engine.catalog.locations import location_constraints
 from plannerforge.engine.catalog.tables import add_facts, prepare
 from plannerforge.schemas.catalog import FindScenariosArguments
 from plannerforge.schemas.scenarios import EgoFacts, LocationFacts, ParticipantFacts, RoadFacts, ScenarioFacts

@@ -16,7 +16,7 @@ from commonroad.scenario.scenario import Scenario
 from commonroad.scenario.state import CustomState, InitialState
 from commonroad.scenario.trajectory import Trajectory
 
-from plannerforge.engine.planners.frenetix import Frenetix
+from plannerforge.engine.planners.frenetix.planner import Frenetix
 from plannerforge.engine.planners.simulation import DrivenRun, simulate
 from plannerforge.engine.tuning.configurations import changed_configuration, named_configuration
 from plannerforge.schemas.planning import PlannerConfiguration

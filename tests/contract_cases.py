@@ -91,8 +91,7 @@ CASES: dict[str, Case] = {
                 ("wild", "aggressive"),
             ),
             Bad(
-                {"scenario_id": "<scenario>", "edits": [{"op": "remove_vehicle", "vehicles": ["999999"]}]},
-                ("999999",),
+                {"scenario_id": "<scenario>", "edits": [{"op": "remove_vehicle", "vehicles": ["999999"]}]}, ("999999",)
             ),
             Bad(
                 {"scenario_id": "<scenario>", "edits": [{"op": "remove_vehicle", "vehicles": ["all"], "turn": "left"}]},

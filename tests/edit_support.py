@@ -10,10 +10,10 @@ from typing import Any
 import commonroad
 from lxml import etree
 
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.commonroad.tracks import Track, recorded_tracks
 from plannerforge.engine.edits.apply import apply_edits
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
+from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.modification import Edit, ModificationOutcome, ModificationRequest
 
 NEW_ID = "ZAM_Builder-1_1_T-123456789"

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation.generator import generate
 from plannerforge.engine.maps.index import built_in_maps
-from plannerforge.engine.scenarios.generate import generate
 from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest
 
 MAPS = {entry.facts.place: entry for entry in built_in_maps()}

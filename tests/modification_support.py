@@ -7,14 +7,14 @@ from typing import Any
 
 from lxml import etree
 
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.edits.apply import apply_edits
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.evals.modification_checks import checks_of
-from plannerforge.evals.modification_requests import edit_of
-from plannerforge.evals.modification_written import Written
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.scene.scene import Scene
+from plannerforge.evals.modification.judges import checks_of
+from plannerforge.evals.modification.requests import edit_of
+from plannerforge.evals.modification.written import Written
 from plannerforge.schemas.modification import ModificationRequest
 
 GOAL_TIME = {"start_s": 2.0, "end_s": 7.5}
@@ -36,11 +36,7 @@ TRUTHS: dict[str, dict[str, Any]] = {
         "depart_s": 1.0,
         "destination_lanelet": 21,
     },
-    "R": {
-        "op": "remove_vehicle",
-        "selector": {"by": "ids", "ids": [33, 34]},
-        "vehicle_ids": [33, 34],
-    },
+    "R": {"op": "remove_vehicle", "selector": {"by": "ids", "ids": [33, 34]}, "vehicle_ids": [33, 34]},
     "G": {
         "op": "set_goal",
         "lanelet": 1,

@@ -10,8 +10,8 @@ import signal
 import time
 from pathlib import Path
 
-from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.planners.run import run as real_run
+from plannerforge.engine.execution.executor import ProgressReporter
+from plannerforge.engine.planners.runs import run as real_run
 from plannerforge.schemas.planning import RunRequest, RunResponse
 
 

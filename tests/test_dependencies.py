@@ -10,9 +10,7 @@ from pathlib import Path
 CHECKOUT = Path(__file__).resolve().parent.parent
 LAYERS = ("schemas", "engine", "tools", "resources", "prompts", "server", "agent", "evals")
 COMES_WITH = {"pydantic-core": "pydantic", "transformers": "sentence-transformers"}
-ASKED_FOR_UNIMPORTED = {
-    "commonroad-clcs": "commonroad-drivability-checker imports it without asking for it",
-}
+ASKED_FOR_UNIMPORTED = {"commonroad-clcs": "commonroad-drivability-checker imports it without asking for it"}
 
 
 def normalised(name: str) -> str:

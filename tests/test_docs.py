@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.edits.behaviours import PARAMETERS, presets
+from plannerforge.engine.cosimulation.driver import PARAMETERS, presets
 from plannerforge.engine.network.rules.check import all_rules
 from plannerforge.schemas.errors import error_classes
 from plannerforge.schemas.modification import ARGUMENTS_OF

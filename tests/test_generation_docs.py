@@ -5,19 +5,19 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.maps.osm_reader import LIMITS
+from plannerforge.engine.generation.generator import LEAST_FEASIBLE, LEAST_ON_LANELETS
+from plannerforge.engine.generation.sites import RADIUS_M
+from plannerforge.engine.generation.traffic import MOST_STATES
+from plannerforge.engine.maps.osm import LIMITS
 from plannerforge.engine.maps.sites import MERGE_M, SIGNAL_REACH_M
 from plannerforge.engine.maps.unpacking import LARGEST_BYTES, MAP_ENDINGS
-from plannerforge.engine.scenarios.generate import LEAST_FEASIBLE, LEAST_ON_LANELETS
-from plannerforge.engine.scenarios.generate_traffic import MOST_STATES
-from plannerforge.engine.scenarios.site_choice import RADIUS_M
 from plannerforge.engine.traffic.simulation import WARM_UP_S
-from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
 from plannerforge.engine.traffic.vehicle_counts import FEWEST, MOST, PAPER_TRIPS, VEHICLES_PER_LANE_KM
+from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.schemas.generation import Checks, GenerateScenariosArguments
-from plannerforge.tools.generation_answer import verdicts
+from plannerforge.tools.generation import CHECK
 from plannerforge.tools.generation_plan import MOST_VEHICLES
-from plannerforge.tools.trial_run import CHECK
+from plannerforge.tools.generation_record import verdicts
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "generation.md").read_text(encoding="utf-8")
 

@@ -7,7 +7,7 @@ from typing import get_args
 import pytest
 
 from plannerforge.engine.planners.registry import PLANNERS
-from plannerforge.engine.tuning.planner_tuning import tuning_of
+from plannerforge.engine.tuning.configurations import tuning_of
 from plannerforge.engine.tuning.settings import known_settings
 from plannerforge.schemas.runs import Prediction
 

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 
-from plannerforge.engine.execution.progress import ProgressReporter
+from plannerforge.engine.execution.executor import ProgressReporter
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import UnknownName
 

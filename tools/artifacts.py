@@ -1,13 +1,9 @@
 """The tool that lists what was made."""
 
-from plannerforge.engine.workspace.artifacts import Artifact
-from plannerforge.resources.templates import SCHEME
-from plannerforge.schemas.artifacts import (
-    ListArtifactsArguments,
-    ListArtifactsResult,
-    ListedArtifact,
-)
-from plannerforge.tools.call import ToolCall
+from ..engine.workspace import Artifact
+from ..resources.templates import SCHEME
+from ..schemas.artifacts import ListArtifactsArguments, ListArtifactsResult, ListedArtifact
+from .call import ToolCall
 
 
 async def list_artifacts(arguments: ListArtifactsArguments, call: ToolCall) -> ListArtifactsResult:

@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from plannerforge.engine.execution.claims import Claims
-from plannerforge.engine.execution.executor import Executor, Lane
-from plannerforge.engine.execution.job_runner import JobRunner
-from plannerforge.engine.execution.limits import Limits
-from plannerforge.engine.workspace.artifacts import Workspace
-from plannerforge.schemas.base import Model
-from plannerforge.schemas.catalog import PACKAGED_MODEL
+from ..engine.execution import Claims, Executor, JobRunner, Lane, Limits
+from ..engine.workspace import Workspace
+from ..schemas.base import Model
+from ..schemas.catalog import PACKAGED_MODEL
 
 Response = TypeVar("Response", bound=Model)
 SendProgress = Callable[[float, str], Awaitable[None]]

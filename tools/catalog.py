@@ -3,25 +3,64 @@
 import hashlib
 from collections.abc import Sequence
 
-from plannerforge.engine.catalog.describe_text import describe
-from plannerforge.engine.catalog.facets import scenario_facets
-from plannerforge.engine.catalog.search import Ranking, Search
-from plannerforge.engine.catalog.starter import open_catalogue
-from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.schemas.catalog import (
+from ..engine.catalog import Ranking, Search, describe, open_catalogue, scenario_facets
+from ..engine.cosimulation import presets as behaviour_presets
+from ..engine.planners import PLANNERS
+from ..engine.tuning import tuning_of
+from ..engine.workspace import Recipe
+from ..schemas.catalog import (
     DescribeCatalogArguments,
     DescribeCatalogResult,
+    FacetCounts,
     FindScenariosArguments,
     FindScenariosResult,
     RankRequest,
     RankResponse,
     SearchRecord,
 )
-from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
-from plannerforge.tools.call import ToolCall
-from plannerforge.tools.catalog_facets import other_facets
-from plannerforge.tools.scenario_choice import one_scenario
-from plannerforge.tools.search_stages import searched_within
+from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
+from .call import ToolCall
+from .maps import maps_seen
+from .scenarios import one_scenario, searched_within
+
+# ---------- catalog_facets
+# The facets that are not about scenarios: maps, behaviours of drivers, planners with their presets.
+
+MAPS_SHOWN = 12
+
+
+def _other_facets(wanted: str, call: ToolCall) -> list[FacetCounts]:
+    """Facets ``maps``, ``behaviours`` and ``planners``, or the one that is wanted."""
+    makers = {"maps": _maps, "behaviours": _behaviours, "planners": _planners}
+    return [make(call) for name, make in makers.items() if wanted in ("all", name)]
+
+
+def _maps(call: ToolCall) -> FacetCounts:
+    """The built-in maps and those that were imported, with the number of sites that can be cut from each."""
+    seen = maps_seen(call)
+    counts: dict[str, int] = {}
+    for facts in (entry.facts for entry in seen.entries[:MAPS_SHOWN]):
+        name = facts.place if facts.place not in counts else f"{facts.place} ({facts.map_id})"
+        counts[name] = sum(facts.sites.values())
+    more = len(seen.entries) - MAPS_SHOWN
+    notes = ["with their sites", *([f"{more} more maps"] if more > 0 else []), *seen.notes]
+    return FacetCounts(facet="maps", counts=counts, note="; ".join(notes))
+
+
+def _behaviours(call: ToolCall) -> FacetCounts:
+    del call
+    names = dict.fromkeys(sorted(behaviour_presets()), 0)
+    return FacetCounts(facet="behaviours", counts=names, note="set_behaviour presets")
+
+
+def _planners(call: ToolCall) -> FacetCounts:
+    del call
+    presets = "; ".join(f"{name}: {', '.join(tuning_of(name).presets)}" for name in PLANNERS)
+    return FacetCounts(facet="planners", counts=dict.fromkeys(PLANNERS, 0), note=f"PLANNER:PRESET with {presets}")
+
+
+# ---------- catalog
+# The tools that look into the catalogue.
 
 FIRST_TEXT_SEARCH_TIMEOUT_S = 120.0
 INDEX_FOLDER = "index"
@@ -33,7 +72,7 @@ async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) 
     within = searched_within(arguments.within, call)
     connection = call.workspace.database.connection()
     count, facets = scenario_facets(connection, arguments.facet, frozenset(within) if within is not None else None)
-    return DescribeCatalogResult(scenarios=count, facets=(*facets, *other_facets(arguments.facet, call)))
+    return DescribeCatalogResult(scenarios=count, facets=(*facets, *_other_facets(arguments.facet, call)))
 
 
 async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosResult:
@@ -92,7 +131,7 @@ async def _ranking(search: Search, call: ToolCall) -> Ranking:
         model=call.services.embedding_model,
     )
     response = await call.run(
-        "plannerforge.engine.catalog.rank:rank",
+        "plannerforge.engine.catalog.ranking:rank",
         request,
         RankResponse,
         timeout_s=FIRST_TEXT_SEARCH_TIMEOUT_S,

@@ -1,12 +1,10 @@
 """Which configuration a word means, and storing configurations."""
 
-from plannerforge.engine.tuning.configurations import DEFAULT_CONFIGURATION, named_configuration, to_yaml
-from plannerforge.engine.workspace.artifacts import Artifact
-from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.engine.workspace.text_files import write_text
-from plannerforge.schemas.errors import UnknownName, closest
-from plannerforge.schemas.planning import PlannerConfiguration
-from plannerforge.tools.call import ToolCall
+from ..engine.tuning import DEFAULT_CONFIGURATION, named_configuration, to_yaml
+from ..engine.workspace import Artifact, Recipe, write_text
+from ..schemas.errors import UnknownName, closest
+from ..schemas.planning import PlannerConfiguration
+from .call import ToolCall
 
 CURRENT = ("current", "latest")
 _BY_NAME = "preset"

@@ -2,25 +2,56 @@
 
 from pathlib import Path
 
-from plannerforge.engine.catalog.starter import open_catalogue
-from plannerforge.engine.maps.index import MapMatch
-from plannerforge.engine.workspace.recipe import Recipe, versions_of
-from plannerforge.schemas.errors import NotPossible, UnknownName, WorkerFailure
-from plannerforge.schemas.generation import (
+from ..engine.catalog import open_catalogue
+from ..engine.maps import MapMatch
+from ..engine.tuning import DEFAULT_CONFIGURATION
+from ..engine.workspace import Recipe, versions_of
+from ..schemas.errors import NotPossible, UnknownName, WorkerFailure
+from ..schemas.generation import (
     GeneratedScenario,
     GenerateScenariosArguments,
     GenerateScenariosResult,
     GenerationRequest,
     ScenarioSummary,
 )
-from plannerforge.tools.call import ToolCall
-from plannerforge.tools.generation_answer import summarise
-from plannerforge.tools.generation_orders import Order, Orders, plan_orders
-from plannerforge.tools.generation_plan import plan_maps, request_for
-from plannerforge.tools.generation_record import REPORT
-from plannerforge.tools.maps import maps_at_hand
-from plannerforge.tools.storing import content_digest, store_scenario
-from plannerforge.tools.trial_run import with_trial_run
+from ..schemas.runs import NO_TRAJECTORY
+from .call import ToolCall
+from .configurations import resolve_configuration, store_configuration
+from .generation_plan import Order, Orders, plan_maps, plan_orders, request_for
+from .generation_record import REPORT, summarise
+from .maps import maps_at_hand
+from .runs import Cell, run_grid
+from .scenario_storage import content_digest, store_scenario
+
+# ---------- trial_run
+# A run of the default planner on a scenario that was just made, before it is handed out.
+
+CHECK = "planner can run"
+ADVICE = "the default planner cannot run here; another seed makes other traffic and another ego"
+
+
+async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSummary:
+    """The summary with what the default planner made of the scenario; the run is stored as any other.
+
+    A collision or a missed goal is a result, not a fault of the scenario. The check fails where no run was possible:
+    the planner found the problem invalid or no trajectory for it, or the run was lost. The scenario is handed out all
+    the same, with a note.
+    """
+    configuration = resolve_configuration(DEFAULT_CONFIGURATION, call)
+    store_configuration(call, configuration)
+    (result,) = await run_grid(call, [Cell(summary.scenario_id, None, configuration)], lambda _: None)
+    if result.record is not None:
+        told = f"{result.record.outcome} ({DEFAULT_CONFIGURATION}, {result.record.run_id}): {result.record.reason}"
+    else:
+        told = result.lost.error if result.lost is not None else "no result"
+    if result.record is not None and result.record.outcome not in NO_TRAJECTORY:
+        return summary.model_copy(update={"trial_run": told, "checks_passed": [*summary.checks_passed, CHECK]})
+    failed = {"checks_failed": [*summary.checks_failed, CHECK], "notes": [*summary.notes, ADVICE]}
+    return summary.model_copy(update={"trial_run": told, **failed})
+
+
+# ---------- generation
+# The tool that makes scenarios from maps.
 
 GENERATE_TIMEOUT_S = 180.0
 
@@ -115,7 +146,7 @@ async def _make(call: ToolCall, request: GenerationRequest, share: tuple[float, 
         return summarise(report, request, stored.artifact_id, reused=True)
     with call.workspace.scratch() as folder:
         scenario = await call.run(
-            "plannerforge.engine.scenarios.generate:generate",
+            "plannerforge.engine.generation.generator:generate",
             request.model_copy(update={"folder": str(folder), "benchmark_number": number}),
             GeneratedScenario,
             timeout_s=GENERATE_TIMEOUT_S,

@@ -4,12 +4,14 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from plannerforge.engine.catalog.places import country_code
-from plannerforge.engine.maps.index import Box, MapEntry, MapMatch, find_maps
-from plannerforge.engine.maps.road_classes import resolve_road_classes
-from plannerforge.schemas.errors import InvalidRequest, NotPossible
-from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioType, VehicleDemand
-from plannerforge.schemas.grammar import parse_comparison
+from ..engine.maps import Box, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
+from ..schemas.errors import InvalidRequest, NotPossible
+from ..schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioType, SiteCount, VehicleDemand
+from ..schemas.grammar import parse_comparison
+from .call import ToolCall
+
+# ---------- generation_plan
+# From the arguments of generate_scenarios to the requests for the engine: maps, classes, numbers of vehicles.
 
 MOST_VEHICLES = 300
 """A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
@@ -17,14 +19,14 @@ SHOWN_PLACES = 4
 
 
 @dataclass(frozen=True)
-class GenerationPlan:
+class _GenerationPlan:
     """The maps that hold what was asked, in the order in which they are used, and notes for the answer."""
 
     matches: tuple[MapMatch, ...]
     notes: tuple[str, ...]
 
 
-def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> GenerationPlan:
+def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> _GenerationPlan:
     """The maps for a call; those that lack the asked type are left out unless none holds it.
 
     The seed rotates them, so that another seed is another map where several fit.
@@ -38,7 +40,7 @@ def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -
         maps,
         place=arguments.place,
         country=arguments.country,
-        bbox=box_of(arguments.bbox),
+        bbox=_box_of(arguments.bbox),
         scenario_type=arguments.scenario_type,
     )
     holding = [m for m in matches if arguments.scenario_type in ("any", *m.entry.facts.sites)]
@@ -48,9 +50,9 @@ def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -
     turn = arguments.seed % len(holding)
     unnamed = sorted({word for match in holding for word in match.unnamed})
     notes = [f"the map does not name {word!r}; its street was found" for word in unnamed]
-    if (box := box_of(arguments.bbox)) is not None:
+    if (box := _box_of(arguments.bbox)) is not None:
         notes += _beyond_the_maps(box, holding)
-    return GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
+    return _GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
 
 
 def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> NotPossible:
@@ -97,7 +99,7 @@ def request_for(
         attribution=facts.attribution,
         scenario_type=arguments.scenario_type,
         streets=match.streets,
-        bbox=box_of(arguments.bbox),
+        bbox=_box_of(arguments.bbox),
         road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
         density=arguments.density,
         vehicles=_vehicle_demands(arguments.vehicles),
@@ -151,7 +153,7 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     return VehicleDemand(vehicle_class=wish.name, least=least, most=most)
 
 
-def box_of(bbox: list[float] | None) -> Box | None:
+def _box_of(bbox: list[float] | None) -> Box | None:
     """The box of the arguments, checked."""
     if bbox is None:
         return None
@@ -161,3 +163,70 @@ def box_of(bbox: list[float] | None) -> Box | None:
     if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
         raise InvalidRequest(f"bbox {bbox} is no box", valid=["[south, west, north, east] in degrees, south < north"])
     return south, west, north, east
+
+
+# ---------- generation_orders
+# Which site of which map every scenario of a call is made at, and the maps that are left when one fails.
+
+SITES_TIMEOUT_S = 180.0
+MOST_SPARE_MAPS = 3
+"""Four extracts meet at a corner; trying more would only make the caller wait for the refusal."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """One scenario: its map, the number of its site there, and how far on the sites lie that may stand in for it."""
+
+    match: MapMatch
+    site_index: int = 0
+    site_step: int = 1
+
+
+@dataclass(frozen=True)
+class Orders:
+    """One order for every scenario, and the maps without one, which may stand in for a map that fails."""
+
+    planned: tuple[Order, ...]
+    spare: tuple[MapMatch, ...]
+
+
+async def plan_orders(arguments: GenerateScenariosArguments, call: ToolCall, matches: tuple[MapMatch, ...]) -> Orders:
+    """Orders for as many scenarios as were asked for, or for as many as there are sites.
+
+    Raises:
+        NotPossible: no map holds a fitting site; the reason of the first one.
+    """
+    if arguments.count == 1:
+        return Orders((Order(matches[0]),), matches[1 : 1 + MOST_SPARE_MAPS])
+    counts: list[int] = []
+    refusals: list[NotPossible] = []
+    for match in matches:
+        try:
+            counts.append(await _site_count(arguments, call, match))
+        except NotPossible as refusal:
+            refusals.append(refusal)
+            counts.append(0)
+    if not any(counts):
+        raise refusals[0]
+    planned = share_out(matches, counts, arguments.count)
+    taken = {order.match.entry.facts.map_id for order in planned}
+    held = [match for match, count in zip(matches, counts, strict=True) if count]
+    spare = [match for match in held if match.entry.facts.map_id not in taken]
+    return Orders(planned, tuple(spare[:MOST_SPARE_MAPS]))
+
+
+def share_out(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int) -> tuple[Order, ...]:
+    """At most ``wanted`` orders, maps in turn, no site twice; ``counts``: how many sites fit on every map.
+
+    The step of an order is how many scenarios its map has, so that a site that stands in is never another order's.
+    """
+    turns = [(site_index, place) for place, count in enumerate(counts) for site_index in range(count)]
+    chosen = sorted(turns)[:wanted]
+    on_map = Counter(place for _, place in chosen)
+    return tuple(Order(matches[place], site_index, on_map[place]) for site_index, place in chosen)
+
+
+async def _site_count(arguments: GenerateScenariosArguments, call: ToolCall, match: MapMatch) -> int:
+    request = request_for(arguments, match, 0, 0)
+    entry_point = "plannerforge.engine.generation.sites:count_sites"
+    return (await call.run(entry_point, request, SiteCount, timeout_s=SITES_TIMEOUT_S, share=(0.0, 0.0))).count

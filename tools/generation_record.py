@@ -1,11 +1,84 @@
-"""The report that is kept with a generated scenario, read back for ``describe_scenario``."""
+"""A generated scenario in the words of the answer."""
 
-from plannerforge.engine.workspace.artifacts import Artifact
-from plannerforge.schemas.described_generation import DescribedGeneration
-from plannerforge.schemas.generation import GeneratedScenario
-from plannerforge.schemas.scenarios import DescribedVehicle, Detail
-from plannerforge.tools.call import ToolCall
-from plannerforge.tools.generation_answer import verdicts
+from ..engine.workspace import Artifact
+from ..schemas.generation import Checks, DensityFacts, GeneratedScenario, GenerationRequest, ScenarioSummary
+from ..schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
+from .call import ToolCall
+
+# ---------- generation_answer
+# A generated scenario in the words of the answer.
+
+SHOWN_STREETS = 4
+SHOWN_WARNINGS = 3
+
+
+def summarise(
+    scenario: GeneratedScenario, request: GenerationRequest, scenario_id: str, *, reused: bool
+) -> ScenarioSummary:
+    """What was asked beside what came out, for one scenario."""
+    site, ego = scenario.site, scenario.ego
+    streets = " / ".join(site.streets[:SHOWN_STREETS]) or "unnamed roads"
+    passed, failed = verdicts(scenario.checks)
+    unusual = [f"road network, {warning}" for warning in scenario.checks.network_warnings]
+    return ScenarioSummary(
+        scenario_id=scenario_id,
+        reused=reused,
+        map_id=request.map_id,
+        place=request.place,
+        site=f"{site.scenario_type} ({streets}; asked: {request.scenario_type})",
+        latitude=site.latitude,
+        longitude=site.longitude,
+        osm_id=site.osm_id,
+        vehicles_asked=scenario.vehicles_asked,
+        vehicles_realised=scenario.vehicles_realised,
+        classes_asked=scenario.classes_asked,
+        classes_realised=scenario.classes_realised,
+        density=_density(scenario.density),
+        recorded_s=scenario.recorded_s,
+        ego=f"ego: a car of {ego.cars_to_choose_from} at {ego.speed_mps:.1f} m/s (asked: {request.ego})",
+        goal=(
+            f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet} within "
+            f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s (asked: {request.goal})"
+        ),
+        feasible_share=scenario.checks.feasible_share,
+        checks_passed=passed,
+        checks_failed=failed,
+        notes=[*scenario.notes, *_warnings(scenario.netconvert_warnings), *unusual],
+    )
+
+
+def _warnings(warnings: tuple[str, ...]) -> list[str]:
+    """The first of netconvert's warnings and how many there are; all of them are kept with the scenario."""
+    if not warnings:
+        return []
+    more = len(warnings) - SHOWN_WARNINGS
+    rest = f"; and {more} more (describe_scenario with detail checks lists all)" if more > 0 else ""
+    return [f"netconvert warned {len(warnings)} time(s): {'; '.join(warnings[:SHOWN_WARNINGS])}{rest}"]
+
+
+def _density(found: DensityFacts) -> str:
+    return (
+        f"{found.at_start_per_lane_km:g} vehicles per lane-km at the start, {found.at_end_per_lane_km:g} at the end "
+        f"(asked: {found.wish}, {found.target_per_lane_km:g} on {found.lane_km:.1f} lane-km; the paper: "
+        f"{found.paper_trips} trips)"
+    )
+
+
+def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
+    """The checks that a scenario passed, and those that it failed, in words."""
+    found = {
+        "schema-valid": checks.schema_valid,
+        "goal reachable": checks.goal_reachable,
+        "no collision at the start": checks.collisions_at_start == 0,
+        "no vehicles overlap": checks.overlapping_pairs == 0,
+        "recorded ego free of collisions": checks.recorded_ego_collision_free,
+        "no error in the road network": not checks.network_errors,
+    }
+    return [name for name, good in found.items() if good], [name for name, good in found.items() if not good]
+
+
+# ---------- generation_record
+# The report that is kept with a generated scenario, read back for ``describe_scenario``.
 
 REPORT = "generation.json"
 """What came out of the generation, kept with the scenario for when it is asked for again."""

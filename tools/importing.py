@@ -1,16 +1,142 @@
 """The tool that takes in files of the user's."""
 
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
-from plannerforge.engine.catalog.starter import open_catalogue
-from plannerforge.engine.maps.unpacking import MAP_ENDINGS, is_net
-from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.schemas.importing import ImportFilesArguments, ImportFilesResult
-from plannerforge.tools.call import ToolCall
-from plannerforge.tools.import_job import import_as_job
-from plannerforge.tools.importing_kinds import known_country
-from plannerforge.tools.importing_many import ImportKind, Tally, take_in
+import anyio
+
+from ..engine.catalog import open_catalogue
+from ..engine.execution import Job, JobProgress, JobState
+from ..engine.maps import MAP_ENDINGS, is_net
+from ..engine.workspace import Recipe
+from ..schemas.errors import InvalidRequest, PlannerForgeError
+from ..schemas.importing import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
+from .call import ToolCall
+from .maps import import_configuration, import_map, known_country
+from .scenario_storage import import_scenarios
+
+# ---------- importing_many
+# Taking in a list of files of any kind: what went in, what was refused, and how far it is.
+
+ImportKind = Literal["scenario", "map", "config"]
+Failure = PlannerForgeError | OSError
+Tell = Callable[[float, str], Awaitable[None]]
+SHOWN = 20
+TELL_EVERY_S = 0.5
+
+
+@dataclass
+class Tally:
+    """What has become of the files so far."""
+
+    total: int
+    items: list[ImportedItem] = field(default_factory=list)
+    refusals: list[RefusedItem] = field(default_factory=list)
+    failures: list[Failure] = field(default_factory=list)
+
+    def note(self, path: Path, outcome: ImportedItem | Failure) -> None:
+        """Count a file that is done with."""
+        if isinstance(outcome, ImportedItem):
+            self.items.append(outcome)
+        else:
+            self.failures.append(outcome)
+            self.refusals.append(RefusedItem(file=path.name, reason=_reason(outcome)))
+
+    @property
+    def done(self) -> int:
+        """Files that are done with."""
+        return len(self.items) + len(self.refusals)
+
+    def result(self, job_id: str = "", state: JobState = "done") -> ImportFilesResult:
+        """The answer for what is done."""
+        reused = sum(1 for item in self.items if item.reused)
+        return ImportFilesResult(
+            added=len(self.items) - reused,
+            reused=reused,
+            refused=len(self.refusals),
+            items=tuple(self.items[:SHOWN]),
+            refusals=tuple(self.refusals[:SHOWN]),
+            job_id=job_id,
+            state=state,
+        )
+
+
+async def _take_in(
+    call: ToolCall, files: Sequence[tuple[Path, ImportKind]], arguments: ImportFilesArguments, tally: Tally, tell: Tell
+) -> None:
+    """Import the files; ``tell`` hears every half second how far it is."""
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(_keep_telling, tally, tell)
+        await import_scenarios(call, [path for path, kind in files if kind == "scenario"], tally.note)
+        for path, kind in files:
+            if kind != "scenario":
+                await _import_other(call, path, kind, arguments, tally)
+        tasks.cancel_scope.cancel()
+
+
+async def _keep_telling(tally: Tally, tell: Tell) -> None:
+    while True:
+        await tell(tally.done / tally.total, f"{tally.done} of {tally.total} files")
+        await anyio.sleep(TELL_EVERY_S)
+
+
+async def _import_other(
+    call: ToolCall, path: Path, kind: ImportKind, arguments: ImportFilesArguments, tally: Tally
+) -> None:
+    try:
+        checked = call.allowed_path(str(path))
+        call.limits.check_size(checked)
+        if kind == "map":
+            tally.note(path, await import_map(call, checked, arguments.name, arguments.country))
+        else:
+            tally.note(path, await import_configuration(call, checked, arguments.name))
+    except (PlannerForgeError, OSError) as error:
+        tally.note(path, error)
+
+
+def _reason(error: Failure) -> str:
+    return error.text if isinstance(error, PlannerForgeError) else str(error.strerror or error)
+
+
+# ---------- import_job
+# Many files as a job: it goes on when the call has answered, and the same call takes up what a crash left.
+
+WAIT_S = 45.0
+
+
+async def _import_as_job(
+    call: ToolCall, arguments: ImportFilesArguments, files: Sequence[tuple[Path, ImportKind]]
+) -> ImportFilesResult:
+    """Start the import, or join the one that runs, and answer with what is done after 45 s at most."""
+    tally = Tally(len(files))
+
+    async def work(progress: JobProgress) -> None:
+        async def tell(share: float, message: str) -> None:
+            progress.report(share, message)
+
+        await _take_in(ToolCall(call.services, _nobody_hears), files, arguments, tally, tell)
+        progress.report(1.0, tally.result().to_line())
+
+    async def tell_client(job: Job) -> None:
+        await call.progress(job.share, job.message)
+
+    resolved = {"path": str(call.allowed_path(arguments.path))}
+    recipe = Recipe(tool="import_files", arguments=arguments.model_dump(mode="json") | resolved)
+    job = call.jobs.start("import", recipe, work)
+    job = await call.jobs.wait(job.job_id, WAIT_S, tell_client)
+    result = tally.result(job.job_id, job.state)
+    return result.model_copy(update={"note": job.error or ("" if tally.done else job.message)})
+
+
+async def _nobody_hears(share: float, message: str) -> None:
+    """The call that started the job may have been answered already."""
+    del share, message
+
+
+# ---------- importing
+# The tool that takes in files of the user's.
 
 SUFFIXES: dict[str, ImportKind] = {
     **dict.fromkeys(MAP_ENDINGS, "map"),
@@ -29,9 +155,9 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
     files = _files(call, arguments)
     arguments = arguments.model_copy(update={"country": _country(arguments, files)})
     if len(files) > MOST_IN_THE_CALL:
-        return await import_as_job(call, arguments, files)
+        return await _import_as_job(call, arguments, files)
     tally = Tally(len(files))
-    await take_in(call, files, arguments, tally, call.progress)
+    await _take_in(call, files, arguments, tally, call.progress)
     if len(files) == 1 and tally.failures:
         raise tally.failures[0]
     return tally.result()

@@ -1,9 +1,9 @@
 """The tools that look at long work and stop it."""
 
-from plannerforge.engine.execution.jobs import Job
-from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
-from plannerforge.tools.call import ToolCall
+from ..engine.execution import Job
+from ..schemas.errors import NotPossible
+from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
+from .call import ToolCall
 
 _NEXT = {
     "running": "call get_job again with the same job_id",

@@ -2,12 +2,11 @@
 
 from pathlib import Path
 
-from plannerforge.engine.catalog.starter import open_catalogue
-from plannerforge.engine.edits.derived_id import derived_benchmark_id, numbered_after
-from plannerforge.engine.workspace.artifacts import Artifact
-from plannerforge.engine.workspace.recipe import Recipe, versions_of
-from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.modification import (
+from ..engine.catalog import open_catalogue
+from ..engine.commonroad import derived_benchmark_id, numbered_after
+from ..engine.workspace import Artifact, Recipe, versions_of
+from ..schemas.errors import NotPossible
+from ..schemas.modification import (
     Edit,
     ModificationOutcome,
     ModificationRequest,
@@ -15,10 +14,10 @@ from plannerforge.schemas.modification import (
     ModifyScenarioResult,
     TrafficAfterEdits,
 )
-from plannerforge.schemas.scenarios import ScenarioRecord
-from plannerforge.tools.call import ToolCall
-from plannerforge.tools.scenario_choice import one_scenario
-from plannerforge.tools.storing import store_scenario
+from ..schemas.scenarios import ScenarioRecord
+from .call import ToolCall
+from .scenario_storage import store_scenario
+from .scenarios import one_scenario
 
 TOOL = "modify_scenario"
 TIMEOUT_S = 120.0

@@ -2,14 +2,19 @@
 
 from typing import get_args
 
-from plannerforge.engine.planners.registry import PLANNERS, known_planner
-from plannerforge.engine.planners.traffic_modes import check_modes
-from plannerforge.engine.tuning.configurations import changed_configuration, differences, to_yaml
-from plannerforge.engine.tuning.planner_tuning import PlannerTuning, tuning_of
-from plannerforge.engine.tuning.settings import known_settings, setting_values
-from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.schemas.planning import (
+from ..engine.planners import PLANNERS, check_modes, known_planner
+from ..engine.tuning import (
+    PlannerTuning,
+    changed_configuration,
+    differences,
+    known_settings,
+    setting_values,
+    to_yaml,
+    tuning_of,
+)
+from ..engine.workspace import Recipe
+from ..schemas.errors import InvalidRequest
+from ..schemas.planning import (
     LISTED_CONFIGURATIONS,
     ConfigurationInfo,
     ConfigurePlannerArguments,
@@ -24,13 +29,11 @@ from plannerforge.schemas.planning import (
     SettingInfo,
     WeightInfo,
 )
-from plannerforge.schemas.runs import Prediction
-from plannerforge.tools.call import ToolCall
-from plannerforge.tools.configurations import made_configurations, resolve_configuration, store_configuration
-from plannerforge.tools.planner_batches import run_many
-from plannerforge.tools.run_answer import answer
-from plannerforge.tools.run_grid import Cell, run_cell
-from plannerforge.tools.scenario_choice import choose_scenarios
+from ..schemas.runs import Prediction
+from .call import ToolCall
+from .configurations import made_configurations, resolve_configuration, store_configuration
+from .runs import Cell, answer, run_cell, run_many
+from .scenarios import choose_scenarios
 
 
 async def list_planners(arguments: ListPlannersArguments, call: ToolCall) -> ListPlannersResult:

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any
 
-from plannerforge.schemas.base import Arguments, Result
+from ..schemas.base import Arguments, Result
 
 ToolFunction = Callable[[Arguments, Any], Awaitable[Any]]
 

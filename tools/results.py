@@ -1,18 +1,177 @@
 """The tools that say what runs show: figures of a set, and one set against another."""
 
-from plannerforge.engine.workspace.artifacts import Workspace
-from plannerforge.schemas.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult
-from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.results import AnalyseRequest, AnalyzeResultsArguments, AnalyzeResultsResult
-from plannerforge.tools.call import ToolCall
-from plannerforge.tools.comparison_sides import sides_of
-from plannerforge.tools.result_choice import (
-    ChosenResult,
-    choose_results,
-    config_weights,
-    run_sources,
-    scenario_sources,
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from ..engine.workspace import Artifact, Workspace
+from ..schemas.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Side
+from ..schemas.errors import InvalidRequest, NotPossible, UnknownName
+from ..schemas.planning import PlannerConfiguration
+from ..schemas.results import (
+    AnalyseRequest,
+    AnalyzeResultsArguments,
+    AnalyzeResultsResult,
+    ConfigWeights,
+    RunSource,
+    ScenarioSource,
 )
+from ..schemas.runs import BatchRecord, LostCell, RunRecord
+from ..schemas.scenarios import ScenarioRecord
+from .call import ToolCall
+
+# ---------- result_choice
+# Which runs the words of a call mean: run and batch ids, and words for the newest ones.
+
+WORDS = ("latest", "latest_run", "previous_run", "latest_batch", "previous_batch")
+
+
+@dataclass(frozen=True)
+class _ChosenResult:
+    """A run or a batch by its concrete id, with the ids of its runs in order."""
+
+    result_id: str
+    kind: Literal["run", "batch"]
+    run_ids: tuple[str, ...]
+    lost: tuple[LostCell, ...] = ()
+
+
+def choose_results(words: Sequence[str], call: ToolCall) -> tuple[_ChosenResult, ...]:
+    """Resolve words and ids, each result once.
+
+    Raises:
+        UnknownName: nothing of that name, or no such run or batch yet.
+        InvalidRequest: the id of something that is no result.
+    """
+    chosen = (_chosen(_artifact(word.strip(), call)) for word in words)
+    return tuple({found.result_id: found for found in chosen}.values())
+
+
+def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]:
+    """Records and step files of runs, each once."""
+    found = []
+    for run_id in dict.fromkeys(run_ids):
+        record = call.workspace.get(run_id, "run").read(RunRecord)
+        steps = call.workspace.folder("run", run_id) / "steps.json"
+        found.append(RunSource(record=record, steps_path=str(steps) if steps.is_file() else None))
+    return tuple(found)
+
+
+def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWeights, ...]:
+    """The configurations of runs, as far as they are stored."""
+    found = []
+    for config_id in dict.fromkeys(run.record.config_id for run in runs):
+        artifact = call.workspace.find("config", config_id)
+        if artifact is not None:
+            config = artifact.read(PlannerConfiguration)
+            found.append(
+                ConfigWeights(
+                    config_id=config_id,
+                    name=config.name,
+                    planner=config.planner,
+                    weights=config.weights | config.external_weights,
+                    settings=config.settings.model_dump(exclude_defaults=True),
+                )
+            )
+    return tuple(found)
+
+
+def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:
+    """Files and obstacle counts of scenarios, each once."""
+    return tuple(_scenario_source(call.workspace.get(key, "scenario"), call) for key in dict.fromkeys(scenario_ids))
+
+
+def _scenario_source(artifact: Artifact, call: ToolCall) -> ScenarioSource:
+    """File and obstacle counts of a stored scenario."""
+    path = call.workspace.file("scenario", artifact.artifact_id, "scenario.xml")
+    counts = artifact.read(ScenarioRecord).facts.participants.counts
+    return ScenarioSource(scenario_id=artifact.artifact_id, path=str(path), obstacles=counts)
+
+
+def _artifact(word: str, call: ToolCall) -> Artifact:
+    if word == "latest":
+        newest = [found for kind in ("run", "batch") for found in _newest(kind, 1, call)]
+        if newest:
+            return max(newest, key=lambda artifact: artifact.sequence)
+        raise UnknownName("there is no run yet", next_step="call run_planner")
+    if word in WORDS:
+        age, _, kind = word.partition("_")
+        place = 0 if age == "latest" else 1
+        stored = _newest(kind, place + 1, call)  # type: ignore[arg-type]
+        if len(stored) > place:
+            return stored[place]
+        there = [artifact.artifact_id for artifact in (*_newest("batch", 4, call), *_newest("run", 4, call))]
+        raise UnknownName(f"there is no {word.replace('_', ' ')}", valid=there, next_step="call run_planner")
+    kind = call.workspace.kind_of(word)
+    if kind not in ("run", "batch"):
+        raise InvalidRequest(
+            f"'{word}' is a {kind}, not a run or batch", valid=WORDS, next_step="name what run_planner answered with"
+        )
+    return call.workspace.get(word, kind)
+
+
+def _newest(kind: Literal["run", "batch"], count: int, call: ToolCall) -> list[Artifact]:
+    return call.workspace.newest(kind=kind, limit=count)
+
+
+def _chosen(artifact: Artifact) -> _ChosenResult:
+    if artifact.kind == "run":
+        return _ChosenResult(artifact.artifact_id, "run", (artifact.artifact_id,))
+    batch = artifact.read(BatchRecord)
+    return _ChosenResult(artifact.artifact_id, "batch", batch.runs, batch.lost)
+
+
+# ---------- comparison_sides
+# What is compared with what: runs, batches, or the configurations of one batch.
+
+
+def _sides_of(chosen: Sequence[_ChosenResult], runs: Sequence[RunSource]) -> tuple[Side, ...]:
+    """The sides in the given order.
+
+    A batch gives one side a configuration; single runs with several configurations are put together by configuration;
+    two runs of one configuration stand against each other.
+
+    Raises:
+        InvalidRequest: there is only one side.
+    """
+    by_id = {run.record.run_id: run for run in runs}
+    if all(found.kind == "run" for found in chosen) and len({run.record.config_id for run in runs}) > 1:
+        groups = [("", list(by_id.values()))]
+    else:
+        groups = [(found.result_id, [by_id[run_id] for run_id in found.run_ids]) for found in chosen]
+    sides = [side for label, members in groups for side in _by_config(label, members, alone=len(groups) == 1)]
+    if len(sides) < 2:
+        found = ", ".join(side.label for side in sides)
+        raise InvalidRequest(
+            f"only one side: {found}",
+            valid=["two runs or batches", "one batch with several configurations"],
+            next_step="run another configuration on the same scenarios with run_planner",
+        )
+    return tuple(sides)
+
+
+def _by_config(label: str, members: Sequence[RunSource], *, alone: bool) -> list[Side]:
+    groups: dict[str, list[RunSource]] = {}
+    for member in members:
+        groups.setdefault(member.record.config_id, []).append(member)
+    names = [group[0].record.config_name for group in groups.values()]
+    sides = []
+    for config_id, group in groups.items():
+        name = group[0].record.config_name
+        words = name if names.count(name) == 1 else f"{name} {config_id}"
+        sides.append(
+            Side(
+                label=words if alone else f"{words} ({label})",
+                config_id=config_id,
+                config_name=name,
+                run_ids=tuple(member.record.run_id for member in group),
+            )
+        )
+    return sides
+
+
+# ---------- results
+# The tools that say what runs show: figures of a set, and one set against another.
 
 TIMEOUT_S = 50.0
 
@@ -33,7 +192,7 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
         detail=arguments.detail,
     )
     return await call.run(
-        "plannerforge.engine.analysis.summarise:analyse", request, AnalyzeResultsResult, timeout_s=TIMEOUT_S
+        "plannerforge.engine.analysis.summary:analyse", request, AnalyzeResultsResult, timeout_s=TIMEOUT_S
     )
 
 
@@ -44,14 +203,14 @@ async def compare_results(arguments: CompareResultsArguments, call: ToolCall) ->
     runs = run_sources((run_id for found in chosen for run_id in found.run_ids), call)
     _refuse_empty(chosen, bool(runs))
     request = CompareRequest(
-        sides=sides_of(chosen, runs),
+        sides=_sides_of(chosen, runs),
         runs=runs,
         configs=config_weights(runs, call),
         metrics=tuple(arguments.metrics),
         limit=arguments.limit,
     )
     result = await call.run(
-        "plannerforge.engine.analysis.compare:compare", request, CompareResultsResult, timeout_s=TIMEOUT_S
+        "plannerforge.engine.analysis.comparison:compare", request, CompareResultsResult, timeout_s=TIMEOUT_S
     )
     return result.model_copy(update={"notes": (*notes, *result.notes)})
 
@@ -63,7 +222,7 @@ def _words_of(arguments: CompareResultsArguments, workspace: Workspace) -> tuple
     return arguments.results, ()
 
 
-def _refuse_empty(chosen: tuple[ChosenResult, ...], any_run: bool) -> None:
+def _refuse_empty(chosen: tuple[_ChosenResult, ...], any_run: bool) -> None:
     if any_run:
         return
     errors = [cell.error for found in chosen for cell in found.lost]

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Sequence
 
-from plannerforge.engine.analysis.evidence import Evidence, country_of, place_of
-from plannerforge.engine.analysis.metrics import METRICS, metric_value
-from plannerforge.schemas.errors import InvalidRequest, UnknownName, closest
-from plannerforge.schemas.grammar import Comparison, parse_comparison
-from plannerforge.schemas.runs import RunRecord
+from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.grammar import Comparison, parse_comparison
+from ...schemas.runs import RunRecord
+from .evidence import Evidence, country_of, place_of
+from .outcomes import METRICS, metric_value
 
 _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
     "outcome": lambda record: [record.outcome],

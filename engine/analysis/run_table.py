@@ -12,11 +12,10 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.schemas.exporting import FileWritten, RunTableRequest
-from plannerforge.schemas.planner_settings import PlannerSettings
-from plannerforge.schemas.planning import PlannerConfiguration
-from plannerforge.schemas.runs import CollisionRecord, LostCell, RunMetrics, RunRecord
+from ...schemas.artifacts import FileWritten, RunTableRequest
+from ...schemas.planning import PlannerConfiguration, PlannerSettings
+from ...schemas.runs import CollisionRecord, LostCell, RunMetrics, RunRecord
+from ..execution import ProgressReporter
 
 Value = str | int | float | None
 _PARTS: dict[str, type[BaseModel]] = {"collision": CollisionRecord, "metrics": RunMetrics}
@@ -25,7 +24,7 @@ _PARTS: dict[str, type[BaseModel]] = {"collision": CollisionRecord, "metrics": R
 def write_run_table(request: RunTableRequest, report: ProgressReporter) -> FileWritten:
     """Write the table of a batch to the request's path."""
     kinds = _record_columns() | _tuning_columns(request.configurations)
-    rows = run_rows(request.records, request.lost, request.configurations)
+    rows = _run_rows(request.records, request.lost, request.configurations)
     target = Path(request.target_path)
     if request.form == "csv":
         _write_csv(rows, list(kinds), target)
@@ -35,7 +34,7 @@ def write_run_table(request: RunTableRequest, report: ProgressReporter) -> FileW
     return FileWritten(path=request.target_path)
 
 
-def run_rows(
+def _run_rows(
     records: Sequence[RunRecord], lost: Sequence[LostCell], configurations: Sequence[PlannerConfiguration]
 ) -> list[dict[str, Value]]:
     """The rows, in the order of the runs, then of the lost cells; a figure that is not defined is None."""

@@ -4,13 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from plannerforge.engine.analysis.evidence import Evidence
-from plannerforge.engine.analysis.run_steps import driven_tracks
-from plannerforge.engine.geometry.polyline import oriented_rectangle
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import Track, recorded_tracks
-from plannerforge.schemas.results import TimelineStep
-from plannerforge.schemas.runs import RunRecord, RunSteps
+from ...schemas.results import TimelineStep
+from ...schemas.runs import RunRecord, RunSteps
+from ..commonroad import Track, read_scenario, recorded_tracks
+from ..geometry import oriented_rectangle
+from .evidence import Evidence, driven_tracks
 
 MOMENTS = 10
 LAST_S = 3.0

@@ -5,21 +5,96 @@ a posted limit matches within 0.5 km/h. Features computed from the geometry belo
 """
 
 import sqlite3
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
-from plannerforge.engine.catalog.vocabulary_words import (
-    NameOf,
-    feature_name,
-    measure_name,
-    obstacle_name,
-    road_net_name,
-    tag_name,
-)
-from plannerforge.schemas.catalog import FindScenariosArguments, Stage
-from plannerforge.schemas.errors import InvalidRequest, UnknownName
-from plannerforge.schemas.grammar import Comparison, Interval, parse_comparison, parse_interval
+from ...schemas.catalog import FindScenariosArguments, Stage
+from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.grammar import Comparison, Interval, parse_comparison, parse_interval
+from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
+from ..maps import country_code, place_keys
+
+# ---------- vocabulary_words
+# Words of a request to the vocabulary's names: case, plural and everyday words are understood, others refused.
+
+NameOf = Callable[[str], str]
+_OBSTACLE_WORDS = {
+    "bike": "bicycle",
+    "cyclist": "bicycle",
+    "motorbike": "motorcycle",
+    "lorry": "truck",
+    "lorries": "truck",
+    "buses": "bus",
+    "coach": "bus",
+    "parkedcar": "parkedVehicle",
+    "emergencyvehicle": "priorityVehicle",
+}
+_MEASURE_WORDS = {"timetocollision": "ttc", "duration": "horizon", "trafficdensity": "density"}
+_ROAD_NET_WORDS = {"signal": "traffic_light", "trafficsignal": "traffic_light", "stopsign": "stop", "giveway": "yield"}
+
+
+def _tag_name(word: str) -> str:
+    """A tag of the vocabulary.
+
+    Raises:
+        UnknownName: with the nearest tags.
+    """
+    return _name(word, TAGS, {}, "tag", "use text for what no tag says, or features for what the geometry shows")
+
+
+def _feature_name(word: str) -> str:
+    """A computed feature.
+
+    Raises:
+        UnknownName: with the nearest features.
+    """
+    return _name(word, [*FEATURES, *MEASURES], {}, "feature", "describe_catalog lists the features")
+
+
+def measure_name(word: str) -> str | None:
+    """A measure that features are compared by; None for any other word."""
+    key = _key(word)
+    return _MEASURE_WORDS.get(key, key if key in MEASURES else None)
+
+
+def road_net_name(word: str) -> str:
+    """A sign, ``traffic_light`` or ``lanes``.
+
+    Raises:
+        UnknownName: with the nearest keys.
+    """
+    return _name(word, ROAD_NET_KEYS, _ROAD_NET_WORDS, "road_net key", "describe_catalog lists the road_net keys")
+
+
+def obstacle_name(word: str) -> str:
+    """A CommonRoad obstacle type.
+
+    Raises:
+        UnknownName: with the nearest types.
+    """
+    return _name(word, OBSTACLE_TYPES, _OBSTACLE_WORDS, "obstacle type", "describe_catalog lists the obstacle types")
+
+
+def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, next_step: str) -> str:
+    names = list(known)
+    by_key = {**everyday, **{_key(name): name for name in names}}
+    key = _key(word)
+    for spelling in (key, key.removesuffix("s")):
+        if spelling in by_key:
+            return by_key[spelling]
+    raise UnknownName(f"'{word.strip()}' is no {what}", valid=closest(word, names), next_step=next_step)
+
+
+def _key(word: str) -> str:
+    return "".join(letter for letter in word.casefold() if letter.isalnum())
+
+
+# ---------- constraints
+# From the arguments of a search to conditions on the catalogue, each with its stage, its words and its query.
+#
+# Semantics: Methodology, Scenario Selection (five slots, velocity ± 2 m/s where one value is given); counts are exact,
+# a posted limit matches within 0.5 km/h. Features computed from the geometry belong to the stage of the tags.
 
 SPEED_TOLERANCE_MPS = 2.0
 LIMIT_TOLERANCE_KMH = 0.5
@@ -46,7 +121,7 @@ class Constraint:
     @property
     def subject(self) -> str:
         """The name that the condition is about, without operator, scope and negation."""
-        return parse_name(self.label)
+        return _parse_name(self.label)
 
     def found(self, connection: sqlite3.Connection, among: Sequence[int] | None = None) -> frozenset[int]:
         """Numbers that the query selects, all or only among these (a few thousand at most)."""
@@ -93,7 +168,7 @@ def _together(errors: list[UnknownName]) -> UnknownName:
 
 
 def _tag(text: str) -> Constraint:
-    return _word_constraint("tag", text, tag_name)
+    return _word_constraint("tag", text, _tag_name)
 
 
 def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
@@ -114,9 +189,9 @@ def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
 
 def _feature(text: str) -> Constraint:
     """A feature that holds or not, or a measure that is compared with a number."""
-    measure = measure_name(parse_name(text))
+    measure = measure_name(_parse_name(text))
     if measure is None:
-        return _word_constraint("feature", text, feature_name)
+        return _word_constraint("feature", text, _feature_name)
     condition = parse_comparison(text, "" if measure == "density" else "s")
     _scope(condition, ("ego",))
     if not any(mark in text for mark in "<>="):
@@ -129,7 +204,7 @@ def _feature(text: str) -> Constraint:
 
 
 def _road_net(text: str) -> Constraint:
-    name = road_net_name(parse_name(text))
+    name = road_net_name(_parse_name(text))
     if name == "lanes":
         return _lanes(text)
     if name == "speed_limit" and any(mark in text for mark in "<>="):
@@ -190,7 +265,7 @@ def _ego_speed(text: str) -> Constraint:
     return Constraint("velocity", f"ego_speed {text.strip()}", query, _bounds(interval, tolerance))
 
 
-def parse_name(text: str) -> str:
+def _parse_name(text: str) -> str:
     """The name that a condition begins with, whatever follows it."""
     body = text.strip().lstrip("!").strip()
     ends = [body.index(mark) for mark in "@<>= " if mark in body]
@@ -229,3 +304,51 @@ def _bounds(interval: Interval, tolerance: float) -> tuple[float, float]:
     slack = tolerance + _ROUNDING
     low = -_FAR if interval.low is None else interval.low - slack
     return low, _FAR if interval.high is None else interval.high + slack
+
+
+# ---------- locations
+# The location of a search: country and city in any spelling, as conditions on what the catalogue holds.
+
+
+@dataclass(frozen=True)
+class Places:
+    """What the catalogue holds: countries, and places with their countries, alphabetically."""
+
+    countries: tuple[str, ...]
+    places: tuple[tuple[str, str], ...]
+
+
+def known_places(connection: sqlite3.Connection, among: frozenset[int] | None = None) -> Places:
+    """All countries and places of the catalogue, or of these entries."""
+    if among is None:
+        rows = connection.execute("SELECT DISTINCT place, country FROM catalog_scenarios").fetchall()
+    else:
+        every = connection.execute("SELECT place, country, number FROM catalog_scenarios")
+        rows = [row[:2] for row in every if row[2] in among]
+    places = tuple(sorted({(str(row[0]), str(row[1])) for row in rows}))
+    return Places(tuple(sorted({country for _, country in places})), places)
+
+
+def location_constraints(connection: sqlite3.Connection, country: str | None, city: str | None) -> list[Constraint]:
+    """Conditions for the country and the city; neither has to be in the catalogue.
+
+    Raises:
+        UnknownName: the country is neither an ISO alpha-3 code nor a known name.
+    """
+    found = []
+    if country is not None:
+        code = country_code(country)
+        if code is None:
+            raise UnknownName(
+                f"'{country}' is no country",
+                valid=closest(country, known_places(connection).countries),
+                next_step="give the ISO 3166-1 alpha-3 code, ZAM for artificial networks",
+            )
+        query = "SELECT number FROM catalog_scenarios WHERE country = ?"
+        found.append(Constraint("location", f"country {code}", query, (code,)))
+    if city is not None:
+        keys = tuple(sorted(place_keys(city)))
+        holes = ", ".join("?" * len(keys))
+        query = f"SELECT DISTINCT number FROM catalog_words WHERE kind = 'place' AND word IN ({holes})"  # noqa: S608 - only ? marks
+        found.append(Constraint("location", f"city {city.strip()}", query, keys))
+    return found

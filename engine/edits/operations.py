@@ -3,24 +3,38 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from plannerforge.engine.edits.add_vehicle import add_vehicle
-from plannerforge.engine.edits.altered_scene import altered
-from plannerforge.engine.edits.change_lane import change_lane
-from plannerforge.engine.edits.changes import Changes, EditStep
-from plannerforge.engine.edits.edit_arguments import check_arguments
-from plannerforge.engine.edits.remove_vehicle import remove_vehicle
-from plannerforge.engine.edits.reroute import reroute
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.edits.set_behaviour import set_behaviour
-from plannerforge.engine.edits.set_ego import check_goal, set_ego
-from plannerforge.engine.edits.set_goal import set_goal
-from plannerforge.engine.edits.set_speed import set_speed
-from plannerforge.engine.edits.shift_time import shift_time
-from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.schemas.modification import Edit, Operation
+from ...schemas.errors import InvalidRequest
+from ...schemas.modification import ARGUMENTS_OF, Edit, Operation
+from ..scene import Scene
+from .changes import Changes, EditStep, altered
+from .ego import check_goal, set_ego, set_goal
+from .population import add_vehicle, remove_vehicle
+from .trajectory import change_lane, reroute, set_behaviour, set_speed, shift_time
+
+# ---------- edit_arguments
+# Whether the arguments of an edit fit its operation.
+
+
+def _check_arguments(edit: Edit) -> None:
+    """Refuse arguments that do not belong to the operation, so that nothing asked for is silently left out.
+
+    Raises:
+        InvalidRequest: naming the argument and those that belong.
+    """
+    allowed = ARGUMENTS_OF[edit.op]
+    foreign = [name for name in edit.given if name not in allowed]
+    if foreign:
+        raise InvalidRequest(
+            f"{', '.join(foreign)} does not belong to op {edit.op}",
+            valid=allowed,
+            next_step="leave it out, or make it an edit of its own",
+        )
+
+
+# ---------- operations
+# The edits by the name of their operation.
 
 EditFunction = Callable[[Edit, Scene, Changes], EditStep]
-
 OPERATIONS: Mapping[Operation, EditFunction] = {
     "reroute": reroute,
     "change_lane": change_lane,
@@ -48,7 +62,7 @@ def resolve_edits(
     changes, steps = Changes(next_id=next_id, driven={}), []
     for index, edit in enumerate(edits):
         try:
-            check_arguments(edit)
+            _check_arguments(edit)
             step = OPERATIONS[edit.op](edit, altered(scene, changes), changes)
         except InvalidRequest as error:
             if len(edits) - earlier == 1:

@@ -1,1 +1,45 @@
-"""Worker processes and jobs: where native code runs, with limits, and how its progress comes back."""
+"""Work outside the server's process: warm workers, jobs that outlive their call, claims, limits.
+
+``Claims``: Claims of this process on recipes.
+``Executor``: Runs operations somewhere, each apart from the others.
+``Lane``: TODO.
+``OnProgress``: TODO.
+``ProgressReporter``: Called by an operation with the share done in [0, 1] and a few words.
+``Response``: TODO.
+``no_progress``: A listener for callers that do not want to know.
+``silent``: A reporter for callers that do not want to know.
+``Job``: A piece of work.
+``JobProgress``: What the work of a job uses to say how far it is.
+``JobRunner``: Starts, waits for and cancels jobs.
+``JobState``: TODO.
+``JobStore``: Reads and writes job records.
+``Limits``: The bounds that every tool call works within.
+``PRELOAD``: TODO.
+``WorkerPool``: Runs operations in worker processes.
+``warm_up``: Import modules and leave them out of later garbage collections, which need not walk through what stays.
+"""
+
+from typing import TYPE_CHECKING
+
+from .. import lazy_face
+
+if TYPE_CHECKING:
+    from .claims import Claims as Claims
+    from .executor import Executor as Executor
+    from .executor import Lane as Lane
+    from .executor import OnProgress as OnProgress
+    from .executor import ProgressReporter as ProgressReporter
+    from .executor import Response as Response
+    from .executor import no_progress as no_progress
+    from .executor import silent as silent
+    from .jobs import Job as Job
+    from .jobs import JobProgress as JobProgress
+    from .jobs import JobRunner as JobRunner
+    from .jobs import JobState as JobState
+    from .jobs import JobStore as JobStore
+    from .limits import Limits as Limits
+    from .pool import PRELOAD as PRELOAD
+    from .pool import WorkerPool as WorkerPool
+    from .worker import warm_up as warm_up
+
+__getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -5,8 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from plannerforge.engine.execution.ownership import still_runs
-from plannerforge.engine.workspace.database import Database
+from ..workspace import Database, still_runs
 
 
 class Claims:

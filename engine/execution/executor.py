@@ -8,7 +8,30 @@ machines has to make readable there (a shared file system, or copies).
 from collections.abc import Awaitable, Callable
 from typing import Literal, Protocol, TypeVar
 
-from plannerforge.schemas.base import Model
+from ...schemas.base import Model
+
+# ---------- progress
+# How long work says how far it is: a callable that every operation receives.
+
+
+class ProgressReporter(Protocol):
+    """Called by an operation with the share done in [0, 1] and a few words; may be called as often as convenient."""
+
+    def __call__(self, share: float, message: str = "") -> None:
+        """Report the share done, never less than before, and what is being done now."""
+
+
+def silent(share: float, message: str = "") -> None:
+    """A reporter for callers that do not want to know."""
+    del share, message
+
+
+# ---------- executor
+# Who carries out engine operations, as the tools see it.
+#
+# The local pool of processes is one such; a cluster would be another. What is sent is an entry point
+# ``module:function`` and a request as JSON, what comes back is a response as JSON; files are named by their paths,
+# which an executor on other machines has to make readable there (a shared file system, or copies).
 
 Response = TypeVar("Response", bound=Model)
 OnProgress = Callable[[float, str], Awaitable[None]]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from plannerforge.schemas.errors import OutsideRoots, UnsafeInput
+from ...schemas.errors import OutsideRoots, UnsafeInput
 
 
 @dataclass(frozen=True)

@@ -4,26 +4,150 @@ Two lanes: ``compute`` for SUMO, planners, files and pictures, and ``retrieval``
 embedding model, which takes seconds to import and hundreds of megabytes.
 """
 
+import contextlib
 import logging
+import os
+import signal
+import subprocess
+import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import TracebackType
+from typing import IO
 
 import anyio
+import anyio.abc
+from anyio.streams.buffered import BufferedByteReceiveStream
 
-from plannerforge.engine.execution.executor import Lane, OnProgress, Response, no_progress
-from plannerforge.engine.execution.limits import Limits
-from plannerforge.engine.execution.messages import Answer, Failure, Order
-from plannerforge.engine.execution.worker_process import WorkerProcess
-from plannerforge.schemas.base import Model
-from plannerforge.schemas.errors import UnexpectedFailure, WorkerTimeout
+from ...schemas.base import Model
+from ...schemas.errors import UnexpectedFailure, WorkerFailure, WorkerTimeout
+from .executor import Lane, OnProgress, Response, no_progress
+from .limits import Limits
+from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progress, read_report
+
+# ---------- worker_process
+# One worker process, seen from the server: start, give an order, kill.
+
+_ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""More threads would make sums depend on their order, and the cores are shared by the workers anyway."""
+
+
+class _WorkerProcess:
+    """A spawned interpreter that carries out one order after the other."""
+
+    def __init__(self, process: anyio.abc.Process) -> None:
+        if process.stdout is None or process.stdin is None:
+            raise WorkerFailure("a worker started without pipes")
+        self._process = process
+        self._orders = process.stdin
+        self._reports = BufferedByteReceiveStream(process.stdout)
+
+    @classmethod
+    async def start(cls, *, memory_bytes: int, log: Path, preload: tuple[str, ...] = ()) -> "_WorkerProcess":
+        """Spawn a worker that imports ``preload`` before its first order; its stray output goes to ``log``."""
+        environment = {**os.environ, **_ONE_THREAD, "PLANNERFORGE_WORKER_MEMORY": str(memory_bytes)}
+        with _opened(log) as stderr:
+            process = await anyio.open_process(
+                [sys.executable, "-m", "plannerforge.engine.execution.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                env=environment,
+                start_new_session=True,
+            )
+        worker = cls(process)
+        try:
+            if preload:
+                await worker._orders.send(Order(WARM_UP, " ".join(preload)).line())
+        except BaseException:
+            await worker.kill()
+            raise
+        return worker
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process still runs."""
+        return self._process.returncode is None
+
+    async def carry_out(self, order: Order, on_progress: OnProgress) -> Answer | Failure:
+        """Send an order and wait for its end.
+
+        Raises:
+            WorkerFailure: the process died.
+        """
+        report = await self._exchanged(order, order.line())
+        while isinstance(report, Progress):
+            await on_progress(report.share, report.message)
+            report = await self._exchanged(order)
+        return report
+
+    async def _exchanged(self, order: Order, line: bytes = b"") -> Progress | Answer | Failure:
+        try:
+            if line:
+                await self._orders.send(line)
+            return read_report(await self._reports.receive_until(b"\n", LONGEST_LINE_BYTES))
+        except (anyio.IncompleteRead, anyio.EndOfStream, anyio.BrokenResourceError, anyio.ClosedResourceError) as error:
+            status = await self.kill()
+            raise WorkerFailure(
+                f"the worker process died ({_cause(status)}) in {order.entry_point.rpartition(':')[2]}",
+                next_step="call again: a fresh worker takes over; if it happens again, ask for less at once",
+            ) from error
+
+    async def kill(self) -> int:
+        """End the process and all that it started at once, and wait until it is gone; returns its exit status."""
+        with anyio.CancelScope(shield=True):
+            if self.alive:
+                self._end_group()
+            status = await self._process.wait()
+            await self._process.aclose()
+        return status
+
+    def _end_group(self) -> None:
+        if sys.platform == "win32":
+            self._process.kill()
+            return
+        with contextlib.suppress(ProcessLookupError):  # it ended by itself meanwhile
+            os.killpg(self.pid, signal.SIGKILL)
+
+
+class _opened:  # noqa: N801 - reads as a verb where it is used
+    """The log file for the time it takes to hand it to a child."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> IO[bytes]:
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = self._path.open("ab")
+        return self._file
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+
+def _cause(status: int) -> str:
+    return f"signal {-status}" if status < 0 else f"exit status {status}"
+
+
+# ---------- pool
+# Warm worker processes that carry out engine operations, one at a time each.
+#
+# Two lanes: ``compute`` for SUMO, planners, files and pictures, and ``retrieval`` for the one process that holds the
+# embedding model, which takes seconds to import and hundreds of megabytes.
 
 PRELOAD: dict[Lane, tuple[str, ...]] = {
     "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix"),
     "retrieval": ("sentence_transformers", "chromadb"),
 }
 RETRIEVAL_MEMORY_BYTES = 8 * 1024**3
-
 logger = logging.getLogger(__name__)
 
 
@@ -32,8 +156,8 @@ class WorkerPool:
 
     def __init__(self, limits: Limits, log: Path) -> None:
         self._limits, self._log = limits, log
-        self._idle: dict[Lane, list[WorkerProcess]] = {"compute": [], "retrieval": []}
-        self._busy: set[WorkerProcess] = set()
+        self._idle: dict[Lane, list[_WorkerProcess]] = {"compute": [], "retrieval": []}
+        self._busy: set[_WorkerProcess] = set()
         self._slots = {"compute": anyio.Semaphore(limits.worker_count), "retrieval": anyio.Semaphore(1)}
 
     @classmethod
@@ -111,7 +235,7 @@ class WorkerPool:
         """Process ids of all workers, busy ones first."""
         return tuple(worker.pid for worker in [*self._busy, *self._idle["compute"], *self._idle["retrieval"]])
 
-    async def _take(self, lane: Lane) -> WorkerProcess:
+    async def _take(self, lane: Lane) -> _WorkerProcess:
         while self._idle[lane]:
             worker = self._idle[lane].pop()
             if worker.alive:
@@ -122,9 +246,9 @@ class WorkerPool:
         self._busy.add(worker)
         return worker
 
-    async def _start(self, lane: Lane) -> WorkerProcess:
+    async def _start(self, lane: Lane) -> _WorkerProcess:
         memory = self._limits.worker_memory_bytes if lane == "compute" else RETRIEVAL_MEMORY_BYTES
-        return await WorkerProcess.start(memory_bytes=memory, log=self._log, preload=PRELOAD[lane])
+        return await _WorkerProcess.start(memory_bytes=memory, log=self._log, preload=PRELOAD[lane])
 
     @staticmethod
     def _response(entry_point: str, report: Answer | Failure, response_type: type[Response]) -> Response:

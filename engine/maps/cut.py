@@ -9,11 +9,54 @@ from pathlib import Path
 
 from lxml import etree
 
-from plannerforge.engine.maps.osm_reader import OsmMap, OsmNode, OsmWay, ground_distance_m
+from ...schemas.errors import NotPossible
+from ..network import Conversion, run_netconvert
+from .map_file import NetMap
+from .osm import OsmMap, OsmNode, OsmWay, ground_distance_m
+
+# ---------- net_cut
+# Cutting the surroundings of a site out of a user's SUMO network: its roads stay whole, as the user made them.
+
+
+def cut_net(
+    net: NetMap, center: tuple[float, float], radius_m: float, classes: Iterable[str], target: Path, scratch: Path
+) -> Conversion:
+    """Write the roads of the given classes that come within a circle around (latitude, longitude) as a network.
+
+    Coordinates, junctions and traffic lights stay those of the whole network.
+
+    Raises:
+        NotPossible: no such road, or netconvert refuses the network.
+    """
+    wanted = frozenset(classes)
+    near = [way for way in net.ways if way.road_class in wanted and _distance_m(net, way, center) <= radius_m]
+    if not near:
+        raise NotPossible("no road here is of the road_classes that were asked for", next_step="leave road_classes out")
+    kept = scratch / "kept_edges.txt"
+    kept.write_text("".join(f"{edge}\n" for way in near for edge in net.edges[way.way_id]), encoding="utf-8")
+    options = ["--sumo-net-file", str(net.path), "--keep-edges.input-file", str(kept)]
+    return run_netconvert([*options, "--offset.disable-normalization", "true"], target)
+
+
+def _distance_m(net: NetMap, way: OsmWay, center: tuple[float, float]) -> float:
+    """How near a road comes to a point (equirectangular, good for the size of a site)."""
+    from shapely import LineString, Point
+
+    scale = ground_distance_m(center, (center[0] + 1e-3, center[1])) / 1e-3
+    scale_east = ground_distance_m(center, (center[0], center[1] + 1e-3)) / 1e-3
+    nodes = [net.nodes[key] for key in way.node_ids]
+    line = [((node.longitude - center[1]) * scale_east, (node.latitude - center[0]) * scale) for node in nodes]
+    return float(LineString(line).distance(Point(0.0, 0.0)))
+
+
+# ---------- cut
+# Cutting a few hundred metres around a site out of a map, as an extract of its own.
+#
+# Roads are followed to the circle and end on it, so that what is inside is whole; everything else is left out.
 
 
 @dataclass(frozen=True)
-class Piece:
+class _Piece:
     """A part of a way inside the circle: its nodes in order, those on the circle made new."""
 
     way: OsmWay
@@ -67,7 +110,7 @@ class _FreshIds:
         return self._way
 
 
-def _pieces(osm: OsmMap, way: OsmWay, center: tuple[float, float], radius_m: float, fresh: _FreshIds) -> list[Piece]:
+def _pieces(osm: OsmMap, way: OsmWay, center: tuple[float, float], radius_m: float, fresh: _FreshIds) -> list[_Piece]:
     nodes = [osm.nodes[key] for key in way.node_ids]
     distances = [ground_distance_m((node.latitude, node.longitude), center) for node in nodes]
     found: list[list[OsmNode]] = []
@@ -83,7 +126,7 @@ def _pieces(osm: OsmMap, way: OsmWay, center: tuple[float, float], radius_m: flo
         if inside:
             current.append(node)
     found.append(current)
-    return [Piece(way, tuple(piece)) for piece in found if len(piece) > 1]
+    return [_Piece(way, tuple(piece)) for piece in found if len(piece) > 1]
 
 
 def _on_circle(start: OsmNode, end: OsmNode, center: tuple[float, float], radius_m: float) -> list[tuple[float, float]]:
@@ -114,7 +157,7 @@ def _write_node(root: etree._Element, node: OsmNode) -> None:
         etree.SubElement(element, "tag", {"k": key, "v": value})
 
 
-def _write_way(root: etree._Element, way_id: int, piece: Piece) -> None:
+def _write_way(root: etree._Element, way_id: int, piece: _Piece) -> None:
     element = etree.SubElement(root, "way", {"id": str(way_id), "visible": "true", "version": "1"})
     for node in piece.nodes:
         etree.SubElement(element, "nd", {"ref": str(node.node_id)})

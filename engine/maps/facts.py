@@ -1,18 +1,84 @@
 """What a map shows, read from the file itself."""
 
+import gzip
+import json
+import math
 import re
 from collections import Counter
-from itertools import pairwise
+from functools import lru_cache
+from itertools import accumulate, pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from plannerforge.engine.catalog.places import country_code, fold
-from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.maps.borders import countries_near
-from plannerforge.engine.maps.map_file import read_map_file
-from plannerforge.engine.maps.osm_reader import OSM_ATTRIBUTION, OsmMap, distance_m
-from plannerforge.engine.maps.road_classes import LINKS, ROADS
-from plannerforge.engine.maps.sites import SiteFinder
-from plannerforge.schemas.generation import MapFacts, ReadMapRequest
+from ...schemas.generation import MapFacts, ReadMapRequest
+from ..execution import ProgressReporter
+from .map_file import read_map_file
+from .osm import OSM_ATTRIBUTION, OsmMap, distance_m, ground_distance_m
+from .places import country_code, fold
+from .road_classes import LINKS, ROADS
+from .sites import SiteFinder
+
+if TYPE_CHECKING:
+    from shapely import Polygon, STRtree
+
+# ---------- borders
+# Which country a map lies in, from a table of borders: Natural Earth 1:10m, public domain, simplified to about 2 km.
+#
+# The table is coarse, so the answer is cautious: near a border, where it could be wrong, there is none.
+
+TABLE = Path(__file__).parent / "borders.json.gz"
+UNITS_PER_DEG = 250
+DOUBT_M = 6000.0
+"""The table may be off by so much: its simplification, its grid and the scale of its source together."""
+
+
+def country_of(bounds: tuple[float, float, float, float]) -> str | None:
+    """ISO 3166-1 alpha-3 code of the only country within ``DOUBT_M`` of a box (south, west, north, east) in degrees.
+
+    None at sea, near a border, and in areas that several countries claim.
+    """
+    near = countries_near(bounds)
+    return near[0] if len(near) == 1 else None
+
+
+def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]:
+    """Codes of all countries within ``DOUBT_M`` of a box, sorted; none at sea and in areas that several claim."""
+    from shapely import box
+
+    south, west, north, east = bounds
+    up = DOUBT_M / ground_distance_m((0.0, 0.0), (1.0, 0.0))
+    aside = up / max(math.cos(math.radians(max(abs(south), abs(north)))), 0.05)
+    tree, codes = _table()
+    near = tree.query(box(west - aside, south - up, east + aside, north + up), predicate="intersects")
+    found = {codes[index] for index in near.tolist()}
+    return () if "" in found else tuple(sorted(found))
+
+
+@lru_cache(maxsize=1)
+def _table() -> tuple["STRtree", tuple[str, ...]]:
+    """A tree of all areas with the code of each."""
+    from shapely import STRtree
+
+    rows = json.loads(gzip.decompress(TABLE.read_bytes()))
+    areas = [(code, _polygon(rings)) for code, polygons in rows for rings in polygons]
+    return STRtree([area for _, area in areas]), tuple(code for code, _ in areas)
+
+
+def _polygon(rings: list[list[int]]) -> "Polygon":
+    """The area inside the first ring and outside the others; a ring is steps (east, north) from (0, 0) in units."""
+    from shapely import Polygon
+
+    lines = [list(zip(_summed(steps[::2]), _summed(steps[1::2]), strict=True)) for steps in rings]
+    area: Polygon = Polygon(lines[0], lines[1:])
+    return area if area.is_valid else area.buffer(0)
+
+
+def _summed(steps: list[int]) -> list[float]:
+    return [units / UNITS_PER_DEG for units in accumulate(steps)]
+
+
+# ---------- facts
+# What a map shows, read from the file itself.
 
 PLACE_KINDS = ("city", "town", "village", "suburb", "borough", "quarter", "neighbourhood", "hamlet")
 MOST_PLACES = 40
@@ -38,7 +104,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     near = countries_near(osm.bounds)
     country = request.country or _country(osm) or (near[0] if len(near) == 1 else None)
     return MapFacts(
-        map_id=request.map_id or map_id_of(path),
+        map_id=request.map_id or _map_id_of(path),
         file_name=path.name,
         place=names[0] if names else path.name.split(".")[0],
         places=tuple(names[:MOST_PLACES]),
@@ -56,7 +122,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     )
 
 
-def map_id_of(path: Path) -> str:
+def _map_id_of(path: Path) -> str:
     """``map_`` and the file's name in small letters and digits."""
     return "map_" + (re.sub(r"[^a-z0-9]+", "_", path.name.split(".osm")[0].lower()).strip("_") or "unnamed")
 

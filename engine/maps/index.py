@@ -5,9 +5,57 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from plannerforge.engine.catalog.places import country_code, fold, place_keys
-from plannerforge.schemas.errors import UnknownName, closest
-from plannerforge.schemas.generation import MapFacts, MapList, ScenarioType
+from ...schemas.errors import UnknownName, closest
+from ...schemas.generation import MapFacts, MapList, ScenarioType
+from ..workspace import Database, versions_of
+from .places import country_code, fold, place_keys
+
+# ---------- seen_files
+# What became of the files in the map folders, so that one is unpacked and read once and not at every call.
+
+
+@dataclass(frozen=True)
+class SeenFile:
+    """A file of a map folder: the map that it became, or why it was refused (the other is empty)."""
+
+    map_id: str
+    refusal: str
+
+
+class SeenFiles:
+    """The files seen so far by path; one that was changed since, or was read by another version of us, is new again."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def find(self, path: Path) -> SeenFile | None:
+        """What became of a file; None where it is new or gone."""
+        query = "SELECT map_id, refusal FROM map_files WHERE path = ? AND stamp = ?"
+        row = self._database.connection().execute(query, (str(path), _stamp(path))).fetchone()
+        return None if row is None else SeenFile(row["map_id"], row["refusal"])
+
+    def keep(self, path: Path, seen: SeenFile) -> None:
+        """Remember what became of a file as it is now.
+
+        Raises:
+            ResourceFailure: the database cannot be written.
+        """
+        row = (str(path), _stamp(path), seen.map_id, seen.refusal)
+        with self._database.writing() as connection:
+            connection.execute("INSERT OR REPLACE INTO map_files VALUES (?, ?, ?, ?)", row)
+
+
+def _stamp(path: Path) -> str:
+    """Size, time of the last change and our version; empty for a file that is gone."""
+    try:
+        found = path.stat()
+    except OSError:
+        return ""
+    return f"{found.st_size} {found.st_mtime_ns} {versions_of()}"
+
+
+# ---------- index
+# The maps at hand and finding one by what the user calls it: place, street, crossing, road number, id, box.
 
 LIBRARY = Path(__file__).parent / "library"
 ABBREVIATIONS = {

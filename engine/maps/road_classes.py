@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from plannerforge.schemas.errors import UnknownName, closest
+from ...schemas.errors import UnknownName, closest
 
 STREETS = ("motorway", "trunk", "primary", "secondary", "tertiary", "residential", "unclassified", "living_street")
 ROADS = (*STREETS, "service", "track")

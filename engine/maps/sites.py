@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from plannerforge.engine.maps.crossings import Crossings
-from plannerforge.engine.maps.osm_reader import OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m
-from plannerforge.engine.maps.road_classes import LINKS, ROADS, THROUGH_ROADS
-from plannerforge.engine.maps.way_points import length_m, spaced_points
-from plannerforge.schemas.generation import SiteType
+from ...schemas.generation import SiteType
+from .osm import Crossings, OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m, length_m, spaced_points
+from .road_classes import LINKS, ROADS, THROUGH_ROADS
 
 if TYPE_CHECKING:
     from shapely import STRtree

@@ -5,7 +5,7 @@ import gzip
 import zlib
 from pathlib import Path
 
-from plannerforge.schemas.errors import UnsafeInput
+from ...schemas.errors import UnsafeInput
 
 NET_ENDING = ".net.xml"
 BINARY_ENDING = ".osm.pbf"

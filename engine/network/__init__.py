@@ -1,1 +1,84 @@
-"""Road networks: SUMO nets and CommonRoad lanelets with one geometry, and the graph that connects lanelets."""
+"""Road networks: SUMO nets to lanelets and lanelets to SUMO nets, the graph of lanelets, the rules.
+
+``build_road_network``: All lanes of the net that road vehicles may use, as lanelets.
+``remove_hairpins``: Delete the connections of all lanes without a valid ribbon, in place.
+``LaneletGraph``: Lanelet ids with their lengths, successors, predecessors and neighbours of the same direction.
+``MOTOR_CLASSES``: TODO.
+``NetEdge``: A road in one direction between two junctions, or the inside of a junction (``internal``).
+``SumoNet``: A SUMO net.
+``read_net``: Read a SUMO net.
+``Conversion``: A net that netconvert wrote, with its warnings in the order in which they came.
+``cap_speeds``: Lower lane speeds in place to √(a / κ).
+``convert_osm``: Turn an OSM extract into a SUMO net.
+``run_netconvert``: Run netconvert with the options and those for good junction geometry, and mend the corners that it
+    leaves.
+``POSITION_WORDS``: TODO.
+``station_m``: Arc length in m for a position word, a fraction or metres, a centimetre inside the lanelet's ends at
+    least.
+``Incoming``: One arm of an intersection.
+``LaneletLookup``: Finds lanelets of one network by position and heading.
+``RoadLanelet``: A lanelet with the SUMO lane that it was made from.
+``RoadNetwork``: All lanelets by id, with signs, lights and intersections.
+``SpeedSign``: A speed limit in m/s that holds on the lanelets.
+``TrafficLight``: A light at the end of one lanelet.
+``WIDEST_TURN_RAD``: TODO.
+``check_file``: Run all rules on a CommonRoad file.
+``check_network``: What the rules find in a network, errors before warnings, otherwise in the order of the rules.
+``told``: Findings of one severity in words.
+``NetLayout``: The mapping lanelet ↔ SUMO edge and lane, fixed before anything is written.
+``LONG_M``: On a lanelet no longer than this, slowing down for its bend alone gains little.
+``SlowPlaces``: Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) at which its bend is driven
+    there.
+``USUAL_SPEED_MPS``: TODO.
+``lowered_by_bends``: Speeds by lanelet, each no more than the sharpest bend of the lanelet takes.
+``posted_speeds``: The lowest speed limit in m/s that signs of a lanelet post, for lanelets that have one.
+``slow_places``: Where the bends of a polyline are driven slower than a speed, and how fast.
+``straight_speeds``: The same without the bends.
+``Signal``: One traffic light.
+``signals_of``: The working lights of a lanelet network that stand at a lanelet and have a cycle, by ascending id.
+``sumo_net``: The text of a ``.net.xml``.
+``write_sumo_net``: Write the ``.net.xml`` of a layout with its traffic lights.
+"""
+
+from typing import TYPE_CHECKING
+
+from .. import lazy_face
+
+if TYPE_CHECKING:
+    from .lanelet_builder import build_road_network as build_road_network
+    from .lanelet_builder import remove_hairpins as remove_hairpins
+    from .lanelet_graph import LaneletGraph as LaneletGraph
+    from .net_parser import MOTOR_CLASSES as MOTOR_CLASSES
+    from .net_parser import NetEdge as NetEdge
+    from .net_parser import SumoNet as SumoNet
+    from .net_parser import read_net as read_net
+    from .netconvert import Conversion as Conversion
+    from .netconvert import cap_speeds as cap_speeds
+    from .netconvert import convert_osm as convert_osm
+    from .netconvert import run_netconvert as run_netconvert
+    from .positions import POSITION_WORDS as POSITION_WORDS
+    from .positions import station_m as station_m
+    from .road_network import WIDEST_TURN_RAD as WIDEST_TURN_RAD
+    from .road_network import Incoming as Incoming
+    from .road_network import LaneletLookup as LaneletLookup
+    from .road_network import RoadLanelet as RoadLanelet
+    from .road_network import RoadNetwork as RoadNetwork
+    from .road_network import SpeedSign as SpeedSign
+    from .road_network import TrafficLight as TrafficLight
+    from .rules.check import check_file as check_file
+    from .rules.check import check_network as check_network
+    from .rules.check import told as told
+    from .sumo_export.layout import NetLayout as NetLayout
+    from .sumo_export.speeds import LONG_M as LONG_M
+    from .sumo_export.speeds import USUAL_SPEED_MPS as USUAL_SPEED_MPS
+    from .sumo_export.speeds import SlowPlaces as SlowPlaces
+    from .sumo_export.speeds import lowered_by_bends as lowered_by_bends
+    from .sumo_export.speeds import posted_speeds as posted_speeds
+    from .sumo_export.speeds import slow_places as slow_places
+    from .sumo_export.speeds import straight_speeds as straight_speeds
+    from .sumo_export.writer import Signal as Signal
+    from .sumo_export.writer import signals_of as signals_of
+    from .sumo_export.writer import sumo_net as sumo_net
+    from .sumo_export.writer import write_sumo_net as write_sumo_net
+
+__getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -1,11 +1,146 @@
 """From a SUMO net to a road network of lanelets with one geometry for both."""
 
-from plannerforge.engine.network.intersections import find_intersections
-from plannerforge.engine.network.lane_geometry import Ribbon, draw_ribbons
-from plannerforge.engine.network.lane_graph import LaneGraph, connect
-from plannerforge.engine.network.net_parser import NetEdge, SumoNet
-from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
-from plannerforge.engine.network.signs_and_lights import speed_signs, traffic_lights
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .lane_geometry import Ribbon, draw_ribbons
+from .net_parser import Connection, LaneGraph, NetEdge, SignalProgram, SumoNet, connect, read_net
+from .netconvert import remove_connections
+from .road_network import Incoming, Intersection, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight
+
+# ---------- signs_and_lights
+# Speed limit signs and traffic lights of a SUMO net, attached to lanelets.
+
+COLOURS = {"r": "red", "R": "red", "y": "yellow", "Y": "yellow", "g": "green", "G": "green", "s": "green"}
+COLOURS |= {"u": "redYellow", "o": "inactive", "O": "inactive"}
+TURNS = {"l": "l", "L": "l", "t": "l", "r": "r", "R": "r"}
+DIRECTIONS = {
+    "l": "left",
+    "r": "right",
+    "s": "straight",
+    "ls": "leftStraight",
+    "rs": "straightRight",
+    "lr": "leftRight",
+}
+
+
+def _speed_signs(net: SumoNet, lanelets: dict[int, RoadLanelet], first_id: int) -> tuple[SpeedSign, ...]:
+    """One sign for every normal edge, with its lanes' limit in m/s, at the right of its beginning."""
+    by_lane = {lanelet.lane_id: lanelet for lanelet in lanelets.values()}
+    found: list[SpeedSign] = []
+    for edge in net.edges.values():
+        beside = [by_lane[key] for key in edge.lane_ids if key in by_lane]
+        if edge.internal or not beside:
+            continue
+        position = beside[0].left[0] if net.lefthand else beside[0].right[0]
+        numbers = tuple(lanelet.lanelet_id for lanelet in beside)
+        found.append(SpeedSign(first_id + len(found), beside[0].speed_mps, position, numbers))
+    return tuple(found)
+
+
+def traffic_lights(
+    net: SumoNet, lanelets: dict[int, RoadLanelet], first_id: int, *, step_s: float, elapsed_s: float
+) -> tuple[TrafficLight, ...]:
+    """A light for every lane and group of directions that are switched alike.
+
+    CommonRoad's state at step k is that of SUMO at ``elapsed_s + k · step_s`` (one step off at a phase's change).
+    """
+    by_lane = {lanelet.lane_id: lanelet for lanelet in lanelets.values()}
+    links: dict[tuple[str, str], list[tuple[int, str]]] = {}
+    for connection in net.connections:
+        known = connection.signal in net.signals and connection.from_lane in by_lane
+        if known and connection.signal is not None and not connection.from_edge.startswith(":"):
+            turn = TURNS.get(connection.direction, "s")
+            links.setdefault((connection.from_lane, connection.signal), []).append((connection.link, turn))
+    found: list[TrafficLight] = []
+    for (lane_id, signal), turns in links.items():
+        cycles = _cycles(net.signals[signal], turns, step_s)
+        for cycle, directions in cycles.items():
+            lanelet = by_lane[lane_id]
+            total = sum(steps for steps, _ in cycle)
+            offset = round((net.signals[signal].offset_s - elapsed_s) / step_s) % total
+            one_for_all = len(cycles) == 1
+            direction = "all" if one_for_all else DIRECTIONS.get("".join(sorted(directions)), "all")
+            found.append(
+                TrafficLight(
+                    light_id=first_id + len(found),
+                    lanelet_id=lanelet.lanelet_id,
+                    position=lanelet.right[-1],
+                    cycle=cycle,
+                    offset_steps=offset,
+                    direction=direction,
+                )
+            )
+    return tuple(found)
+
+
+def _cycles(
+    program: SignalProgram, turns: Sequence[tuple[int, str]], step_s: float
+) -> dict[tuple[tuple[int, str], ...], set[str]]:
+    """The different colour sequences of a lane's links, and the turns that each holds for."""
+    found: dict[tuple[tuple[int, str], ...], set[str]] = {}
+    for link, turn in turns:
+        merged: list[tuple[int, str]] = []
+        for duration_s, state in program.phases:
+            colour = COLOURS.get(state[link], "inactive")
+            steps = max(round(duration_s / step_s), 1)
+            if merged and merged[-1][1] == colour:
+                merged[-1] = (merged[-1][0] + steps, colour)
+            else:
+                merged.append((steps, colour))
+        found.setdefault(tuple(merged), set()).add(turn)
+    return found
+
+
+# ---------- intersections
+# Intersections of a road network: junctions with a choice, their arms and where each arm leads.
+
+SIDES = {"r": "right", "R": "right", "l": "left", "L": "left", "t": "left"}
+
+
+@dataclass
+class _Arm:
+    lanelets: set[int] = field(default_factory=set)
+    behind: dict[str, set[int]] = field(default_factory=lambda: {"right": set(), "straight": set(), "left": set()})
+
+
+def _find_intersections(net: SumoNet, ids: dict[str, int], first_id: int) -> tuple[Intersection, ...]:
+    """Junctions with at least two arms in and two out, three on one side; ``ids``: lanelet id by SUMO lane."""
+    arms: dict[str, dict[str, _Arm]] = {}
+    exits: dict[str, set[str]] = {}
+    for connection in net.connections:
+        if connection.from_edge.startswith(":"):
+            continue
+        junction = net.edges[connection.from_edge].to_junction
+        exits.setdefault(junction, set()).add(connection.to_edge)
+        if connection.from_lane in ids and connection.via in ids:
+            arm = arms.setdefault(junction, {}).setdefault(connection.from_edge, _Arm())
+            arm.lanelets.add(ids[connection.from_lane])
+            arm.behind[SIDES.get(connection.direction, "straight")].add(ids[connection.via])
+    found: list[Intersection] = []
+    for junction, by_edge in arms.items():
+        ways_in, ways_out = len(by_edge), len(exits[junction])
+        if min(ways_in, ways_out) < 2 or max(ways_in, ways_out) < 3:
+            continue
+        incomings = tuple(_incoming(first_id + 1 + i, arm) for i, arm in enumerate(by_edge.values()))
+        found.append(Intersection(first_id, incomings))
+        first_id += 1 + len(incomings)
+    return tuple(found)
+
+
+def _incoming(incoming_id: int, arm: _Arm) -> Incoming:
+    return Incoming(
+        incoming_id=incoming_id,
+        lanelet_ids=tuple(sorted(arm.lanelets)),
+        right=tuple(sorted(arm.behind["right"])),
+        straight=tuple(sorted(arm.behind["straight"])),
+        left=tuple(sorted(arm.behind["left"])),
+    )
+
+
+# ---------- lanelet_builder
+# From a SUMO net to a road network of lanelets with one geometry for both.
 
 COUNTRY_ROAD_MPS = 70 / 3.6 - 0.1
 USERS = {
@@ -36,11 +171,11 @@ def build_road_network(net: SumoNet, *, step_s: float, elapsed_s: float) -> Road
     ids = {key: number for number, key in enumerate(ribbons, start=1)}
     lanelets = {ids[key]: _lanelet(key, ribbon, ids, graph, net) for key, ribbon in ribbons.items()}
     next_id = len(ids) + 1
-    signs = speed_signs(net, lanelets, next_id)
+    signs = _speed_signs(net, lanelets, next_id)
     next_id += len(signs)
     lights = traffic_lights(net, lanelets, next_id, step_s=step_s, elapsed_s=elapsed_s)
     next_id += len(lights)
-    return RoadNetwork(lanelets, signs, lights, find_intersections(net, ids, next_id), dropped)
+    return RoadNetwork(lanelets, signs, lights, _find_intersections(net, ids, next_id), dropped)
 
 
 def _lanelet(key: str, ribbon: Ribbon, ids: dict[str, int], graph: LaneGraph, net: SumoNet) -> RoadLanelet:
@@ -94,3 +229,42 @@ def _types(edge: NetEdge, allowed: frozenset[str], speed_mps: float) -> tuple[st
     if allowed <= BICYCLE_LANE_CLASSES:
         found.append("bicycleLane")
     return tuple(found)
+
+
+# ---------- hairpins
+# Connections so tight that no lanelet can follow them are taken out of the net too, so that both stay the same.
+
+MAXIMUM_ROUNDS = 3
+
+
+def remove_hairpins(net_path: Path, scratch: Path) -> tuple[int, tuple[str, ...]]:
+    """Delete the connections of all lanes without a valid ribbon, in place; how many, and what netconvert warned of."""
+    removed = 0
+    warnings: list[str] = []
+    for _ in range(MAXIMUM_ROUNDS):
+        net = read_net(net_path)
+        network = build_road_network(net, step_s=0.1, elapsed_s=0.0)
+        connections = _owners(net, network)
+        if not connections:
+            break
+        removed += len(connections)
+        warnings += remove_connections(net_path, connections, scratch).warnings
+    return removed, tuple(warnings)
+
+
+def _owners(net: SumoNet, network: RoadNetwork) -> list[tuple[str, str, int, int]]:
+    """The connections between normal edges whose internal lanes were dropped, in order."""
+    following = {c.from_lane: c.via for c in net.connections if c.from_edge.startswith(":") and c.via is not None}
+    owner: dict[str, Connection] = {}
+    for connection in net.connections:
+        inside = None if connection.from_edge.startswith(":") else connection.via
+        while inside is not None:
+            owner[inside] = connection
+            inside = following.get(inside)
+    found = {owner[lane] for lane in network.dropped_lanes if lane in owner}
+    keys = [(c.from_edge, c.to_edge, _index(c.from_lane), _index(c.to_lane)) for c in found]
+    return sorted(keys)
+
+
+def _index(lane_id: str) -> int:
+    return int(lane_id.rsplit("_", 1)[1])

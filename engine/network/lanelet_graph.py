@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from plannerforge.engine.geometry.polyline import length_m
+from ..geometry import length_m
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork

@@ -1,7 +1,7 @@
 """Words and numbers for a place along a lanelet."""
 
-from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.schemas.grammar import parse_quantity
+from ...schemas.errors import InvalidRequest
+from ...schemas.grammar import parse_quantity
 
 POSITION_WORDS = {
     "beginning": 0.0,
@@ -14,7 +14,6 @@ POSITION_WORDS = {
 }
 INSIDE_M = 0.01
 """A point on a lanelet's edge, rounded as files round it, may lie beside it: where the road ends, on no lanelet."""
-
 VALID = ("beginning", "quarter", "middle", "three_quarter", "final", "a fraction in 0…1 such as 0.66", "metres: '35m'")
 
 

@@ -11,11 +11,10 @@ from typing import Literal
 
 import numpy as np
 
-from plannerforge.engine.planners.interface import PlannedTrajectory
-from plannerforge.engine.planners.vehicle import VehicleParameters
+from ..vehicles import VehicleParameters
+from .interface import PlannedTrajectory
 
 Limit = Literal["curvature", "friction"]
-
 SLOW_MPS = 0.5
 """Below it a step of some centimetres tells nothing about the curvature."""
 

@@ -15,31 +15,175 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from plannerforge.engine.geometry.polyline import Points, Values, arc_length, wrap_angle, wrap_angles
-from plannerforge.engine.planners.bend_speeds import bend_speeds_mps
-from plannerforge.engine.planners.desired_speed import DesiredSpeed
-from plannerforge.engine.planners.drivability import Limit, undrivable
-from plannerforge.engine.planners.goal import Goal
-from plannerforge.engine.planners.interface import (
-    EgoState,
-    Observation,
-    Plan,
-    PlanKind,
-    PlannedTrajectory,
-    PlanningTask,
-    PredictedObstacle,
-)
-from plannerforge.engine.planners.rear_axle_curve import RearAxleCurve, RearAxlePath
-from plannerforge.engine.planners.vehicle import centers, rear_axle
+from ..geometry import Points, Values, arc_length, gaussian, project, wrap_angle, wrap_angles
+from ..vehicles import centers, rear_axle, tractrix
+from .drivability import Limit, undrivable
+from .goal import DesiredSpeed, Goal
+from .interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
+
+# ---------- rear_axle_curve
+# The curve that a rear axle drives: dragged along a path by the centre, beside it by an offset that fades out.
+#
+# In the kinematic single-track model a vehicle heads where its rear axle moves, so whatever line the rear axle follows
+# can be driven if its curvature has no steps. A vehicle whose centre moved along a path and headed along it too could
+# not: in a bend its rear axle would slide aside.
+
+SHORTEST_FADE_M, FADE_PER_OFFSET = 15.0, 6.0
+STEEPEST_RAD = 1.2
+LEAST_PACE = 0.1
+"""Inside a bend the curve is shorter than the path, at most by this factor: nobody turns about the middle of a bend."""
+
+
+class RearAxlePath:
+    """The way of a rear axle whose vehicle's centre follows a path of points (n, 2).
+
+    A cubic spline over its arc length joins it, so that the curvature has no steps. Stations are its own; at
+    ``stations_m`` (n,) it heads towards ``headings_rad`` (n,).
+    """
+
+    def __init__(self, path: Points, behind_center_m: float) -> None:
+        from scipy.interpolate import CubicSpline
+
+        towards = path[1] - path[0]
+        self.headings_rad = tractrix(path, float(np.arctan2(towards[1], towards[0])), behind_center_m)
+        towards_center = np.stack([np.cos(self.headings_rad), np.sin(self.headings_rad)], axis=1)
+        self._points = path - behind_center_m * towards_center
+        self.stations_m, self._center_stations_m = arc_length(self._points), arc_length(path)
+        self._end_m = float(self.stations_m[-1])
+        self._position = CubicSpline(self.stations_m, self._points)
+        self._first, self._second = self._position.derivative(1), self._position.derivative(2)
+
+    def center_station(self, station: float) -> float:
+        """The station in m of the centre on the path that it follows."""
+        return float(np.interp(station, self.stations_m, self._center_stations_m))
+
+    def foot(self, point: Points) -> float:
+        """The station in m nearest to a point (2,)."""
+        station = project(self._points, point)[0]
+        for _ in range(6):  # Gauss-Newton from the nearest point of the chords; an error shrinks by offset / radius
+            along = self._first(station)
+            station += float((point - self._position(station)) @ along) / float(along @ along)
+            station = min(max(station, 0.0), self._end_m)
+        return station
+
+    def frame(self, stations: Values) -> tuple[Points, Values, Values, Values]:
+        """Points (n, 2) and headings (n,) in rad; and how far the spline goes and how much it turns by station."""
+        stations = np.clip(stations, 0.0, self._end_m)
+        along, bending = self._first(stations), self._second(stations)
+        pace = np.linalg.norm(along, axis=1)
+        turn = (along[:, 0] * bending[:, 1] - along[:, 1] * bending[:, 0]) / pace**2
+        return self._position(stations), np.arctan2(along[:, 1], along[:, 0]), pace, turn
+
+
+@dataclass(frozen=True)
+class _Fade:
+    """The offset from a path between two stations: a quintic from an offset and slope to none."""
+
+    begin_m: float
+    length_m: float
+    offset_m: float
+    slope: float
+
+    def at(self, stations: Values) -> tuple[Values, Values]:
+        """Offsets in m and their slopes by station."""
+        share = np.clip((stations - self.begin_m) / self.length_m, 0.0, 1.0)
+        offset = self.offset_m * (1 - share**3 * (10 - 15 * share + 6 * share**2))
+        offset = offset + self.slope * self.length_m * (share - share**3 * (6 - 8 * share + 3 * share**2))
+        slope = -self.offset_m / self.length_m * 30 * share**2 * (1 - share) ** 2
+        return offset, slope + self.slope * (1 - share**2 * (18 - 32 * share + 15 * share**2))
+
+
+@dataclass(frozen=True)
+class RearAxleCurve:
+    """A path and the offset from it."""
+
+    path: RearAxlePath
+    fade: _Fade
+
+    @classmethod
+    def beginning_at(cls, path: RearAxlePath, point: Points, heading_rad: float, fade_m: float) -> "RearAxleCurve":
+        """The curve that begins at a point (2,) with a heading and is on the path ``fade_m`` later.
+
+        A large offset takes a longer way to fade.
+        """
+        station = path.foot(point)
+        (foot,), (along_rad,), (pace,), (turn,) = path.frame(np.array([station]))
+        offset = float((point - foot) @ np.array([-np.sin(along_rad), np.cos(along_rad)]))
+        turned = float(np.clip(wrap_angle(heading_rad - float(along_rad)), -STEEPEST_RAD, STEEPEST_RAD))
+        slope = float(np.tan(turned) * max(pace - offset * turn, LEAST_PACE))
+        return cls(path, _Fade(station, max(fade_m, SHORTEST_FADE_M, FADE_PER_OFFSET * abs(offset)), offset, slope))
+
+    def after(self, station: float, travelled_m: Values) -> Values:
+        """The stations (n,) after so many metres of the curve, ascending from 0 at ``station``."""
+        stations = station + travelled_m
+        for _ in range(3):
+            middle = (stations[1:] + stations[:-1]) / 2
+            gained = np.diff(travelled_m) / self._motion(middle)[1]
+            stations = station + np.concatenate([[0.0], np.cumsum(gained)])
+        return stations
+
+    def poses(self, stations: Values) -> tuple[Points, Values]:
+        """Points (n, 2) and unwrapped headings (n,) in rad."""
+        points, along_rad, _, _ = self.path.frame(stations)
+        offset, _ = self.fade.at(stations)
+        normal = np.stack([-np.sin(along_rad), np.cos(along_rad)], axis=1)
+        return points + offset[:, None] * normal, np.unwrap(along_rad + self._motion(stations)[0])
+
+    def _motion(self, stations: Values) -> tuple[Values, Values]:
+        """How far the curve turns off the path in rad, and its length by station."""
+        _, _, pace, turn = self.path.frame(stations)
+        offset, slope = self.fade.at(stations)
+        along = np.maximum(pace - offset * turn, LEAST_PACE)
+        return np.arctan2(slope, along), np.hypot(slope, along)
+
+
+# ---------- bend_speeds
+# How fast a path can be driven so that its bends stay comfortable.
+
+SMOOTHING_M = 3.0
+STRAIGHT_PER_M = 1e-4
+"""Curvature in 1/m below which a path counts as straight."""
+
+
+def bend_speeds_mps(
+    stations_m: Values,
+    headings_rad: Values,
+    lateral_acceleration_mps2: float,
+    deceleration_mps2: float,
+    smoothing_m: float = SMOOTHING_M,
+) -> Values:
+    """The highest speeds along a path, shape (n,), at which no bend needs a larger lateral acceleration v² · curvature.
+
+    ``stations_m`` and ``headings_rad`` of shape (n,). Before a bend the speed falls by the deceleration, so that
+    v² = v_next² + 2 · deceleration · distance. The curvature is smoothed over ``smoothing_m``.
+    """
+    spacing_m = float(np.mean(np.diff(stations_m)))
+    curvature = np.abs(gaussian(np.gradient(headings_rad, stations_m), smoothing_m / spacing_m))
+    squared = lateral_acceleration_mps2 / np.maximum(curvature, STRAIGHT_PER_M)
+    # with E = v² + 2·b·s the condition is that no later E is smaller
+    energy = squared + 2.0 * deceleration_mps2 * stations_m
+    least = np.minimum.accumulate(energy[::-1])[::-1]
+    speeds: Values = np.sqrt(least - 2.0 * deceleration_mps2 * stations_m)
+    return speeds
+
+
+# ---------- idm
+# A baseline: follow the reference path and keep the distance of the Intelligent Driver Model.
+#
+# Longitudinal: Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic
+# simulations", Physical Review E 62, 2000: acceleration a·[1 − (v/v0)⁴ − (s*/s)²] with the desired gap s* = s0 +
+# max(0, v·T + v·Δv / (2·√(a·b))). Above the desired speed the free term is that of the improved model (Kesting,
+# Treiber, Helbing 2010), which never brakes harder than b. Before a bend it brakes by at most b too, to the speed
+# √(a_lateral / curvature) that its lateral acceleration allows there; harder only where its tyres would slip
+# otherwise. Lateral: the centre follows the path and drags the rear axle after it; the offset from that way fades
+# out. It knows no cost terms, neither overtakes nor evades, and does not look at the edge of the road.
 
 EXPONENT = 4.0
 EMERGENCY_MPS2 = 8.0
 GRIP = 0.98
 """Share of the tyres' friction that is used at most: the curvature along a plan is known between points only."""
-
 BRAKING_GRIP, BEND_GRIP, SLIP_SMOOTHING_M = 0.5, 0.75, 0.5
 """Shares of it with which the ego brakes before a bend in which it would slip, and drives through it: 0.9 together."""
-
 LOOK_AHEAD_S = 1.0
 """Who will be in the ego's corridor within this time is a leader already, so that a cut-in is seen when it begins."""
 CORRIDOR_MARGIN_M = 0.3

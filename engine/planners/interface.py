@@ -1,6 +1,6 @@
 """What a planner is: it is reset for one planning problem, then asked for a plan again and again.
 
-Planners that satisfy :class:`Planner` run in our loop; :mod:`plannerforge.engine.planners.contract` checks one.
+Planners that satisfy :class:`Planner` run in our loop; :mod:`plannerforge.engine.planners.conformance` checks one.
 """
 
 from collections.abc import Mapping
@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import Points, Values
-from plannerforge.engine.planners.vehicle import VehicleParameters
-from plannerforge.schemas.planning import PlannerConfiguration
+from ...schemas.planning import PlannerConfiguration
+from ..geometry import Points, Values
+from ..vehicles import VehicleParameters
 
 if TYPE_CHECKING:
     from commonroad.planning.goal import GoalRegion
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.scenario import Scenario
 
-    from plannerforge.engine.planners.reference_path import ReferencePath
-    from plannerforge.engine.planners.road import Road
+    from .lanes import Road
+    from .reference_path import ReferencePath
 
 PlanKind = Literal["regular", "standstill", "stopping"]
 

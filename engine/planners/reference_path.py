@@ -8,17 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import (
-    Points,
-    arc_length,
-    gaussian,
-    interpolate,
-    project,
-    resample,
-    without_repeats,
-)
-from plannerforge.engine.network.lanelet_graph import LaneletGraph
-from plannerforge.engine.planners.route import Route
+from ..geometry import Points, arc_length, gaussian, interpolate, project, resample, without_repeats
+from ..network import LaneletGraph
+from ..scene import Route
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork

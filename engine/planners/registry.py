@@ -4,24 +4,27 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from plannerforge.schemas.errors import UnknownName, closest
+from ...schemas.errors import UnknownName, closest
 
 if TYPE_CHECKING:
-    from plannerforge.engine.planners.interface import Planner
+    from .interface import Planner
 
 
 @dataclass(frozen=True)
-class RegisteredPlanner:
+class _RegisteredPlanner:
     """Where a planner's class is and, in a module that imports nothing heavy, what can be set in it."""
 
     planner: str
     tuning: str
 
 
-_IN = "plannerforge.engine"
-PLANNERS: dict[str, RegisteredPlanner] = {
-    "frenetix": RegisteredPlanner(f"{_IN}.planners.frenetix:Frenetix", f"{_IN}.tuning.frenetix_tuning:tuning"),
-    "idm": RegisteredPlanner(f"{_IN}.planners.idm:IntelligentDriver", f"{_IN}.tuning.idm_tuning:tuning"),
+PLANNERS: dict[str, _RegisteredPlanner] = {
+    "frenetix": _RegisteredPlanner(
+        "plannerforge.engine.planners.frenetix.planner:Frenetix", "plannerforge.engine.tuning:frenetix_tuning"
+    ),
+    "idm": _RegisteredPlanner(
+        "plannerforge.engine.planners.idm:IntelligentDriver", "plannerforge.engine.tuning:idm_tuning"
+    ),
 }
 
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.planners.vehicle_models import commonroad_vehicle
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.exporting import CostFunctionId, FileWritten, SolutionRequest
-from plannerforge.schemas.runs import RunSteps
+from ...schemas.artifacts import CostFunctionId, FileWritten, SolutionRequest
+from ...schemas.errors import NotPossible
+from ...schemas.runs import RunSteps
+from ..commonroad import read_scenario
+from ..execution import ProgressReporter
+from ..geometry import Points
+from ..vehicles import commonroad_vehicle
 
 if TYPE_CHECKING:
     from commonroad.scenario.scenario import ScenarioID

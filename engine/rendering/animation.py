@@ -10,17 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.rendering.canvas import SMALL_PT, TEXT_PT, exact_palette, new_figure
-from plannerforge.engine.rendering.driven_path import DrivenPath
-from plannerforge.engine.rendering.ego_layer import draw_endings
-from plannerforge.engine.rendering.furniture import draw_legend, write_title
-from plannerforge.engine.rendering.palette import INK, MUTED, series_style
-from plannerforge.engine.rendering.road_layer import draw_signals
-from plannerforge.engine.rendering.scene import HEADER_PX, SIDE_PX, draw_background, draw_egos, figure_height, fitted
-from plannerforge.engine.rendering.scene_view import Inventory, SceneView, inventory
-from plannerforge.engine.rendering.traffic_layer import VehicleShape, draw_vehicles, vehicles_at
-from plannerforge.engine.rendering.viewport import Viewport, viewport_of
+from ..execution import ProgressReporter
+from .canvas import INK, MUTED, SMALL_PT, TEXT_PT, exact_palette, new_figure, series_style
+from .content import DrivenPath, Viewport, viewport_of
+from .furniture import Inventory, SceneView, draw_legend, inventory, write_title
+from .road import draw_signals
+from .scene import HEADER_PX, SIDE_PX, draw_background, draw_egos, figure_height, fitted
+from .vehicles import VehicleShape, draw_endings, draw_vehicles, vehicles_at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +35,7 @@ def animate(view: SceneView, path: Path, report: ProgressReporter) -> tuple[tupl
     Returns:
         The size in pixels, and the alternative text.
     """
-    steps = frame_steps(view)
+    steps = _frame_steps(view)
     frames, shown = _draw_frames(view, steps, report)
     milliseconds = (
         max(round(view.content.step_s * 1000 * (steps[1] - steps[0]) / 10) * 10, 20) if len(steps) > 1 else 500
@@ -53,7 +49,7 @@ def animate(view: SceneView, path: Path, report: ProgressReporter) -> tuple[tupl
     return frames[0].size, f"{told}, {runs or 'recorded traffic'}{kinds}."
 
 
-def frame_steps(view: SceneView) -> list[int]:
+def _frame_steps(view: SceneView) -> list[int]:
     """The time steps that become frames: evenly spaced, at most 56, the last one included."""
     first = min((path.first_step for path in view.paths), default=view.content.ego_step)
     last = max((path.last_step for path in view.paths), default=view.content.last_step)

@@ -5,30 +5,74 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from plannerforge.engine.rendering.canvas import PICTURE_WIDTH_PX, new_figure, pixels, save_png
-from plannerforge.engine.rendering.differences import widened
-from plannerforge.engine.rendering.ego_layer import (
+import numpy as np
+
+from ..geometry import Points
+from .canvas import PICTURE_WIDTH_PX, new_figure, pixels, save_png
+from .content import MARGIN_M, SceneContent, Viewport, union, viewport_of
+from .furniture import Inventory, SceneView, draw_legend, draw_scale_bar, inventory, scale_bar_area, write_title
+from .road import draw_goal, draw_road, draw_signals, draw_stop_lines
+from .vehicles import (
+    NamedOutline,
+    TrafficDrawn,
     draw_ego,
     draw_endings,
     draw_paths,
+    draw_vehicles,
     ego_corners,
     focus,
-    path_corners,
-)
-from plannerforge.engine.rendering.furniture import draw_legend, draw_scale_bar, scale_bar_area, write_title
-from plannerforge.engine.rendering.road_layer import draw_goal, draw_road, draw_signals, draw_stop_lines
-from plannerforge.engine.rendering.scene_view import Inventory, SceneView, inventory
-from plannerforge.engine.rendering.traffic_layer import (
-    NamedOutline,
-    TrafficDrawn,
-    draw_vehicles,
     label_vehicles,
+    path_corners,
     vehicles_at,
 )
-from plannerforge.engine.rendering.viewport import Viewport, union, viewport_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+# ---------- differences
+# Where scenarios that are drawn side by side differ, so that a picture of before and after shows what was changed.
+
+MOVED_M = 0.5
+LARGEST_COMPARED_M = 400.0
+"""A difference that would widen a picture beyond this is left outside: nothing could be recognised in it."""
+
+
+def widened(viewport: Viewport, views: Sequence[SceneView]) -> Viewport:
+    """The viewport with every goal and vehicle that is elsewhere, or only in one of the views, the nearest first."""
+    middle = np.array([viewport.x_min + viewport.x_max, viewport.y_min + viewport.y_max]) / 2
+    points = [point for view in views[1:] for point in _differing(views[0], view)]
+    for point in sorted(points, key=lambda one: (float(np.linalg.norm(one - middle)), *one.tolist())):
+        x, y = point.tolist()
+        larger = union(viewport, Viewport(x - MARGIN_M, y - MARGIN_M, x + MARGIN_M, y + MARGIN_M))
+        if max(larger.width_m, larger.height_m) <= LARGEST_COMPARED_M:
+            viewport = larger
+    return viewport
+
+
+def _differing(first: SceneView, second: SceneView) -> list[Points]:
+    before, after = _positions(first), _positions(second)
+    found = []
+    for key in sorted({*before, *after}):
+        places = [positions[key] for positions in (before, after) if key in positions]
+        if len(places) == 1 or float(np.linalg.norm(places[0] - places[1])) > MOVED_M:
+            found += places
+    goals = [_goal_centers(view.content) for view in (first, second)]
+    same = len(goals[0]) == len(goals[1]) and np.allclose(goals[0], goals[1], atol=MOVED_M)
+    return found if same else [*found, *goals[0], *goals[1]]
+
+
+def _positions(view: SceneView) -> dict[int, Points]:
+    tracks = view.content.tracks.items()
+    return {key: track.positions[index] for key, track in tracks if (index := track.index_at(view.step)) is not None}
+
+
+def _goal_centers(content: SceneContent) -> Points:
+    centers = [polygon.mean(axis=0) for goal in content.goals for polygon in goal.polygons]
+    return np.array(centers).reshape(-1, 2)
+
+
+# ---------- scene
+# A picture of one scenario, or of two side by side, at one moment.
 
 HEADER_PX, SECOND_LINE_PX, LEGEND_ROW_PX = 62, 18, 24
 SIDE_PX, GAP_PX, PAIR_WIDTH_PX = 10, 24, 1500
@@ -50,7 +94,7 @@ def draw_background(axes: "Axes", view: SceneView, viewport: Viewport) -> None:
     draw_scale_bar(axes, viewport)
 
 
-def draw_scene(axes: "Axes", view: SceneView, viewport: Viewport) -> TrafficDrawn:
+def _draw_scene(axes: "Axes", view: SceneView, viewport: Viewport) -> TrafficDrawn:
     """Draw one moment: the background, the lights, the vehicles with their ids, the egos."""
     draw_background(axes, view, viewport)
     draw_signals(axes, view.content, view.step, viewport)
@@ -85,7 +129,7 @@ def draw_picture(views: Sequence[SceneView], path: Path) -> tuple[tuple[int, int
     for number, (view, viewport) in enumerate(zip(views, viewports, strict=True)):
         left, bottom = SIDE_PX + number * (plot_width + GAP_PX), height - header - plot_height
         axes = figure.add_axes((left / width, bottom / height, plot_width / width, plot_height / height))
-        traffic = draw_scene(axes, view, viewport)
+        traffic = _draw_scene(axes, view, viewport)
         write_title(
             figure, view.content.scenario_id, _subtitle(view, traffic, alone=len(views) == 1), x=left / width + 0.002
         )

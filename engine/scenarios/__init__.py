@@ -1,1 +1,13 @@
-"""CommonRoad scenarios: safe reading, recorded tracks, facts, generation and validation."""
+"""What is known and said about a scenario: facts, computed features, the description.
+
+``read_facts``: The facts of one CommonRoad file.
+"""
+
+from typing import TYPE_CHECKING
+
+from .. import lazy_face
+
+if TYPE_CHECKING:
+    from .facts import read_facts as read_facts
+
+__getattr__, __dir__ = lazy_face(__name__, __file__)

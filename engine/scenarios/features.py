@@ -1,20 +1,169 @@
 """What the geometry says about a scenario, apart from the tags that its author wrote into the file."""
 
 import math
+from collections import deque
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import Points, arc_length, headings, project, project_all, wrap_angles
-from plannerforge.engine.network.lanelet_graph import LaneletGraph
-from plannerforge.engine.scenarios.ego_route import EgoRoute, center_line, path_ahead
-from plannerforge.engine.scenarios.ramp import has_ramp
-from plannerforge.engine.scenarios.roundabout import has_roundabout
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.schemas.scenarios import EgoFacts
+from ...schemas.scenarios import EgoFacts
+from ..commonroad import Track
+from ..geometry import Points, arc_length, headings, point_at, project, project_all, wrap_angle, wrap_angles
+from ..network import LaneletGraph
+from ..scene import EgoRoute, center_line, path_ahead
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
+
+# ---------- roundabout
+# Finding roundabouts in a lanelet network: short round cycles of successors with several ways in.
+
+LONGEST_M = 400.0
+ROUNDNESS = 0.88
+"""4π·area / perimeter² of the cycle: 1 for a circle, 0.785 for a square block of houses."""
+FEWEST_ENTRIES = 2
+
+
+def has_roundabout(network: "LaneletNetwork", graph: LaneletGraph) -> bool:
+    """Whether lanelets form a circular junction.
+
+    A round one-way cycle of at most 400 m that at least two lanelets enter, driven against the clock where traffic
+    keeps right and with it where traffic keeps left. The round trip about a block of houses is neither one-way nor
+    driven that way.
+    """
+    seen: set[int] = set()
+    keeps_right = _keeps_right(network)
+    for start in sorted(graph.successors):
+        if start in seen or not graph.predecessors[start]:
+            continue
+        cycle = _shortest_cycle(graph, start)
+        seen.update(cycle)
+        if not cycle or not _is_one_way(network, cycle) or _entries(graph, cycle) < FEWEST_ENTRIES:
+            continue
+        roundness, against_the_clock = _shape(network, cycle)
+        if roundness >= ROUNDNESS and keeps_right in (None, against_the_clock):
+            return True
+    return False
+
+
+def _keeps_right(network: "LaneletNetwork") -> bool | None:
+    """Side of the traffic by where the opposite lanes lie; None where no road has both directions."""
+    left = sum(1 for lane in network.lanelets if lane.adj_left is not None and not lane.adj_left_same_direction)
+    right = sum(1 for lane in network.lanelets if lane.adj_right is not None and not lane.adj_right_same_direction)
+    return None if left == right else left > right
+
+
+def _is_one_way(network: "LaneletNetwork", cycle: tuple[int, ...]) -> bool:
+    lanes = [network.find_lanelet_by_id(key) for key in cycle]
+    sides = [(lane.adj_left, lane.adj_left_same_direction) for lane in lanes]
+    sides += [(lane.adj_right, lane.adj_right_same_direction) for lane in lanes]
+    return all(neighbour is None or same for neighbour, same in sides)
+
+
+def _shortest_cycle(graph: LaneletGraph, start: int) -> tuple[int, ...]:
+    """Fewest successors that lead back to the start, within the longest length; empty where there is no such way."""
+    came_from: dict[int, int] = {}
+    lengths = {start: graph.length_m[start]}
+    queue = deque([start])
+    while queue:
+        current = queue.popleft()
+        for following in graph.successors[current]:
+            if following == start:
+                cycle = [current]
+                while cycle[-1] != start:
+                    cycle.append(came_from[cycle[-1]])
+                return tuple(reversed(cycle))
+            total = lengths[current] + graph.length_m[following]
+            if following not in lengths and total <= LONGEST_M:
+                lengths[following], came_from[following] = total, current
+                queue.append(following)
+    return ()
+
+
+def _shape(network: "LaneletNetwork", cycle: tuple[int, ...]) -> tuple[float, bool]:
+    """Roundness of the cycle, and whether it is driven against the clock."""
+    points = np.vstack([network.find_lanelet_by_id(key).center_vertices for key in cycle])
+    following = np.roll(points, -1, axis=0)
+    perimeter = float(np.linalg.norm(following - points, axis=1).sum())
+    area = 0.5 * float((points[:, 0] * following[:, 1] - following[:, 0] * points[:, 1]).sum())
+    return 4 * math.pi * abs(area) / max(perimeter, 1e-6) ** 2, area > 0
+
+
+def _entries(graph: LaneletGraph, cycle: tuple[int, ...]) -> int:
+    inside = set(cycle)
+    return sum(1 for key in cycle for before in graph.predecessors[key] if before not in inside)
+
+
+# ---------- ramp
+# Finding motorway ramps in a lanelet network: roads of one direction that part or join at a small angle.
+
+RAMP_NEAR_M = 200.0
+ANGLE_RAD = math.radians(20.0)
+STRETCH_M = 15.0
+"""How far from the joint the angle is measured: at the joint itself it is zero."""
+APART_M = 0.3
+"""Branches that lie closer over that stretch are the same road twice."""
+
+
+def _has_ramp(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
+    """Whether roads part or join as at a motorway ramp, within 200 m of the point or on the route.
+
+    Two lanelets that leave (or reach) the same one at less than 20°, on carriageways without oncoming lanes. Crossings
+    and roundabouts are for the caller to rule out.
+    """
+    for key in graph.successors:
+        if key not in route and not _is_near(network.find_lanelet_by_id(key).center_vertices, point):
+            continue
+        for branches, forward in ((graph.successors[key], True), (graph.predecessors[key], False)):
+            if any(_is_ramp_pair(network, graph, key, pair, forward) for pair in combinations(branches, 2)):
+                return True
+    return False
+
+
+def _is_ramp_pair(
+    network: "LaneletNetwork", graph: LaneletGraph, joint: int, pair: tuple[int, int], forward: bool
+) -> bool:
+    if pair[1] in graph.neighbours[pair[0]] or any(_has_oncoming_lane(network, key) for key in (joint, *pair)):
+        return False
+    lines = [center_line(network, key) for key in pair]
+    if any(len(line) < 2 for line in lines):
+        return False
+    ends = [_end(line if forward else line[::-1]) for line in lines]
+    angle = abs(wrap_angle(ends[0][1] - ends[1][1]))
+    return angle < ANGLE_RAD and float(np.linalg.norm(ends[0][0] - ends[1][0])) > APART_M
+
+
+def _end(line: Points) -> tuple[Points, float]:
+    return point_at(line, STRETCH_M)
+
+
+def _has_oncoming_lane(network: "LaneletNetwork", lanelet_id: int) -> bool:
+    """Whether any lane of the carriageway has a neighbour of the other direction."""
+    seen: set[int] = set()
+    waiting = [lanelet_id]
+    while waiting:
+        lane = network.find_lanelet_by_id(waiting.pop())
+        if lane is None or lane.lanelet_id in seen:
+            continue
+        seen.add(lane.lanelet_id)
+        for beside, same in (
+            (lane.adj_left, lane.adj_left_same_direction),
+            (lane.adj_right, lane.adj_right_same_direction),
+        ):
+            if beside is not None and not same:
+                return True
+            if beside is not None:
+                waiting.append(beside)
+    return False
+
+
+def _is_near(vertices: Points, point: Points) -> bool:
+    return bool(np.min(np.linalg.norm(vertices - point, axis=1)) <= RAMP_NEAR_M)
+
+
+# ---------- features
+# What the geometry says about a scenario, apart from the tags that its author wrote into the file.
 
 NEAR_M = 100.0
 LEAD_M = 50.0
@@ -30,11 +179,11 @@ def features(
 ) -> tuple[str, ...]:
     """The features of the vocabulary that hold for this ego, sorted."""
     place = np.array([ego.x_m, ego.y_m])
-    crossing, circle = has_crossing(network, graph, place, ego.route), has_roundabout(network, graph)
+    crossing, circle = _has_crossing(network, graph, place, ego.route), has_roundabout(network, graph)
     found = {
         "intersection": crossing,
         "roundabout": circle,
-        "ramp": not crossing and not circle and has_ramp(network, graph, place, ego.route),
+        "ramp": not crossing and not circle and _has_ramp(network, graph, place, ego.route),
         "multi_lane": ego.lanes >= 2,
         "single_lane": ego.lanes == 1,
         "ego_stands_at_start": ego.speed_mps < STANDING_MPS,
@@ -49,12 +198,12 @@ def features(
         line, _ = path_ahead(network, graph, start, ego.route, NEAR_M)
         if len(line) > 1:
             here = project(line, place)[0]
-            found["oncoming_traffic"] = has_oncoming(line, here, tracks)
-            found["lead_vehicle"] = has_lead(line, here, tracks)
+            found["oncoming_traffic"] = _has_oncoming(line, here, tracks)
+            found["lead_vehicle"] = _has_lead(line, here, tracks)
     return tuple(sorted(name for name, holds in found.items() if holds))
 
 
-def has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
+def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
     """Whether two lanelets cross at an angle above 25° within 100 m of the point, or one on the route is crossed.
 
     Lanelets that share an end (a fork, a merge) do not cross. Heights are not known to CommonRoad: a bridge counts.
@@ -80,7 +229,7 @@ def has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points, 
     return False
 
 
-def has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
+def _has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
     """Whether a recorded vehicle moves against the line's direction within 12 m beside it, ahead of the ego."""
     ends, turned = arc_length(line), headings(line)
     for track in tracks.values():
@@ -96,7 +245,7 @@ def has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
     return False
 
 
-def has_lead(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
+def _has_lead(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
     """Whether a vehicle is on the line within 50 m ahead of the ego at step 0."""
     for track in tracks.values():
         index = track.index_at(0)

@@ -1,27 +1,62 @@
 """Recorded SUMO tracks as drivable motions from step 0 on."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import (
-    Points,
-    arc_length,
-    interpolate,
-    without_repeats,
-)
-from plannerforge.engine.traffic.feasibility import check_kinematics
-from plannerforge.engine.traffic.lane_changes import on_wheels
-from plannerforge.engine.traffic.overlaps import Body, overlaps
-from plannerforge.engine.traffic.simulation import RawTrack, RecordedTraffic
-from plannerforge.engine.traffic.smoothing import Motion, drivable_motion
-from plannerforge.engine.traffic.vehicle_classes import VehicleClass
+from ..geometry import Body, Points, Values, arc_length, interpolate, overlaps, without_repeats
+from ..vehicles import Motion, VehicleClass, check_kinematics, drivable_motion
+from .simulation import RawTrack, RecordedTraffic
+
+# ---------- lane_changes
+# Lane changes of vehicles on wheels: they move aside only as far as they roll.
+#
+# SUMO spreads a lane change over time: a vehicle that has to stop meanwhile slides on sideways, or is set back where
+# the next lane is bent otherwise, and the heading that follows from its track turns across the lane.
+
+STEEPEST = 0.3
+"""Metres aside for a metre along the lane, at most: 17°, a lane's width in 11 m."""
+LARGEST_EXCESS, LARGEST_EXCESS_M = 1.05, 0.01
+"""A step longer than the vehicle rolls and slides, by more than this factor and length, is a jump."""
+
+
+def on_wheels(track: Points, along_m: Values, aside_m: Values) -> Points:
+    """A track that follows a vehicle's without jumps, sliding and driving backwards, shape (n, 2).
+
+    Args:
+        track: where the vehicle is at each step, shape (n, 2), in metres.
+        along_m: how far it has rolled along its lane since the step before, shape (n,).
+        aside_m: how far it was moved sideways since the step before, shape (n,), left positive.
+    """
+    made = [(float(track[0, 0]), float(track[0, 1]))]
+    for (goal_x, goal_y), course in zip(track[1:].tolist(), _lane_headings(track, along_m, aside_m), strict=True):
+        x, y = made[-1]
+        cos, sin = math.cos(course), math.sin(course)
+        ahead = max((goal_x - x) * cos + (goal_y - y) * sin, 0.0)
+        aside = (goal_y - y) * cos - (goal_x - x) * sin
+        aside = min(max(aside, -STEEPEST * ahead), STEEPEST * ahead)
+        made.append((x + ahead * cos - aside * sin, y + ahead * sin + aside * cos))
+    return np.array(made)
+
+
+def _lane_headings(track: Points, along_m: Values, aside_m: Values) -> list[float]:
+    """Heading of the lane at each step but the first; where it does not show, that of the step before."""
+    moved = np.diff(track, axis=0)
+    length, wanted = np.hypot(moved[:, 0], moved[:, 1]), np.hypot(along_m[1:], aside_m[1:])
+    shows = (length > 1e-3) & (length < LARGEST_EXCESS * wanted + LARGEST_EXCESS_M)
+    course = np.arctan2(moved[:, 1], moved[:, 0]) - np.arctan2(aside_m[1:], along_m[1:])
+    last = np.maximum.accumulate(np.where(shows, np.arange(len(moved)), int(np.argmax(shows))))
+    return list(course[last])
+
+
+# ---------- motions
+# Recorded SUMO tracks as drivable motions from step 0 on.
 
 SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
 """(steps, metres) tried in this order until a motion is drivable; stronger smoothing moves the vehicle more."""
-
 DECIMALS = 4
 FARTHEST_ASTRAY_M = 4.0
 """A vehicle that lies farther from where SUMO has it missed more than one lane change, and is not where it reacts."""

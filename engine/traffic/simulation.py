@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from plannerforge.engine.execution.progress import ProgressReporter
-from plannerforge.engine.geometry.polyline import Points, Values
-from plannerforge.engine.traffic.demand import TripMaker, write_vehicle_types
-from plannerforge.engine.traffic.vehicle_classes import VehicleClass, vehicle_classes
-from plannerforge.engine.traffic.vehicle_counts import Demand
-from plannerforge.schemas.errors import NotPossible
+from ...schemas.errors import NotPossible
+from ..execution import ProgressReporter
+from ..geometry import Points, Values
+from ..vehicles import VehicleClass, vehicle_classes
+from .demand import TripMaker, write_vehicle_types
+from .vehicle_counts import Demand
 
 WARM_UP_S = 20.0
 LAST_INSERTION_S = 18.5

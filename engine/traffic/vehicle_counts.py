@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
-from plannerforge.schemas.errors import UnknownName, closest
-from plannerforge.schemas.generation import Density, VehicleDemand
+from ...schemas.errors import UnknownName, closest
+from ...schemas.generation import Density, VehicleDemand
+from ..vehicles import vehicle_classes
 
 VEHICLES_PER_LANE_KM: dict[Density, float] = {"low": 7.0, "medium": 16.0, "high": 28.0}
 """Vehicles on a kilometre of lane at the first step, the ego included.
@@ -16,7 +16,6 @@ trips of a scenario instead (20, 50, 100), whatever the size of its map.
 PAPER_TRIPS: dict[Density, int] = {"low": 20, "medium": 50, "high": 100}
 FEWEST, MOST = 8, 300
 """Bounds for vehicles on a site: fewer make no traffic, more would only be slow."""
-
 NAMED_SHARE = 0.2
 """Share of the vehicles for a class that was asked for without a number, at least one."""
 

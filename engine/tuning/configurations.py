@@ -2,15 +2,62 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
 
-from plannerforge.engine.planners.registry import known_planner
-from plannerforge.engine.tuning.changes import apply_changes
-from plannerforge.engine.tuning.planner_tuning import names_elsewhere, tuning_of
-from plannerforge.engine.tuning.presets import Preset, find_preset
-from plannerforge.engine.tuning.settings import changed_settings, setting_values, stated_settings
-from plannerforge.schemas.planner_settings import PlannerSettings
-from plannerforge.schemas.planning import PlannerConfiguration, WeightChange
+from ...schemas.planning import PlannerConfiguration, PlannerSettings, WeightChange
+from ..planners import PLANNERS, known_planner
+from .settings import apply_changes, changed_settings, known_settings, setting_values, stated_settings
+from .weights import CostWeight, Preset, find_preset
+
+# ---------- planner_tuning
+# What can be set in a planner: its weights, presets, and the settings that act in it.
+
+
+@dataclass(frozen=True)
+class PlannerTuning:
+    """Weights by name in their order; ``external`` ones are kept but act on nothing; presets by name.
+
+    ``first_preset`` is what the bare name of the planner means; ``idle_settings`` do nothing in this planner.
+    """
+
+    summary: str
+    weights: Mapping[str, CostWeight]
+    external: Mapping[str, CostWeight]
+    presets: Mapping[str, Preset]
+    first_preset: str = "Default"
+    idle_settings: tuple[str, ...] = ()
+
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Ranges of the weights that do not go from 0 to 1e6."""
+        narrow = (weight for weight in self.weights.values() if (weight.lowest, weight.highest) != (0.0, 1e6))
+        return {weight.name: (weight.lowest, weight.highest) for weight in narrow}
+
+
+def tuning_of(planner: str) -> PlannerTuning:
+    """What can be set in a planner.
+
+    Raises:
+        UnknownName: no such planner.
+    """
+    module, _, function = PLANNERS[known_planner(planner)].tuning.partition(":")
+    found: PlannerTuning = getattr(import_module(module), function)()
+    return found
+
+
+def _names_elsewhere(planner: str) -> dict[str, str]:
+    """Names that are no weights of this planner → what they are: weights of others, and settings."""
+    found: dict[str, str] = {}
+    for other in PLANNERS:
+        tuning = tuning_of(other)
+        found |= dict.fromkeys((*tuning.weights, *tuning.external), f"it is a weight of {other}, not of {planner}")
+    return found | dict.fromkeys(known_settings(), "it is a setting; give it in settings")
+
+
+# ---------- configurations
+# Planner configurations: made from a preset or another configuration, named by their content.
 
 DEFAULT_CONFIGURATION = "frenetix:Default"
 
@@ -50,7 +97,7 @@ def changed_configuration(
     tuning = tuning_of(base.planner)
     start = base if preset is None else _replaced(base, find_preset(preset, tuning.presets))
     changed = apply_changes(
-        start.weights | start.external_weights, changes, limits=tuning.limits, elsewhere=names_elsewhere(base.planner)
+        start.weights | start.external_weights, changes, limits=tuning.limits, elsewhere=_names_elsewhere(base.planner)
     )
     weights = {name: changed.weights[name] for name in tuning.weights}
     external = {name: changed.weights[name] for name in tuning.external}

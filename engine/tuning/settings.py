@@ -1,17 +1,98 @@
 """The settings of a configuration beside its weights, changed by the same assignments as weights."""
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
-from plannerforge.engine.planners.vehicle_models import VEHICLES, parameter_names
-from plannerforge.engine.tuning.changes import apply_changes
-from plannerforge.schemas.errors import InvalidRequest
-from plannerforge.schemas.grammar import parse_assignment
-from plannerforge.schemas.planner_settings import PlannerSettings
+from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.grammar import Assignment, parse_assignment
+from ...schemas.planning import PlannerSettings
+from ..vehicles import VEHICLES, parameter_names
+
+# ---------- changes
+# Changes of named numbers: ``jerk=0.5``, ``jerk*2``, ``jerk+0.1``, ``jerk=lateral_jerk``.
+
+LARGEST_WEIGHT = 1e6
+NO_NAMES: Mapping[str, str] = {}
+NO_LIMITS: Mapping[str, tuple[float, float]] = {}
 
 
 @dataclass(frozen=True)
-class Setting:
+class _ChangedWeights:
+    """All values after the changes, and remarks on changes that changed nothing."""
+
+    weights: dict[str, float]
+    notes: tuple[str, ...]
+
+
+def apply_changes(
+    weights: Mapping[str, float],
+    changes: Iterable[str],
+    *,
+    limits: Mapping[str, tuple[float, float]] = NO_LIMITS,
+    kind: str = "cost weight",
+    elsewhere: Mapping[str, str] = NO_NAMES,
+) -> _ChangedWeights:
+    """The weights (or settings) after all changes in their order; all are applied or none.
+
+    ``jerk=lateral_jerk`` copies the value that the other weight has at that point. ``limits``: ranges of single names,
+    0 to 1e6 otherwise; ``elsewhere``: names that do not belong here → where they do.
+
+    Raises:
+        UnknownName: a weight that does not exist, with the nearest.
+        InvalidRequest: malformed, or a result outside its range or not finite.
+    """
+    result = dict(weights)
+    notes: list[str] = []
+    for text in changes:
+        change = parse_assignment(text)
+        name = _known(change.name, result, kind, elsewhere)
+        before = result[name]
+        if change.copied_from is not None:
+            after = result[_known(change.copied_from, result, kind, elsewhere)]
+        else:
+            after = _value(change, before, text)
+        lowest, highest = limits.get(name, (0.0, LARGEST_WEIGHT))
+        if not math.isfinite(after) or not lowest <= after <= highest:
+            valid = f"{name} from {lowest:g} to {highest:g}" if name in limits else f"a weight from 0 to {highest:g}"
+            raise InvalidRequest(f"'{text}' would set {name} to {after:g}", valid=[valid])
+        result[name] = after
+        if after == before:
+            zero = " (0 times anything stays 0; set a value instead)" if before == 0 and change.operator == "*" else ""
+            notes.append(f"'{text}' leaves {name} at {before:g}{zero}")
+    return _ChangedWeights(result, tuple(notes))
+
+
+def _value(change: Assignment, before: float, text: str) -> float:
+    operand = change.operand
+    if operand is None:
+        raise InvalidRequest(f"'{text}' assigns no value", valid=["name=0.5", "name*2", "name+0.1"])
+    if change.operator == "*":
+        return before * operand
+    if change.operator == "+":
+        return round(before + operand, 12)  # 0.1 + 0.2 shall read 0.3
+    return round(before - operand, 12) if change.operator == "-" else operand
+
+
+def _known(name: str, values: Mapping[str, float], kind: str, elsewhere: Mapping[str, str]) -> str:
+    folded = name if name in values else name.lower()
+    if folded in values:
+        return folded
+    if folded in elsewhere:
+        raise UnknownName(f"'{folded}' is no {kind} here: {elsewhere[folded]}", valid=list(values)[:5])
+    raise UnknownName(
+        f"there is no {kind} '{name}'",
+        valid=closest(name, values) or list(values)[:5],
+        next_step=f"call list_planners for all {kind}s",
+    )
+
+
+# ---------- settings
+# The settings of a configuration beside its weights, changed by the same assignments as weights.
+
+
+@dataclass(frozen=True)
+class _Setting:
     """One setting: its unit, range (ends included), and meaning; ``whole`` for counts and ids."""
 
     name: str
@@ -29,23 +110,23 @@ class Setting:
 
 
 _SETTINGS = (
-    Setting("vehicle", "", 1, 4, "CommonRoad vehicle; replaces all parameters of the vehicle", whole=True),
-    Setting("length_m", "m", 1.0, 20.0, "length of the ego"),
-    Setting("width_m", "m", 0.5, 3.0, "width of the ego"),
-    Setting("wheelbase_m", "m", 0.8, 12.0, "distance of the axles"),
-    Setting("rear_axle_behind_center_m", "m", 0.2, 8.0, "rear axle to centre"),
-    Setting("maximum_acceleration_mps2", "m/s²", 1.0, 15.0, "limit of acceleration and braking"),
-    Setting("maximum_speed_mps", "m/s", 1.0, 70.0, "top speed"),
-    Setting("switching_speed_mps", "m/s", 1.0, 30.0, "above it the power limits the acceleration"),
-    Setting("maximum_steering_rad", "rad", 0.1, 1.4, "largest steering angle"),
-    Setting("maximum_steering_rate_radps", "rad/s", 0.05, 2.0, "how fast it can change"),
-    Setting("horizon_s", "s", 1.5, 6.0, "how far a plan and the prediction reach"),
-    Setting("replan_steps", "steps", 1, 10, "time steps driven before the next plan", whole=True),
-    Setting("sampling_level", "", 0, 3, "candidates of Frenetix: 3, 5, 9 or 17 speeds and offsets", whole=True),
+    _Setting("vehicle", "", 1, 4, "CommonRoad vehicle; replaces all parameters of the vehicle", whole=True),
+    _Setting("length_m", "m", 1.0, 20.0, "length of the ego"),
+    _Setting("width_m", "m", 0.5, 3.0, "width of the ego"),
+    _Setting("wheelbase_m", "m", 0.8, 12.0, "distance of the axles"),
+    _Setting("rear_axle_behind_center_m", "m", 0.2, 8.0, "rear axle to centre"),
+    _Setting("maximum_acceleration_mps2", "m/s²", 1.0, 15.0, "limit of acceleration and braking"),
+    _Setting("maximum_speed_mps", "m/s", 1.0, 70.0, "top speed"),
+    _Setting("switching_speed_mps", "m/s", 1.0, 30.0, "above it the power limits the acceleration"),
+    _Setting("maximum_steering_rad", "rad", 0.1, 1.4, "largest steering angle"),
+    _Setting("maximum_steering_rate_radps", "rad/s", 0.05, 2.0, "how fast it can change"),
+    _Setting("horizon_s", "s", 1.5, 6.0, "how far a plan and the prediction reach"),
+    _Setting("replan_steps", "steps", 1, 10, "time steps driven before the next plan", whole=True),
+    _Setting("sampling_level", "", 0, 3, "candidates of Frenetix: 3, 5, 9 or 17 speeds and offsets", whole=True),
 )
 
 
-def known_settings() -> dict[str, Setting]:
+def known_settings() -> dict[str, _Setting]:
     """All settings by name, in their order."""
     return {setting.name: setting for setting in _SETTINGS}
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from plannerforge.schemas.errors import UnsafeInput
+from ...schemas.errors import UnsafeInput
 
 LARGEST_BYTES = 1_000_000
 SECTIONS = ("cost_weights", "external_cost_weights")
 
 
 @dataclass(frozen=True)
-class WeightFile:
+class _WeightFile:
     """A file's planner, and its weights and settings as assignments ``name=value``."""
 
     planner: str
@@ -23,7 +23,7 @@ class WeightFile:
     settings: tuple[str, ...]
 
 
-def read_weight_file(path: Path) -> WeightFile:
+def read_weight_file(path: Path) -> _WeightFile:
     """What a file holds; names are checked where they are applied.
 
     Raises:
@@ -42,7 +42,7 @@ def read_weight_file(path: Path) -> WeightFile:
     if not isinstance(planner, str):
         raise UnsafeInput(f"{path.name}: planner is '{planner}', which is no name")
     weights = [text for section in SECTIONS for text in _assignments(path, content, section)]
-    return WeightFile(planner, tuple(weights), tuple(_assignments(path, content, "settings")))
+    return _WeightFile(planner, tuple(weights), tuple(_assignments(path, content, "settings")))
 
 
 def _assignments(path: Path, content: dict[str, Any], section: str) -> list[str]:

@@ -1,1 +1,45 @@
-"""The workspace: immutable artifacts with their recipes, jobs, and the files behind them, in one folder."""
+"""The workspace: immutable artifacts, their recipes, and the database that knows them.
+
+``Artifact``: What was made.
+``NewArtifact``: An artifact that is to be stored.
+``Staged``: A new artifact and the folder with the copies of its files.
+``Workspace``: One folder with everything that was made.
+``artifact_kinds``: All kinds of artifacts.
+``disk_failure``: The error of a workspace that cannot be written.
+``stage``: Copy the files of artifacts into subfolders of a scratch folder.
+``write_text``: Write a file.
+``Database``: Access to the workspace's SQLite file.
+``still_runs``: Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) is still there.
+``Export``: One file to write.
+``REPORT_NAME``: TODO.
+``plan_exports``: What has to be written.
+``refuse_taken``: Raise before anything is written where a file is there already.
+``write_export``: Write one file whole.
+``Recipe``: The tool, its resolved arguments, the artifacts it started from, the seed, and the versions that matter.
+``versions_of``: The installed versions of packages, and our own, for a recipe.
+"""
+
+from typing import TYPE_CHECKING
+
+from .. import lazy_face
+
+if TYPE_CHECKING:
+    from .artifacts import Artifact as Artifact
+    from .artifacts import NewArtifact as NewArtifact
+    from .artifacts import Staged as Staged
+    from .artifacts import Workspace as Workspace
+    from .artifacts import artifact_kinds as artifact_kinds
+    from .artifacts import disk_failure as disk_failure
+    from .artifacts import stage as stage
+    from .artifacts import write_text as write_text
+    from .database import Database as Database
+    from .database import still_runs as still_runs
+    from .export import REPORT_NAME as REPORT_NAME
+    from .export import Export as Export
+    from .export import plan_exports as plan_exports
+    from .export import refuse_taken as refuse_taken
+    from .export import write_export as write_export
+    from .recipe import Recipe as Recipe
+    from .recipe import versions_of as versions_of
+
+__getattr__, __dir__ = lazy_face(__name__, __file__)

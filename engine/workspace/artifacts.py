@@ -1,23 +1,136 @@
 """Immutable artifacts: a record in SQLite and a folder of files, both there whole or not at all."""
 
 import json
+import os
 import re
 import shutil
 import sqlite3
+import tempfile
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args
 
-from plannerforge.engine.workspace.database import Database
-from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.engine.workspace.scratch import new_folder, remove_abandoned
-from plannerforge.engine.workspace.staging import ArtifactKind, NewArtifact, Staged, disk_failure, stage
-from plannerforge.schemas.base import Model
-from plannerforge.schemas.errors import UnknownName, closest
+from ...schemas.base import Model
+from ...schemas.errors import ResourceFailure, UnknownName, closest
+from .database import Database, still_runs
+from .recipe import Recipe
+
+# ---------- text_files
+# Writing what becomes a file of an artifact.
+
+
+def write_text(path: Path, text: str, what: str) -> None:
+    """Write a file; ``what`` names its content in the error.
+
+    Raises:
+        ResourceFailure: the disk is full, or the folder cannot be written.
+    """
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ResourceFailure(
+            f"{what} cannot be written: {error.strerror or error}",
+            next_step="free disk space and call again: what is finished is reused",
+        ) from error
+
+
+# ---------- scratch
+# Temporary folders on the workspace's disk, and what servers that were killed left of them.
+
+ABANDONED_S = 3600.0
+"""A folder is left alone for so long even where its process cannot be seen: it may run in another container."""
+
+
+def _new_folder(parent: Path) -> Path:
+    """A new folder that tells by its name which process made it.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    parent.mkdir(parents=True, exist_ok=True)
+    return Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=parent))
+
+
+def _remove_abandoned(parent: Path) -> None:
+    """Remove the folders of processes that are gone, an hour after they were last written to."""
+    for folder in sorted(parent.glob("*-*")):
+        pid = folder.name.partition("-")[0]
+        try:
+            written_at = folder.stat().st_mtime
+        except FileNotFoundError:  # its owner has just removed it
+            continue
+        if pid.isdecimal() and time.time() - written_at > ABANDONED_S and not still_runs(int(pid), written_at):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+# ---------- staging
+# Files on their way into the workspace: copied to its disk and safe there before anything is locked.
+
+ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map"]
+
+
+@dataclass(frozen=True)
+class NewArtifact:
+    """An artifact that is to be stored; ``files``: name in its folder → file to copy."""
+
+    kind: ArtifactKind
+    artifact_id: str
+    recipe: Recipe
+    record: Model
+    files: Mapping[str, Path]
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Staged:
+    """A new artifact and the folder with the copies of its files; None without files."""
+
+    artifact: NewArtifact
+    copies: Path | None = None
+
+
+def stage(artifacts: Sequence[NewArtifact], folder: Path) -> list[Staged]:
+    """Copy the files of artifacts into subfolders of a scratch folder; touches no database, so any thread may do it.
+
+    Raises:
+        ResourceFailure: the disk is full, or a file cannot be read.
+    """
+    return [_staged(artifact, folder / str(index)) for index, artifact in enumerate(artifacts)]
+
+
+def disk_failure(path: Path, error: OSError) -> ResourceFailure:
+    """The error of a workspace that cannot be written."""
+    return ResourceFailure(
+        f"{path} cannot be written: {error.strerror or error}",
+        next_step="free disk space, or choose another --workspace",
+    )
+
+
+def _staged(artifact: NewArtifact, copies: Path) -> Staged:
+    if not artifact.files:
+        return Staged(artifact)
+    try:
+        copies.mkdir()
+        for name, source in sorted(artifact.files.items()):
+            shutil.copyfile(source, copies / name)
+            _flush(copies / name)
+    except OSError as error:
+        raise disk_failure(copies, error) from error
+    return Staged(artifact, copies)
+
+
+def _flush(path: Path) -> None:
+    with path.open("rb") as stream:
+        os.fsync(stream.fileno())
+
+
+# ---------- artifacts
+# Immutable artifacts: a record in SQLite and a folder of files, both there whole or not at all.
 
 Record = TypeVar("Record", bound=Model)
-
 _ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
 
 
@@ -199,10 +312,10 @@ class Workspace:
         """
         parent = self.root / "scratch"
         try:
-            folder = new_folder(parent)
+            folder = _new_folder(parent)
             if not self._tidied:
                 self._tidied = True
-                remove_abandoned(parent)
+                _remove_abandoned(parent)
         except OSError as error:
             raise disk_failure(parent, error) from error
         try:

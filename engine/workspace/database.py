@@ -9,11 +9,31 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from plannerforge.schemas.errors import ResourceFailure
+from ...schemas.errors import ResourceFailure
+
+# ---------- ownership
+# Whether the process that owns a record still runs; process ids are given again, so the time counts too.
+
+
+def still_runs(pid: int, since: float) -> bool:
+    """Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) is still there."""
+    import psutil
+
+    try:
+        return bool(psutil.Process(pid).create_time() <= since + 1.0)  # clocks of file systems and kernels differ
+    except psutil.NoSuchProcess:
+        return False
+    except psutil.AccessDenied:
+        return True
+
+
+# ---------- database
+# The SQLite file of a workspace: one connection a server, write-ahead log, a schema with a version.
+#
+# Several servers work on one workspace at once (every IDE window starts its own), so writers wait for each other.
 
 SCHEMA_VERSION = 1
 BUSY_TIMEOUT_S = 10.0
-
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS artifacts (
     sequence INTEGER PRIMARY KEY AUTOINCREMENT,

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from plannerforge.engine.workspace.artifacts import Artifact, Workspace
-from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure
+from ...schemas.errors import InvalidRequest, NotPossible, ResourceFailure
+from .artifacts import Artifact, Workspace
 
 _STORED = {"xml": "scenario.xml", "net": "scenario.net.xml", "yaml": "config.yaml"}
 _WRITTEN = ("json", "recipe")

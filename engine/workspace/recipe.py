@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from plannerforge.schemas.base import Model
+from ...schemas.base import Model
 
 
 class Recipe(Model):

@@ -8,10 +8,10 @@ import pytest
 from builders import Problem, Vehicle, driving, town_road
 from builders_planning import configuration
 
-from plannerforge.engine.planners import frenetix
-from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
+from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
+from plannerforge.engine.planners.frenetix import planner as frenetix
 from plannerforge.engine.tuning.weights import cost_weights, external_weights
-from plannerforge.evals.acting_weights import acting_weights
+from plannerforge.evals.planners.acting_weights import acting_weights
 
 
 def situation(folder: Path, *cars: Vehicle, **problem: Any) -> LoadedScenario:

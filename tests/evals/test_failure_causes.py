@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.evals.failure_causes import cause, meeting, rejections
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.evals.planners.failure_causes import cause, meeting, rejections
 from plannerforge.schemas.runs import RunRecord, RunSteps
 
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from plannerforge.evals import generation_figures
-from plannerforge.evals.generation_figures import READING, Spent, Stages
-from plannerforge.evals.generation_maps import BenchMaps
-from plannerforge.evals.generation_session import Session
+from plannerforge.evals.generation import figures as generation_figures
+from plannerforge.evals.generation.cases import Session
+from plannerforge.evals.generation.figures import READING, Spent, Stages
+from plannerforge.evals.generation.maps import BenchMaps
 
 
 def measured(*, first_read: bool) -> Stages:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from made_cases import Road, made, mapped
 
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.evals.generation_judge import holds_vehicles, lies_at_street, lies_in
-from plannerforge.evals.generation_motion import is_drivable, meet
-from plannerforge.evals.map_evidence import MapEvidence
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.evals.generation.judges import holds_vehicles, lies_at_street, lies_in
+from plannerforge.evals.generation.maps import MapEvidence
+from plannerforge.evals.generation.motion import is_drivable, meet
 
 SECONDARY = Road("road", "a", "b")
 
@@ -78,7 +78,7 @@ def test_a_jump_cannot_be_driven() -> None:
 
 
 def test_evidence_is_read_from_the_file(tmp_path: Path) -> None:
-    from plannerforge.evals.map_evidence import read_evidence
+    from plannerforge.evals.generation.maps import read_evidence
 
     path = tmp_path / "map.osm"
     path.write_text(

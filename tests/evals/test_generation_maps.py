@@ -4,8 +4,8 @@ import json
 import shutil
 from pathlib import Path
 
-from plannerforge.evals.generation_cases import convert_whole
-from plannerforge.evals.generation_maps import read_maps
+from plannerforge.evals.generation.cases import convert_whole
+from plannerforge.evals.generation.maps import read_maps
 
 BINARY = "o2s_frederiksted.osm.pbf"
 

@@ -6,11 +6,9 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.maps.index import built_in_maps
-from plannerforge.evals.generation_cases import make_all, refused_right
-from plannerforge.evals.generation_maps import BenchMaps
-from plannerforge.evals.generation_refusals import Refusal, corpus_refusals, is_right_reason
-from plannerforge.evals.generation_requests import BenchRequest
-from plannerforge.evals.generation_session import Session
+from plannerforge.evals.generation.cases import Session, make_all, refused_right
+from plannerforge.evals.generation.maps import BenchMaps
+from plannerforge.evals.generation.requests import BenchRequest, Refusal, corpus_refusals, is_right_reason
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import GenerateScenariosArguments
 

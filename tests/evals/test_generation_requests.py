@@ -1,8 +1,7 @@
 """The requests that the generator is measured with."""
 
-from plannerforge.evals.bench_generation import _spread
-from plannerforge.evals.generation_refusals import left_over_requests, missing_requests
-from plannerforge.evals.generation_requests import seeded_requests
+from plannerforge.evals.generation.__main__ import _spread
+from plannerforge.evals.generation.requests import left_over_requests, missing_requests, seeded_requests
 
 
 def shown(place: str, *kinds: str) -> dict[str, object]:

@@ -9,10 +9,10 @@ import pytest
 from builders import Vehicle, driving, town_road
 from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement, TrafficSignIDGermany
 
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import recorded_tracks
-from plannerforge.evals.modification_arrivals import Journey, refusal_is_right
-from plannerforge.evals.modification_reach import changes_needed, lanelets_at_first, leads_on
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.commonroad.tracks import recorded_tracks
+from plannerforge.evals.modification.arrivals import Journey, refusal_is_right
+from plannerforge.evals.modification.reach import changes_needed, lanelets_at_first, leads_on
 
 
 @pytest.fixture(scope="module")

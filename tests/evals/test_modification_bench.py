@@ -9,17 +9,23 @@ import pytest
 from builders import town_road
 from modification_support import carried_out, verdicts
 
-from plannerforge.engine.edits.scene import Scene
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.evals.bench_modification import failures_of, figures_of
-from plannerforge.evals.modification_cases import is_refused
-from plannerforge.evals.modification_checks import is_untouched_identical, unreported_collisions
-from plannerforge.evals.modification_refusals import CORPUS, corpus_refusal, drawn_refusals
-from plannerforge.evals.modification_requests import Asked, drawn_requests, edit_of
-from plannerforge.evals.modification_results import Case, Measured, Physical
-from plannerforge.evals.modification_safety import Shift, difference_interval, new_id, safety_rows
+from plannerforge.engine.scene.scene import Scene
+from plannerforge.evals.modification.__main__ import failures_of, figures_of
+from plannerforge.evals.modification.cases import is_refused
+from plannerforge.evals.modification.judges import is_untouched_identical, unreported_collisions
+from plannerforge.evals.modification.requests import (
+    CORPUS,
+    Asked,
+    corpus_refusal,
+    drawn_refusals,
+    drawn_requests,
+    edit_of,
+)
+from plannerforge.evals.modification.results import Case, Measured, Physical
+from plannerforge.evals.modification.safety import Shift, difference_interval, new_id, safety_rows
 
 TRUTHS: list[tuple[dict[str, Any], dict[str, Any]]] = [
     (

@@ -10,9 +10,9 @@ import pytest
 from builders import town_road
 from modification_support import GOAL_TIME, TRUTHS, asked, carried_out, moving, respelt, told, typed, verdicts, without
 
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.evals.modification_checks import is_untouched_identical
-from plannerforge.evals.modification_written import Written
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.evals.modification.judges import is_untouched_identical
+from plannerforge.evals.modification.written import Written
 
 ADDED = 101
 GOAL_CENTER = "planningProblem/goalState/position/rectangle/center"

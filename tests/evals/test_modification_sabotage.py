@@ -9,15 +9,17 @@ import pytest
 from builders import town_road
 from modification_support import TRUTHS, carried_out, verdicts
 
-from plannerforge.engine.edits import add_vehicle, cascade, reroute, set_goal
-from plannerforge.engine.edits.behaviours import usual_behaviour
+from plannerforge.engine.cosimulation.driver import usual_behaviour
+from plannerforge.engine.edits import ego as set_goal
+from plannerforge.engine.edits import population as add_vehicle
+from plannerforge.engine.edits import simulation as cascade
+from plannerforge.engine.edits import trajectory as reroute
 from plannerforge.engine.edits.operations import OPERATIONS
-from plannerforge.evals import modification_cases
-from plannerforge.evals.bench_modification import figures_of, refusal_rows
-from plannerforge.evals.modification_calls import several_calls_equal
-from plannerforge.evals.modification_cases import measure_line
-from plannerforge.evals.modification_requests import edit_of
-from plannerforge.evals.modification_results import Case, Effort, Measured, Refusal
+from plannerforge.evals.modification import cases as modification_cases
+from plannerforge.evals.modification.__main__ import figures_of, refusal_rows
+from plannerforge.evals.modification.cases import measure_line, several_calls_equal
+from plannerforge.evals.modification.requests import edit_of
+from plannerforge.evals.modification.results import Case, Effort, Measured, Refusal
 from plannerforge.schemas.errors import NotPossible, WorkerFailure
 from plannerforge.tools import modification
 

@@ -8,10 +8,9 @@ import pytest
 from builders import town_road
 from modification_support import TRUTHS, asked, carried_out, respelt, told
 
-from plannerforge.evals.bench_modification import figures_of, rows_of
-from plannerforge.evals.modification_results import Case, Measured
-from plannerforge.evals.modification_schema import enter_later_as_asked, is_strictly_valid, is_valid
-from plannerforge.evals.modification_written import Written
+from plannerforge.evals.modification.__main__ import figures_of, rows_of
+from plannerforge.evals.modification.results import Case, Measured
+from plannerforge.evals.modification.written import Written, enter_later_as_asked, is_strictly_valid, is_valid
 
 ADDED = 101
 ENTRY = "dynamicObstacle[@id='{}']/initialState/time/exact"

@@ -9,11 +9,11 @@ import pytest
 from builders import Lane, ScenarioBuilder, arc, line, town_road
 from builders_planning import goal_state, problem_for
 
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.evals.modification_reach import distances_m, is_in_reach, nearest_m, places_along, places_on
-from plannerforge.evals.modification_tracks import arrives_on, follows, handover_errors
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.engine.scene.scene import Scene
+from plannerforge.evals.modification.arrivals import arrives_on, follows, handover_errors
+from plannerforge.evals.modification.reach import distances_m, is_in_reach, nearest_m, places_along, places_on
 
 
 @pytest.fixture(scope="module")
@@ -77,10 +77,7 @@ def test_one_that_grazes_its_target_has_been_there_if_it_drives_on_where_the_tar
 
 
 def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
-    lanes = (
-        Lane(1, line((0, 0), (40, 0)), successors=(2,)),
-        Lane(2, line((40, 0), (40.6, 0)), predecessors=(1,)),
-    )
+    lanes = (Lane(1, line((0, 0), (40, 0)), successors=(2,)), Lane(2, line((40, 0), (40.6, 0)), predecessors=(1,)))
     network = read_scenario(ScenarioBuilder(lanes).write(tmp_path / "short.xml")).scenario.lanelet_network
     assert arrives_on(network, over(*[(float(x), 0.0) for x in np.linspace(20, 38.1, 20)]), 0, {2})
     assert not arrives_on(network, over(*[(float(x), 0.0) for x in np.linspace(20, 38.0, 20)]), 0, {2})

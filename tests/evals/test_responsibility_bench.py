@@ -2,7 +2,7 @@
 
 import pytest
 
-from plannerforge.evals.bench_responsibility import Listened, listened, scenario_files
+from plannerforge.evals.planners.responsibility import Listened, listened, scenario_files
 
 EVERY = 3
 """Every third starter scenario and its first plan only: the whole is ``make bench-responsibility``."""

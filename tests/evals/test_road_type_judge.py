@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from made_cases import NOTHING, Road, around, made, mapped
 
-from plannerforge.evals.map_evidence import MapEvidence
-from plannerforge.evals.road_type_judge import shows_type
+from plannerforge.evals.generation.judges import shows_type
+from plannerforge.evals.generation.maps import MapEvidence
 
 
 def arc(begin: float, end: float) -> list[tuple[float, float]]:

@@ -8,8 +8,8 @@ from mcp import Client
 
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.evals.selection_corpus import Request
-from plannerforge.evals.selection_pages import PAGE, answer_all, search_ms
+from plannerforge.evals.selection.corpus import Request
+from plannerforge.evals.selection.pages import PAGE, answer_all, search_ms
 from plannerforge.schemas.scenarios import ScenarioRecord
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings

@@ -8,10 +8,10 @@ from pathlib import Path
 from builders import town_road
 from builders_catalog import facts
 
-from plannerforge.engine.catalog.refresh import refresh
+from plannerforge.engine.catalog.updates import refresh
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.evals.struck_import import disagreements, strike_imports
+from plannerforge.evals.faults.killed_import import disagreements, strike_imports
 from plannerforge.schemas.scenarios import ScenarioRecord
 
 FILES, BLOWS = 8, 2

@@ -7,11 +7,11 @@ import pytest
 from builders import Lane, Problem, ScenarioBuilder, arc, line
 from builders_planning import configuration
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners import simulation
-from plannerforge.engine.planners.frenet_frame import FrameKeeper, FrenetFrame
-from plannerforge.engine.planners.run import run
-from plannerforge.evals.bench_planners import trapped
+from plannerforge.engine.planners.frenetix.core import FrameKeeper, FrenetFrame
+from plannerforge.engine.planners.runs import run
+from plannerforge.evals.planners.__main__ import trapped
 from plannerforge.schemas.planning import RunRequest, RunResponse
 
 RADIUS_M = 120.0

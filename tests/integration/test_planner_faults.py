@@ -23,7 +23,7 @@ from stdio_server import StdioServer
 from plannerforge.engine.execution import pool
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
-from plannerforge.tools import run_grid
+from plannerforge.tools import runs as run_grid
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("importable_tests")]
 Ask = Callable[..., Awaitable[Any]]

@@ -94,12 +94,7 @@ def test_defect_shows_an_incident_number_and_no_details() -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "nearest"),
-    [
-        ("safety conservative", "Safety-Conservative"),
-        ("DEFAULT", "Default"),
-        ("comfrt", "Comfort"),
-    ],
+    ("word", "nearest"), [("safety conservative", "Safety-Conservative"), ("DEFAULT", "Default"), ("comfrt", "Comfort")]
 )
 def test_closest_ignores_case_and_signs(word: str, nearest: str) -> None:
     assert closest(word, ["Default", "Comfort", "Safety-Conservative", "Efficiency"])[0] == nearest

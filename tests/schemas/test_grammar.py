@@ -218,11 +218,9 @@ def test_written_assignment_reads_back(name: str, number: float, operator: str) 
 
 @given(NAMES, NUMBERS, st.sampled_from((">=", "<=", "=")), st.booleans())
 def test_written_comparison_reads_back(name: str, number: float, operator: str, negated: bool) -> None:
-    expected = {
-        ">=": Interval(number, None),
-        "<=": Interval(None, number),
-        "=": Interval(number, number, exact=True),
-    }[operator]
+    expected = {">=": Interval(number, None), "<=": Interval(None, number), "=": Interval(number, number, exact=True)}[
+        operator
+    ]
     assert parse_comparison(f"{'!' if negated else ''}{name}{operator}{number!r}") == Comparison(
         name, expected, negated=negated
     )

@@ -9,17 +9,13 @@ from plannerforge.schemas.modification import (
     ModifyScenarioResult,
     TouchedVehicle,
     VehicleRoute,
+    modification_text,
 )
-from plannerforge.schemas.modification_text import modification_text
 from plannerforge.server.tokens import count_tokens
 
 CALM = EgoDanger(minimum_distance_m=1.49, minimum_time_to_collision_s=None, risk_score=4)
 RAMMING = EgoDanger(
-    minimum_distance_m=0.0,
-    minimum_time_to_collision_s=0.0,
-    risk_score=0,
-    most_critical_id=39,
-    most_critical_time_s=6.5,
+    minimum_distance_m=0.0, minimum_time_to_collision_s=0.0, risk_score=0, most_critical_id=39, most_critical_time_s=6.5
 )
 CLOSE = RAMMING.model_copy(update={"minimum_distance_m": 0.9, "minimum_time_to_collision_s": 0.5, "risk_score": 2})
 SHIFTED = TouchedVehicle(

@@ -76,7 +76,7 @@ async def tell_progress(arguments: NoArguments, call: ToolCall) -> EchoResult:
 async def start_job(arguments: EchoArguments, call: ToolCall) -> EchoResult:
     import anyio
 
-    from plannerforge.engine.execution.job_runner import JobProgress
+    from plannerforge.engine.execution.jobs import JobProgress
     from plannerforge.engine.workspace.recipe import Recipe
 
     async def work(progress: JobProgress) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.server.command_line import application
 
 

@@ -89,9 +89,7 @@ def stdio_client(tmp_path: Path, era: str) -> Any:
     @asynccontextmanager
     async def session(*flags: str) -> AsyncIterator[Client]:
         parameters = StdioServerParameters(
-            command=sys.executable,
-            args=[*COMMAND, "--workspace", str(tmp_path / "workspace"), *flags],
-            cwd=tmp_path,
+            command=sys.executable, args=[*COMMAND, "--workspace", str(tmp_path / "workspace"), *flags], cwd=tmp_path
         )
         async with Client(parameters, mode=era) as client:  # type: ignore[arg-type]
             yield client

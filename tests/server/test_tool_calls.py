@@ -83,14 +83,7 @@ async def test_wrong_argument_is_named_with_what_was_given_and_what_is_allowed(
 
 @pytest.mark.parametrize(
     ("given", "taken"),
-    [
-        ('["a", "b"]', ["a", "b"]),
-        (' ["a"]', ["a"]),
-        ("a", ["a"]),
-        ("a, b", ["a, b"]),
-        (["a"], ["a"]),
-        ("[]", []),
-    ],
+    [('["a", "b"]', ["a", "b"]), (' ["a"]', ["a"]), ("a", ["a"]), ("a, b", ["a, b"]), (["a"], ["a"]), ("[]", [])],
 )
 async def test_list_as_json_text_or_without_brackets_is_taken(connect: Any, given: Any, taken: list[str]) -> None:
     assert (await echoed(connect, text="x", tags=given))["tags"] == taken

@@ -6,21 +6,16 @@ from pathlib import Path
 import pytest
 from support import Connect
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation import generator as generating
+from plannerforge.engine.generation.site_network import Ground, prepare_ground
+from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.index import MapMatch, built_in_maps
-from plannerforge.engine.scenarios import generate as generating
-from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
-from plannerforge.engine.scenarios.site_choice import fitting_sites
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import (
-    GenerateScenariosArguments,
-    GenerationRequest,
-    ScenarioSummary,
-)
+from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioSummary
 from plannerforge.tools import generation
 from plannerforge.tools.call import ToolCall
-from plannerforge.tools.generation_orders import share_out
-from plannerforge.tools.generation_plan import request_for
+from plannerforge.tools.generation_plan import request_for, share_out
 
 MAPS = {entry.facts.place: MapMatch(entry) for entry in built_in_maps()}
 OVER_THREE_MAPS = [54.602, 5.195, 54.634, 5.2434]

@@ -13,7 +13,8 @@ from support import Connect
 
 from plannerforge.server.one_call import make_call
 from plannerforge.server.settings import Settings
-from plannerforge.tools import import_job, importing
+from plannerforge.tools import importing
+from plannerforge.tools import importing as import_job
 
 pytestmark = pytest.mark.anyio
 FILES = 6

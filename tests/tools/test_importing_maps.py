@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from support import Connect
 
-from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.maps.drawn_library import LIBRARY
 
 pytestmark = pytest.mark.anyio
 

@@ -17,8 +17,7 @@ from plannerforge.schemas.errors import PlannerForgeError, WorkerFailure, Worker
 from plannerforge.schemas.importing import ImportedItem
 from plannerforge.schemas.scenarios import ReadFactsRequest, ScenarioFacts
 from plannerforge.tools.call import ToolCall
-from plannerforge.tools.importing_scenarios import import_scenarios
-from plannerforge.tools.scenario_intake import Failure
+from plannerforge.tools.scenario_storage import Failure, import_scenarios
 
 pytestmark = pytest.mark.anyio
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from support import Connect
 
-from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.server.settings import Settings
-from plannerforge.tools import importing_kinds
+from plannerforge.tools import maps as importing_kinds
 
 pytestmark = pytest.mark.anyio
 WISH = {"place": "town", "duration_s": 5, "scenario_type": "intersection"}

@@ -3,8 +3,7 @@
 import pytest
 
 from plannerforge.schemas.runs import LostCell
-from plannerforge.tools.planner_batches import own_share
-from plannerforge.tools.run_grid import CellResult
+from plannerforge.tools.runs import CellResult, own_share
 
 STORED = CellResult(None, reused=True)
 MADE = CellResult(None, LostCell(scenario_id="", config_id="", error=""))

@@ -9,9 +9,9 @@ import pytest
 from builders import Problem, driving, town_road
 from mcp import Client
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.rendering.driven_path import driven_path
-from plannerforge.engine.rendering.render import render
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.rendering.content import driven_path
+from plannerforge.engine.rendering.pictures import render
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.rendering import RenderRequest
 from plannerforge.schemas.results import RunSource, ScenarioSource

@@ -3,8 +3,7 @@
 from run_samples import record
 
 from plannerforge.engine.tuning.configurations import named_configuration
-from plannerforge.tools.run_answer import answer
-from plannerforge.tools.run_grid import Cell, CellResult
+from plannerforge.tools.runs import Cell, CellResult, answer
 
 
 def test_obstacles_that_a_lane_prediction_could_not_follow_are_counted() -> None:

@@ -11,8 +11,7 @@ from builders_catalog import facts
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.importing import ImportedItem
-from plannerforge.tools.scenario_intake import Failure, ReadFile, ScenarioIntake
-from plannerforge.tools.storing import content_digest
+from plannerforge.tools.scenario_storage import Failure, ReadFile, ScenarioIntake, content_digest
 
 pytestmark = pytest.mark.anyio
 ID = "ZAM_Builder-1_1_T-1"

@@ -14,7 +14,7 @@ from plannerforge.schemas.errors import NotPossible, UnknownName
 from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
 from plannerforge.tools.call import Services, ToolCall
 from plannerforge.tools.catalog import find_scenarios
-from plannerforge.tools.scenario_choice import ChosenScenario, choose_scenarios
+from plannerforge.tools.scenarios import ChosenScenario, choose_scenarios
 
 pytestmark = pytest.mark.anyio
 BONN, BILBAO, BERLIN = "DEU_Bonn-1_1_T-1", "ESP_Bilbao-1_1_T-1", "DEU_Berlin-1_1_T-1"

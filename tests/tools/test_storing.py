@@ -12,7 +12,7 @@ from plannerforge.engine.workspace.artifacts import Artifact, Workspace
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.tools.call import Services, ToolCall
-from plannerforge.tools.storing import put_scenario
+from plannerforge.tools.scenario_storage import put_scenario
 
 ID = "ZAM_Builder-1_1_T-123456789"
 EDITED = Recipe(tool="modify_scenario", arguments={"base": "ZAM_Builder-1_1_T-1"}, seed=4)

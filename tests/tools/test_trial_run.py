@@ -6,8 +6,8 @@ import pytest
 
 from plannerforge.schemas.generation import ScenarioSummary
 from plannerforge.schemas.runs import Outcome, RunRecord
-from plannerforge.tools import trial_run
-from plannerforge.tools.run_grid import CellResult
+from plannerforge.tools import generation as trial_run
+from plannerforge.tools.runs import CellResult
 
 SUMMARY = ScenarioSummary.model_construct(scenario_id="ZAM_A-1_1_T-1", checks_passed=[], checks_failed=[], notes=[])
 

@@ -7,12 +7,11 @@ Adding one: its function under ``@rule`` in the module that it belongs to, its d
 from collections.abc import Iterable
 from pathlib import Path
 
-from plannerforge.engine.network.road_document import RoadDocument
-from plannerforge.engine.network.road_document_reader import read_road_document
-from plannerforge.engine.network.rules import geometry, intersections, signs_and_lights, topology, vocabulary
-from plannerforge.engine.network.rules.rule import Rule
-from plannerforge.schemas.errors import UnsafeInput
-from plannerforge.schemas.network_rules import CheckedFile, RuleFinding, Severity
+from ....schemas.errors import UnsafeInput
+from ....schemas.network_rules import CheckedFile, RuleFinding, Severity
+from ...commonroad import RoadDocument, read_road_document
+from . import geometry, intersections, signs_and_lights, topology, vocabulary
+from .rule import Rule
 
 MODULES = (geometry, topology, signs_and_lights, intersections, vocabulary)
 

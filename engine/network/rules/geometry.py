@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import Points, arc_length, headings, length_m, wrap_angles
-from plannerforge.engine.network.road_document import RoadDocument
-from plannerforge.engine.network.rules.rule import Defect, rule
+from ...commonroad import RoadDocument
+from ...geometry import Points, arc_length, headings, length_m, wrap_angles
+from .rule import Defect, rule
 
 
 @rule(

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from plannerforge.engine.network.road_document import RoadDocument
-from plannerforge.engine.network.rules.rule import Defect, rule
+from ...commonroad import RoadDocument
+from .rule import Defect, rule
 
 
 @rule("error", why="Right of way and turning directions there are undefined; the reader may fail.")

@@ -4,9 +4,9 @@ import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.network.road_document import RoadDocument
-from plannerforge.schemas.network_rules import RuleFinding, Severity
+from ....schemas.network_rules import RuleFinding, Severity
+from ...commonroad import RoadDocument
+from ...geometry import Points
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from plannerforge.engine.geometry.polyline import length_m, project
-from plannerforge.engine.network.road_document import RoadDocument
-from plannerforge.engine.network.rules.rule import Defect, rule
-from plannerforge.engine.network.sign_numbers import SPEED_LIMITS
+from ...commonroad import SPEED_LIMITS, RoadDocument
+from ...geometry import length_m, project
+from .rule import Defect, rule
 
 
 @rule("error", why="References to it are ambiguous; commonroad-io refuses the file or keeps one of the two.")

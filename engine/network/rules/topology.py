@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from plannerforge.engine.geometry.polyline import headings, length_m, wrap_angle
-from plannerforge.engine.network.road_document import LaneletElement, RoadDocument
-from plannerforge.engine.network.rules.rule import Defect, rule
+from ...commonroad import LaneletElement, RoadDocument
+from ...geometry import headings, length_m, wrap_angle
+from .rule import Defect, rule
 
 
 @rule("error", why="Routes end in nothing, or the reader silently drops the connection.")

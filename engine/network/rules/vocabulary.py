@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from plannerforge.engine.network.road_document import RoadDocument
-from plannerforge.engine.network.rules.rule import Defect, rule
+from ...commonroad import RoadDocument
+from .rule import Defect, rule
 
 LANELET_TYPES = frozenset(
     [

@@ -3,8 +3,8 @@
 import pytest
 from run_samples import DEFAULT, SAFE, metrics, record, source
 
-from plannerforge.engine.analysis.compare import compare
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.analysis.comparison import compare
+from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.comparison import CompareRequest, CompareResultsResult, Side
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.results import RunSource

@@ -6,7 +6,7 @@ import pytest
 from run_samples import DEFAULT, SAFE, metrics, record, source
 
 from plannerforge.engine.analysis.evidence import Evidence
-from plannerforge.engine.analysis.findings.registry import FINDINGS, find_all
+from plannerforge.engine.analysis.findings import FINDINGS, find_all
 from plannerforge.schemas.results import Finding, RunSource
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from plannerforge.engine.analysis.intervals import paired_difference, rate, wilson_interval
+from plannerforge.engine.analysis.statistics import paired_difference, rate, wilson_interval
 
 shares = st.integers(1, 500).flatmap(lambda of: st.tuples(st.integers(0, of), st.just(of)))
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from plannerforge.engine.analysis.paired_tests import holm, mcnemar_exact, mean_ranks, signed_rank, walsh_averages
+from plannerforge.engine.analysis.statistics import holm, mcnemar_exact, mean_ranks, signed_rank, walsh_averages
 
 differences = st.lists(st.integers(-20, 20).map(lambda value: value / 4), min_size=1, max_size=10)
 

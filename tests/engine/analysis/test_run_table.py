@@ -11,8 +11,8 @@ from builders_planning import configuration
 from run_samples import record
 
 from plannerforge.engine.analysis.run_table import write_run_table
-from plannerforge.engine.execution.progress import silent
-from plannerforge.schemas.exporting import RunTableRequest
+from plannerforge.engine.execution.executor import silent
+from plannerforge.schemas.artifacts import RunTableRequest
 from plannerforge.schemas.runs import LostCell
 
 CONFIG = configuration()

@@ -6,8 +6,8 @@ import pytest
 from builders import town_road
 from run_samples import DEFAULT, SAFE, metrics, record, source
 
-from plannerforge.engine.analysis.summarise import analyse
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.analysis.summary import analyse
+from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnknownName
 from plannerforge.schemas.results import AnalyseRequest, AnalyzeResultsResult, RunSource, ScenarioSource
 from plannerforge.schemas.runs import LostCell

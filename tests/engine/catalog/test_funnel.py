@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.catalog.constraints import constraints_of
-from plannerforge.engine.catalog.funnel import Funnel
-from plannerforge.engine.catalog.mentions import is_mentioned
+from plannerforge.engine.catalog.funnel import Funnel, is_mentioned
 from plannerforge.schemas.catalog import FindScenariosArguments
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.schemas.scenarios import RoadFacts, ScenarioFacts

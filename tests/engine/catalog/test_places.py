@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.catalog.places import country_code, place_keys, same_place
+from plannerforge.engine.maps.places import country_code, place_keys, same_place
 
 STORED = ["Munich", "Nuremberg", "Moelln", "Carcarana", "SantBoideLlobregat", "Bilderstoeckchen", "Beijing", "US101"]
 

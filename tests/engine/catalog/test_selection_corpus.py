@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from builders_catalog import catalogue, funnel
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.facts import read_facts
-from plannerforge.evals.selection_corpus import arguments_of
+from plannerforge.evals.selection.corpus import arguments_of
 from plannerforge.schemas.scenarios import ReadFactsRequest
 
 COUNTRIES = ("ARG", "ZAM", "ITA", "FRA")

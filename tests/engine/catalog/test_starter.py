@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from builders_catalog import facts
 
-from plannerforge.engine.catalog.refresh import refresh
 from plannerforge.engine.catalog.starter import open_catalogue
+from plannerforge.engine.catalog.updates import refresh
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.errors import ResourceFailure

@@ -13,11 +13,10 @@ from builders_catalog import facts
 
 from plannerforge.engine.catalog import vector_index
 from plannerforge.engine.catalog.bm25 import bm25_scores, reciprocal_rank_fusion
-from plannerforge.engine.catalog.embedding import Vectors
-from plannerforge.engine.catalog.rank import build_index, rank
+from plannerforge.engine.catalog.ranking import build_index, rank
 from plannerforge.engine.catalog.tables import add_facts, prepare
-from plannerforge.engine.catalog.vector_index import COMPLETE, ensure_generation, query
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.catalog.vector_index import COMPLETE, Vectors, ensure_generation, query
+from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.catalog import (
     PACKAGED_MODEL,
     BuildIndexRequest,

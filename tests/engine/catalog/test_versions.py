@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 from builders_catalog import facts
 
-from plannerforge.engine.catalog.refresh import list_again, refresh
-from plannerforge.engine.catalog.versions import family, listed_version
+from plannerforge.engine.catalog.updates import family, list_again, listed_version, refresh
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.scenarios import ScenarioRecord

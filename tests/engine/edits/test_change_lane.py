@@ -6,7 +6,7 @@ import pytest
 from builders import Problem, driving, town_road
 from edit_support import Apply
 
-from plannerforge.engine.edits.lane_gaps import least_gap_m
+from plannerforge.engine.cosimulation.manoeuvres import least_gap_m
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 FREE = town_road().with_vehicles(driving(31, (70, 0), 10.0, 101))

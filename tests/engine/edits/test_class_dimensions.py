@@ -5,11 +5,9 @@ import pytest
 from builders import driving, town_road
 from edit_support import Apply
 
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.engine.traffic.drivability import check_drivability
-from plannerforge.engine.traffic.feasibility import check_kinematics
-from plannerforge.engine.traffic.smoothing import Motion
-from plannerforge.engine.traffic.vehicle_classes import nearest_class, vehicle_classes
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.engine.vehicles.classes import nearest_class, vehicle_classes
+from plannerforge.engine.vehicles.motion import Motion, check_drivability, check_kinematics
 
 BUS = vehicle_classes()["bus"]
 TURN = {"op": "reroute", "vehicles": ["36"], "turn": "right"}

@@ -9,12 +9,12 @@ import pytest
 from builders import Problem, driving, town_road
 from edit_support import Apply
 
-from plannerforge.engine.edits.danger import danger_to
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.planners.criticality import criticality
-from plannerforge.engine.planners.vehicle_models import BMW_320I
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.engine.criticality import criticality
+from plannerforge.engine.edits.ego_risk import danger_to
+from plannerforge.engine.scene.scene import Scene
+from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.schemas.errors import NotPossible
 
 EGO = Problem(start=(40.0, 0.0, 0.0, 10.0))

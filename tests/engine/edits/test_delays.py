@@ -8,12 +8,12 @@ import pytest
 from builders import town_road
 from commonroad.scenario import traffic_light as lights
 
-from plannerforge.engine.edits.delays import delay, is_red
-from plannerforge.engine.edits.handover import TouchedTrack
-from plannerforge.engine.edits.scene import Ego, Scene
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.engine.cosimulation.handover import TouchedTrack
+from plannerforge.engine.edits.explanations import delay, is_red
+from plannerforge.engine.scene.scene import Ego, Scene
+from plannerforge.engine.vehicles.motion import Motion
 
 LIGHT, OTHER_LIGHT = 900, 901
 

@@ -10,7 +10,7 @@ import pytest
 from builders import town_road
 from edit_support import Apply, elements
 
-from plannerforge.engine.edits.derived_id import derived_benchmark_id, numbered_after
+from plannerforge.engine.commonroad.benchmark_id import derived_benchmark_id, numbered_after
 from plannerforge.schemas.modification import Edit
 
 COMPOSITE = (

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from builders import Lane, ScenarioBuilder, crossing, driving, line
 
-from plannerforge.engine.edits.changes import Changes, EditStep, recorded_plan
-from plannerforge.engine.edits.driven_way import driven_lanelets, driven_since
-from plannerforge.engine.edits.edit_report import vehicle_route
-from plannerforge.engine.edits.handover import TouchedTrack
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.cosimulation.handover import TouchedTrack
+from plannerforge.engine.cosimulation.plans import recorded_plan
+from plannerforge.engine.edits.changes import Changes, EditStep
+from plannerforge.engine.edits.explanations import driven_lanelets, driven_since
+from plannerforge.engine.edits.report import vehicle_route
+from plannerforge.engine.scene.scene import Scene
+from plannerforge.engine.vehicles.motion import Motion
 
 STEPS, LINE_STEP = 101, 60
 OVER_THE_LINE = ("e1_0",) * LINE_STEP + (":n1_0_0",) * (STEPS - LINE_STEP)
@@ -65,10 +66,7 @@ def test_one_that_stands_with_its_bumper_over_the_line_has_not_arrived_and_waits
 
 
 def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_room(tmp_path: Path) -> None:
-    lanes = (
-        Lane(1, line((-60, 0), (60, 0)), left=(2, True)),
-        Lane(2, line((-60, 3.5), (60, 3.5)), right=(1, True)),
-    )
+    lanes = (Lane(1, line((-60, 0), (60, 0)), left=(2, True)), Lane(2, line((-60, 3.5), (60, 3.5)), right=(1, True)))
     scene = scene_of(ScenarioBuilder(lanes), tmp_path)
     plan = recorded_plan(scene, 31, "edited", 0)
     step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({2}),)})

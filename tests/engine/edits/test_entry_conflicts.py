@@ -8,10 +8,7 @@ from edit_support import Apply
 
 from plannerforge.schemas.errors import NotPossible
 
-TWO_WAY = (
-    Lane(1, line((0, 0), (300, 0)), left=(2, False)),
-    Lane(2, line((300, 3.5), (0, 3.5)), left=(1, False)),
-)
+TWO_WAY = (Lane(1, line((0, 0), (300, 0)), left=(2, False)), Lane(2, line((300, 3.5), (0, 3.5)), left=(1, False)))
 CUTS_THE_CORNER = driving(31, (90.0, 0.5), 12.0, 101, heading_rad=math.pi - 0.1)
 TRUCK = {"op": "add_vehicle", "vehicle_class": "truck", "at": "1", "position": "60m"}
 

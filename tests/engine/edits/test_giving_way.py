@@ -5,22 +5,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import plannerforge.engine.edits.cascade
 import pytest
 from builders import Vehicle, crossing, driving
 from edit_support import apply_to
 
-import plannerforge.engine.edits.cascade
-from plannerforge.engine.edits.braking import next_speed_mps
-from plannerforge.engine.edits.changes import Cause, DrivePlan, recorded_plan
-from plannerforge.engine.edits.collisions import Overlap, body_of_track
-from plannerforge.engine.edits.giving_way import plans_giving_way
-from plannerforge.engine.edits.handover import TouchedTrack
-from plannerforge.engine.edits.manoeuvring import Halt
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.edits.sumo_process import ROUTES_FILE
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.engine.traffic.smoothing import Motion
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.engine.cosimulation.controllers import next_speed_mps
+from plannerforge.engine.cosimulation.handover import TouchedTrack
+from plannerforge.engine.cosimulation.manoeuvres import Halt
+from plannerforge.engine.cosimulation.plans import Cause, DrivePlan, recorded_plan
+from plannerforge.engine.cosimulation.session import ROUTES_FILE
+from plannerforge.engine.edits.simulation import Overlap, body_of_track, plans_giving_way
+from plannerforge.engine.scene.scene import Scene
+from plannerforge.engine.vehicles.motion import Motion
 
 EAST = driving(31, (-50, 0), 10.0, 101)
 """Reaches the middle of the crossing at step 50."""
@@ -100,7 +99,10 @@ def test_no_two_collide_where_one_can_wait(shared_data: Path, tmp_path: Path, na
 def test_a_halt_that_cures_nothing_leaves_the_motion_as_it_was(
     shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    base, module = shared_data / "data" / "commonroad" / "DEU_Arnstadt-46_1_T-1.xml", plannerforge.engine.edits.cascade
+    base, module = (
+        shared_data / "data" / "commonroad" / "DEU_Arnstadt-46_1_T-1.xml",
+        plannerforge.engine.edits.simulation,
+    )
     monkeypatch.setattr(module, "plans_giving_way", lambda *_: {})
     without = apply_to(base, tmp_path / "without", SPEEDS_UP, keep_simulation=True)
     assert len(without.outcome.collisions) == 1

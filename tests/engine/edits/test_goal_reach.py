@@ -11,14 +11,14 @@ from edit_support import Apply
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.edits.car_limits import (
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.vehicles.kinematics import (
     LARGEST_ACCELERATION_MPS2,
     LARGEST_SPEED_MPS,
     can_be_there,
     latest_passing_s,
     least_time_s,
 )
-from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 FAST = replace(town_road(), problems=(Problem(start=(40.0, 0.0, 0.0, 22.0), steps=(0, 60)),)).cut(61)

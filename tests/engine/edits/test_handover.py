@@ -7,9 +7,9 @@ import pytest
 from builders import driving, town_road
 from edit_support import Apply
 
-from plannerforge.engine.edits.handover import touched_track
-from plannerforge.engine.edits.resimulation import DrivenTrack
-from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.engine.cosimulation.handover import touched_track
+from plannerforge.engine.cosimulation.replay import DrivenTrack
 
 EDITS = (
     {"op": "reroute", "vehicles": ["35"], "turn": "right"},
@@ -60,8 +60,7 @@ def test_a_vehicle_recorded_for_a_while_only_is_driven_to_the_end(apply: Apply) 
 def test_a_vehicle_recorded_beside_its_lane_is_not_taken_for_one_of_the_road_there(apply: Apply) -> None:
     overtaking = driving(36, (20, 6.8), 10.0, 151)
     applied = apply(
-        {"op": "set_behaviour", "vehicles": ["36"], "preset": "balanced"},
-        builder=town_road().with_vehicles(overtaking),
+        {"op": "set_behaviour", "vehicles": ["36"], "preset": "balanced"}, builder=town_road().with_vehicles(overtaking)
     )
     track = applied.tracks()[36]
     assert track.positions[0] == pytest.approx((20, 6.8))

@@ -3,7 +3,7 @@
 from edit_support import Apply
 from lxml import etree
 
-from plannerforge.engine.edits.sumo_process import ROUTES_FILE, TYPES_FILE
+from plannerforge.engine.cosimulation.session import ROUTES_FILE, TYPES_FILE
 
 AGGRESSIVE = {"op": "set_behaviour", "vehicles": ["31"], "preset": "aggressive"}
 

@@ -7,7 +7,7 @@ import pytest
 from builders import Lane, ScenarioBuilder, arc, driving, line
 from edit_support import Apply
 
-from plannerforge.engine.network.sumo_net_speeds import slow_places
+from plannerforge.engine.network.sumo_export.speeds import slow_places
 
 RADIUS_M = 20.0
 BEFORE, BEND, AFTER = line((0, 0), (200, 0)), arc((200, 20), RADIUS_M, -math.pi / 2, 0), line((220, 20), (220, 160))
@@ -22,11 +22,7 @@ def whole() -> tuple[Lane, ...]:
 
 def in_two() -> tuple[Lane, ...]:
     """The bend lies at the beginning of the second lanelet."""
-    return (
-        Lane(1, BEFORE, successors=(2,)),
-        Lane(2, np.concatenate([BEND, AFTER[1:]]), predecessors=(1,)),
-        ASIDE,
-    )
+    return (Lane(1, BEFORE, successors=(2,)), Lane(2, np.concatenate([BEND, AFTER[1:]]), predecessors=(1,)), ASIDE)
 
 
 @pytest.mark.parametrize("lanes", [whole(), in_two()])

@@ -16,7 +16,7 @@ from commonroad.scenario.scenario import Scenario
 from commonroad.scenario.state import InitialState
 from edit_support import Applied, apply_to
 
-from plannerforge.engine.edits.occupied_regions import occupied_regions
+from plannerforge.engine.scene.scene import occupied_regions
 from plannerforge.schemas.errors import NotPossible
 
 STEPS = 60

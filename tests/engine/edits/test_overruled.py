@@ -87,10 +87,7 @@ def test_a_target_that_a_later_edit_replaces_is_not_told_as_a_missing_gap(apply:
 
 
 def test_the_missing_gap_is_named_before_the_end_of_the_network(apply: Apply) -> None:
-    road = (
-        Lane(1, line((0, 0), (150, 0)), left=(2, True)),
-        Lane(2, line((0, 3.5), (150, 3.5)), right=(1, True)),
-    )
+    road = (Lane(1, line((0, 0), (150, 0)), left=(2, True)), Lane(2, line((0, 3.5), (150, 3.5)), right=(1, True)))
     wall = [driving(key, (5 + 9 * place, 3.5), 10.0, 101) for place, key in enumerate(range(40, 56))]
     builder = ScenarioBuilder(road, (driving(31, (115, 0), 12.0, 101), *wall))
     (route,) = apply(lane("left", 0.5), builder=builder).outcome.edits[0].routes

@@ -7,7 +7,7 @@ import pytest
 from builders import Lane, Problem, ScenarioBuilder, arc, driving, line, town_road
 from edit_support import Apply
 
-from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 
 SHORT = town_road().cut(31)

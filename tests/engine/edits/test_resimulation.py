@@ -7,13 +7,13 @@ import libsumo
 import pytest
 from builders import Vehicle, driving, town_road
 
-from plannerforge.engine.edits.changes import recorded_plan
-from plannerforge.engine.edits.participants import Participant, participants
-from plannerforge.engine.edits.resimulation import front_of, resimulate
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.edits.sumo_process import SimulationSetup
-from plannerforge.engine.network.sumo_net_writer import write_sumo_net
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.cosimulation.actors import Participant, participants
+from plannerforge.engine.cosimulation.plans import recorded_plan
+from plannerforge.engine.cosimulation.replay import front_of, resimulate
+from plannerforge.engine.cosimulation.session import SimulationSetup
+from plannerforge.engine.network.sumo_export.writer import write_sumo_net
+from plannerforge.engine.scene.scene import Scene
 
 ASTRAY = driving(36, (20, 6.8), 10.0, 151)
 """Recorded nearer to the oncoming lane than to its own."""

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from builders import driving, town_road
 
-from plannerforge.engine.edits.scene import Scene
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.scene.scene import Scene
 
 PARKED = replace(town_road().cut(3), parked=(driving(50, (120, 0), 0.0, 1),))
 

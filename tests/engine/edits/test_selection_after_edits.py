@@ -9,8 +9,8 @@ import pytest
 from builders import Lane, ScenarioBuilder, driving, line, town_road
 from edit_support import Apply, apply_to
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.scenarios.describe import describe
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.scenarios.description import describe
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 from plannerforge.schemas.scenarios import DescribeRequest
 

@@ -8,9 +8,9 @@ import pytest
 from builders import ScenarioBuilder, crossing, driving, town_road
 from edit_support import Apply
 
-from plannerforge.engine.edits.behaviours import PARAMETERS, behaviour_from, presets, usual_behaviour
-from plannerforge.engine.scenarios.tracks import Track
-from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.engine.cosimulation.driver import PARAMETERS, behaviour_from, presets, usual_behaviour
+from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 
 ALONE = town_road().with_vehicles(driving(31, (10, 0), 5.0, 151))

@@ -5,7 +5,7 @@ import pytest
 from builders import town_road
 from edit_support import Applied, Apply, schema_errors
 
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 SHORT = town_road().cut(61)

@@ -5,7 +5,7 @@ import pytest
 from builders import Lane, ScenarioBuilder, driving, line
 from edit_support import Applied, Apply
 
-from plannerforge.engine.edits.steering_over import steered_over
+from plannerforge.engine.cosimulation.plans import steered_over
 from plannerforge.schemas.errors import NotPossible
 
 TO_THE_LEFT = {"op": "reroute", "vehicles": ["36"], "to": ["12"]}

@@ -7,7 +7,7 @@ from builders import driving, town_road
 from edit_support import NEW_ID, Apply, schema_errors
 from lxml import etree
 
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.commonroad.reader import read_scenario
 
 EDITS = {
     "T": ({"op": "reroute", "vehicles": ["35"], "turn": "right"}, {"35"}),

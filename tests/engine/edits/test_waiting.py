@@ -19,11 +19,7 @@ def beside_a_column(x_m: float, speed_mps: float, builder: ScenarioBuilder | Non
 def cut_motorway() -> ScenarioBuilder:
     """Two lanes that end with the map."""
     return ScenarioBuilder(
-        (
-            Lane(1, line((0, 0), (200, 0)), left=(2, True)),
-            Lane(2, line((0, 3.5), (200, 3.5)), right=(1, True)),
-        ),
-        (),
+        (Lane(1, line((0, 0), (200, 0)), left=(2, True)), Lane(2, line((0, 3.5), (200, 3.5)), right=(1, True))), ()
     )
 
 

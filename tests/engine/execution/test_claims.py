@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.execution.claims import Claims
-from plannerforge.engine.execution.ownership import still_runs
 from plannerforge.engine.workspace.artifacts import Workspace
+from plannerforge.engine.workspace.database import still_runs
 
 
 @pytest.fixture

@@ -9,8 +9,7 @@ from pathlib import Path
 import anyio
 import pytest
 
-from plannerforge.engine.execution.job_runner import JobProgress, JobRunner
-from plannerforge.engine.execution.jobs import Job, JobStore
+from plannerforge.engine.execution.jobs import Job, JobProgress, JobRunner, JobStore
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.errors import NotPossible, ResourceFailure, UnknownName

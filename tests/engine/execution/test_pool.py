@@ -13,13 +13,7 @@ from plannerforge.engine.execution import pool as pool_module
 from plannerforge.engine.execution.limits import Limits
 from plannerforge.engine.execution.pool import WorkerPool
 from plannerforge.schemas.base import Model
-from plannerforge.schemas.errors import (
-    ResourceFailure,
-    UnexpectedFailure,
-    UnknownName,
-    WorkerFailure,
-    WorkerTimeout,
-)
+from plannerforge.schemas.errors import ResourceFailure, UnexpectedFailure, UnknownName, WorkerFailure, WorkerTimeout
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("importable_tests")]
 PATIENCE_S = 60.0

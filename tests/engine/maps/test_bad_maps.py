@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.facts import read_map
-from plannerforge.engine.maps.osm_reader import LIMITS, read_osm
+from plannerforge.engine.maps.osm import LIMITS, read_osm
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest
 
@@ -83,7 +83,7 @@ def test_a_map_of_many_nodes_is_read_without_keeping_the_document(tmp_path: Path
     code = (
         "import re, sys\n"
         "from pathlib import Path\n"
-        "from plannerforge.engine.maps.osm_reader import read_osm\n"
+        "from plannerforge.engine.maps.osm import read_osm\n"
         "def most_mb():\n"
         "    return int(re.search(r'VmHWM:\\s+(\\d+)', Path('/proc/self/status').read_text())[1]) / 1024\n"
         "before = most_mb()\n"

@@ -3,14 +3,13 @@ from pathlib import Path
 import osmium
 import pytest
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.maps import binary_osm
-from plannerforge.engine.maps.binary_osm import write_as_xml
-from plannerforge.engine.maps.draw_library import LIBRARY
-from plannerforge.engine.maps.osm_reader import read_osm
+from plannerforge.engine.commonroad.reader import XmlLimits
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.maps import osm as binary_osm
+from plannerforge.engine.maps.drawn_library import LIBRARY
+from plannerforge.engine.maps.osm import read_osm, write_as_xml
 from plannerforge.engine.maps.sites import SiteFinder
 from plannerforge.engine.maps.unpacking import is_binary, is_map, stored_name
-from plannerforge.engine.scenarios.reader import XmlLimits
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import ConvertMapRequest
 

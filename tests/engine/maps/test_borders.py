@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.maps.borders import countries_near, country_of
+from plannerforge.engine.maps.facts import countries_near, country_of
 
 
 def around(latitude: float, longitude: float) -> tuple[float, float, float, float]:

@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plannerforge.engine.maps.cut import cut_map
-from plannerforge.engine.maps.draw_library import LIBRARY
-from plannerforge.engine.maps.osm_reader import ground_distance_m, read_osm
+from plannerforge.engine.maps.drawn_library import LIBRARY
+from plannerforge.engine.maps.osm import ground_distance_m, read_osm
 from plannerforge.engine.maps.road_classes import ROADS
 
 

@@ -33,12 +33,7 @@ def test_streets_are_those_of_the_map() -> None:
 
 @pytest.mark.parametrize(
     "wish",
-    [
-        {"place": "Kraiselheim"},
-        {"place": "Torfweg, Musterstadt"},
-        {"country": "DEU"},
-        {"bbox": (0.0, 0.0, 1.0, 1.0)},
-    ],
+    [{"place": "Kraiselheim"}, {"place": "Torfweg, Musterstadt"}, {"country": "DEU"}, {"bbox": (0.0, 0.0, 1.0, 1.0)}],
 )
 def test_what_no_map_shows_is_refused_with_what_there_is(wish: dict[str, object]) -> None:
     with pytest.raises(UnknownName) as caught:

@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.maps.draw_library import LIBRARY, PLANS, draw
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.maps.drawn_library import LIBRARY, PLANS, draw
 from plannerforge.engine.maps.facts import read_map
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.schemas.errors import UnsafeInput

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation.generator import generate
+from plannerforge.engine.generation.sites import count_sites
 from plannerforge.engine.maps import map_file
-from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.map_file import LastMap, read_map_file
-from plannerforge.engine.maps.osm_reader import OsmMap, read_osm
-from plannerforge.engine.scenarios.generate import generate
-from plannerforge.engine.scenarios.site_choice import count_sites
+from plannerforge.engine.maps.osm import OsmMap, read_osm
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import GenerationRequest
 

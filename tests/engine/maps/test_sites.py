@@ -2,9 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.maps.osm_reader import read_osm
+from plannerforge.engine.maps.drawn_library import Sketch
+from plannerforge.engine.maps.osm import read_osm
 from plannerforge.engine.maps.sites import SiteFinder
-from plannerforge.engine.maps.sketch import Sketch
 
 
 def finder(folder: Path, sketch: Sketch) -> SiteFinder:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.unpacking import is_map, unpacked
 from plannerforge.schemas.errors import UnsafeInput
 

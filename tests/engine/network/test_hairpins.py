@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.maps.draw_library import LIBRARY
-from plannerforge.engine.network import hairpins
-from plannerforge.engine.network.hairpins import remove_hairpins
-from plannerforge.engine.network.lanelet_builder import build_road_network
+from plannerforge.engine.maps.drawn_library import LIBRARY
+from plannerforge.engine.network import lanelet_builder as hairpins
+from plannerforge.engine.network.lanelet_builder import build_road_network, remove_hairpins
 from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.network.netconvert import Conversion, convert_osm, remove_connections
 

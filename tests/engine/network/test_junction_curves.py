@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from plannerforge.engine.geometry.polyline import Points, headings, length_m, wrap_angles
-from plannerforge.engine.network.junction_curves import mend_corners, mildest_curve, without_folds
+from plannerforge.engine.network.netconvert import mend_corners, mildest_curve, without_folds
 
 
 def direction(angle: float) -> Points:

@@ -3,13 +3,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.maps.drawn_library import LIBRARY
+from plannerforge.engine.network.lane_geometry import is_valid
 from plannerforge.engine.network.lanelet_builder import build_road_network
 from plannerforge.engine.network.net_parser import SumoNet, read_net
-from plannerforge.engine.network.netconvert import convert_osm
-from plannerforge.engine.network.ribbons import is_valid
+from plannerforge.engine.network.netconvert import cap_speeds, convert_osm
 from plannerforge.engine.network.road_network import RoadNetwork
-from plannerforge.engine.network.speed_cap import cap_speeds
 from plannerforge.schemas.errors import NotPossible
 
 

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.network.sumo_net_junctions import JunctionPath, crossing_of
-from plannerforge.engine.network.sumo_net_right_of_way import Link
+from plannerforge.engine.network.sumo_export.layout import JunctionPath, crossing_of
+from plannerforge.engine.network.sumo_export.writer import Link
 
 SHAPES = st.integers(2, 6).flatmap(lambda count: arrays(float, (count, 2), elements=st.integers(-20, 20).map(float)))
 

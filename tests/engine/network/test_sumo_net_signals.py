@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from builders import town_road
 
-from plannerforge.engine.network.sumo_net_layout import NetLayout
-from plannerforge.engine.network.sumo_net_signals import Signal, signals_of
-from plannerforge.engine.network.sumo_net_speeds import lane_speeds, posted_speeds
-from plannerforge.engine.network.sumo_net_writer import write_sumo_net
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.network.sumo_export.layout import NetLayout
+from plannerforge.engine.network.sumo_export.speeds import lane_speeds, posted_speeds
+from plannerforge.engine.network.sumo_export.writer import Signal, signals_of, write_sumo_net
 
 STEP_S = 0.1
 CYCLE = (("red", 30), ("redYellow", 10), ("green", 50), ("yellow", 10))

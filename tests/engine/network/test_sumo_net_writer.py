@@ -9,9 +9,9 @@ import pytest
 from builders import ScenarioBuilder, crossing, town_road
 from lxml import etree
 
-from plannerforge.engine.network.sumo_net_layout import NetLayout
-from plannerforge.engine.network.sumo_net_writer import write_network
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.network.sumo_export.layout import NetLayout
+from plannerforge.engine.network.sumo_export.writer import write_network
 
 
 def written(builder: ScenarioBuilder, folder: Path) -> tuple[NetLayout, Path]:
@@ -87,8 +87,8 @@ def test_the_bytes_do_not_depend_on_the_hash_seed(builder: ScenarioBuilder, tmp_
     file = builder.write(tmp_path / "road.xml")
     program = (
         "import sys; from pathlib import Path\n"
-        "from plannerforge.engine.scenarios.reader import read_scenario\n"
-        "from plannerforge.engine.network.sumo_net_writer import write_network\n"
+        "from plannerforge.engine.commonroad.reader import read_scenario\n"
+        "from plannerforge.engine.network.sumo_export.writer import write_network\n"
         "write_network(read_scenario(Path(sys.argv[1])).scenario.lanelet_network, Path(sys.argv[2]))\n"
     )
     made = []

@@ -8,8 +8,7 @@ import pytest
 from builders_planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 from commonroad.geometry.shape import Rectangle
 
-from plannerforge.engine.planners.bend_speeds import bend_speeds_mps
-from plannerforge.engine.planners.idm import IntelligentDriver
+from plannerforge.engine.planners.idm import IntelligentDriver, bend_speeds_mps
 
 RADIUS_M = 15.0
 

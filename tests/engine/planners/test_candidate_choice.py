@@ -17,8 +17,8 @@ from builders_planning import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.planners import frenetix
-from plannerforge.engine.planners.candidate_choice import cheapest_first
+from plannerforge.engine.planners.frenetix import planner as frenetix
+from plannerforge.engine.planners.frenetix.planner import cheapest_first
 
 COSTS = st.integers(0, 6) | st.floats(0.0, 1e9)
 

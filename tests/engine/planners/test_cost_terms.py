@@ -13,10 +13,14 @@ from builders_planning import (
     straight_road,
 )
 
-from plannerforge.engine.planners.candidate_batch import CandidateBatch
-from plannerforge.engine.planners.cost_terms import lane_center_offset, own_terms, path_length, velocity
-from plannerforge.engine.planners.lane_center import OUTSIDE_M, LaneCenters
-from plannerforge.engine.planners.lane_corridors import LaneCorridors
+from plannerforge.engine.planners.frenetix.costs import (
+    CandidateBatch,
+    lane_center_offset,
+    own_terms,
+    path_length,
+    velocity,
+)
+from plannerforge.engine.planners.lanes import OUTSIDE_M, LaneCenters, LaneCorridors
 from plannerforge.engine.tuning.weights import cost_weights, external_weights
 
 STEPS = 31

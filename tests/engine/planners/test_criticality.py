@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.engine.criticality import criticality, risk_scores
 from plannerforge.engine.geometry.polyline import Points, Values
-from plannerforge.engine.planners.criticality import criticality, risk_scores
-from plannerforge.engine.scenarios.tracks import Track
 
 
 @dataclass
@@ -37,12 +37,7 @@ def track(x: float, y: float, speed_mps: float, heading: float = 0.0, steps: int
 
 def measured(ego: Track, *moving: Track, standing: tuple[Track, ...] = ()) -> tuple[float | None, ...]:
     found = criticality(ego, Around(moving, standing))
-    return (
-        found.minimum_distance_m,
-        found.minimum_time_to_collision_s,
-        found.minimum_time_headway_s,
-        found.risk_score,
-    )
+    return (found.minimum_distance_m, found.minimum_time_to_collision_s, found.minimum_time_headway_s, found.risk_score)
 
 
 def test_a_slower_lead_is_nearest_at_the_end() -> None:

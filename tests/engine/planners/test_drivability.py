@@ -12,17 +12,23 @@ from frenetix.trajectory_functions import FillCoordinates
 from frenetix.trajectory_functions.feasability_functions import CheckCurvatureConstraint
 
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.planners import frenet_frame
-from plannerforge.engine.planners import frenetix as planner_module
 from plannerforge.engine.planners.drivability import undrivable
-from plannerforge.engine.planners.frenet_frame import FrenetFrame
-from plannerforge.engine.planners.frenet_memory import copied_trajectory
-from plannerforge.engine.planners.frenet_sampling import CurvilinearState, EndState, SamplingSettings, sampling_matrix
+from plannerforge.engine.planners.frenetix import core as frenet_frame
+from plannerforge.engine.planners.frenetix import planner as planner_module
+from plannerforge.engine.planners.frenetix.core import (
+    CurvilinearState,
+    EndState,
+    FrenetFrame,
+    SamplingSettings,
+    copied_trajectory,
+    sampling_matrix,
+)
 from plannerforge.engine.planners.interface import EgoState, PlannedTrajectory
 from plannerforge.engine.planners.registry import make_planner
 from plannerforge.engine.planners.simulation import DrivenRun
-from plannerforge.engine.planners.vehicle import BMW_320I, rear_axle
 from plannerforge.engine.tuning.configurations import changed_configuration
+from plannerforge.engine.vehicles.kinematics import rear_axle
+from plannerforge.engine.vehicles.models import BMW_320I
 
 STEP_S = 0.1
 STRAIGHT = np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1)

@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.geometry.polyline import arc_length, headings, project, project_all
-from plannerforge.engine.planners.eased_start import EASED_OVER_M, eased_start
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.reference_path import BEFORE_M, ReferencePath
-from plannerforge.engine.planners.vehicle import BMW_320I, rear_axle
+from plannerforge.engine.planners.simulation import EASED_OVER_M, eased_start
+from plannerforge.engine.vehicles.kinematics import rear_axle
+from plannerforge.engine.vehicles.models import BMW_320I
 
 FAR_GOAL = goal_state((40, 70), rectangle_at(40.0, 0.0))
 WIDE_ROAD = straight_road(lanes=4)

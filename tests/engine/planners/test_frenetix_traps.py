@@ -27,13 +27,22 @@ from commonroad.prediction.prediction import Occupancy, SetBasedPrediction
 from commonroad.scenario.obstacle import DynamicObstacle, ObstacleType
 
 from plannerforge.engine.geometry.polyline import headings
-from plannerforge.engine.planners.frenet_frame import SAFE_RANGE_RAD, FrameKeeper, FrenetFrame
-from plannerforge.engine.planners.frenet_memory import copied_curvilinear, copied_trajectory, initial_state
-from plannerforge.engine.planners.frenet_sampling import CurvilinearState, EndState, SamplingSettings, sampling_matrix
+from plannerforge.engine.planners.frenetix.core import (
+    SAFE_RANGE_RAD,
+    CurvilinearState,
+    EndState,
+    FrameKeeper,
+    FrenetFrame,
+    SamplingSettings,
+    copied_curvilinear,
+    copied_trajectory,
+    initial_state,
+    sampling_matrix,
+)
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.reference_path import evenly
-from plannerforge.engine.planners.route import start_lanelets
-from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.scene.routing import start_lanelets
+from plannerforge.engine.vehicles.models import BMW_320I
 
 
 def arc_road(radius_m: float, first_rad: float, turn_rad: float, count: int = 120) -> Any:
@@ -252,7 +261,7 @@ def test_uncertain_initial_values_count_by_their_middle() -> None:
 @pytest.mark.shared_data
 def test_real_files_with_traps_run(shared_data: Path) -> None:
     """No obstacle's trajectory (set-based), headings beyond ±π, several goal states, a position-free goal."""
-    from plannerforge.engine.scenarios.reader import read_scenario
+    from plannerforge.engine.commonroad.reader import read_scenario
 
     for name in ("ZAM_test_0-1", "C-DEU_B471-1_3_T-1", "USA_US101-1_2_T-1"):
         loaded = read_scenario(shared_data / "data" / "commonroad" / f"{name}.xml")

@@ -17,16 +17,16 @@ from builders_planning import (
 )
 
 from plannerforge.engine.geometry.polyline import project
-from plannerforge.engine.planners.contract import check_planner
+from plannerforge.engine.planners.conformance import check_planner
 from plannerforge.engine.planners.idm import IntelligentDriver
 from plannerforge.engine.planners.interface import EgoState, Observation, PlanningTask
+from plannerforge.engine.planners.lanes import build_road
 from plannerforge.engine.planners.prediction import constant_velocity, observe
 from plannerforge.engine.planners.reference_path import build_reference_path
 from plannerforge.engine.planners.registry import make_planner
-from plannerforge.engine.planners.road import build_road
-from plannerforge.engine.planners.route import find_route
-from plannerforge.engine.planners.traffic import RecordedTraffic
-from plannerforge.engine.planners.vehicle_models import BMW_320I
+from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
+from plannerforge.engine.scene.routing import find_route
+from plannerforge.engine.vehicles.models import BMW_320I
 
 ORIGIN = np.zeros(2)
 FAR = goal_state((90, 100), rectangle_at(100.0, 0.0))

@@ -5,7 +5,7 @@ import pytest
 from builders_planning import configuration, drive, goal_state, moving_car, problem_for, rectangle_at, scenario_on
 from builders_planning import straight_road as road
 
-from plannerforge.engine.planners import frenet_costs
+from plannerforge.engine.planners.frenetix import core as frenet_costs
 from plannerforge.engine.planners.simulation import DrivenRun
 
 

@@ -19,11 +19,11 @@ from builders_planning import (
 )
 from commonroad.scenario.state import CustomState
 
+from plannerforge.engine.planners.goal import farthest_m
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
-from plannerforge.engine.planners.reachability import farthest_m
 from plannerforge.engine.planners.registry import make_planner
 from plannerforge.engine.planners.simulation import DrivenRun
-from plannerforge.engine.planners.vehicle import VehicleParameters
+from plannerforge.engine.vehicles.models import VehicleParameters
 from plannerforge.schemas.runs import InvalidReason, Outcome
 
 ROAD = straight_road(400.0, lanes=2)

@@ -20,9 +20,11 @@ from builders_planning import (
 )
 from commonroad.scenario.lanelet import LaneletNetwork
 
+from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.geometry.polyline import project
-from plannerforge.engine.planners.frenetix import Frenetix
+from plannerforge.engine.planners.frenetix.planner import Frenetix
 from plannerforge.engine.planners.interface import EgoState, Observation, PlanningTask, PredictedObstacle
+from plannerforge.engine.planners.lanes import build_road
 from plannerforge.engine.planners.prediction import (
     LanePrediction,
     constant_velocity,
@@ -31,11 +33,9 @@ from plannerforge.engine.planners.prediction import (
     predictor,
 )
 from plannerforge.engine.planners.reference_path import build_reference_path
-from plannerforge.engine.planners.road import build_road
-from plannerforge.engine.planners.route import find_route
 from plannerforge.engine.planners.simulation import initial_ego
-from plannerforge.engine.planners.vehicle import BMW_320I
-from plannerforge.engine.scenarios.tracks import Track
+from plannerforge.engine.scene.routing import find_route
+from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.runs import Prediction
 

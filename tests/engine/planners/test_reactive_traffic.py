@@ -13,17 +13,16 @@ import pytest
 from builders import Lane, Problem, ScenarioBuilder, Vehicle, crossing, driving, line, town_road
 from builders_planning import configuration
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
+from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.interface import EgoState
-from plannerforge.engine.planners.reactive_cast import Cast
-from plannerforge.engine.planners.reactive_room import has_room
-from plannerforge.engine.planners.run import run
+from plannerforge.engine.planners.runs import run
 from plannerforge.engine.planners.simulation import DrivenRun, initial_ego, simulate
-from plannerforge.engine.planners.traffic import RecordedTraffic
-from plannerforge.engine.planners.traffic_modes import check_modes, open_traffic
-from plannerforge.engine.planners.vehicle import BMW_320I
-from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
-from plannerforge.evals.braking_planner import BrakingPlanner
+from plannerforge.engine.planners.traffic.modes import check_modes, open_traffic
+from plannerforge.engine.planners.traffic.reactive import Cast, has_room
+from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
+from plannerforge.engine.vehicles.models import BMW_320I
+from plannerforge.evals.planners.rear_hits import BrakingPlanner
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.runs import Traffic

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.geometry.polyline import Points, Values, arc_length, project_all
-from plannerforge.engine.planners.rear_axle_curve import RearAxleCurve, RearAxlePath
-from plannerforge.engine.planners.vehicle import BMW_320I, centers
+from plannerforge.engine.planners.idm import RearAxleCurve, RearAxlePath
+from plannerforge.engine.vehicles.kinematics import centers
+from plannerforge.engine.vehicles.models import BMW_320I
 
 BEHIND_M = BMW_320I.rear_axle_behind_center_m
 

@@ -11,22 +11,16 @@ from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement, Tr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.planners.candidate_batch import CandidateBatch
+from plannerforge.engine.planners.frenetix.costs import CandidateBatch, responsibility
 from plannerforge.engine.planners.interface import PredictedObstacle
-from plannerforge.engine.planners.lane_center import LaneCenters
-from plannerforge.engine.planners.lane_corridors import LaneCorridors
-from plannerforge.engine.planners.responsibility import responsibility
+from plannerforge.engine.planners.lanes import LaneCenters, LaneCorridors
 
 STEPS = 31
 TIME = np.arange(STEPS) * 0.1
 ROAD = straight_road(300.0, lanes=3)
 
 
-def cost(
-    ego: tuple[Any, Any],
-    *others: PredictedObstacle,
-    network: LaneletNetwork = ROAD,
-) -> float:
+def cost(ego: tuple[Any, Any], *others: PredictedObstacle, network: LaneletNetwork = ROAD) -> float:
     """Responsibility of one candidate given by its x and y at every step; it is 4.5 m × 1.8 m."""
     x, y = (np.broadcast_to(np.asarray(part, dtype=float), (STEPS,)) for part in ego)
     step_x, step_y = np.gradient(x, 0.1), np.gradient(y, 0.1)

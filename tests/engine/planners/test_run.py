@@ -14,8 +14,8 @@ from builders import Lane, Problem, ScenarioBuilder, arc, line
 from builders import town_road as whole_town_road
 from builders_planning import configuration
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.planners.run import run
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.planners.runs import run
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.planning import RunRequest, RunResponse
 

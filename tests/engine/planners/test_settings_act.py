@@ -18,11 +18,10 @@ from builders_planning import (
 
 from plannerforge.engine.planners.idm import IntelligentDriver
 from plannerforge.engine.planners.interface import EgoState
-from plannerforge.engine.planners.traffic import RecordedTraffic
-from plannerforge.engine.planners.vehicle_models import VEHICLES, vehicle_of
+from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
 from plannerforge.engine.tuning.configurations import changed_configuration
-from plannerforge.schemas.planner_settings import PlannerSettings
-from plannerforge.schemas.planning import PlannerConfiguration
+from plannerforge.engine.vehicles.models import VEHICLES, vehicle_of
+from plannerforge.schemas.planning import PlannerConfiguration, PlannerSettings
 
 NEAR = goal_state((10, 15), rectangle_at(12.0, 0.0))
 

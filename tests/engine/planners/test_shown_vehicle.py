@@ -3,8 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from plannerforge.engine.planners.shown_vehicle import ShownVehicle
-from plannerforge.engine.planners.sumo_vehicles import SumoVehicles
+from plannerforge.engine.cosimulation.vehicles import ShownVehicle, SumoVehicles
 
 HALF_LANE_M, HALF_WIDTH_M = 1.75, 0.9
 HINT = ("e1", 0)

@@ -22,16 +22,17 @@ from commonroad_dc import pycrcc
 from commonroad_dc.boundary.boundary import create_road_boundary_obstacle
 from commonroad_dc.feasibility import solution_checker
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.planners import frenet_frame, frenetix
+from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.planners.frenetix import core as frenet_frame
+from plannerforge.engine.planners.frenetix import planner as frenetix
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
-from plannerforge.engine.planners.run import run, run_steps
+from plannerforge.engine.planners.runs import run, run_steps
 from plannerforge.engine.planners.simulation import simulate
 from plannerforge.engine.planners.solution import solution_xml, steering_angles, write_solution
-from plannerforge.engine.scenarios.reader import LoadedScenario, read_scenario
 from plannerforge.engine.tuning.configurations import changed_configuration
+from plannerforge.schemas.artifacts import SolutionRequest
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.exporting import SolutionRequest
 from plannerforge.schemas.planning import RunRequest, RunResponse
 from plannerforge.schemas.runs import RunSteps
 

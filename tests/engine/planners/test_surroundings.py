@@ -22,18 +22,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.geometry.polyline import arc_length, maximum_curvature, project
-from plannerforge.engine.planners.contract import check_planner
-from plannerforge.engine.planners.frenet_sampling import CurvilinearState, SamplingSettings, sampling_matrix
-from plannerforge.engine.planners.frenetix import Frenetix
+from plannerforge.engine.planners.conformance import check_planner
+from plannerforge.engine.planners.frenetix.core import CurvilinearState, SamplingSettings, sampling_matrix
+from plannerforge.engine.planners.frenetix.planner import Frenetix
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import EgoState, Observation, Plan, PlannedTrajectory, PlanningTask
+from plannerforge.engine.planners.lanes import build_road
 from plannerforge.engine.planners.prediction import constant_velocity, ground_truth, observe
 from plannerforge.engine.planners.reference_path import build_reference_path
-from plannerforge.engine.planners.road import build_road
-from plannerforge.engine.planners.route import find_route
 from plannerforge.engine.planners.simulation import initial_ego
-from plannerforge.engine.planners.traffic import RecordedTraffic, rectangle
-from plannerforge.engine.planners.vehicle import BMW_320I
+from plannerforge.engine.planners.traffic.recorded import RecordedTraffic, rectangle
+from plannerforge.engine.scene.routing import find_route
+from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.schemas.errors import NotPossible
 
 ORIGIN = np.zeros(2)

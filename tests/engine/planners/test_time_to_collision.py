@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from plannerforge.engine.criticality import MovingRectangles, corners_of, times_to_collision_s
 from plannerforge.engine.geometry.polyline import oriented_rectangle, rectangles_overlap
-from plannerforge.engine.planners.time_to_collision import MovingRectangles, corners_of, times_to_collision_s
 
 SIZE = (4.5, 1.8)
 

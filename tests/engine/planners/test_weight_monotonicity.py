@@ -16,10 +16,8 @@ from builders_planning import straight_road as road
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plannerforge.engine.planners.candidate_choice import cheapest_first, first_without_objection
-from plannerforge.engine.planners.frenet_memory import copied_trajectory
-from plannerforge.engine.planners.frenetix import Frenetix
-from plannerforge.engine.planners.safety import SafetyCheck
+from plannerforge.engine.planners.frenetix.core import copied_trajectory
+from plannerforge.engine.planners.frenetix.planner import Frenetix, SafetyCheck, cheapest_first, first_without_objection
 from plannerforge.engine.tuning.weights import cost_weights
 
 WEIGHTS = sorted(cost_weights())

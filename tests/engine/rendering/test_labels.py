@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.rendering.furniture import round_length
-from plannerforge.engine.rendering.labels import LabelWish, place_labels
+from plannerforge.engine.rendering.vehicles import LabelWish, place_labels
 
 FRAME = (0.0, 0.0, 600.0, 400.0)
 CHARACTER = (8.0, 14.0)

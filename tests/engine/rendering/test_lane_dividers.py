@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plannerforge.engine.rendering.lane_dividers import dashes, dividers
-from plannerforge.engine.rendering.scene_content import LaneletShape
-from plannerforge.engine.rendering.viewport import Viewport
+from plannerforge.engine.rendering.content import LaneletShape, Viewport
+from plannerforge.engine.rendering.road import dashes, dividers
 
 EASTBOUND = np.linspace((0.0, 0.0), (200.0, 0.0), 21)
 

@@ -4,9 +4,8 @@ import pytest
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
-from plannerforge.engine.rendering.furniture import draw_legend
-from plannerforge.engine.rendering.palette import light_mark
-from plannerforge.engine.rendering.scene_view import Inventory
+from plannerforge.engine.rendering.canvas import light_mark
+from plannerforge.engine.rendering.furniture import Inventory, draw_legend
 
 
 def legend_of(*states: str) -> dict[str, tuple[object, object]]:

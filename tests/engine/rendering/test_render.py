@@ -8,8 +8,8 @@ from builders import Problem, town_road
 from PIL import Image
 from run_samples import DEFAULT, SAFE, record, source
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.rendering.render import choose_kind, render
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.rendering.pictures import choose_kind, render
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.rendering import RenderedImage, RenderRequest
 from plannerforge.schemas.results import RunSource, ScenarioSource

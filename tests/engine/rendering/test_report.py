@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.rendering.report import write_report
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.rendering.reports import write_report
 from plannerforge.schemas.errors import ResourceFailure, UnsafeInput
 from plannerforge.schemas.rendering import ReportImage, ReportRequest, ReportSection, ReportTable
 

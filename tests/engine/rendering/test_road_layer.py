@@ -3,8 +3,8 @@
 import numpy as np
 
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.rendering.road_layer import outer_edges
-from plannerforge.engine.rendering.scene_content import LaneletShape
+from plannerforge.engine.rendering.content import LaneletShape
+from plannerforge.engine.rendering.road import outer_edges
 
 
 def lanelet(lanelet_id: int, start: tuple[float, float], end: tuple[float, float]) -> LaneletShape:

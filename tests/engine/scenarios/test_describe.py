@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 from builders import Lane, Problem, ScenarioBuilder, arc, driving, line, town_road
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.scenarios.describe import OWN_RECORDING, describe
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.scenarios.description import OWN_RECORDING, describe
 from plannerforge.schemas.errors import UnknownName
-from plannerforge.schemas.scenario_text import ego_text
-from plannerforge.schemas.scenarios import DescribeRequest, Description, Detail
+from plannerforge.schemas.scenarios import DescribeRequest, Description, Detail, ego_text
 
 
 def described(path: Path, detail: Detail = "vehicles", focus: str | None = None, radius_m: float = 400) -> Description:

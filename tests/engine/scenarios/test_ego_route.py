@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 from builders import Lane, Problem, ScenarioBuilder, arc, line
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
-from plannerforge.engine.scenarios.describe import describe
-from plannerforge.engine.scenarios.ego_route import ego_route
+from plannerforge.engine.scenarios.description import describe
 from plannerforge.engine.scenarios.facts import read_facts
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scene.routing import ego_route
 from plannerforge.schemas.scenarios import DescribeRequest, ReadFactsRequest
 
 

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from road_lanelets import network_of_streets, street
 
+from plannerforge.engine.generation.planning_problem import follows_smooth_lanes
 from plannerforge.engine.geometry.polyline import Points, headings
-from plannerforge.engine.network.lanelet_lookup import LaneletLookup
-from plannerforge.engine.scenarios.ego_way import follows_smooth_lanes
+from plannerforge.engine.network.road_network import LaneletLookup
 from plannerforge.engine.traffic.motions import Participant
-from plannerforge.engine.traffic.smoothing import Motion
-from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.engine.vehicles.classes import vehicle_classes
+from plannerforge.engine.vehicles.motion import Motion
 
 ALONG_M = np.arange(0.0, 121.0)
 

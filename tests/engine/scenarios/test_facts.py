@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from builders import Problem, ScenarioBuilder, Vehicle, driving, town_road
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.facts import parse_benchmark_id, read_facts
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.scenarios import ReadFactsRequest, ScenarioFacts

@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 from generation_support import make, request_for
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.scenarios import generate_ground
-from plannerforge.engine.scenarios.generate import generate
-from plannerforge.engine.scenarios.generate_place import Place, build_place
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.tracks import recorded_tracks
-from plannerforge.engine.scenarios.validate import schema_errors
+from plannerforge.engine.commonroad.reader import read_scenario, schema_errors
+from plannerforge.engine.commonroad.tracks import recorded_tracks
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation import site_network as generate_ground
+from plannerforge.engine.generation.generator import generate
+from plannerforge.engine.generation.site_network import Place, build_place
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import VehicleDemand
-from plannerforge.tools.generation_answer import summarise
+from plannerforge.tools.generation_record import summarise
 
 
 @pytest.mark.parametrize(
@@ -115,8 +114,8 @@ def test_the_same_request_gives_the_same_bytes_under_another_hash_seed(tmp_path:
         wish = request_for("Kreiselheim", folder, scenario_type="any", density="medium", duration_s=5.0)
         code = (
             "import sys\n"
-            "from plannerforge.engine.execution.progress import silent\n"
-            "from plannerforge.engine.scenarios.generate import generate\n"
+            "from plannerforge.engine.execution.executor import silent\n"
+            "from plannerforge.engine.generation.generator import generate\n"
             "from plannerforge.schemas.generation import GenerationRequest\n"
             "generate(GenerationRequest.model_validate_json(sys.argv[1]), silent)\n"
         )

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from generation_support import make
 
-from plannerforge.engine.scenarios import generate_traffic
-from plannerforge.engine.scenarios.generate_density import density_notes
+from plannerforge.engine.generation import traffic as generate_traffic
+from plannerforge.engine.generation.generator import density_notes
 from plannerforge.engine.traffic.vehicle_counts import Demand, plan_counts
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.generation import DensityFacts, VehicleDemand

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.maps.draw_library import LIBRARY
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation import generator as generate
+from plannerforge.engine.generation import site_network as generate_ground
+from plannerforge.engine.generation.site_network import UNKNOWN_SIDE, Ground, Place, prepare_ground
+from plannerforge.engine.generation.sites import fitting_sites
+from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.network.road_network import RoadNetwork
-from plannerforge.engine.scenarios import generate, generate_ground
-from plannerforge.engine.scenarios.generate_ground import Ground, prepare_ground
-from plannerforge.engine.scenarios.generate_place import UNKNOWN_SIDE, Place
-from plannerforge.engine.scenarios.site_choice import fitting_sites
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest, ScenarioType
 

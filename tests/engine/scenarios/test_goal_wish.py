@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from road_lanelets import network_of_streets, street
 
+from plannerforge.engine.generation.planning_problem import parse_goal, passage
 from plannerforge.engine.network.road_network import RoadNetwork
-from plannerforge.engine.scenarios.goal_wish import parse_goal, passage
 from plannerforge.engine.traffic.motions import Participant
-from plannerforge.engine.traffic.smoothing import Motion
-from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.engine.vehicles.classes import vehicle_classes
+from plannerforge.engine.vehicles.motion import Motion
 
 LENGTH_M = 200.0
 

@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 from builders import town_road
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.commonroad.reader import read_recorded, read_scenario, scan_root
+from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.facts import read_facts
-from plannerforge.engine.scenarios.reader import read_scenario, scan_root
-from plannerforge.engine.scenarios.recorded_scenario import read_recorded
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.scenarios import ReadFactsRequest
 
@@ -52,10 +51,7 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "coordinates beyond the earth": (GOOD.replace("<x>10.0000", "<x>1e300"), "finite|beyond"),
     "two lanelets with one id": (GOOD.replace('<lanelet id="2"', '<lanelet id="1"'), "two elements with the id 1"),
     "two vehicles with one id": (re.sub('(Obstacle id=")32"', '\\g<1>31"', GOOD), "two elements with the id 31"),
-    "no lanelets": (
-        HEAD + '<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" benchmarkID="A"/>',
-        "no lanelets",
-    ),
+    "no lanelets": (HEAD + '<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" benchmarkID="A"/>', "no lanelets"),
     "no lanelets left": (re.sub("<lanelet .*?</lanelet>", "", GOOD, flags=re.DOTALL), "no lanelets"),
     "time that stands still": (GOOD.replace('StepSize="0.1"', 'StepSize="0"'), "timeStepSize"),
     "time that is no number": (GOOD.replace('StepSize="0.1"', 'StepSize="nan"'), "timeStepSize"),

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from made_cases import Road, made
 
+from plannerforge.engine.generation.sites import why_not_realised
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.network.net_parser import SumoNet
-from plannerforge.engine.scenarios.realised_site import why_not_realised
 from plannerforge.schemas.generation import SiteType
 
 ARMS = [Road(f"arm{n}", f"end{n}", "middle", [(60 * x, 60 * y), (0, 0)]) for n, (x, y) in enumerate(((1, 0), (0, 1)))]

@@ -11,10 +11,8 @@ from builders import ScenarioBuilder, town_road
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plannerforge.engine.scenarios.plain_states import take_plain_states
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.recorded_scenario import read_recorded
-from plannerforge.engine.scenarios.tracks import Track, last_recorded_step, recorded_tracks
+from plannerforge.engine.commonroad.reader import read_recorded, read_scenario
+from plannerforge.engine.commonroad.tracks import Track, last_recorded_step, recorded_tracks, take_plain_states
 from plannerforge.schemas.errors import UnsafeInput
 
 STEPS = 6

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from builders import Lane, Point, ScenarioBuilder, arc, line, town_road
 
+from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.roundabout import has_roundabout
+from plannerforge.engine.scenarios.features import has_roundabout
 
 QUARTER = math.pi / 2
 

@@ -2,10 +2,10 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation.generator import generate
 from plannerforge.engine.maps.index import built_in_maps
-from plannerforge.engine.scenarios.generate import generate
-from plannerforge.engine.scenarios.reader import read_scenario
 from plannerforge.schemas.generation import GenerationRequest
 
 

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 from shapely import LineString, Point
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation.generator import generate
+from plannerforge.engine.generation.sites import road_classes
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.network.net_parser import SumoNet, read_net
-from plannerforge.engine.scenarios.generate import generate
-from plannerforge.engine.scenarios.reader import read_scenario
-from plannerforge.engine.scenarios.realised_site import road_classes
 from plannerforge.schemas.generation import GenerationRequest
 
 

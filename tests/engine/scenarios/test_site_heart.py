@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation.generator import generate
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.network.net_parser import read_net
-from plannerforge.engine.scenarios.ego_route import center_line, ego_route
-from plannerforge.engine.scenarios.generate import generate
-from plannerforge.engine.scenarios.reader import read_scenario
+from plannerforge.engine.scene.routing import center_line, ego_route
 from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest, SiteType
 
 

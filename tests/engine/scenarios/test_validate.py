@@ -8,10 +8,10 @@ import pytest
 from lxml import etree
 
 from plannerforge.engine.catalog import starter
+from plannerforge.engine.generation.checks import check_scenario
+from plannerforge.engine.generation.generator import _faults
+from plannerforge.engine.geometry.rectangles import Body
 from plannerforge.engine.network.rules.check import check_file
-from plannerforge.engine.scenarios.generate import _faults
-from plannerforge.engine.scenarios.validate import check_scenario
-from plannerforge.engine.traffic.overlaps import Body
 
 FAR_AWAY = Body(np.full((2, 2), 1e6), np.zeros(2), (4.5, 1.8))
 

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 from builders import town_road
 
-from plannerforge.engine.scenarios.reader import XmlLimits, scan_root
-from plannerforge.engine.scenarios.xml_document import parse_document
+from plannerforge.engine.commonroad.reader import XmlLimits, parse_document, scan_root
 from plannerforge.schemas.errors import UnsafeInput
 
 HEAD = "<?xml version='1.0' encoding='UTF-8'?>"

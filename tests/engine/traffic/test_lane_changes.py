@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plannerforge.engine.geometry.polyline import Points, Values, headings
-from plannerforge.engine.traffic.lane_changes import STEEPEST, on_wheels
+from plannerforge.engine.traffic.motions import STEEPEST, on_wheels
 
 COURSE_RAD = 0.6
 

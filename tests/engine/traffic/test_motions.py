@@ -5,8 +5,8 @@ import numpy as np
 from plannerforge.engine.geometry.polyline import project, segment_lengths
 from plannerforge.engine.traffic.motions import Participant, participants, sound
 from plannerforge.engine.traffic.simulation import RawTrack, RecordedTraffic
-from plannerforge.engine.traffic.smoothing import Motion
-from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
+from plannerforge.engine.vehicles.classes import vehicle_classes
+from plannerforge.engine.vehicles.motion import Motion
 
 CLASSES = vehicle_classes()
 RADIUS_M = 15.0

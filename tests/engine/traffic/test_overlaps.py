@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.geometry.polyline import oriented_rectangle, rectangles_overlap
-from plannerforge.engine.traffic.overlaps import Body, Overlap, overlaps
+from plannerforge.engine.geometry.rectangles import Body, Overlap, overlaps
 
 NUMBER = st.floats(-12, 12)
 POSE = st.tuples(NUMBER, NUMBER, st.floats(-math.pi, math.pi))

@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.traffic.vehicle_classes import vehicle_classes
 from plannerforge.engine.traffic.vehicle_counts import FEWEST, MOST, VEHICLES_PER_LANE_KM, Demand, plan_counts
+from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.generation import Density, VehicleDemand
 

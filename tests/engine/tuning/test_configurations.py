@@ -9,11 +9,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.planners.cost_terms import own_terms
-from plannerforge.engine.tuning.changes import apply_changes
+from plannerforge.engine.planners.frenetix.costs import own_terms
 from plannerforge.engine.tuning.configurations import changed_configuration, differences, named_configuration, to_yaml
-from plannerforge.engine.tuning.presets import find_preset, presets
-from plannerforge.engine.tuning.weights import cost_weights, external_weights
+from plannerforge.engine.tuning.settings import apply_changes
+from plannerforge.engine.tuning.weights import cost_weights, external_weights, find_preset, presets
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.schemas.planning import PlannerConfiguration
 

@@ -7,14 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.planners.vehicle_models import VEHICLES
-from plannerforge.engine.tuning.configurations import changed_configuration, differences, named_configuration, to_yaml
-from plannerforge.engine.tuning.planner_tuning import tuning_of
+from plannerforge.engine.tuning.configurations import (
+    changed_configuration,
+    differences,
+    named_configuration,
+    to_yaml,
+    tuning_of,
+)
 from plannerforge.engine.tuning.settings import changed_settings, known_settings, setting_values
 from plannerforge.engine.tuning.weight_file import read_weight_file
+from plannerforge.engine.vehicles.models import VEHICLES
 from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError, UnknownName
-from plannerforge.schemas.planner_settings import PlannerSettings
-from plannerforge.schemas.planning import PlannerConfiguration
+from plannerforge.schemas.planning import PlannerConfiguration, PlannerSettings
 
 
 def base(name: str = "frenetix") -> PlannerConfiguration:

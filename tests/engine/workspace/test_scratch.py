@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.workspace import scratch
-from plannerforge.engine.workspace.artifacts import Workspace
-from plannerforge.engine.workspace.scratch import ABANDONED_S
+from plannerforge.engine.workspace import artifacts as scratch
+from plannerforge.engine.workspace.artifacts import ABANDONED_S, Workspace
 
 
 def pid_of_the_dead() -> int:

@@ -1,0 +1,301 @@
+"""A against B, paired per scenario, problem, prediction, traffic and seed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Literal
+
+from ...schemas.comparison import (
+    CompareRequest,
+    CompareResultsResult,
+    Comparison,
+    Flip,
+    MetricTest,
+    Side,
+    SuccessTest,
+    WeightChange,
+)
+from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.results import ConfigWeights
+from ...schemas.runs import RunRecord
+from ..execution import ProgressReporter
+from .outcomes import METRICS, MetricSpec, metric_value
+from .statistics import FEWEST_PAIRS, holm, mcnemar_exact, paired_difference, signed_rank
+
+# ---------- verdict
+# What the figures of a comparison allow to say, and what they do not.
+
+LEVEL = 0.05
+
+
+def verdict(success: SuccessTest, metrics: Sequence[MetricTest]) -> str:
+    """One or two sentences: success first, then the metrics that differ after Holm's adjustment."""
+    return " ".join([_about_success(success), *_about_metrics(success, metrics)])
+
+
+def _about_success(test: SuccessTest) -> str:
+    if test.pairs == 0 or test.p is None:
+        return "No valid pair: nothing can be compared."
+    flips = test.only_before + test.only_after
+    if test.pairs < FEWEST_PAIRS:
+        same = "none flipped" if flips == 0 else f"{flips} flipped"
+        plural = "pair" if test.pairs == 1 else "pairs"
+        needed = f"at least {FEWEST_PAIRS} differing pairs are needed"
+        return f"{test.pairs} {plural}, {same}: no test can be significant ({needed})."
+    if flips == 0:
+        return f"No difference in success: none of {test.pairs} pairs flipped."
+    if flips < FEWEST_PAIRS:
+        return (
+            f"No difference in success can be shown: only {flips} of {test.pairs} pairs flipped, "
+            f"and fewer than {FEWEST_PAIRS} flips never reach 5 %."
+        )
+    p = test.p if test.p_holm is None else test.p_holm
+    side = "after" if test.only_after > test.only_before else "before"
+    if p < LEVEL:
+        return (
+            f"'{side}' reaches the goal more often: {test.only_after} flips to success, {test.only_before} to failure."
+        )
+    return f"No difference in success shown ({test.only_after} flips to success, {test.only_before} to failure)."
+
+
+def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
+    differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
+    if differing:
+        words = [
+            f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {abs(test.shift or 0):.3g} {test.unit}"
+            for test in differing
+        ]
+        return [f"Differs after Holm's adjustment: {'; '.join(words)}."]
+    tested = [test for test in metrics if test.p is not None]
+    return ["No metric differs significantly."] if tested and success.pairs >= FEWEST_PAIRS else []
+
+
+# ---------- pairing
+# Which runs belong together: the same problem under the same conditions on both sides.
+
+Key = tuple[object, ...]
+CONDITIONS = ("prediction", "traffic", "seed")
+
+
+@dataclass(frozen=True)
+class _Pairing:
+    """Pairs (before, after) in the order of their scenarios; what could not be paired is counted.
+
+    ``invalid``: pairs in which a run could not be attempted; ``differing``: conditions in which the sides as a whole
+    differ, such as ``prediction: constant_velocity → ground_truth``.
+    """
+
+    pairs: tuple[tuple[RunRecord, RunRecord], ...]
+    unpaired: int
+    invalid: int
+    differing: tuple[str, ...]
+
+
+def pair(before: Side, after: Side, records: dict[str, RunRecord]) -> _Pairing:
+    """Pair runs on the same scenario and planning problem under the same prediction, traffic mode and seed.
+
+    A condition that is one value on all of a side and another on all of the other is what is being compared: it is
+    left out of the key and named.
+
+    Raises:
+        InvalidRequest: a side holds two runs of the same problem under the same conditions.
+    """
+    sides = [[records[run_id] for run_id in side.run_ids] for side in (before, after)]
+    differing = tuple(name for name in CONDITIONS if _differ_as_a_whole(name, *sides))
+    shared_conditions = tuple(name for name in CONDITIONS if name not in differing)
+    first, second = (
+        _by_key(side.label, found, shared_conditions) for side, found in zip((before, after), sides, strict=True)
+    )
+    shared = sorted(first.keys() & second.keys(), key=repr)
+    both = [(first[key], second[key]) for key in shared]
+    valid = tuple(found for found in both if "invalid" not in (found[0].outcome, found[1].outcome))
+    return _Pairing(
+        pairs=valid,
+        unpaired=len(first) + len(second) - 2 * len(shared),
+        invalid=len(both) - len(valid),
+        differing=tuple(f"{name}: {getattr(sides[0][0], name)} → {getattr(sides[1][0], name)}" for name in differing),
+    )
+
+
+def _differ_as_a_whole(condition: str, first: list[RunRecord], second: list[RunRecord]) -> bool:
+    before, after = ({getattr(record, condition) for record in side} for side in (first, second))
+    return len(before) == 1 and len(after) == 1 and before != after
+
+
+def _by_key(label: str, side: list[RunRecord], conditions: tuple[str, ...]) -> dict[Key, RunRecord]:
+    found: dict[Key, RunRecord] = {}
+    for record in side:
+        key = (record.scenario_id, record.problem_id, *(getattr(record, name) for name in conditions))
+        other = found.setdefault(key, record)
+        if other.run_id != record.run_id:
+            raise InvalidRequest(
+                f"{label} holds {other.run_id} and {record.run_id}, both on {record.scenario_id}: which one is meant",
+                next_step="compare batches, or name single runs",
+            )
+    return found
+
+
+# ---------- compare
+# A against B, paired per scenario, problem, prediction, traffic and seed.
+
+Pairs = Sequence[tuple[RunRecord, RunRecord]]
+
+
+def compare(request: CompareRequest, report: ProgressReporter) -> CompareResultsResult:
+    """Compare every side with the first one.
+
+    Raises:
+        NotPossible: fewer than two sides, or not one pair in common.
+        InvalidRequest: a side holds the same problem twice.
+    """
+    if len(request.sides) < 2:
+        raise NotPossible(
+            f"'{request.sides[0].label if request.sides else 'nothing'}' has nothing to be compared with",
+            next_step="name two runs or batches, or one batch with several configurations",
+        )
+    records = {source.record.run_id: source.record for source in request.runs}
+    baseline, *others = request.sides
+    comparisons = []
+    for number, other in enumerate(others):
+        comparisons.append(_compare(baseline, other, records, request))
+        report((number + 1) / len(others), f"{other.label} against {baseline.label}")
+    return CompareResultsResult(sides=request.sides, comparisons=tuple(comparisons), notes=_notes(request))
+
+
+def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: CompareRequest) -> Comparison:
+    pairing = pair(before, after, records)
+    if not pairing.pairs and not pairing.invalid:
+        raise NotPossible(
+            f"{before.label} and {after.label} have no scenario and planning problem in common",
+            valid=[_conditions(side, records) for side in (before, after)],
+            next_step="run both configurations on the same scenarios in one run_planner call, or analyze_results them",
+        )
+    weights = _weight_changes(before.config_id, after.config_id, request.configs)
+    specs = [spec for spec in METRICS if _wanted(spec, request, weights_differ=before.config_id != after.config_id)]
+    success, metrics = _with_holm(_success(pairing.pairs), [_metric(spec, pairing.pairs) for spec in specs])
+    to_success = [pair for pair in pairing.pairs if _mastered(pair) == (False, True)]
+    to_failure = [pair for pair in pairing.pairs if _mastered(pair) == (True, False)]
+    return Comparison(
+        before=before.label,
+        after=after.label,
+        success=success,
+        metrics=tuple(metrics),
+        to_success=tuple(_flip(pair) for pair in to_success[: request.limit]),
+        to_success_count=len(to_success),
+        to_failure=tuple(_flip(pair) for pair in to_failure[: request.limit]),
+        to_failure_count=len(to_failure),
+        weights=weights,
+        conditions=pairing.differing,
+        unpaired=pairing.unpaired,
+        invalid_pairs=pairing.invalid,
+        verdict=verdict(success, metrics),
+    )
+
+
+def _notes(request: CompareRequest) -> tuple[str, ...]:
+    notes = []
+    if "mean_total_cost" in request.metrics and len({side.config_id for side in request.sides}) > 1:
+        notes.append("mean_total_cost depends on the weights: across configurations it compares different measures")
+    if len(request.sides) > 2:
+        notes.append("p values are adjusted within each comparison, not over all of them")
+    return tuple(notes)
+
+
+def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -> tuple[WeightChange, ...]:
+    """Weights and settings that differ between two configurations, by name; empty where one of them is unknown.
+
+    A setting that has its default value is None, as is a weight that the planner does not have.
+    """
+    known = {config.config_id: config.weights | config.settings for config in configs}
+    if before not in known or after not in known:
+        return ()
+    first, second = known[before], known[after]
+    return tuple(
+        WeightChange(weight=name, before=first.get(name), after=second.get(name))
+        for name in sorted({*first, *second})
+        if first.get(name) != second.get(name)
+    )
+
+
+def _success(pairs: Pairs) -> SuccessTest:
+    mastered = [_mastered(pair) for pair in pairs]
+    only_before, only_after = mastered.count((True, False)), mastered.count((False, True))
+    difference: tuple[float | None, float | None, float | None] = (None, None, None)
+    if pairs:
+        difference = paired_difference(only_after, only_before, len(pairs))
+    return SuccessTest(
+        pairs=len(pairs),
+        both=mastered.count((True, True)),
+        only_before=only_before,
+        only_after=only_after,
+        neither=mastered.count((False, False)),
+        difference=difference[0],
+        low=difference[1],
+        high=difference[2],
+        p=mcnemar_exact(only_before, only_after) if pairs else None,
+        p_holm=None,
+    )
+
+
+def _metric(spec: MetricSpec, pairs: Pairs) -> MetricTest:
+    kept = [pair for pair in pairs if spec.basis == "valid" or _mastered(pair) == (True, True)]
+    values = [(metric_value(first, spec.name), metric_value(second, spec.name)) for first, second in kept]
+    defined = [(first, second) for first, second in values if first is not None and second is not None]
+    test = signed_rank([second - first for first, second in defined]) if defined else None
+    # A one-sided look at a shift that the interval does not separate from 0 would be a guess.
+    separated = test is not None and test.low is not None and test.high is not None and (test.low > 0 or test.high < 0)
+    better: Literal["before", "after"] | None = None
+    if separated and test is not None and spec.better is not None:
+        better = "after" if (test.shift > 0) == (spec.better == "higher") else "before"
+    return MetricTest(
+        name=spec.name,
+        unit=spec.unit,
+        pairs=len(defined),
+        basis=spec.basis,
+        median_before=median(first for first, _ in defined) if defined else None,
+        median_after=median(second for _, second in defined) if defined else None,
+        shift=test.shift if test else None,
+        low=test.low if test else None,
+        high=test.high if test else None,
+        effect=test.effect if test else None,
+        p=test.p if test and test.pairs >= FEWEST_PAIRS else None,
+        p_holm=None,
+        better=better,
+    )
+
+
+def _with_holm(success: SuccessTest, metrics: list[MetricTest]) -> tuple[SuccessTest, list[MetricTest]]:
+    """Holm's adjustment over all tests of one comparison."""
+    tests: list[SuccessTest | MetricTest] = [success, *metrics]
+    tested = [test for test in tests if test.p is not None]
+    adjusted = iter(holm([test.p for test in tested if test.p is not None]))
+    done = [test.model_copy(update={"p_holm": next(adjusted)}) if test.p is not None else test for test in tests]
+    return done[0], done[1:]  # type: ignore[return-value]
+
+
+def _wanted(spec: MetricSpec, request: CompareRequest, *, weights_differ: bool) -> bool:
+    if request.metrics:
+        return spec.name in request.metrics
+    return not (spec.within_one_configuration and weights_differ)
+
+
+def _mastered(pair: tuple[RunRecord, RunRecord]) -> tuple[bool, bool]:
+    return pair[0].outcome == "goal_reached", pair[1].outcome == "goal_reached"
+
+
+def _flip(pair: tuple[RunRecord, RunRecord]) -> Flip:
+    before, after = pair
+    return Flip(
+        scenario_id=before.scenario_id,
+        before=before.outcome,
+        after=after.outcome,
+        before_run=before.run_id,
+        after_run=after.run_id,
+    )
+
+
+def _conditions(side: Side, records: dict[str, RunRecord]) -> str:
+    chosen = [records[run_id] for run_id in side.run_ids]
+    scenarios = sorted({record.scenario_id for record in chosen})
+    words = sorted({f"{record.prediction}/{record.traffic}/seed {record.seed}" for record in chosen})
+    return f"{side.label}: {len(scenarios)} scenarios ({', '.join(scenarios[:2])}…), {', '.join(words)}"

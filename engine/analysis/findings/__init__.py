@@ -1,1 +1,0 @@
-"""Findings: computed statements about a set of runs, each with its evidence. One finding, one file."""

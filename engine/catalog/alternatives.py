@@ -1,0 +1,121 @@
+"""What exists where a search found nothing: names that no scenario carries, and the candidates' nearest values."""
+
+import sqlite3
+from collections.abc import Collection, Sequence
+from itertools import islice
+
+from ...schemas.errors import closest
+from ...schemas.vocabulary import FEATURES, ROAD_NET_KEYS, TAGS
+from .constraints import Constraint, known_places, measure_name
+from .funnel import EmptiedBy, Funnel
+from .tables import NEVER_S
+
+SHOWN = 8
+_KINDS = {
+    "tag": ("tags", TAGS),
+    "feature": ("features", FEATURES),
+    "sign@ego": ("signs on the ego's lane", ROAD_NET_KEYS),
+    "sign@map": ("signs on the map", ROAD_NET_KEYS),
+}
+
+
+def never_carried(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
+    """A sentence for every valid name that a condition asks for and that no scenario of the catalogue carries."""
+    sentences = []
+    for constraint in constraints:
+        if constraint.negated:
+            continue
+        for kind, word in constraint.words:
+            if _carriers(connection, kind, word):
+                continue
+            sentence = f"No scenario of this catalogue carries {kind.replace('sign@', 'sign on ')} '{word}'"
+            if kind == "tag" and word in FEATURES and (there := _carriers(connection, "feature", word)):
+                sentence += f"; the computed feature '{word}' holds for {there}: use features"
+            sentences.append(sentence + ".")
+    return sentences
+
+
+def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
+    """Which conditions left nothing, and what the candidates of that stage have instead."""
+    entering = funnel.entering()
+    names = ", ".join(one.label for one in reason.constraints)
+    if reason.together:
+        return f"each of {names} holds for some of the {len(entering)} candidates, but no candidate has them together"
+    there = [values for values in (_there(connection, one, funnel, entering) for one in reason.constraints) if values]
+    return f"none of the {len(entering)} candidates has {names}" + (f"; there are {'; '.join(there)}" if there else "")
+
+
+def _there(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: frozenset[int]) -> str:
+    if constraint.stage == "location":
+        return _places(connection, constraint, funnel.within)
+    if constraint.stage == "obstacles":
+        name = constraint.words[0][1]
+        counts = dict(connection.execute("SELECT number, count FROM catalog_counts WHERE obstacle = ?", (name,)))
+        return _nearest(f"{name} counts", constraint, {counts.get(number, 0) for number in entering})
+    if constraint.words:
+        return _words(connection, constraint, entering)
+    if constraint.subject == "speed_limit":
+        return _limits(connection, constraint, entering)
+    what, column = _column(constraint)
+    rows = connection.execute(f"SELECT number, {column} FROM catalog_scenarios")  # noqa: S608 - fixed names
+    there = {round(row[1], 1) for row in rows if row[0] in entering and row[1] is not None and row[1] < NEVER_S}
+    return _nearest(what, constraint, there)
+
+
+def _column(constraint: Constraint) -> tuple[str, str]:
+    """What a condition on a number is about, in words, and the column that holds it."""
+    if constraint.stage == "velocity":
+        return "initial speeds in m/s", "speed_mps"
+    if constraint.stage == "road_net":
+        return "lanes", "lanes"
+    columns = {"ttc": "ttc_s", "horizon": "horizon_s", "density": "density_per_km"}
+    name = measure_name(constraint.subject) or ""
+    return name, columns[name]
+
+
+def _places(connection: sqlite3.Connection, constraint: Constraint, within: frozenset[int] | None) -> str:
+    known, wanted = known_places(connection, within), constraint.label.partition(" ")[2]
+    if constraint.label.startswith("country "):
+        return _listed("countries", closest(wanted, known.countries, SHOWN), len(known.countries))
+    places = [place for place, _ in known.places]
+    return _listed("places", closest(wanted, places, SHOWN), len(places))
+
+
+def _limits(connection: sqlite3.Connection, constraint: Constraint, entering: frozenset[int]) -> str:
+    scope = "map" if "@map" in constraint.label else "ego"
+    rows = connection.execute("SELECT number, kmh FROM catalog_limits WHERE scope = ?", (scope,))
+    return _nearest("limits in km/h", constraint, {row[1] for row in rows if row[0] in entering})
+
+
+def _words(connection: sqlite3.Connection, constraint: Constraint, entering: frozenset[int]) -> str:
+    """Names of the same kind that candidates carry; nothing where they carry what was excluded."""
+    if constraint.negated:
+        return ""
+    kind, word = constraint.words[0]
+    what, vocabulary = _KINDS[kind]
+    query = "SELECT number FROM catalog_words WHERE kind = ? AND word = ?"
+    like_it = closest(word, vocabulary, len(vocabulary))
+    carried = (name for name in like_it if any(row[0] in entering for row in connection.execute(query, (kind, name))))
+    found = list(islice(carried, SHOWN + 1))
+    return _listed(what, found[:SHOWN], len(found))
+
+
+def _nearest(what: str, constraint: Constraint, there: Collection[float]) -> str:
+    """The values nearest to the interval that was asked for, and the range of all where there are more."""
+    low, high = (float(value) for value in constraint.values[-2:])
+    ordered = sorted(there, key=lambda value: (max(low - value, value - high, 0.0), value))
+    listed = _listed(what, [f"{value:g}" for value in ordered[:SHOWN]], len(ordered))
+    return f"{listed} ({min(there):g} to {max(there):g})" if len(ordered) > SHOWN else listed
+
+
+def _carriers(connection: sqlite3.Connection, kind: str, word: str) -> int:
+    if kind == "obstacle":
+        row = connection.execute("SELECT count(*) FROM catalog_counts WHERE obstacle = ?", (word,)).fetchone()
+    else:
+        query = "SELECT count(*) FROM catalog_words WHERE kind = ? AND word = ?"
+        row = connection.execute(query, (kind, word)).fetchone()
+    return int(row[0])
+
+
+def _listed(what: str, nearest: Sequence[str], count: int) -> str:
+    return f"{what} {', '.join(nearest)}{' …' if count > len(nearest) else ''}" if nearest else ""

@@ -1,0 +1,111 @@
+"""Getting an archive of scenarios from the internet: checked by its hash, unpacked within limits."""
+
+import hashlib
+import re
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from urllib.error import URLError
+from urllib.parse import urlsplit
+from urllib.request import urlopen
+
+from ...schemas.errors import InvalidRequest, ResourceFailure, UnsafeInput
+
+LARGEST_DOWNLOAD_BYTES = 4 * 1024**3
+LARGEST_MEMBER_BYTES = 100_000_000
+LARGEST_WHOLE_BYTES = 20 * 1024**3
+TIMEOUT_S = 30.0
+_BLOCK = 1 << 20
+OnProgress = Callable[[int, int | None], None]
+
+
+def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Path:
+    """The file behind the address, from the folder where it was fetched before.
+
+    Args:
+        on_progress: hears the bytes so far, and of how many where the server says so.
+
+    Raises:
+        InvalidRequest: no http(s) address, or no SHA-256.
+        UnsafeInput: the content has another hash, or is larger than 4 GiB; nothing is kept.
+        ResourceFailure: the address cannot be reached, or the disk cannot be written.
+    """
+    wanted, parts = sha256.strip().lower(), urlsplit(url)
+    if parts.scheme not in ("http", "https") or not parts.netloc:
+        raise InvalidRequest(f"'{url}' is no address to fetch from", valid=["https://…", "http://…"])
+    if not re.fullmatch(r"[0-9a-f]{64}", wanted):
+        raise InvalidRequest(f"'{sha256}' is no SHA-256", valid=["64 hexadecimal digits"])
+    ending = ".xml" if parts.path.endswith(".xml") else ".zip"
+    target = folder / f"{wanted}{ending}"
+    if target.is_file():
+        return target
+    part = target.with_suffix(".part")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        found = _stream(url, part, on_progress)
+        if found != wanted:
+            raise UnsafeInput(f"{url} has the SHA-256 {found}, not {wanted}", next_step="check address and hash")
+        part.replace(target)
+    except (URLError, OSError) as error:
+        raise ResourceFailure(f"{url} cannot be fetched: {getattr(error, 'reason', error)}") from error
+    finally:
+        part.unlink(missing_ok=True)
+    return target
+
+
+@contextmanager
+def unpack(file: Path) -> Iterator[Path]:
+    """A temporary folder with the XML files of the archive, whatever folders they lay in; or with the one file.
+
+    Raises:
+        UnsafeInput: no zip archive, or one that unpacks to more than the limits allow.
+    """
+    with tempfile.TemporaryDirectory(dir=file.parent) as name:
+        folder = Path(name)
+        if file.suffix == ".xml":
+            shutil.copyfile(file, folder / file.name)
+        else:
+            try:
+                with zipfile.ZipFile(file) as archive:
+                    _extract(archive, folder)
+            except zipfile.BadZipFile as error:
+                raise UnsafeInput(f"{file.name} is no zip archive: {error}") from error
+        yield folder
+
+
+def _stream(url: str, part: Path, on_progress: OnProgress) -> str:
+    digest, done = hashlib.sha256(), 0
+    with urlopen(url, timeout=TIMEOUT_S) as answer, part.open("wb") as stream:  # noqa: S310 - http(s) only, checked above
+        length = answer.headers.get("Content-Length")
+        total = int(length) if length and length.isdigit() else None
+        while block := answer.read(_BLOCK):
+            done += len(block)
+            if done > LARGEST_DOWNLOAD_BYTES:
+                raise UnsafeInput(f"{url} is larger than {LARGEST_DOWNLOAD_BYTES:,} bytes")
+            digest.update(block)
+            stream.write(block)
+            on_progress(done, total)
+    return digest.hexdigest()
+
+
+def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
+    """Write every XML member under its bare name, so that no path of the archive leads outside."""
+    whole = 0
+    for number, member in enumerate(archive.infolist()):
+        name = PurePosixPath(member.filename).name
+        if member.is_dir() or not name.lower().endswith(".xml"):
+            continue
+        target = folder / name
+        if target.exists():
+            target = folder / f"{number}-{name}"
+        with archive.open(member) as source, target.open("wb") as stream:
+            written = 0
+            while block := source.read(_BLOCK):
+                written += len(block)
+                whole += len(block)
+                if written > LARGEST_MEMBER_BYTES or whole > LARGEST_WHOLE_BYTES:
+                    raise UnsafeInput(f"{name} unpacks to more than {LARGEST_MEMBER_BYTES:,} bytes, or all to too many")
+                stream.write(block)

@@ -1,0 +1,310 @@
+"""The road network of a CommonRoad file as it stands there, defects included.
+
+commonroad-io repairs or refuses what does not fit: it drops references into nothing, and a repeated id ends its
+reading. Checks on its network cannot see that. Here nothing is resolved: references stay numbers.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from lxml import etree
+
+from ...schemas.errors import UnsafeInput
+from ..geometry import Points, Values, without_repeats
+from .reader import XmlLimits, scan_root
+
+if TYPE_CHECKING:
+    from shapely import Polygon
+
+# ---------- road_document
+# The road network of a CommonRoad file as it stands there, defects included.
+#
+# commonroad-io repairs or refuses what does not fit: it drops references into nothing, and a repeated id ends its
+# reading. Checks on its network cannot see that. Here nothing is resolved: references stay numbers.
+
+
+@dataclass(frozen=True)
+class _NeighbourElement:
+    """A lanelet beside another, and whether it is said to lead the same way."""
+
+    lanelet_id: int
+    same_direction: bool
+
+
+@dataclass(frozen=True)
+class _StopLineElement:
+    """A stop line: its points (n, 2), none where it lies at the lanelet's end, and the ids it refers to."""
+
+    points: Points
+    sign_ids: tuple[int, ...]
+    light_ids: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class LaneletElement:
+    """A lanelet as written: bounds (n, 2) in metres, of any length; ``markings`` of the left and right bound."""
+
+    lanelet_id: int
+    left: Points
+    right: Points
+    markings: tuple[str, ...]
+    predecessors: tuple[int, ...]
+    successors: tuple[int, ...]
+    left_neighbour: _NeighbourElement | None
+    right_neighbour: _NeighbourElement | None
+    stop_line: _StopLineElement | None
+    types: tuple[str, ...]
+    users: tuple[str, ...]
+    sign_ids: tuple[int, ...]
+    light_ids: tuple[int, ...]
+
+    @property
+    def neighbours(self) -> tuple[_NeighbourElement, ...]:
+        """The lanelets beside this one, left before right."""
+        return tuple(beside for beside in (self.left_neighbour, self.right_neighbour) if beside is not None)
+
+    @cached_property
+    def is_drawn(self) -> bool:
+        """Whether the bounds make a ribbon: two or more finite points each, as many on the left as on the right."""
+        finite = bool(np.isfinite(self.left).all() and np.isfinite(self.right).all())
+        return finite and len(self.left) == len(self.right) >= 2
+
+    @cached_property
+    def center(self) -> Points:
+        """Centre line of shape (n, 2) of a drawn lanelet: the middle of the bounds."""
+        middle: Points = (self.left + self.right) / 2
+        return middle
+
+    @cached_property
+    def path(self) -> Points:
+        """The centre line of a drawn lanelet without repeated points."""
+        return without_repeats(self.center)
+
+    @cached_property
+    def widths_m(self) -> Values:
+        """Distance of the bounds' points of one number, shape (n,), of a drawn lanelet."""
+        widths: Values = np.linalg.norm(self.left - self.right, axis=1)
+        return widths
+
+    @cached_property
+    def polygon(self) -> "Polygon":
+        """The area of a drawn lanelet, made valid where the bounds cross."""
+        from shapely import Polygon
+
+        area = Polygon(np.concatenate([self.right, self.left[::-1]]))
+        return area if area.is_valid else area.buffer(0)
+
+
+@dataclass(frozen=True)
+class _SignElement:
+    """A traffic sign: (number, additional values) of each of its plates, position (2,) or None."""
+
+    sign_id: int
+    plates: tuple[tuple[str, tuple[str, ...]], ...]
+    position: Points | None
+
+
+@dataclass(frozen=True)
+class _LightElement:
+    """A traffic light: (steps, colour) of its phases."""
+
+    light_id: int
+    phases: tuple[tuple[int, str], ...]
+    position: Points | None
+    active: bool
+
+
+@dataclass(frozen=True)
+class _IncomingElement:
+    """An arm of an intersection: lanelets that lead in, lanelets that lead on, the arm to its right."""
+
+    incoming_id: int
+    lanelet_ids: tuple[int, ...]
+    exit_ids: tuple[int, ...]
+    left_of: int | None
+
+
+@dataclass(frozen=True)
+class _IntersectionElement:
+    """An intersection and its arms."""
+
+    intersection_id: int
+    incomings: tuple[_IncomingElement, ...]
+
+
+@dataclass(frozen=True)
+class RoadDocument:
+    """The network of one file in the file's order; ``country`` is that of the benchmark id.
+
+    ``ids``: all ids of the file with the element's name, vehicles and planning problems included.
+    """
+
+    country: str
+    lanelets: tuple[LaneletElement, ...]
+    signs: tuple[_SignElement, ...]
+    lights: tuple[_LightElement, ...]
+    intersections: tuple[_IntersectionElement, ...]
+    ids: tuple[tuple[int, str], ...]
+
+    @cached_property
+    def by_id(self) -> dict[int, LaneletElement]:
+        """Lanelets by id; of a repeated id the first."""
+        return {lanelet.lanelet_id: lanelet for lanelet in reversed(self.lanelets)}
+
+    @cached_property
+    def drawn(self) -> tuple[LaneletElement, ...]:
+        """The lanelets whose bounds make a ribbon."""
+        return tuple(lanelet for lanelet in self.lanelets if lanelet.is_drawn)
+
+    @cached_property
+    def joins(self) -> tuple[tuple[LaneletElement, LaneletElement], ...]:
+        """Every drawn lanelet with each of its drawn successors, itself left out."""
+        pairs = ((one, self.by_id.get(key)) for one in self.drawn for key in one.successors)
+        return tuple((one, other) for one, other in pairs if other is not None and other is not one and other.is_drawn)
+
+
+# ---------- road_document_reader
+# Reading the road network of a CommonRoad file (2018b or 2020a) as it stands there.
+
+EXITS = ("successorsRight", "successorsStraight", "successorsLeft")
+
+
+def read_road_document(path: Path, limits: XmlLimits | None = None) -> RoadDocument:
+    """Scan a CommonRoad file and read its network.
+
+    A coordinate that is no number becomes NaN, for a rule to find.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken or not a CommonRoad file, or an id or a duration is no number.
+    """
+    name = scan_root(path, limits).name
+    if name != "commonRoad":
+        raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{name}>, not <commonRoad>")
+    try:
+        root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
+        return road_document(root)
+    except (etree.LxmlError, ValueError) as error:
+        raise UnsafeInput(f"{path.name} is not readable as CommonRoad: {error}") from error
+
+
+def road_document(root: etree._Element) -> RoadDocument:
+    """The network below the root element of a CommonRoad document.
+
+    Raises:
+        ValueError: an id or a duration is no number.
+    """
+    return RoadDocument(
+        country=root.get("benchmarkID", "").removeprefix("C-")[:3],
+        lanelets=tuple(_lanelet(element) for element in root.iterfind("lanelet")),
+        signs=tuple(_sign(element) for element in root.iterfind("trafficSign")),
+        lights=tuple(_light(element) for element in root.iterfind("trafficLight")),
+        intersections=tuple(_intersection(element) for element in root.iterfind("intersection")),
+        ids=tuple(
+            (_number(element, "id"), str(element.tag))
+            for child in root
+            for element in (child, *child.iterfind("incoming"))
+            if element.get("id") is not None
+        ),
+    )
+
+
+def _lanelet(element: etree._Element) -> LaneletElement:
+    bounds = [element.find(tag) for tag in ("leftBound", "rightBound")]
+    left, right = (_points([] if bound is None else bound.iterfind("point")) for bound in bounds)
+    markings = tuple(bound.findtext("lineMarking", "") for bound in bounds if bound is not None)
+    return LaneletElement(
+        lanelet_id=_number(element, "id"),
+        left=left,
+        right=right,
+        markings=tuple(word for word in markings if word),
+        predecessors=_references(element, "predecessor"),
+        successors=_references(element, "successor"),
+        left_neighbour=_neighbour(element.find("adjacentLeft")),
+        right_neighbour=_neighbour(element.find("adjacentRight")),
+        stop_line=_stop_line(element.find("stopLine")),
+        types=_words(element, "laneletType"),
+        users=_words(element, "userOneWay") + _words(element, "userBidirectional"),
+        sign_ids=_references(element, "trafficSignRef"),
+        light_ids=_references(element, "trafficLightRef"),
+    )
+
+
+def _neighbour(element: etree._Element | None) -> _NeighbourElement | None:
+    return None if element is None else _NeighbourElement(_number(element, "ref"), element.get("drivingDir") == "same")
+
+
+def _stop_line(element: etree._Element | None) -> _StopLineElement | None:
+    if element is None:
+        return None
+    return _StopLineElement(
+        points=_points(element.iterfind("point")),
+        sign_ids=_references(element, "trafficSignRef"),
+        light_ids=_references(element, "trafficLightRef"),
+    )
+
+
+def _sign(element: etree._Element) -> _SignElement:
+    plates = tuple(
+        (plate.findtext("trafficSignID", "").strip(), _words(plate, "additionalValue"))
+        for plate in element.iterfind("trafficSignElement")
+    )
+    return _SignElement(_number(element, "id"), plates, _position(element))
+
+
+def _light(element: etree._Element) -> _LightElement:
+    phases = tuple(
+        (int(phase.findtext("duration", "0")), phase.findtext("color", "").strip())
+        for phase in element.iterfind("cycle/cycleElement")
+    )
+    active = element.findtext("active", "true").strip() in ("true", "1")
+    return _LightElement(_number(element, "id"), phases, _position(element), active)
+
+
+def _intersection(element: etree._Element) -> _IntersectionElement:
+    incomings = tuple(
+        _IncomingElement(
+            incoming_id=_number(incoming, "id"),
+            lanelet_ids=_references(incoming, "incomingLanelet"),
+            exit_ids=tuple(key for tag in EXITS for key in _references(incoming, tag)),
+            left_of=next(iter(_references(incoming, "isLeftOf")), None),
+        )
+        for incoming in element.iterfind("incoming")
+    )
+    return _IntersectionElement(_number(element, "id"), incomings)
+
+
+def _position(element: etree._Element) -> Points | None:
+    points = _points(element.iterfind("position/point"))
+    return points[0] if len(points) else None
+
+
+def _points(elements: Iterable[etree._Element]) -> Points:
+    numbers = [(_coordinate(element.findtext("x")), _coordinate(element.findtext("y"))) for element in elements]
+    return np.array(numbers, dtype=float).reshape(-1, 2)
+
+
+def _coordinate(text: str | None) -> float:
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return float("nan")
+
+
+def _references(element: etree._Element, tag: str) -> tuple[int, ...]:
+    return tuple(_number(child, "ref") for child in element.iterfind(tag))
+
+
+def _number(element: etree._Element, attribute: str) -> int:
+    text = element.get(attribute, "")
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f"<{element.tag}> has {attribute}={text!r}, which is no whole number") from None
+
+
+def _words(element: etree._Element, tag: str) -> tuple[str, ...]:
+    return tuple((child.text or "").strip() for child in element.iterfind(tag))

@@ -1,0 +1,112 @@
+"""Numbers of traffic signs that mean the same in different countries."""
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+    from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement
+
+# ---------- road_facts
+# Signs, lights, posted limits and lanes, read from a lanelet network.
+#
+# A sign's number differs from country to country (274, R2-1, r301, C43 …), its name in commonroad-io does not: names
+# decide. In 2018b files the limit is an element of the lanelet, which commonroad-io turns into a sign.
+
+_KEY_OF_NAME = {
+    "WARNING_RIGHT_BEFORE_LEFT": "right_before_left_rule",
+    "YIELD": "yield",
+    "STOP": "stop",
+    "STOP_4_WAY": "stop",
+    "RIGHT_OF_WAY": "right_of_way",
+    "PRIORITY": "priority_road",
+    "MAX_SPEED": "speed_limit",
+    "MAX_SPEED_ZONE_START": "speed_limit",
+    "MIN_SPEED": "required_speed",
+    "NO_OVERTAKING_START": "no_overtaking",
+    "GREEN_ARROW": "green_arrow_sign",
+    "TOWN_SIGN": "town_sign",
+    "BAN_CAR_TRUCK_BUS_MOTORCYCLE": "ban_on_motorcycles_and_multilane_vehicles",
+    "U_TURN": "no_u_turn",
+}
+_KEY_OF_PREFIX = {
+    "ADDITION_LEFT_TURNING_PRIORITY": "turning_priority_left",
+    "ADDITION_RIGHT_TURNING_PRIORITY": "turning_priority_right",
+    "ADDITION_LEFT_TRAFFIC_PRIORITY": "turning_priority_wait",
+    "ADDITION_RIGHT_TRAFFIC_PRIORITY": "turning_priority_wait",
+}
+
+
+def _sign_key(name: str) -> str | None:
+    """The vocabulary's key of a sign by its commonroad-io name; None for signs outside the vocabulary."""
+    if name in _KEY_OF_NAME:
+        return _KEY_OF_NAME[name]
+    return next((key for prefix, key in _KEY_OF_PREFIX.items() if name.startswith(prefix)), None)
+
+
+def sign_keys(signs: Iterable["TrafficSign"]) -> tuple[str, ...]:
+    """The keys of all signs, sorted, each once."""
+    found = {_sign_key(element.traffic_sign_element_id.name) for element in _elements(signs)}
+    return tuple(sorted(key for key in found if key))
+
+
+def limits_kmh(signs: Iterable["TrafficSign"]) -> tuple[float, ...]:
+    """Posted speed limits in km/h, ascending, rounded to 0.1; values that are no positive number are left out."""
+    speeds = set()
+    for element in _elements(signs):
+        if _sign_key(element.traffic_sign_element_id.name) != "speed_limit":
+            continue
+        for text in element.additional_values:
+            value = _number(text)
+            if value is not None and value > 0:
+                speeds.add(round(value * 3.6, 1))
+    return tuple(sorted(speeds))
+
+
+def signs_of(network: "LaneletNetwork", lanelet_ids: Iterable[int]) -> list["TrafficSign"]:
+    """The signs that these lanelets refer to; references to signs that do not exist are left out."""
+    wanted = sorted({sign for key in lanelet_ids for sign in network.find_lanelet_by_id(key).traffic_signs})
+    return [sign for sign in (network.find_traffic_sign_by_id(key) for key in wanted) if sign is not None]
+
+
+def has_light(network: "LaneletNetwork", lanelet_ids: Iterable[int]) -> bool:
+    """Whether one of these lanelets refers to a traffic light of the file."""
+    wanted = {light for key in lanelet_ids for light in network.find_lanelet_by_id(key).traffic_lights}
+    return any(network.find_traffic_light_by_id(key) is not None for key in wanted)
+
+
+def lanes_beside(network: "LaneletNetwork", lanelet_id: int) -> int:
+    """Lanelets side by side in the same direction, this one included."""
+    start = network.find_lanelet_by_id(lanelet_id)
+    found = {lanelet_id}
+    for left in (True, False):
+        current: Lanelet | None = start
+        while current is not None:
+            key = current.adj_left if left else current.adj_right
+            same = current.adj_left_same_direction if left else current.adj_right_same_direction
+            if key is None or not same or key in found:
+                break
+            current = network.find_lanelet_by_id(key)
+            if current is not None:
+                found.add(key)
+    return len(found)
+
+
+def _elements(signs: Iterable["TrafficSign"]) -> list["TrafficSignElement"]:
+    return [element for sign in signs for element in sign.traffic_sign_elements]
+
+
+def _number(text: object) -> float | None:
+    try:
+        value = float(str(text))
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+# ---------- sign_numbers
+# Numbers of traffic signs that mean the same in different countries.
+
+SPEED_LIMITS = frozenset({"274", "274.1", "R2-1", "r301", "3.24", "R15", "C43", "B14", "Ρ-32", "B31"})
+"""A speed limit, or the beginning of a zone with one, in the countries whose signs CommonRoad knows."""

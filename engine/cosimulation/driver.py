@@ -1,0 +1,158 @@
+"""How a vehicle drives: the six presets of the paper and the eleven parameters of SUMO that they set.
+
+Values: the paper's published modification code. Meaning and units: SUMO's vehicle type attributes
+(https://sumo.dlr.de/docs/Definition_of_Vehicles%2C_Vehicle_Types%2C_and_Routes.html).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.grammar import Assignment, parse_assignment
+from ..vehicles import VehicleClass, vehicle_classes
+
+
+@dataclass(frozen=True)
+class _ParameterRange:
+    """What a parameter means and which values it takes; ``low`` itself is allowed unless ``above``."""
+
+    meaning: str
+    low: float
+    high: float
+    above: bool = False
+
+    def contains(self, value: float) -> bool:
+        """Whether the value is allowed."""
+        return (value > self.low if self.above else value >= self.low) and value <= self.high
+
+    def __str__(self) -> str:
+        """The range in interval notation."""
+        return f"{'(' if self.above else '['}{self.low:g}, {self.high:g}]"
+
+
+PARAMETERS: Mapping[str, _ParameterRange] = {
+    "accel": _ParameterRange("largest acceleration in m/s²", 0.0, 15.0, above=True),
+    "decel": _ParameterRange("comfortable deceleration in m/s²", 0.0, 15.0, above=True),
+    "sigma": _ParameterRange("imperfection of the driver", 0.0, 1.0),
+    "minGap": _ParameterRange("gap when standing in m", 0.0, 50.0),
+    "tau": _ParameterRange("desired time headway in s", 0.0, 10.0, above=True),
+    "speedFactor": _ParameterRange("desired speed over the lane's speed", 0.0, 5.0, above=True),
+    "impatience": _ParameterRange("willingness to impede others at junctions", 0.0, 1.0),
+    "lcStrategic": _ParameterRange("eagerness to change lanes for the route", 0.0, 100.0),
+    "lcCooperative": _ParameterRange("willingness to let others change into its lane", 0.0, 1.0),
+    "lcSpeedGain": _ParameterRange("eagerness to change lanes for speed", 0.0, 100.0),
+    "lcKeepRight": _ParameterRange("eagerness to keep right", 0.0, 100.0),
+}
+_NAMES = tuple(PARAMETERS)
+_PRESET_VALUES = {
+    "aggressive": (3.0, 5.0, 0.6, 1.5, 0.8, 1.05, 0.7, 1.0, 0.0, 1.0, 0.3),
+    "cautious": (1.5, 3.0, 0.4, 4.0, 2.0, 0.95, 0.1, 0.3, 0.9, 0.2, 0.8),
+    "emergency": (4.0, 6.0, 0.2, 1.0, 0.5, 1.3, 0.8, 0.9, 0.0, 1.0, 0.2),
+    "eco": (1.2, 2.5, 0.3, 3.0, 1.8, 0.95, 0.1, 0.3, 0.8, 0.1, 0.9),
+    "balanced": (2.5, 4.5, 0.5, 2.0, 1.2, 1.0, 0.3, 0.5, 0.5, 0.5, 0.7),
+    "speeder": (2.5, 4.5, 0.5, 2.0, 1.0, 1.1, 0.4, 0.5, 0.5, 0.5, 0.6),
+}
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """All eleven parameters of one driver, by SUMO's names, and the preset that they began with (or "")."""
+
+    preset: str
+    values: Mapping[str, float]
+
+
+def presets() -> dict[str, dict[str, float]]:
+    """The six presets: name → parameter → value."""
+    return {name: dict(zip(_NAMES, values, strict=True)) for name, values in _PRESET_VALUES.items()}
+
+
+def usual_behaviour(vehicle_class: VehicleClass) -> Behaviour:
+    """An ordinary driver of a class: SUMO's defaults with little imperfection, the class's own power and brakes."""
+    values = dict.fromkeys(_NAMES, 1.0) | {
+        "accel": vehicle_class.acceleration_mps2,
+        "decel": vehicle_class.deceleration_mps2,
+        "sigma": 0.2,
+        "minGap": vehicle_class.minimum_gap_m,
+        "impatience": 0.0,
+    }
+    return Behaviour("", values)
+
+
+def own_minimum_gap_m(vehicle_class: VehicleClass) -> float | None:
+    """The gap in m that a class keeps by its nature, whatever the preset; None for classes that stand like cars."""
+    usual = vehicle_classes()["car"].minimum_gap_m
+    return None if vehicle_class.minimum_gap_m == usual else vehicle_class.minimum_gap_m
+
+
+def behaviour_from(
+    base: Behaviour, preset: str | None, params: Sequence[str], own_gap_m: float | None = None
+) -> Behaviour:
+    """A preset (replacing all parameters but a class's own gap) and then single parameters on top.
+
+    Raises:
+        UnknownName: no such preset or parameter.
+        InvalidRequest: a value outside its range, or the same parameter twice.
+    """
+    values, name = dict(base.values), base.preset
+    if preset is not None:
+        name = preset.strip().lower()
+        if name not in _PRESET_VALUES:
+            raise UnknownName(
+                f"there is no behaviour preset '{preset}'",
+                valid=closest(preset, _PRESET_VALUES),
+                next_step="name one of these, or set single parameters with 'params'",
+            )
+        values = presets()[name] | ({} if own_gap_m is None else {"minGap": own_gap_m})
+    assignments = [parse_assignment(text) for text in params]
+    twice = sorted({one.name for one in assignments if sum(other.name == one.name for other in assignments) > 1})
+    if twice:
+        raise InvalidRequest(f"{', '.join(twice)} is set twice in params", next_step="name every parameter once")
+    for assignment in assignments:
+        values[assignment.name] = _assigned(values, assignment)
+    return Behaviour(name, values)
+
+
+def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]:
+    """The parameters that a preset and single parameters set, each with whether whatever it was before."""
+    assignments = [parse_assignment(text) for text in params]
+    return dict.fromkeys(_NAMES if preset else (), True) | {
+        one.name: preset is not None or one.operator == "=" for one in assignments
+    }
+
+
+def values_set(params: Sequence[str], made: Sequence[Behaviour]) -> list[str]:
+    """Single parameters as given, relative ones with the value that acts, or the smallest and largest of several."""
+    said = []
+    for text, one in zip(params, map(parse_assignment, params), strict=True):
+        values = sorted({behaviour.values[one.name] for behaviour in made}) if one.operator != "=" else []
+        told = " … ".join(f"{value:g}" for value in (values if len(values) < 3 else (values[0], values[-1])))
+        said.append(f"{text} ({told})" if told else text)
+    return said
+
+
+def _assigned(values: Mapping[str, float], assignment: Assignment) -> float:
+    allowed = PARAMETERS.get(assignment.name)
+    if allowed is None:
+        raise UnknownName(
+            f"there is no behaviour parameter '{assignment.name}'",
+            valid=[f"{name} in {PARAMETERS[name]}" for name in closest(assignment.name, PARAMETERS)],
+            next_step="set one of these",
+        )
+    if assignment.operand is None:
+        raise InvalidRequest(
+            f"{assignment.name} needs a number",
+            valid=[f"{assignment.name} in {allowed}"],
+            next_step=f"write '{assignment.name}=NUMBER'",
+        )
+    before = values[assignment.name]
+    operations = {"=": assignment.operand, "*": before * assignment.operand, "+": before + assignment.operand}
+    value = operations.get(assignment.operator, before - assignment.operand)
+    if not math.isfinite(value) or not allowed.contains(value):
+        raise InvalidRequest(
+            f"{assignment.name}={value:g} is out of range ({allowed.meaning})",
+            valid=[f"{assignment.name} in {allowed}"],
+            next_step="choose a value within the range",
+        )
+    return value

@@ -1,0 +1,184 @@
+"""From SUMO's track of a driven vehicle to a motion that begins exactly at its recorded state."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..commonroad import Track
+from ..geometry import Points, Values
+from ..vehicles import Motion, drivable_motion, nearest_class, tractrix
+from .plans import steered_over
+from .replay import DrivenTrack, front_of
+
+HISTORY_STEPS = 15
+FEWEST_STATES = 5
+POSE_DECAY_S = 1.5
+SPEED_DECAYS_S = (0.8, 1.6, 3.2)
+"""Tried in this order, each time made up for what is over, until the first step changes the speed by no more than
+``LARGEST_SPEED_STEP_MPS``; a slower one moves the vehicle more."""
+LARGEST_SPEED_STEP_MPS = 0.95
+LANE_S = 3.0
+"""A vehicle recorded beside its lane is led into it in so long, as in a lane change; SUMO puts it there at once."""
+STANDING_MPS = 0.02
+
+
+@dataclass(frozen=True)
+class TouchedTrack:
+    """The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its dimensions.
+
+    ``in_the_way``: who kept it from changing lanes, as in ``DrivenTrack``.
+    """
+
+    vehicle_id: int
+    first_step: int
+    motion: Motion
+    length_m: float
+    width_m: float
+    wheelbase_m: float
+    leaves: bool
+    lanes: tuple[str, ...]
+    in_the_way: tuple[int, ...] = ()
+
+    @property
+    def last_step(self) -> int:
+        """The last step at which the vehicle is there."""
+        return self.first_step + len(self.motion.speeds_mps) - 1
+
+    @property
+    def fronts(self) -> Points:
+        """The front bumper (n, 2) in m at every step of the motion."""
+        forward = np.stack([np.cos(self.motion.headings_rad), np.sin(self.motion.headings_rad)], axis=1)
+        return self.motion.positions + self.length_m / 2 * forward
+
+    def whole(self, start: Track) -> Track:
+        """The recorded track up to the hand-over, and this motion from there on."""
+        index = self.first_step - start.first_step
+        return replace(
+            start,
+            positions=np.concatenate([start.positions[:index], self.motion.positions]),
+            headings_rad=np.concatenate([start.headings_rad[:index], self.motion.headings_rad]),
+            speeds_mps=np.concatenate([start.speeds_mps[:index], self.motion.speeds_mps]),
+        )
+
+
+def touched_track(
+    start: Track, driven: DrivenTrack, step_s: float, last_step: int, over_m: float | None = None
+) -> TouchedTrack | None:
+    """Smooth a driven track and join it to its recorded start without a jump.
+
+    A vehicle that leaves the network at once rolls straight on for a few steps, because the road does not end where
+    the map does. None if the scenario ends within two steps of the hand-over.
+
+    ``over_m``: the way along its lane in which it steers over to the one beside, on which SUMO drives it; it is on no
+    lane before it is across. None: it is on the lane that SUMO drives it on.
+    """
+    index = driven.first_step - start.first_step
+    wanted = min(FEWEST_STATES, last_step - driven.first_step + 1)
+    onward = _rolled_on(start, index, driven.front[1:], wanted - 1, step_s)
+    if len(onward) < 2:
+        return None
+    lanes, begin, expected = driven.lanes, front_of(start, index), _rolled_on(start, index, onward[:0], 1, step_s)[0]
+    if over_m is None:
+        onward = _led_into_lane(expected, onward, step_s)
+    else:
+        onward, across = steered_over(begin, expected, onward, over_m)
+        lanes = ("", *(lane if is_across else "" for lane, is_across in zip(lanes[1:], across, strict=False)))
+    history = _history(start, index, step_s)
+    front = np.concatenate([history, begin[None], onward])
+    first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
+    chassis = nearest_class(start.kind, start.length_m)
+    smooth = drivable_motion(front, first_heading, start.length_m, step_s, rear_axle_m=chassis.rear_axle_m)
+    return TouchedTrack(
+        vehicle_id=start.obstacle_id,
+        first_step=driven.first_step,
+        motion=_joined(smooth, len(history), start, index, step_s, chassis.rear_axle_m),
+        length_m=start.length_m,
+        width_m=start.width_m,
+        wheelbase_m=chassis.wheelbase_m,
+        leaves=driven.leaves,
+        lanes=lanes,
+        in_the_way=driven.in_the_way,
+    )
+
+
+def _rolled_on(start: Track, index: int, onward: Points, count: int, step_s: float) -> Points:
+    """The front track after the hand-over with at least ``count`` points, led straight on at the recorded speed."""
+    angle, speed = float(start.headings_rad[index]), max(float(start.speeds_mps[index]), 0.0)
+    forward = np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
+    last = onward[-1] if len(onward) else front_of(start, index)
+    more = [last + forward * step for step in range(1, count - len(onward) + 1)]
+    return np.array([*onward, *more]).reshape(-1, 2)
+
+
+def _led_into_lane(expected: Points, onward: Points, step_s: float) -> Points:
+    """The front track after the hand-over without SUMO's leap to the middle of the lane, which fades in instead.
+
+    ``expected``: where the front is after the first step if it rolls straight on, shape (2,).
+    """
+    share = np.clip(np.arange(1, len(onward) + 1) * step_s / LANE_S, 0.0, 1.0)
+    led: Points = onward + (expected - onward[0]) * (1.0 - share**2 * (3.0 - 2.0 * share))[:, None]
+    return led
+
+
+def _history(start: Track, index: int, step_s: float) -> Points:
+    """The recorded front track before the hand-over, led straight back where the recording is too short: (15, 2)."""
+    first = max(0, index - HISTORY_STEPS)
+    recorded = [front_of(start, past) for past in range(first, index)]
+    angle, speed = float(start.headings_rad[first]), max(float(start.speeds_mps[first]), 0.0)
+    back = np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
+    missing = HISTORY_STEPS - len(recorded)
+    return np.array([front_of(start, first) - back * steps for steps in range(missing, 0, -1)] + recorded)
+
+
+def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float, rear_axle_m: float) -> Motion:
+    """The smoothed motion from the hand-over on; differences to the recorded state fade out instead of jumping.
+
+    Only the front's track is corrected; the heading follows it as a tractrix from the recorded heading on, so that
+    the rear axle never slips sideways.
+    """
+    headings = smooth.headings_rad[skip:]
+    forward = _directions(headings)
+    front = smooth.positions[skip:] + start.length_m / 2 * forward
+    times = np.arange(len(front)) * step_s
+    front = front + (front_of(start, index) - front[0]) * np.exp(-times / POSE_DECAY_S)[:, None]
+    speed, drag = max(float(start.speeds_mps[index]), 0.0), start.length_m / 2 + rear_axle_m
+    headings = tractrix(front, float(start.headings_rad[index]), drag)
+    rear = front[:3] - drag * _directions(headings[:3])
+    first_speeds = np.linalg.norm(np.diff(rear, axis=0), axis=1) / step_s
+    missing = speed - (1.5 * first_speeds[0] - 0.5 * first_speeds[-1])
+    for decay_s in SPEED_DECAYS_S:
+        sped = _never_back(front + forward * (missing * times * np.exp(-times / decay_s))[:, None], forward)
+        headings = tractrix(sped, float(start.headings_rad[index]), drag)
+        centers = sped - start.length_m / 2 * _directions(headings)
+        speeds = _rear_axle_speeds(centers - rear_axle_m * _directions(headings), headings, speed, step_s)
+        step_mps = speeds[1] - speeds[0]
+        if abs(step_mps) <= LARGEST_SPEED_STEP_MPS:
+            break
+        missing -= step_mps - math.copysign(LARGEST_SPEED_STEP_MPS, step_mps)
+    return Motion(centers, headings, speeds, np.gradient(speeds, step_s))
+
+
+def _never_back(front: Points, forward: Points) -> Points:
+    """A front track (n, 2) that stands where it would go back, as fading differences do under one that stops.
+
+    ``forward``: the unit vectors (n, 2) along which it drives.
+    """
+    ahead_m = np.concatenate([[0.0], np.cumsum((np.diff(front, axis=0) * forward[1:]).sum(axis=1))])
+    held_m = np.maximum.accumulate(ahead_m)
+    held: Points = front + forward * (held_m - ahead_m)[:, None]
+    return held
+
+
+def _directions(headings_rad: Values) -> Points:
+    return np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
+
+
+def _rear_axle_speeds(rear: Points, headings: Values, first_mps: float, step_s: float) -> Values:
+    """Speeds along the heading of the rear axle, which a kinematic single-track model steers, shape (n,)."""
+    forward = _directions(headings)
+    moved = np.diff(rear, axis=0)
+    along = np.maximum((moved * forward[:-1]).sum(axis=1) / step_s, 0.0)
+    speeds = np.concatenate([[first_mps], (along[:-1] + along[1:]) / 2, along[-1:]])
+    speeds[speeds < STANDING_MPS] = 0.0
+    return speeds

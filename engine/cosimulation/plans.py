@@ -1,0 +1,166 @@
+"""What a list of edits comes to, before anything is simulated: an immutable value that each edit makes anew."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ...schemas.errors import NotPossible
+from ..commonroad import Track
+from ..geometry import Points, arc_length, point_at, project
+from ..scene import NOT_DRIVEN, LaneMatch, Scene
+from ..vehicles import VehicleClass, vehicle_classes
+from .driver import Behaviour, usual_behaviour
+from .manoeuvres import Halt, Manoeuvre
+
+Cause = Literal["edited", "added", "handed_over"]
+
+
+@dataclass(frozen=True)
+class SteeringOver:
+    """A change of lane inside a junction: SUMO drives on ``lanelet_id`` at once, the motion gets there as it rolls.
+
+    ``within_m``: along the lane, from the hand-over on.
+    """
+
+    lanelet_id: int
+    within_m: float
+
+
+@dataclass(frozen=True)
+class DrivePlan:
+    """A vehicle that SUMO drives from ``from_step`` on.
+
+    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: the way it is meant to
+    drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
+    ``through``: lanelets on the way that it has to use; ``manoeuvres``: what it is told, in the order of their steps;
+    ``steering_over``: how it changes lanes where it is handed over inside a junction (None: it does not); ``halts``:
+    where it waits for others.
+    """
+
+    start: Track
+    cause: Cause
+    from_step: int
+    lanelets: tuple[int, ...]
+    edges: tuple[str, ...]
+    targets: frozenset[int]
+    behaviour: Behaviour
+    vehicle_class: VehicleClass
+    manoeuvres: tuple[Manoeuvre, ...] = ()
+    through: frozenset[int] = frozenset()
+    steering_over: SteeringOver | None = None
+    halts: tuple[Halt, ...] = ()
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A road user that moves by a given track and not by SUMO: a recording moved in time, or somebody who walks.
+
+    ``recording``: what was moved by ``shifted_steps`` (later positive); None for an added walker.
+    """
+
+    track: Track
+    match: LaneMatch | None
+    recording: Track | None = None
+    shifted_steps: int = 0
+
+
+def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -> DrivePlan:
+    """A plan that drives a recorded vehicle along its recorded way from a step on.
+
+    Raises:
+        NotPossible: the vehicle cannot be driven.
+    """
+    why = not_drivable(scene, vehicle_id)
+    edges = None if why else scene.edge_graph.route(scene.matches[vehicle_id].sequence)
+    if edges is None:
+        raise NotPossible(why, valid=drivable_ids(scene), next_step="remove_vehicle works for it, driving it does not")
+    track, lanelets = scene.tracks[vehicle_id], scene.matches[vehicle_id].sequence
+    vehicle_class = class_of(track.kind)
+    return DrivePlan(
+        start=track,
+        cause=cause,
+        from_step=from_step,
+        lanelets=lanelets,
+        edges=scene.edge_graph.extended(edges, lanelets[-1]),
+        targets=frozenset(),
+        behaviour=usual_behaviour(vehicle_class),
+        vehicle_class=vehicle_class,
+    )
+
+
+def not_drivable(scene: Scene, vehicle_id: int) -> str:
+    """Why a recorded vehicle cannot be driven by SUMO; empty if it can."""
+    if vehicle_id not in scene.tracks:
+        return f"obstacle {vehicle_id} has no trajectory that a vehicle could take over"
+    track = scene.tracks[vehicle_id]
+    if track.kind in NOT_DRIVEN:
+        return f"{track.kind} {vehicle_id} cannot be driven as a vehicle"
+    if vehicle_id not in scene.matches:
+        return f"{track.kind} {vehicle_id} is recorded off the lanelets"
+    if scene.edge_graph.route(scene.matches[vehicle_id].sequence) is None:
+        return f"the recorded way of {track.kind} {vehicle_id} leaves the lanelet graph"
+    return ""
+
+
+def drivable_ids(scene: Scene) -> list[int]:
+    """Recorded vehicles that SUMO can drive, ascending."""
+    return [key for key in scene.tracks if not not_drivable(scene, key)]
+
+
+def class_of(kind: str) -> VehicleClass:
+    """The class that stands for a CommonRoad obstacle type; a car for types without a class."""
+    classes = vehicle_classes()
+    return next((one for one in classes.values() if one.commonroad_type == kind), classes["car"])
+
+
+# ---------- steering_over
+# The motion of a vehicle that changes lanes inside a junction from the hand-over on.
+#
+# SUMO's vehicles keep their lanes inside junctions. Such a vehicle is driven on the lanelet beside from its first step
+# on, and the motion that is written steers over from its recorded place: as far aside as it rolls, never standing.
+
+ACROSS_SHARE = 0.6
+"""A vehicle that is so far over is on the other lanelet, whichever of the two is wider."""
+PROGRESS_ACROSS = 0.5 - math.sin(math.asin(1.0 - 2.0 * ACROSS_SHARE) / 3.0)
+"""The share of the way after which it is across: there 3p² - 2p³ comes to ``ACROSS_SHARE``."""
+MOVED_M = 1e-3
+
+
+def placed_over(scene: Scene, plan: DrivePlan) -> Track:
+    """The track that SUMO is shown: at the hand-over the vehicle is on the lanelet that it steers over to."""
+    start = plan.start
+    if plan.steering_over is None:
+        return start
+    index, center = plan.from_step - start.first_step, scene.layout.table.lanes[plan.steering_over.lanelet_id].center
+    positions, headings = start.positions.copy(), start.headings_rad.copy()
+    positions[index], headings[index] = point_at(center, project(center, positions[index])[0])
+    return replace(start, positions=positions, headings_rad=headings)
+
+
+def steered_over(front: Points, expected: Points, onward: Points, within_m: float) -> tuple[Points, list[bool]]:
+    """The front track (n, 2) of a vehicle that steers over to SUMO's, and whether it is across at each step.
+
+    Args:
+        front: the recorded place of the front at the hand-over, shape (2,), in metres.
+        expected: where it is a step later if it rolls straight on, shape (2,).
+        onward: SUMO's front track from the first step on, shape (n, 2), in metres.
+        within_m: the way along the lane in which the vehicle gets over.
+    """
+    forward = _directions_along(onward)
+    left = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
+    rolled_m = float(np.linalg.norm(expected - front)) + arc_length(onward)
+    offset, progress = expected - onward[0], np.clip(rolled_m / within_m, 0.0, 1.0)
+    share = progress**2 * (3.0 - 2.0 * progress)
+    missing = (offset @ forward[0]) * forward + (offset @ left[0]) * left
+    return onward + missing * (1.0 - share)[:, None], (share >= ACROSS_SHARE).tolist()
+
+
+def _directions_along(track: Points) -> Points:
+    """The unit vectors (n, 2) along a track (n, 2); where it stands, those before, and at first those after."""
+    moved = np.diff(track, axis=0, append=track[-1:])
+    length_m = np.linalg.norm(moved, axis=1)
+    rolls = length_m > MOVED_M
+    last = np.maximum.accumulate(np.where(rolls, np.arange(len(track)), int(np.argmax(rolls))))
+    return np.asarray(moved[last] / np.maximum(length_m[last], MOVED_M)[:, None])

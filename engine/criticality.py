@@ -1,0 +1,231 @@
+"""How critical a drive was: gaps, times to collision, time headway and a risk score."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .commonroad import Track
+from .geometry import Points, Values, arc_length, wrap_angles
+
+# ---------- time_to_collision
+# Time to collision of two road users that keep their present courses and speeds (Hayward 1972), in the plane.
+#
+# Both are oriented rectangles that move without turning. On every axis that is normal to a side, their shadows overlap
+# during an interval of time; the rectangles overlap while all four shadows do (separating axes).
+
+
+@dataclass(frozen=True)
+class MovingRectangles:
+    """Rectangles that move along their headings: centres (n, 2), headings (n,), sizes (n, 2), speeds (n,)."""
+
+    centers: Points
+    headings_rad: Values
+    sizes_m: Points
+    speeds_mps: Values
+
+    @property
+    def velocities(self) -> Points:
+        """Velocities of shape (n, 2) in m/s."""
+        return self.speeds_mps[:, None] * _directions(self.headings_rad)
+
+
+def corners_of(bodies: MovingRectangles) -> NDArray[np.float64]:
+    """The corners of shape (n, 4, 2), counter-clockwise from the front left."""
+    along = _directions(bodies.headings_rad)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    long, wide = along * bodies.sizes_m[:, :1] / 2, across * bodies.sizes_m[:, 1:] / 2
+    center = bodies.centers
+    return np.stack([center + long + wide, center - long + wide, center - long - wide, center + long - wide], axis=1)
+
+
+def times_to_collision_s(ones: MovingRectangles, others: MovingRectangles) -> Values:
+    """Seconds until the i-th rectangles first touch, 0 while they overlap, infinite where they never will; (n,)."""
+    first, second = corners_of(ones), corners_of(others)
+    closing = ones.velocities - others.velocities
+    begin, end = np.zeros(len(closing)), np.full(len(closing), np.inf)
+    quarter = np.pi / 2
+    for headings in (
+        ones.headings_rad,
+        ones.headings_rad + quarter,
+        others.headings_rad,
+        others.headings_rad + quarter,
+    ):
+        axis = _directions(headings)
+        near, far = (np.einsum("nki,ni->nk", corners, axis) for corners in (first, second))
+        speed = np.einsum("ni,ni->n", closing, axis)
+        before, behind = far.min(axis=1) - near.max(axis=1), far.max(axis=1) - near.min(axis=1)
+        moves = np.abs(speed) >= 1e-9
+        divisor = np.where(moves, speed, 1.0)
+        enters, leaves = np.sort([before / divisor, behind / divisor], axis=0)
+        apart = ~moves & ((before > 0) | (behind < 0))
+        begin = np.where(moves, np.maximum(begin, enters), np.where(apart, np.inf, begin))
+        end = np.where(moves, np.minimum(end, leaves), end)
+    return np.where(begin <= end, begin, np.inf)
+
+
+def _directions(headings_rad: Values) -> Points:
+    return np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
+
+
+# ---------- criticality
+# How critical a drive was: gaps, times to collision, time headway and a risk score.
+
+NEAR_M = 60.0
+SAME_DIRECTION_RAD = np.pi / 4
+RISK_STEPS_S = (0.0, 0.5, 1.0, 3.0, 5.0)
+RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
+PAIRS_AT_ONCE = 2000
+
+
+class _Others(Protocol):
+    """Where the others were: tracks of the moving ones, and of the standing ones with a single state."""
+
+    @property
+    def moving(self) -> tuple[Track, ...]:
+        """Present from their first to their last step."""
+
+    @property
+    def standing(self) -> tuple[Track, ...]:
+        """Present at every step."""
+
+
+@dataclass(frozen=True)
+class _Criticality:
+    """The most critical figures of a drive; None where no other came within 60 m (or, for times, no closing one)."""
+
+    minimum_distance_m: float | None = None
+    minimum_time_to_collision_s: float | None = None
+    minimum_time_headway_s: float | None = None
+    risk_score: int | None = None
+
+
+@dataclass(frozen=True)
+class Encounters:
+    """All pairs of a driven state (``state``, an index) and another near it; ``ego`` and ``other`` of shape (n,).
+
+    ``track``: which other, an index into the moving and then the standing ones.
+    """
+
+    state: NDArray[np.intp]
+    track: NDArray[np.intp]
+    ego: MovingRectangles
+    other: MovingRectangles
+
+
+def criticality(ego: Track, others: _Others) -> _Criticality:
+    """The most critical figures over the driven states of the ego (the initial one included)."""
+    met = encounters(ego, others)
+    if not len(met.state):
+        return _Criticality()
+    gaps = gaps_m(met)
+    times = times_to_collision_s(met.ego, met.other)
+    headways = _time_headways_s(ego, met)
+    return _Criticality(
+        minimum_distance_m=float(gaps.min()),
+        minimum_time_to_collision_s=_least(times),
+        minimum_time_headway_s=_least(headways),
+        risk_score=int(risk_scores(gaps, times).min()),
+    )
+
+
+def encounters(ego: Track, others: _Others) -> Encounters:
+    """Who was within 60 m of the ego (centre to centre), and when."""
+    steps = np.arange(ego.first_step, ego.last_step + 1)
+    centers = ego.positions
+    chosen, found, sizes = [], [], []
+    everybody = [(track, False) for track in others.moving] + [(track, True) for track in others.standing]
+    for track, standing in everybody:
+        index = np.zeros(len(steps), dtype=int) if standing else steps - track.first_step
+        there = np.flatnonzero((index >= 0) & (index < len(track.positions)))
+        away = np.linalg.norm(track.positions[index[there]] - centers[there], axis=1)
+        near = there[away < NEAR_M]
+        at = index[near]
+        chosen.append(near)
+        found.append(np.column_stack([track.positions[at], track.headings_rad[at], track.speeds_mps[at]]))
+        sizes.append(np.tile([track.length_m, track.width_m], (len(near), 1)))
+    state = np.concatenate(chosen) if chosen else np.zeros(0, dtype=np.intp)
+    who = np.repeat(np.arange(len(chosen)), [len(near) for near in chosen])
+    other = np.concatenate(found) if found else np.zeros((0, 4))
+    size = np.concatenate(sizes) if sizes else np.zeros((0, 2))
+    own_size = np.tile([ego.length_m, ego.width_m], (len(state), 1))
+    return Encounters(
+        state,
+        who,
+        MovingRectangles(centers[state], ego.headings_rad[state], own_size, ego.speeds_mps[state]),
+        MovingRectangles(other[:, :2], other[:, 2], size, other[:, 3]),
+    )
+
+
+def gaps_m(met: Encounters) -> Values:
+    """Distances between the rectangles of all pairs, 0 where they overlap, shape (n,)."""
+    import shapely
+
+    gaps: Values = shapely.distance(shapely.polygons(corners_of(met.ego)), shapely.polygons(corners_of(met.other)))
+    return gaps
+
+
+def _time_headways_s(ego: Track, met: Encounters) -> Values:
+    """Seconds until the ego's front is where the front of the vehicle ahead is now, at the ego's speed.
+
+    Time headway as in Vogel 2003 (a comparison of headway and time to collision): the distance from front to front
+    along the ego's path over its speed. The path is what the ego drove from then on, straight on behind its end;
+    ahead is who is on that path (sideways overlap of the bodies) and heads within 45° of it. Infinite for all others
+    and while the ego stands.
+    """
+    last = np.array([np.cos(ego.headings_rad[-1]), np.sin(ego.headings_rad[-1])])
+    path = np.concatenate([ego.positions, ego.positions[-1:] + NEAR_M * last])
+    stations = arc_length(path)
+    station, distance, heading = _on_path(path, stations, met)
+    ahead_m = station - stations[met.state] + (met.other.sizes_m[:, 0] - met.ego.sizes_m[:, 0]) / 2
+    on_it = distance < (met.ego.sizes_m[:, 1] + met.other.sizes_m[:, 1]) / 2
+    along = np.abs(wrap_angles(met.other.headings_rad - heading)) < SAME_DIRECTION_RAD
+    in_front = (station > stations[met.state]) & on_it & along & (met.ego.speeds_mps > 0.1)
+    return np.where(in_front, np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, 0.1), np.inf)
+
+
+def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
+    """0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible risk, for gaps in m and times in s of shape (n,).
+
+    The scale of From Words to Collisions (TUM-AVS, ITSC 2025): one score for distance and one for the time to
+    collision, 0 at zero and 1 to 4 up to 0.5, 1, 3 and 5 (m or s), their mean cut to an integer; the most dangerous
+    other at the most dangerous step counts. Here with the gap between the rectangles and the time to collision in the
+    plane, where the source weighs longitudinal and lateral parts by the direction of the other.
+    """
+    distance = np.searchsorted(RISK_STEPS_M, gaps_m, side="left")
+    time = np.searchsorted(RISK_STEPS_S, times_to_collision, side="left")
+    scores: NDArray[np.intp] = (distance + time) // 2
+    return scores
+
+
+def _on_path(path: Points, stations: Values, met: Encounters) -> tuple[Values, Values, Values]:
+    """Arc length, distance and heading of the path at the point nearest to each other, shapes (n,).
+
+    Only the path from the ego's state on counts, so that a route that crosses itself finds no one behind the ego.
+    """
+    blocks = range(0, len(met.state), PAIRS_AT_ONCE)
+    found = [
+        _nearest(path, stations, met.other.centers[i : i + PAIRS_AT_ONCE], met.state[i : i + PAIRS_AT_ONCE])
+        for i in blocks
+    ]
+    station, distance, heading = (np.concatenate(values) for values in zip(*found, strict=True))
+    return station, distance, heading
+
+
+def _nearest(path: Points, stations: Values, points: Points, begin: NDArray[np.intp]) -> tuple[Values, Values, Values]:
+    start, step = path[:-1], np.diff(path, axis=0)
+    squared = np.maximum((step**2).sum(axis=1), 1e-12)
+    away = points[:, None, :] - start[None, :, :]
+    share = np.clip((away * step).sum(axis=2) / squared, 0.0, 1.0)
+    gap = np.linalg.norm(away - share[:, :, None] * step, axis=2)
+    gap[np.arange(len(start))[None, :] < begin[:, None]] = np.inf
+    gap[:, np.diff(stations) < 1e-6] = np.inf
+    nearest, rows = gap.argmin(axis=1), np.arange(len(points))
+    station = stations[nearest] + share[rows, nearest] * np.sqrt(squared[nearest])
+    return station, gap[rows, nearest], np.arctan2(step[nearest, 1], step[nearest, 0])
+
+
+def _least(values: Values) -> float | None:
+    least = float(values.min())
+    return least if np.isfinite(least) else None

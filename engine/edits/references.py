@@ -1,0 +1,472 @@
+"""Which vehicles an edit means: among those that the edits before it leave, at the ego's first time step."""
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ...schemas.grammar import SELECTORS, Selector, parse_selector
+from ..commonroad import Track
+from ..geometry import point_at, wrap_angle
+from ..scene import NOT_DRIVEN, Ego, Scene, leader_and_follower
+from ..vehicles import vehicle_classes
+from .changes import Changes, populated
+
+# ---------- forks
+# The branches of the next fork and how they bend, as seen in driving direction.
+
+TURN_RAD, STRAIGHT_RAD = math.radians(50.0), math.radians(20.0)
+BRANCH_M = 60.0
+"""A branch is looked at no farther than this, so that a later bend of the road is no turn."""
+
+
+@dataclass(frozen=True)
+class _Branch:
+    """One way on at a fork: its lanelets up to the next fork, and its change of heading in rad (left positive)."""
+
+    lanelets: tuple[int, ...]
+    bend_rad: float
+
+    @property
+    def turn(self) -> str:
+        """``left``, ``right``, ``straight``, or "" for a bend in between."""
+        if abs(self.bend_rad) < STRAIGHT_RAD:
+            return "straight"
+        if abs(self.bend_rad) > TURN_RAD:
+            return "left" if self.bend_rad > 0 else "right"
+        return ""
+
+    def __str__(self) -> str:
+        """What the branch is, for an error that lists it."""
+        side = "left" if self.bend_rad > 0 else "right"
+        how = self.turn or f"slightly {side}"
+        return f"{how} ({math.degrees(abs(self.bend_rad)):.0f}° {side}) on lanelet {self.lanelets[0]}"
+
+
+def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
+    """The branches of the first fork of a lanelet's own lane; none where the lane ends without one."""
+    successors = scene.layout.table.successors
+    current, seen = start, {start}
+    while len(successors[current]) == 1 and successors[current][0] not in seen:
+        current = successors[current][0]
+        seen.add(current)
+    if len(successors[current]) < 2:
+        return ()
+    arriving = _end_heading(scene, current)
+    return tuple(_branch(scene, first, arriving) for first in successors[current])
+
+
+def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
+    """The branch that turns left or right or goes straight at the next fork.
+
+    Raises:
+        NotPossible: no fork ahead, or none of its branches goes that way; those there are are listed.
+    """
+    branches = _branches_at_next_fork(scene, start)
+    if not branches:
+        raise NotPossible(f"{who} has no fork ahead in its lane", next_step="name a lanelet with 'to'")
+    fitting = [branch for branch in branches if branch.turn == turn]
+    if not fitting:
+        raise NotPossible(f"{who} cannot go {turn} at the next fork", valid=branches, next_step="choose one of these")
+    sign = {"left": -1.0, "right": 1.0}.get(turn)
+    rank = (lambda branch: abs(branch.bend_rad)) if sign is None else (lambda branch: sign * branch.bend_rad)
+    return min(fitting, key=rank)
+
+
+def _branch(scene: Scene, first: int, arriving_rad: float) -> _Branch:
+    successors, lanes = scene.layout.table.successors, scene.layout.table.lanes
+    chain, length = [first], lanes[first].length_m
+    while len(successors[chain[-1]]) == 1 and successors[chain[-1]][0] not in chain and length < BRANCH_M:
+        chain.append(successors[chain[-1]][0])
+        length += lanes[chain[-1]].length_m
+    return _Branch(tuple(chain), wrap_angle(_end_heading(scene, first) - arriving_rad))
+
+
+def _end_heading(scene: Scene, key: int) -> float:
+    lane = scene.layout.table.lanes[key]
+    return point_at(lane.center, lane.length_m)[1]
+
+
+# ---------- selection
+# Which vehicles an edit means: among those that the edits before it leave, at the ego's first time step.
+
+STANDING_MPS = 0.1
+TIE = 1e-3
+"""Speeds in m/s or distances in m that differ by less are the same to whoever describes a vehicle by them."""
+NAME_A_VEHICLE = "name one of these by its id; describe_scenario with detail=vehicles lists all"
+EGO_WORDS = ("ego", "the ego", "me", "self")
+
+
+def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, ...]:
+    """Ids of the vehicles that the selectors mean together, ascending.
+
+    Vehicles that earlier edits added count like recorded ones; those that they removed count no more.
+
+    Raises:
+        InvalidRequest: nothing is selected, or only exclusions are given.
+        UnknownName: an id, class or word that does not exist.
+        NotPossible: the ego, a removed vehicle, an ambiguous description, or a description that nobody fits.
+    """
+    there = populated(scene, changes)
+    if not texts:
+        raise InvalidRequest("no vehicle is named", valid=[*_listed(there), *SELECTORS[1:]], next_step="name vehicles")
+    selectors = [_parsed(text, scene) for text in texts]
+    wanted = [selector for selector in selectors if not selector.negated]
+    if not wanted:
+        raise InvalidRequest(
+            "only exclusions are given", valid=["all", "class:car"], next_step="add whom they exclude from"
+        )
+    meant = {key for selector in wanted for key in _resolve(selector, there, changes)}
+    excluded = {key for selector in selectors if selector.negated for key in _resolve(selector, there, changes)}
+    left = tuple(sorted(meant - excluded))
+    gone = _gone(there, changes) & set(left)
+    if gone:
+        raise NotPossible(
+            f"vehicle {min(gone)} was removed by an earlier edit", valid=_listed(there), next_step="leave it out"
+        )
+    if not left:
+        raise NotPossible(
+            f"{', '.join(texts)} leaves no vehicle", valid=_listed(there), next_step="leave fewer of them out"
+        )
+    return left
+
+
+def _refuse_ego(text: str, scene: Scene) -> None:
+    """Refuse the ego as a vehicle: it is not part of the traffic.
+
+    Raises:
+        NotPossible: always if the text names the ego or its planning problem.
+    """
+    body = text.strip().removeprefix("!").lower()
+    if body in EGO_WORDS or (scene.ego is not None and body == str(scene.ego.problem_id)):
+        raise NotPossible(
+            f"'{text}' is the ego, which the planner drives and no edit of the traffic can",
+            next_step="op set_goal moves the ego's goal; configure_planner changes how it drives",
+        )
+
+
+def nearest_ids(wanted: int, known: Sequence[int]) -> list[int]:
+    """Known ids, those that differ least from the wanted one first."""
+    return sorted(known, key=lambda key: (abs(key - wanted), key))
+
+
+def _parsed(text: str, scene: Scene) -> Selector:
+    _refuse_ego(text, scene)
+    return parse_selector(text)
+
+
+def _resolve(selector: Selector, scene: Scene, changes: Changes) -> tuple[int, ...]:
+    if selector.kind == "id":
+        return (_known(int(selector.argument), scene, changes),)
+    if selector.kind == "new":
+        return _new(int(selector.argument), changes)
+    if selector.kind == "all":
+        return _vehicles(scene)
+    if selector.kind == "class":
+        return _of_class(selector.argument, scene)
+    if selector.kind in ("one", "only"):
+        return _the_only(f"{selector.argument}s", _of_class(selector.argument, scene), scene)
+    if selector.kind in ("leftmost", "rightmost", "lane"):
+        side = selector.argument if selector.kind == "lane" else selector.kind
+        return _the_only(f"vehicles in the {side} lane", _outermost(side, scene), scene)
+    return _described(selector, scene)
+
+
+def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
+    gone = _gone(scene, changes)
+    known = {*scene.tracks, *scene.standing, *_sets(scene)} - gone
+    if vehicle_id not in known | gone:
+        raise UnknownName(
+            f"there is no vehicle {vehicle_id}", valid=nearest_ids(vehicle_id, sorted(known)), next_step=NAME_A_VEHICLE
+        )
+    return vehicle_id
+
+
+def _gone(scene: Scene, changes: Changes) -> set[int]:
+    """Whom the edits so far removed; an added vehicle that was removed again has left no other trace."""
+    return {*changes.removed, *(key for added in changes.added_by_edit for key in added if key not in scene.tracks)}
+
+
+def _sets(scene: Scene) -> list[int]:
+    return [int(obstacle.obstacle_id) for obstacle in scene.loaded.scenario.dynamic_obstacles]
+
+
+def _new(edit: int, changes: Changes) -> tuple[int, ...]:
+    if edit >= len(changes.added_by_edit) or not changes.added_by_edit[edit]:
+        raise UnknownName(
+            "new:K names what edit K of the same call adds, and that edit adds nothing before this one",
+            valid=[key for added in changes.added_by_edit for key in added],
+            next_step="name a vehicle by its id",
+        )
+    return changes.added_by_edit[edit]
+
+
+def _vehicles(scene: Scene) -> tuple[int, ...]:
+    return tuple(key for key, track in scene.tracks.items() if track.kind not in NOT_DRIVEN)
+
+
+def _of_class(word: str, scene: Scene) -> tuple[int, ...]:
+    kinds = {name: one.commonroad_type for name, one in vehicle_classes().items()}
+    kinds |= {track.kind: track.kind for track in scene.tracks.values()} | {"pedestrian": "pedestrian"}
+    if word not in kinds:
+        raise UnknownName(
+            f"there is no vehicle class '{word}'", valid=closest(word, sorted(kinds)), next_step="name one of these"
+        )
+    found = tuple(key for key, track in scene.tracks.items() if track.kind == kinds[word])
+    if not found:
+        raise NotPossible(f"the scenario has no {word}", valid=_listed(scene), next_step=NAME_A_VEHICLE)
+    return found
+
+
+def _the_only(what: str, found: tuple[int, ...], scene: Scene) -> tuple[int, ...]:
+    if len(found) != 1:
+        raise NotPossible(
+            f"there are {len(found)} {what}",
+            valid=[_name(scene.tracks[key]) for key in found] or _listed(scene),
+            next_step="name one by its id",
+        )
+    return found
+
+
+def _outermost(side: str, scene: Scene) -> tuple[int, ...]:
+    if side not in ("leftmost", "rightmost"):
+        raise UnknownName(
+            f"there is no lane '{side}'", valid=["lane:leftmost", "lane:rightmost"], next_step="name one of these"
+        )
+    found, step = [], scene.ego.step if scene.ego else 0
+    for key in _vehicles(scene):
+        index = scene.tracks[key].index_at(step)
+        if key in scene.matches and index is not None:
+            lane = scene.layout.table.lanes[scene.matches[key].at(index)]
+            outer, inner = (lane.left, lane.right) if side == "leftmost" else (lane.right, lane.left)
+            if outer is None and inner is not None:
+                found.append(key)
+    return tuple(found)
+
+
+def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
+    """Descriptions that hold at the first time step: by distance, speed or order in the ego's lane."""
+    step = scene.ego.step if scene.ego else 0
+    there = {key: scene.tracks[key] for key in _vehicles(scene) if scene.tracks[key].index_at(step) is not None}
+    if not there:
+        raise NotPossible(f"no vehicle is there at time step {step}", valid=_listed(scene), next_step=NAME_A_VEHICLE)
+    if selector.kind == "standing":
+        return _fitting("stands at the start", [key for key in there if _speed(there[key], step) < STANDING_MPS], scene)
+    if selector.kind in ("fastest", "slowest"):
+        sign = -1.0 if selector.kind == "fastest" else 1.0
+        return _first(selector, there, 1, lambda track: sign * _speed(track, step))
+    ego = _ego(scene, selector)
+    if selector.kind in ("lead", "follow"):
+        found = leader_and_follower(scene, ego)[selector.kind == "follow"]
+        return _fitting(f"is the ego's {selector.kind}", [] if found is None else [found], scene)
+    sign, count = (-1.0, 1) if selector.kind == "farthest" else (1.0, _number(selector, len(there)))
+    return _first(selector, there, count, lambda track: sign * _distance(track, step, ego))
+
+
+def _number(selector: Selector, there: int) -> int:
+    """How many vehicles a selector asks for, of those that are there."""
+    count = int(selector.argument)
+    if count == 0:
+        raise InvalidRequest(
+            f"'{selector}' asks for nobody", valid=["nearest:1", "nearest:3"], next_step="ask for one at least"
+        )
+    if count > there:
+        raise NotPossible(
+            f"'{selector}' asks for more vehicles than are there when the ego starts",
+            valid=[f"nearest:{there}", "all"],
+            next_step="ask for fewer",
+        )
+    return count
+
+
+def _fitting(what: str, found: Sequence[int], scene: Scene) -> tuple[int, ...]:
+    if not found:
+        raise NotPossible(f"no vehicle {what}", valid=_listed(scene), next_step=NAME_A_VEHICLE)
+    return tuple(found)
+
+
+def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
+    """The first vehicles by a rank, of which the last must not be as good as the next one."""
+    order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
+    chosen, bound = order[:count], rank(tracks[order[:count][-1]])
+    alike = [key for key in order if abs(rank(tracks[key]) - bound) < TIE]
+    if not set(alike) <= set(chosen):
+        raise NotPossible(
+            f"'{selector}' is ambiguous: {len(alike)} vehicles are alike",
+            valid=[_name(tracks[key]) for key in alike],
+            next_step="name one by its id",
+        )
+    return tuple(chosen)
+
+
+def _ego(scene: Scene, selector: Selector) -> Ego:
+    if scene.ego is None:
+        raise NotPossible(
+            f"'{selector}' needs an ego, and the scenario has no planning problem",
+            valid=_listed(scene),
+            next_step=NAME_A_VEHICLE,
+        )
+    return scene.ego
+
+
+def _speed(track: Track, step: int) -> float:
+    return float(track.speeds_mps[step - track.first_step])
+
+
+def _distance(track: Track, step: int, ego: Ego) -> float:
+    return float(np.linalg.norm(track.positions[step - track.first_step] - ego.position))
+
+
+def _listed(scene: Scene) -> list[str]:
+    return [_name(scene.tracks[key]) for key in _vehicles(scene)]
+
+
+def _name(track: Track) -> str:
+    return f"{track.obstacle_id} ({track.kind})"
+
+
+# ---------- lanelet_targets
+# Which lanelets the argument ``to`` means, and how they are reached.
+
+NAME_A_LANELET = "name one of these; describe_scenario with detail=lanelets lists all"
+
+
+def target_lanelets(texts: Sequence[str], scene: Scene, changes: Changes) -> frozenset[int]:
+    """Lanelets named by id, by SUMO edge (all its lanes) or as ``lanelet_of:SELECTOR``.
+
+    Raises:
+        InvalidRequest: none is named.
+        UnknownName: a lanelet or edge that does not exist.
+    """
+    if not texts:
+        raise InvalidRequest("no lanelet is named in 'to'", valid=[*scene.layout.lane_of][:12], next_step="name one")
+    return frozenset(key for text in texts for key in _named(text.strip(), scene, changes))
+
+
+def _named(text: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
+    if text.startswith("lanelet_of:"):
+        meant = select([text.removeprefix("lanelet_of:")], scene, changes)
+        return tuple(_lanelet_at_start(key, populated(scene, changes)) for key in meant)
+    if text in scene.layout.edges:
+        return scene.layout.edges[text]
+    return (known_lanelet(text, scene),)
+
+
+def known_lanelet(text: str, scene: Scene) -> int:
+    """The drivable lanelet with this id, or under this lane of SUMO's (edge, underscore, index).
+
+    Raises:
+        UnknownName: no such lanelet or edge; the nearest ids are named.
+    """
+    lanes = scene.layout.table.lanes
+    if text.isdigit() and int(text) in lanes:
+        return int(text)
+    if len(scene.layout.lanelets_of_lane.get(text, ())) == 1:
+        return scene.layout.lanelets_of_lane[text][0]
+    if text.isdigit():
+        every = {lanelet.lanelet_id for lanelet in scene.network.lanelets}
+        what = "is no lanelet that vehicles drive on" if int(text) in every else "is no lanelet of the scenario"
+        raise UnknownName(f"{text} {what}", valid=nearest_ids(int(text), list(lanes)), next_step=NAME_A_LANELET)
+    known = [*map(str, lanes), *scene.layout.edges]
+    raise UnknownName(f"'{text}' is no lanelet or edge", valid=closest(text, known), next_step=NAME_A_LANELET)
+
+
+def reach(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str) -> tuple[int, ...]:
+    """Lanelets from a start to the nearest target, both included.
+
+    Raises:
+        NotPossible: no target can be reached; those that can are named, the nearest to a target first.
+    """
+    begin, wanted = tuple(starts), sorted(targets)
+    route = scene.lanelet_graph.shortest_route(begin, wanted)
+    if route is None:
+        raise NotPossible(
+            f"lanelet {' or '.join(map(str, wanted))} cannot be reached by {who}"
+            f" from lanelet {', '.join(map(str, begin))}: no successors or lane changes lead there",
+            valid=_by_distance_to(wanted, reachable_lanelets(scene, begin), scene),
+            next_step="choose a lanelet that can be reached",
+        )
+    return route
+
+
+def way_through(
+    scene: Scene, start: int, via: Sequence[str], targets: frozenset[int], changes: Changes, who: str
+) -> tuple[int, ...]:
+    """Lanelets from a start to the nearest target, through the given lanelets or edges in their order.
+
+    Raises:
+        UnknownName: a lanelet or edge that does not exist.
+        NotPossible: one of the legs cannot be driven.
+    """
+    way: tuple[int, ...] = (start,)
+    for wanted in (*(target_lanelets([text], scene, changes) for text in via), targets):
+        way += drive_to(scene, way[-1], wanted, who, is_there=way == (start,))[1:]
+    return way
+
+
+def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_there: bool = False) -> tuple[int, ...]:
+    """Lanelets that a vehicle drives from its own to the nearest target, both included.
+
+    ``is_there``: it is on the start already, so that it may steer over from there inside a junction.
+
+    Raises:
+        NotPossible: no target can be reached, or only by a change of lanes inside a junction.
+    """
+    route = scene.driven_graph.shortest_route([start], sorted(targets))
+    if route is None and is_there:
+        route = scene.graph_from_inside(start).shortest_route([start], sorted(targets))
+    if route is not None:
+        return route
+    way = reach(scene, [start], targets, who)
+    changes = [pair for pair in itertools.pairwise(way) if pair[1] in scene.lanelet_graph.neighbours[pair[0]]]
+    wrong, right = next(pair for pair in changes if not set(pair) <= set(scene.layout.lane_of))
+    raise NotPossible(
+        f"{who} would have to change from lanelet {wrong} to {right} inside a junction, where SUMO's vehicles keep "
+        "their lanes",
+        valid=nearest_driven(scene, start, sorted(targets)),
+        next_step="choose a target before or behind the junction",
+    )
+
+
+def nearest_driven(scene: Scene, start: int, targets: Sequence[int]) -> list[int]:
+    """Lanelets that SUMO's vehicles reach from one without changing lanes inside a junction, nearest to a target first.
+
+    As the crow flies.
+    """
+    return _by_distance_to(targets, sorted(scene.driven_graph.reachable([start])), scene)
+
+
+def reachable_lanelets(scene: Scene, starts: Sequence[int]) -> list[int]:
+    """Lanelets outside junctions that can be reached, the fewest lanelets away first, without the starts."""
+    order: list[int] = list(starts)
+    for key in order:
+        onward = {*scene.lanelet_graph.successors.get(key, ()), *scene.lanelet_graph.neighbours.get(key, ())}
+        order += sorted(after for after in onward if after not in order)
+    return [key for key in order if key not in starts and key in scene.layout.lane_of]
+
+
+def _by_distance_to(targets: Sequence[int], lanelets: Sequence[int], scene: Scene) -> list[int]:
+    """Lanelets by how near their centre line comes to that of any target, as the crow flies."""
+    lanes = scene.layout.table.lanes
+    wanted = np.vstack([lanes[key].center for key in targets])
+
+    def distance_m(key: int) -> float:
+        return float(np.linalg.norm(lanes[key].center[:, None] - wanted[None], axis=2).min())
+
+    return sorted(lanelets, key=lambda key: (round(distance_m(key), 3), key))
+
+
+def _lanelet_at_start(vehicle_id: int, scene: Scene) -> int:
+    match = scene.matches.get(vehicle_id)
+    if match is None:
+        raise NotPossible(
+            f"vehicle {vehicle_id} is on no lanelet",
+            valid=[f"lanelet_of:{key}" for key in nearest_ids(vehicle_id, list(scene.matches))],
+            next_step="name another vehicle, or a lanelet by its id",
+        )
+    track = scene.tracks.get(vehicle_id)
+    index = track.index_at(scene.ego.step) if track and scene.ego else None
+    return match.at(index or 0)

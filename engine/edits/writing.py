@@ -1,0 +1,271 @@
+"""States, obstacles and goals as CommonRoad elements."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from lxml import etree
+
+from ..commonroad import ScenarioDocument
+from ..cosimulation import DrivePlan, Replay, TouchedTrack
+from ..geometry import Points, wrap_angle
+from ..scene import Ego
+from ..vehicles import Motion, nearest_class, steering_angles
+from .changes import GoalChange
+
+# ---------- state_elements
+# States, obstacles and goals as CommonRoad elements.
+
+DECIMALS = 6
+USUAL_FIELDS = ("position", "orientation", "time", "velocity", "acceleration")
+USUAL_GOAL_SIZE_M = (6.0, 2.0)
+"""Length and width of a goal region where neither the request nor the file gives one, as in the paper's code."""
+Element = etree._Element
+
+
+def write_touched(document: ScenarioDocument, track: TouchedTrack, step_s: float) -> None:
+    """Replace the states of a recorded obstacle after its hand-over; those up to it stay as they are."""
+    trajectory = document.obstacle(track.vehicle_id).find("trajectory")
+    if trajectory is None:
+        return
+    states = trajectory.findall("state")
+    fields = tuple(str(child.tag) for child in states[0])
+    later = [state for state in states if _state_step(state) > track.first_step]
+    new = _state_elements(track, fields, step_s, first=1)
+    if later:
+        document.replace_children(trajectory, later, new)
+    else:
+        document.replace_children(trajectory, states[-1:], [states[-1], *new])
+
+
+def _state_elements(track: TouchedTrack, fields: tuple[str, ...], step_s: float, first: int) -> list[Element]:
+    """``<state>`` elements for the motion from its ``first`` index on, with the fields that can be told."""
+    rates = np.gradient(track.motion.headings_rad, step_s)
+    steering = steering_angles(track.motion, step_s, track.wheelbase_m)
+    made = []
+    for index in range(first, len(track.motion.speeds_mps)):
+        values = {
+            "orientation": wrap_angle(float(track.motion.headings_rad[index])),
+            "velocity": float(track.motion.speeds_mps[index]),
+            "acceleration": float(track.motion.accelerations_mps2[index]),
+            "yawRate": float(rates[index]),
+            "slipAngle": 0.0,
+            "steeringAngle": float(steering[index]),
+        }
+        x, y = track.motion.positions[index]
+        made.append(_state("state", fields, values, (float(x), float(y)), track.first_step + index))
+    return made
+
+
+def added_obstacle(plan: DrivePlan, track: TouchedTrack, step_s: float, *, is_2018b: bool) -> Element:
+    """The element of an added vehicle, its type and size those of its class."""
+    return _obstacle_element(plan.vehicle_class.commonroad_type, track, step_s, is_2018b=is_2018b)
+
+
+def _obstacle_element(kind: str, track: TouchedTrack, step_s: float, *, is_2018b: bool) -> Element:
+    """The element of a moving road user of a CommonRoad type."""
+    obstacle = etree.Element("obstacle" if is_2018b else "dynamicObstacle", id=str(track.vehicle_id))
+    if is_2018b:
+        etree.SubElement(obstacle, "role").text = "dynamic"
+    etree.SubElement(obstacle, "type").text = kind
+    rectangle = etree.SubElement(etree.SubElement(obstacle, "shape"), "rectangle")
+    etree.SubElement(rectangle, "length").text = _number(track.length_m)
+    etree.SubElement(rectangle, "width").text = _number(track.width_m)
+    states = _state_elements(track, USUAL_FIELDS, step_s, first=0)
+    states[0].tag = "initialState"
+    obstacle.append(states[0])
+    trajectory = etree.SubElement(obstacle, "trajectory")
+    trajectory.extend(states[1:])
+    return obstacle
+
+
+def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
+    """Replace the goal of a planning problem; what the edit does not name stays.
+
+    Returns:
+        Sentences on what else had to change.
+    """
+    problem = document.problem(goal.problem_id)
+    states = problem.findall("goalState") or [_first_goal(problem)]
+    notes = []
+    if len(states) > 1:
+        notes.append(f"the {len(states)} goal states of problem {goal.problem_id} became one")
+        for state in states[1:]:
+            problem.remove(state)
+    old = states[0]
+    new = etree.Element("goalState")
+    new.append(_goal_position(old, goal))
+    orientation = old.find("orientation")
+    if orientation is not None:
+        new.append(_turned(orientation, goal.heading_rad))
+        notes.append("the goal's orientation interval was turned into the direction of its lanelet")
+    for name, interval in (("time", goal.steps), ("velocity", goal.speed_mps)):
+        element = old.find(name)
+        if interval is not None:
+            new.append(_interval(name, *interval))
+        elif element is not None:
+            element.tail = None
+            new.append(element)
+    document.replace_children(problem, [old], [new])
+    return notes
+
+
+def _first_goal(problem: Element) -> Element:
+    """An empty goal state at the end of a problem that has none, indented like the others."""
+    before = problem[-1]
+    made = etree.SubElement(problem, "goalState")
+    before.tail, made.tail = problem.text, before.tail
+    return made
+
+
+def _goal_position(old: Element, goal: GoalChange) -> Element:
+    rectangle = old.find("position/rectangle")
+    size = goal.size_m or (USUAL_GOAL_SIZE_M if rectangle is None else _size(rectangle))
+    position = etree.Element("position")
+    shape = etree.SubElement(position, "rectangle")
+    etree.SubElement(shape, "length").text = _number(size[0])
+    etree.SubElement(shape, "width").text = _number(size[1])
+    etree.SubElement(shape, "orientation").text = _number(wrap_angle(goal.heading_rad))
+    center = etree.SubElement(shape, "center")
+    etree.SubElement(center, "x").text = _number(float(goal.center[0]))
+    etree.SubElement(center, "y").text = _number(float(goal.center[1]))
+    return position
+
+
+def _size(rectangle: Element) -> tuple[float, float]:
+    return float(rectangle.findtext("length", "0")), float(rectangle.findtext("width", "0"))
+
+
+def _turned(orientation: Element, heading_rad: float) -> Element:
+    """The interval with its old width around a new heading."""
+    start, end = float(orientation.findtext("intervalStart", "0")), float(orientation.findtext("intervalEnd", "0"))
+    half = min(abs(end - start) / 2, 3.14)
+    middle = wrap_angle(heading_rad)
+    return _interval("orientation", middle - half, middle + half)
+
+
+def _interval(name: str, start: float, end: float) -> Element:
+    element = etree.Element(name)
+    etree.SubElement(element, "intervalStart").text = str(start) if isinstance(start, int) else _number(start)
+    etree.SubElement(element, "intervalEnd").text = str(end) if isinstance(end, int) else _number(end)
+    return element
+
+
+def _state(
+    tag: str, fields: tuple[str, ...], values: dict[str, float], position: tuple[float, float], step: int
+) -> Element:
+    state = etree.Element(tag)
+    for field in fields:
+        if field == "position":
+            state.append(_point_element(position))
+        elif field == "time":
+            etree.SubElement(etree.SubElement(state, "time"), "exact").text = str(step)
+        elif field in values:
+            state.append(exact(field, values[field]))
+    return state
+
+
+def _point_element(position: Sequence[float] | Points) -> Element:
+    """A ``<position>`` with one point."""
+    element = etree.Element("position")
+    point = etree.SubElement(element, "point")
+    etree.SubElement(point, "x").text = _number(float(position[0]))
+    etree.SubElement(point, "y").text = _number(float(position[1]))
+    return element
+
+
+def exact(name: str, value: float) -> Element:
+    """An element with one exact value."""
+    element = etree.Element(name)
+    etree.SubElement(element, "exact").text = _number(value)
+    return element
+
+
+def _state_step(state: Element) -> int:
+    """The time step of a state; the first one of an interval."""
+    exact = state.findtext("time/exact")
+    return int(exact if exact is not None else state.findtext("time/intervalStart", "0"))
+
+
+def _number(value: float) -> str:
+    rounded = round(value, DECIMALS)
+    return f"{rounded + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".") if rounded else "0"
+
+
+# ---------- moved_elements
+# CommonRoad elements of road users that are not driven but moved in time or added on foot, and of the ego's start.
+
+_INITIAL_OF = {"trajectory": "initialState", "signalSeries": "initialSignalState"}
+_AT_REST = {"yawRate": 0.0, "slipAngle": 0.0, "acceleration": 0.0}
+
+
+def write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> None:
+    """Move the states of a recorded obstacle in time, or put an added walker in."""
+    if replay.recording is None:
+        motion = replayed_motion(replay, step_s)
+        track = replay.track
+        touched = TouchedTrack(
+            vehicle_id=track.obstacle_id,
+            first_step=track.first_step,
+            motion=motion,
+            length_m=track.length_m,
+            width_m=track.width_m,
+            wheelbase_m=nearest_class(track.kind, track.length_m).wheelbase_m,
+            leaves=False,
+            lanes=(),
+        )
+        element = _obstacle_element(track.kind, touched, step_s, is_2018b=document.is_2018b)
+        document.add_obstacle(element)
+        return
+    obstacle = document.obstacle(replay.track.obstacle_id)
+    for tag, initial in _INITIAL_OF.items():
+        _move(obstacle, tag, initial, replay)
+
+
+def replayed_motion(replay: Replay, step_s: float) -> Motion:
+    """A given track as a motion."""
+    speeds = replay.track.speeds_mps
+    accelerations = np.gradient(speeds, step_s) if len(speeds) > 1 else np.zeros(1)
+    return Motion(replay.track.positions, replay.track.headings_rad, speeds, accelerations)
+
+
+def write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
+    """Replace place, heading and speed of a planning problem's initial state; the rest of its motion is at rest."""
+    state = document.problem(ego.problem_id).find("initialState")
+    if state is None:
+        return
+    values = {"orientation": ego.heading_rad, "velocity": ego.speed_mps, **_AT_REST}
+    for child in [one for one in state if isinstance(one.tag, str)]:
+        made = _point_element(ego.position) if child.tag == "position" else None
+        if child.tag in values:
+            made = exact(str(child.tag), values[str(child.tag)])
+        if made is not None:
+            document.replace_children(state, [child], [made])
+
+
+def _move(obstacle: Element, tag: str, initial_tag: str, replay: Replay) -> None:
+    """Move an initial state and those of a list by the replay's steps; those outside its track go."""
+    initial, series = obstacle.find(initial_tag), obstacle.find(tag)
+    states = [one for one in (initial, *([] if series is None else series)) if one is not None]
+    kept = []
+    for state in [one for one in states if isinstance(one.tag, str)]:
+        step = _state_step(state) + replay.shifted_steps
+        if replay.track.first_step <= step <= replay.track.last_step:
+            _set_step(state, step)
+            kept.append(state)
+        elif state is not initial and series is not None:
+            series.remove(state)
+    if initial is None or series is None or not kept or kept[0] is initial:
+        return
+    for child in list(initial):
+        initial.remove(child)
+    initial.extend(list(kept[0]))
+    series.remove(kept[0])
+
+
+def _set_step(state: Element, step: int) -> None:
+    time = state.find("time")
+    if time is None:
+        return
+    for child in list(time):
+        time.remove(child)
+    etree.SubElement(time, "exact").text = str(step)

@@ -1,0 +1,16 @@
+"""Scenarios made from maps: site, network, traffic, ego and goal, file, checks.
+
+``generate``: Make one scenario in the request's folder.
+``convert_map``: The net with the mildest settings that give one on which cars can drive, and notes on what had to be
+    changed.
+"""
+
+from typing import TYPE_CHECKING
+
+from .. import lazy_face
+
+if TYPE_CHECKING:
+    from .generator import generate as generate
+    from .site_network import convert_map as convert_map
+
+__getattr__, __dir__ = lazy_face(__name__, __file__)

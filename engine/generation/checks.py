@@ -1,0 +1,90 @@
+"""Checks on a written scenario, made on the file as others will read it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ...schemas.generation import Checks
+from ...schemas.network_rules import RuleFinding
+from ..commonroad import LoadedScenario, Track, read_recorded, schema_errors
+from ..geometry import Body, oriented_rectangle, overlaps, rectangles_overlap
+from ..network import LaneletGraph, told
+from ..vehicles import Motion, check_kinematics, class_by_size
+
+EGO_SIZE_M = (4.508, 1.61)
+
+
+def check_scenario(path: Path, ego: Body, findings: Sequence[RuleFinding]) -> Checks:
+    """Read a written scenario back and check it.
+
+    Args:
+        path: the CommonRoad file.
+        ego: the ego's recorded way, which the file does not hold.
+        findings: what the rules found in its road network.
+    """
+    recorded = read_recorded(path)
+    loaded, tracks = recorded.loaded, recorded.tracks
+    infeasible = tuple(key for key, track in tracks.items() if not _feasible(track, loaded.step_s))
+    return Checks(
+        schema_valid=not schema_errors(path),
+        goal_reachable=_goal_reachable(loaded),
+        collisions_at_start=_collisions_at_start(loaded, tracks),
+        overlapping_pairs=len(overlaps([_body(track) for track in tracks.values()])),
+        recorded_ego_collision_free=not any(overlaps([ego, _body(track)]) for track in tracks.values()),
+        centers_on_lanelets=_share_on_lanelets(loaded, tracks),
+        feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
+        infeasible_vehicles=infeasible,
+        network_errors=told(findings, "error"),
+        network_warnings=told(findings, "warning"),
+    )
+
+
+def _feasible(track: Track, step_s: float) -> bool:
+    """Whether a track can be driven, with the dimensions of its class where its size tells it."""
+    motion = Motion(track.positions, track.headings_rad, track.speeds_mps, np.gradient(track.speeds_mps, step_s))
+    known = class_by_size(track.kind, track.length_m)
+    if known is None:
+        return check_kinematics(motion, step_s).feasible
+    return check_kinematics(motion, step_s, wheelbase_m=known.wheelbase_m, rear_axle_m=known.rear_axle_m).feasible
+
+
+def _body(track: Track) -> Body:
+    return Body(track.positions, track.headings_rad, (track.length_m, track.width_m))
+
+
+def _goal_reachable(loaded: LoadedScenario) -> bool:
+    network = loaded.scenario.lanelet_network
+    problem = loaded.problem()
+    starts = network.find_lanelet_by_position([np.asarray(problem.initial_state.position)])[0]
+    goals = [
+        key
+        for state in problem.goal.state_list
+        for key in network.find_lanelet_by_position([np.asarray(state.position.center)])[0]
+    ]
+    return bool(starts and goals) and LaneletGraph.of(network).shortest_route(starts, goals) is not None
+
+
+def _collisions_at_start(loaded: LoadedScenario, tracks: dict[int, Track]) -> int:
+    state = loaded.problem().initial_state
+    boxes = [oriented_rectangle(np.asarray(state.position), float(state.orientation), EGO_SIZE_M)]
+    for track in tracks.values():
+        if track.first_step == 0:
+            size = (track.length_m, track.width_m)
+            boxes.append(oriented_rectangle(track.positions[0], float(track.headings_rad[0]), size))
+    pairs = ((one, other) for index, one in enumerate(boxes) for other in boxes[:index])
+    return sum(rectangles_overlap(one, other) for one, other in pairs)
+
+
+def _share_on_lanelets(loaded: LoadedScenario, tracks: dict[int, Track]) -> float:
+    """Share of all recorded centres that lie on a lanelet."""
+    from shapely import contains_xy, prepare, union_all
+
+    if not tracks:
+        return 1.0
+    union = union_all(
+        [lanelet.polygon.shapely_object.buffer(0.02) for lanelet in loaded.scenario.lanelet_network.lanelets]
+    )
+    prepare(union)
+    points = np.concatenate([track.positions for track in tracks.values()])
+    return float(np.mean(contains_xy(union, points[:, 0], points[:, 1])))

@@ -1,0 +1,363 @@
+"""The ego and its goal: one of the recorded cars becomes the planning problem, its recorded way shows the goal."""
+
+import itertools
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ..geometry import Points, Values, arc_length, gaussian, point_at, project, resample, without_repeats, wrap_angle
+from ..network import WIDEST_TURN_RAD, LaneletLookup, RoadLanelet, RoadNetwork, station_m
+from ..traffic import Participant
+from .sites import SiteHeart
+
+# ---------- ego_way
+# Whether the lanes under a car's way can be followed at its speed: what a planner with a reference path needs.
+#
+# Maps have corners, and sideways jogs where netconvert joins lanes that do not face each other. Recorded cars cut them;
+# a planner that follows the lanes' centre lines may find no trajectory there.
+
+LARGEST_CURVATURE_PER_M = 0.2
+"""Just below that of CommonRoad's vehicle 2 (BMW 320i) with its wheels turned fully."""
+LARGEST_CURVATURE_RATE_PER_MS = 0.4
+"""What the Frenetix core allows."""
+SMOOTHING_M = 2.0
+BEFORE_M, BEYOND_M = 2.0, 20.0
+LOOKED_AT_EVERY = 5
+
+
+def follows_smooth_lanes(car: Participant, last_step: int, network: RoadNetwork, lookup: LaneletLookup) -> bool:
+    """Whether the centre lines under the car up to a step, and 20 m beyond, bend no more than it can steer."""
+    steps = range(0, last_step + 1, LOOKED_AT_EVERY)
+    under = [lookup.under(car.motion.positions[step], float(car.motion.headings_rad[step])) for step in steps]
+    way = [lanelet for lanelet, _ in itertools.groupby(lanelet for lanelet in under if lanelet is not None)]
+    return all(_is_smooth(line, car, last_step) for line in _lines(way, network))
+
+
+def _lines(way: Sequence[RoadLanelet], network: RoadNetwork) -> list[Points]:
+    """The centre lines joined where one lanelet follows on another, apart where the car changes the lane."""
+    lines: list[list[Points]] = []
+    for before, lanelet in itertools.pairwise([None, *way]):
+        if lanelet is None:
+            continue
+        if before is None or lanelet.lanelet_id not in before.successors:
+            lines.append([])
+        lines[-1].append(lanelet.center)
+    if way and len(way[-1].successors) == 1:
+        lines[-1].append(network.lanelets[way[-1].successors[0]].center)
+    return [without_repeats(np.concatenate(parts)) for parts in lines]
+
+
+def _is_smooth(line: Points, car: Participant, last_step: int) -> bool:
+    length = float(arc_length(line)[-1])
+    if length < 4 * SMOOTHING_M:
+        return True
+    spacing = length / round(length)
+    points = gaussian(resample(line, round(length) + 1), SMOOTHING_M / spacing)
+    turns = np.diff(np.unwrap(np.arctan2(*np.diff(points, axis=0).T[::-1])))
+    curvature = turns / spacing
+    stations = arc_length(points)[1:-1]
+    first, last = (project(points, car.motion.positions[step])[0] for step in (0, last_step))
+    watched = (stations > first - BEFORE_M) & (stations < last + BEYOND_M)
+    speed = _speeds_along(points, stations, car, last_step)
+    rate = np.abs(np.gradient(curvature, spacing)) * speed if len(curvature) > 1 else curvature
+    too_tight = np.abs(curvature) > LARGEST_CURVATURE_PER_M
+    return not bool(np.any(watched & (too_tight | (rate > LARGEST_CURVATURE_RATE_PER_MS))))
+
+
+def _speeds_along(line: Points, stations: Points, car: Participant, last_step: int) -> Points:
+    """The car's recorded speed at every station, that at either end beyond."""
+    steps = np.arange(0, last_step + 1, LOOKED_AT_EVERY)
+    there = np.array([project(line, car.motion.positions[step])[0] for step in steps])
+    order = np.argsort(there, kind="stable")
+    speeds: Points = np.interp(stations, there[order], car.motion.speeds_mps[steps][order])
+    return speeds
+
+
+# ---------- goal_wish
+# The goal as asked, and the step of a recorded car at which it is there.
+
+SHORTEST_WAY_M = 10.0
+SHORTEST_ASKED_WAY_M = 4.0
+LARGEST_GAP_M = 3.0
+"""Half the way of a car between two steps, at most: one that is recorded farther before or behind stops short of it."""
+FARTHEST_ASIDE_M = 1.5
+MIDDLE = "middle"
+FORMS = (
+    "steps:N (10 to 1000)",
+    "distance_m:X (5 to 2000)",
+    "lanelet:ID:POSITION, also lanelet:ID:POSITION:LENGTHxWIDTH",
+)
+
+
+@dataclass(frozen=True)
+class _LaneletGoal:
+    """A goal on a lanelet: a position word, fraction or metres along it, and the rectangle (length, width) in m."""
+
+    lanelet_id: int
+    position: str
+    size_m: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class GoalWish:
+    """The goal as asked: after a number of steps, after a distance in m on the ego's own way, or on a lanelet."""
+
+    steps: int | None = None
+    distance_m: float | None = None
+    lanelet: _LaneletGoal | None = None
+
+    @property
+    def shortest_way_m(self) -> float:
+        """So far a car has to drive to the goal at least."""
+        return SHORTEST_WAY_M if self.steps is not None else SHORTEST_ASKED_WAY_M
+
+    def __str__(self) -> str:
+        if self.lanelet is not None:
+            return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
+        return f"{self.steps} steps ahead" if self.steps is not None else f"{self.distance_m:g} m ahead"
+
+
+@dataclass(frozen=True)
+class _Passage:
+    """Where a car is when it is at the goal: the step, the goal's middle (2,) in m and heading."""
+
+    step: int
+    center: Points
+    heading_rad: float
+
+
+def parse_goal(text: str) -> GoalWish:
+    """Read ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``; the usual position is the middle.
+
+    Raises:
+        InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
+    """
+    if (match := re.fullmatch(r"steps:(\d{1,5})", text)) and 10 <= int(match[1]) <= 1000:
+        return GoalWish(steps=int(match[1]))
+    if (match := re.fullmatch(r"distance_m:(\d{1,5}(?:\.\d+)?)", text)) and 5 <= float(match[1]) <= 2000:
+        return GoalWish(distance_m=float(match[1]))
+    if match := re.fullmatch(r"lanelet:(\d{1,9})(?::([a-z_]+|[\d.]+m?))?(?::([\d.]+)x([\d.]+))?", text):
+        try:
+            size = (float(match[3]), float(match[4])) if match[3] else None
+        except ValueError:
+            size = (0.0, 0.0)
+        if size is None or all(0.5 <= side <= 500 for side in size):
+            return GoalWish(lanelet=_LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
+    raise InvalidRequest(f"goal {text!r} cannot be read", valid=FORMS)
+
+
+def _check_lanelet(goal: GoalWish, network: RoadNetwork) -> None:
+    """Refuse a lanelet that the network does not have, or a place beyond it.
+
+    Raises:
+        UnknownName: there is no such lanelet; ids are known only once a scenario of the site is made.
+        InvalidRequest: the position is none, or lies beyond the lanelet.
+    """
+    if goal.lanelet is None:
+        return
+    key = goal.lanelet.lanelet_id
+    if key not in network.lanelets:
+        raise UnknownName(
+            f"the site has no lanelet {key}: ids are known once a scenario of it is made",
+            valid=closest(str(key), [str(one) for one in sorted(network.lanelets)]),
+            next_step="generate with another goal and ask describe_scenario first, or use modify_scenario afterwards",
+        )
+    station_m(goal.lanelet.position, key, float(arc_length(network.lanelets[key].center)[-1]))
+
+
+def passage(goal: GoalWish, car: Participant, network: RoadNetwork) -> _Passage | None:
+    """Where and when a car is at the goal; None if it is not there within its recording, or too near to its start."""
+    gone = arc_length(car.motion.positions)
+    if goal.lanelet is not None:
+        return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], gone)
+    step = _ahead(goal, gone)
+    if step is None or gone[step] < goal.shortest_way_m:
+        return None
+    return _Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))
+
+
+def _ahead(goal: GoalWish, gone: Values) -> int | None:
+    if goal.steps is not None:
+        return goal.steps if goal.steps < len(gone) else None
+    reached = np.flatnonzero(gone >= (goal.distance_m or 0.0))
+    return int(reached[0]) if len(reached) else None
+
+
+def _on_lanelet(goal: _LaneletGoal, car: Participant, lanelet: RoadLanelet, gone: Values) -> _Passage | None:
+    """The step at which the car is nearest to the place, if it drives over it along the lanelet.
+
+    A rectangle that already holds the car at its start is no goal.
+    """
+    station = station_m(goal.position, lanelet.lanelet_id, float(arc_length(lanelet.center)[-1]))
+    center, heading = point_at(lanelet.center, station)
+    offsets = car.motion.positions - center
+    step = int(np.argmin(np.linalg.norm(offsets, axis=1)))
+    forward = np.array([math.cos(heading), math.sin(heading)])
+    leftward = np.array([-forward[1], forward[0]])
+    ahead, aside = offsets[step] @ forward, offsets[step] @ leftward
+    length, width = goal.size_m or (0.0, 0.0)
+    if abs(offsets[0] @ forward) <= length / 2 and abs(offsets[0] @ leftward) <= width / 2:
+        return None
+    turned = wrap_angle(float(car.motion.headings_rad[step]) - heading)
+    passes = abs(ahead) < LARGEST_GAP_M and abs(aside) < FARTHEST_ASIDE_M and abs(turned) < WIDEST_TURN_RAD
+    return _Passage(step, center, heading) if passes and gone[step] >= SHORTEST_ASKED_WAY_M else None
+
+
+# ---------- planning_problem
+# The ego and its goal: one of the recorded cars becomes the planning problem, its recorded way shows the goal.
+
+TIME_MARGIN_S = 1.5
+HEADING_MARGIN_RAD = 0.25
+
+
+@dataclass(frozen=True)
+class EgoWish:
+    """The ego as asked: the n-th car; ``other_class`` is what was asked for instead of a car."""
+
+    index: int | None
+    other_class: str | None
+
+
+@dataclass(frozen=True)
+class PlanningTask:
+    """Initial state and goal of the ego.
+
+    The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, to be reached within
+    the steps of ``time_steps`` and headings within ``heading_margin_rad``. ``heart_passed``: how many parts of
+    what the site is about the recorded way to it passes.
+    """
+
+    ego: Participant
+    goal_step: int
+    goal_distance_m: float
+    lanelet_id: int
+    center: Points
+    heading_rad: float
+    size_m: tuple[float, float]
+    time_steps: tuple[int, int]
+    heading_margin_rad: float
+    heart_passed: int = 1
+
+
+def parse_ego(text: str) -> EgoWish:
+    """Read ``first``, ``index:N`` or ``type:CLASS``.
+
+    Raises:
+        InvalidRequest: none of these.
+    """
+    if text == "first":
+        return EgoWish(None, None)
+    if match := re.fullmatch(r"index:(\d{1,3})", text):
+        return EgoWish(int(match[1]), None)
+    if match := re.fullmatch(r"type:([a-z_]{1,30})", text):
+        return EgoWish(None, None if match[1] == "car" else match[1])
+    raise InvalidRequest(f"ego {text!r} cannot be read", valid=["first", "index:N (cars, from 0)", "type:CLASS"])
+
+
+def choose_task(
+    ego: EgoWish, goal: GoalWish, everyone: Sequence[Participant], network: RoadNetwork, heart: SiteHeart, step_s: float
+) -> PlanningTask:
+    """The planning task of the wished car, or of the first car that can have the wished goal.
+
+    Cars whose recorded way can be driven come before others, of those the ones that pass on it what the site is about,
+    and of those the ones whose lanes can be followed.
+
+    Raises:
+        NotPossible: no car, not so many cars, or none that reaches such a goal.
+    """
+    cars = [vehicle for vehicle in everyone if vehicle.vehicle_class.name == "car"]
+    if ego.index is not None and ego.index >= len(cars):
+        raise NotPossible(
+            f"ego index:{ego.index} asks for car number {ego.index}; the traffic holds {len(cars)}",
+            valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
+            next_step="choose a smaller index or a higher density",
+        )
+    choice = [cars[ego.index]] if ego.index is not None else cars
+    _check_lanelet(goal, network)
+    lookup = LaneletLookup(network)
+    best: tuple[tuple[bool, int, bool], PlanningTask] | None = None
+    for car in choice:
+        task = _task(car, goal, network, lookup, step_s)
+        if task is None:
+            continue
+        task = replace(task, heart_passed=heart.parts_passed(car, task.goal_step))
+        if best is not None and (car.feasible, task.heart_passed, True) <= best[0]:
+            continue
+        smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup)
+        merit = (car.feasible, task.heart_passed, smooth)
+        if best is None or merit > best[0]:
+            best = merit, task
+        if merit == (True, heart.parts, True):
+            break
+    if best is not None:
+        return best[1]
+    raise NotPossible(
+        f"none of the {len(choice)} car(s) to choose from has a goal {goal} on its way (at least "
+        f"{goal.shortest_way_m:g} m within the recording, and not around its start)",
+        valid=_driven_lanelets(choice, lookup) if goal.lanelet else [],
+        next_step="choose another goal, a longer duration_s, another ego or another seed",
+    )
+
+
+def _driven_lanelets(cars: Sequence[Participant], lookup: LaneletLookup) -> list[int]:
+    """The lanelets that the cars drive over, seen twice a second."""
+    passed = (_under(lookup, car, step) for car in cars for step in range(0, len(car.motion.positions), 5))
+    return sorted({lanelet.lanelet_id for lanelet in passed if lanelet is not None})
+
+
+def _task(
+    car: Participant, goal: GoalWish, network: RoadNetwork, lookup: LaneletLookup, step_s: float
+) -> PlanningTask | None:
+    there = passage(goal, car, network)
+    if there is None:
+        return None
+    start, end = _under(lookup, car, 0), _goal_lanelet(goal, there, network, lookup)
+    if start is None or end is None or not _is_reachable(network, start.lanelet_id, end.lanelet_id):
+        return None
+    margin = round(TIME_MARGIN_S / step_s)
+    asked = goal.lanelet.size_m if goal.lanelet else None
+    return PlanningTask(
+        ego=car,
+        goal_step=there.step,
+        goal_distance_m=float(arc_length(car.motion.positions)[there.step]),
+        lanelet_id=end.lanelet_id,
+        center=there.center,
+        heading_rad=there.heading_rad,
+        size_m=asked or _usual_size(end, there.center, float(car.motion.speeds_mps[there.step])),
+        time_steps=(max(1, there.step - margin), there.step + margin),
+        heading_margin_rad=HEADING_MARGIN_RAD,
+    )
+
+
+def _goal_lanelet(goal: GoalWish, there: _Passage, network: RoadNetwork, lookup: LaneletLookup) -> RoadLanelet | None:
+    if goal.lanelet is not None:
+        return network.lanelets[goal.lanelet.lanelet_id]
+    return lookup.under(there.center, there.heading_rad)
+
+
+def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple[float, float]:
+    """A rectangle as wide as the lanelet, 2 to 3.5 m, and as long as the car drives in 0.8 s, 6 to 20 m."""
+    station, _ = project(lanelet.center, center)
+    width = float(np.interp(station, arc_length(lanelet.center), np.linalg.norm(lanelet.left - lanelet.right, axis=1)))
+    length = min(max(6.0, 0.8 * speed_mps), 20.0)
+    return round(length, 2), round(min(max(width, 2.0), 3.5), 2)
+
+
+def _under(lookup: LaneletLookup, vehicle: Participant, step: int) -> RoadLanelet | None:
+    return lookup.under(vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step]))
+
+
+def _is_reachable(network: RoadNetwork, start: int, goal: int) -> bool:
+    """Whether one lanelet can be reached from another by successors and lane changes."""
+    found, waiting = {start}, [start]
+    while waiting:
+        lanelet = network.lanelets[waiting.pop()]
+        for key in (*lanelet.successors, *lanelet.neighbours()):
+            if key not in found:
+                found.add(key)
+                waiting.append(key)
+    return goal in found

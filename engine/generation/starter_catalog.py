@@ -1,0 +1,131 @@
+"""Making the starter catalogue anew from our own maps with our own generator.
+
+``python -m plannerforge.engine.generation.starter_catalog`` writes the catalogue package's ``starter.zip``; on one
+type of machine the bytes are always the same (fixed order, fixed times of day, no dates).
+"""
+
+import json
+import tempfile
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...schemas.generation import Density, GenerationRequest, SiteType, VehicleDemand
+from ...schemas.scenarios import ReadFactsRequest
+from ..catalog import ARCHIVE
+from ..execution import silent
+from ..maps import MapEntry, built_in_maps
+from ..scenarios import read_facts
+from .generator import generate
+
+FIXED_TIME = (2025, 1, 1, 0, 0, 0)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One scenario of the starter catalogue: where, how dense, who besides cars, how long, which seed."""
+
+    place: str
+    scenario_type: SiteType
+    density: Density
+    classes: tuple[str, ...]
+    duration_s: float
+    seed: int
+    goal: str = "steps:50"
+
+
+PLANS = (
+    Plan("Musterstadt", "signalised_intersection", "low", ("bus",), 12, 1),
+    Plan("Musterstadt", "signalised_intersection", "medium", ("truck", "motorcycle"), 10, 2),
+    Plan("Musterstadt", "intersection", "low", ("bicycle",), 12, 3),
+    Plan("Fahrhausen", "intersection", "low", ("truck",), 12, 4),
+    Plan("Fahrhausen", "intersection", "low", ("bicycle", "bus"), 12, 5, "distance_m:40"),
+    Plan("Fahrhausen", "urban", "low", ("delivery",), 12, 6),
+    Plan("Kreiselheim", "roundabout", "low", ("bicycle",), 12, 7),
+    Plan("Kreiselheim", "roundabout", "medium", ("truck", "taxi"), 10, 8),
+    Plan("Kreiselheim", "roundabout", "low", ("bus", "motorcycle"), 12, 9, "steps:70"),
+    Plan("Neuland", "highway", "low", ("truck",), 12, 10),
+    Plan("Neuland", "highway", "medium", ("truck", "coach"), 10, 11, "distance_m:120"),
+    Plan("Neuland", "ramp", "low", ("truck",), 12, 12),
+    Plan("Neuland", "ramp", "medium", ("trailer", "motorcycle"), 10, 13),
+    Plan("Quadratstadt", "urban", "low", ("bus", "bicycle"), 12, 14),
+    Plan("Quadratstadt", "signalised_intersection", "medium", ("emergency", "taxi"), 10, 15),
+    Plan("Quadratstadt", "urban", "high", ("truck", "bicycle"), 8, 16),
+    Plan("Landmoor", "rural", "low", ("truck",), 12, 17),
+    Plan("Landmoor", "rural", "low", ("bus", "motorcycle"), 12, 18, "distance_m:100"),
+    Plan("Musterstadt", "signalised_intersection", "high", ("taxi", "coach"), 10, 19),
+    Plan("Musterstadt", "urban", "low", ("delivery", "moped"), 12, 20, "distance_m:60"),
+    Plan("Fahrhausen", "intersection", "medium", ("motorcycle",), 12, 21),
+    Plan("Fahrhausen", "urban", "high", ("bicycle", "moped"), 10, 22),
+    Plan("Kreiselheim", "roundabout", "high", ("coach",), 10, 23),
+    Plan("Kreiselheim", "intersection", "low", ("emergency",), 12, 24),
+    Plan("Neuland", "highway", "high", ("trailer", "truck"), 10, 25),
+    Plan("Neuland", "highway", "low", ("emergency", "motorcycle"), 15, 26, "distance_m:200"),
+    Plan("Neuland", "ramp", "high", ("truck", "delivery"), 10, 27),
+    Plan("Neuland", "rural", "medium", ("trailer",), 12, 28),
+    Plan("Quadratstadt", "intersection", "medium", ("bus",), 12, 29, "steps:70"),
+    Plan("Quadratstadt", "signalised_intersection", "low", ("delivery", "bicycle"), 12, 30),
+    Plan("Landmoor", "rural", "medium", ("trailer", "coach"), 12, 31),
+    Plan("Landmoor", "intersection", "low", ("truck",), 12, 32),
+)
+
+
+def build(target: Path) -> list[str]:
+    """Generate all scenarios and write the archive; the scenarios' ids in order.
+
+    The archive holds ``manifest.json`` (how each was made), ``facts.json`` (facts by id), and the files.
+    """
+    maps = {entry.facts.place: entry for entry in built_in_maps()}
+    members: dict[str, bytes] = {}
+    facts: dict[str, object] = {}
+    manifest: list[dict[str, object]] = []
+    for number, plan in enumerate(PLANS, start=1):
+        with tempfile.TemporaryDirectory() as folder:
+            request = _request(plan, maps[plan.place], number, folder)
+            made = generate(request, silent)
+            xml, net = Path(folder) / "scenario.xml", Path(folder) / "scenario.net.xml"
+            members[f"scenarios/{made.benchmark_id}.xml"] = xml.read_bytes()
+            members[f"scenarios/{made.benchmark_id}.net.xml"] = net.read_bytes()
+            found = read_facts(ReadFactsRequest(path=xml), silent)
+            facts[made.benchmark_id] = found.model_dump(mode="json")
+        arguments = request.model_dump(mode="json", exclude={"folder", "map_path"})
+        manifest.append({"id": made.benchmark_id, "tool": "generate_scenarios", "arguments": arguments})
+    members["manifest.json"] = _json(manifest)
+    members["facts.json"] = _json(facts)
+    _write(target, members)
+    return [str(entry["id"]) for entry in manifest]
+
+
+def _request(plan: Plan, entry: MapEntry, number: int, folder: str) -> GenerationRequest:
+    return GenerationRequest(
+        map_path=str(entry.path),
+        map_id=entry.facts.map_id,
+        place=entry.facts.place,
+        country=entry.facts.country,
+        attribution=entry.facts.attribution,
+        scenario_type=plan.scenario_type,
+        density=plan.density,
+        vehicles=tuple(VehicleDemand(vehicle_class=name) for name in plan.classes),
+        duration_s=plan.duration_s,
+        goal=plan.goal,
+        seed=plan.seed,
+        benchmark_number=number,
+        folder=folder,
+    )
+
+
+def _json(content: object) -> bytes:
+    return json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False).encode() + b"\n"
+
+
+def _write(target: Path, members: dict[str, bytes]) -> None:
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_LZMA) as archive:
+        for name in sorted(members):
+            entry = zipfile.ZipInfo(name, FIXED_TIME)
+            entry.compress_type = zipfile.ZIP_LZMA
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, members[name])
+
+
+if __name__ == "__main__":
+    build(Path(__file__).parents[1] / "catalog" / ARCHIVE)

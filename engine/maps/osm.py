@@ -1,0 +1,334 @@
+"""OpenStreetMap extracts (.osm) as plain values: nodes, roads, and what else helps to name and judge a place."""
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from lxml import etree
+
+from ...schemas.errors import UnsafeInput
+from ...schemas.generation import ConvertedMap, ConvertMapRequest
+from ..commonroad import XmlLimits, scan_xml
+from ..execution import ProgressReporter
+from .road_classes import LINKS, ROADS, THROUGH_ROADS
+from .unpacking import LARGEST_BYTES
+
+# ---------- osm_reader
+# OpenStreetMap extracts (.osm) as plain values: nodes, roads, and what else helps to name and judge a place.
+
+LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
+OSM_ATTRIBUTION = "© OpenStreetMap contributors, ODbL"
+SHOWN_CLASSES = 5
+EARTH_RADIUS_M = 6_371_008.8
+MOST_EMPTY = 10.0
+"""A declared box may be so many times as long as the one around all nodes; beyond, it is not believed."""
+NO_TAGS: Mapping[str, str] = MappingProxyType({})
+"""One for all nodes that have none, which are most."""
+
+
+@dataclass(frozen=True, slots=True)
+class OsmNode:
+    """A point of the map in degrees (WGS 84) with its tags."""
+
+    node_id: int
+    latitude: float
+    longitude: float
+    tags: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class OsmWay:
+    """A line through nodes that the extract holds, with its tags."""
+
+    way_id: int
+    node_ids: tuple[int, ...]
+    tags: Mapping[str, str]
+
+    @property
+    def road_class(self) -> str:
+        """OSM's ``highway`` value; empty where the way is no road."""
+        return self.tags.get("highway", "")
+
+    @property
+    def maxspeed_kmh(self) -> float | None:
+        """The signed limit in km/h; None where none is signed or it is not a number."""
+        parts = self.tags.get("maxspeed", "").split()
+        if not parts or not parts[0].isdigit():
+            return None
+        return int(parts[0]) * (1.609344 if parts[-1] == "mph" else 1.0)
+
+
+@dataclass(frozen=True)
+class _OsmRelation:
+    """A relation: (type, id, role) of every member, and its tags."""
+
+    relation_id: int
+    members: tuple[tuple[str, int, str], ...]
+    tags: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class OsmMap:
+    """An extract: all nodes by id, ways in the file's order, relations, and the bounds that its header declares.
+
+    ``attribution`` is empty for OpenStreetMap's own data.
+    """
+
+    nodes: dict[int, OsmNode]
+    ways: tuple[OsmWay, ...]
+    relations: tuple[_OsmRelation, ...]
+    declared_bounds: tuple[float, float, float, float] | None
+    attribution: str = ""
+
+    def roads(self, classes: frozenset[str] = THROUGH_ROADS) -> list[OsmWay]:
+        """Ways of the given ``highway`` values."""
+        return [way for way in self.ways if way.road_class in classes]
+
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(south, west, north, east) in degrees: as declared, or around all roads where that cannot be this map's."""
+        declared = self.declared_bounds
+        if declared is not None and _is_area(declared) and _fits(declared, self.nodes.values()):
+            return declared
+        used = [self.nodes[key] for way in self.roads(frozenset((*ROADS, *LINKS))) for key in way.node_ids]
+        return _around(used or self.nodes.values())
+
+
+def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
+    """Scan and read an extract; references to nodes that it does not hold are left out.
+
+    The document is read element by element: of a million nodes only the values stay in memory.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or holds no road.
+    """
+    root_name = scan_xml(path, limits)
+    if root_name != "osm":
+        raise UnsafeInput(f"{path.name} is no OpenStreetMap extract: its root element is <{root_name}>, not <osm>")
+    try:
+        found = _read(path)
+    except (etree.LxmlError, ValueError, KeyError) as error:
+        raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
+    if not found.roads(frozenset((*ROADS, *LINKS))):
+        others = sorted({way.road_class for way in found.ways if way.road_class})[:SHOWN_CLASSES]
+        only = f", only {', '.join(others)}" if others else ""
+        raise UnsafeInput(
+            f"{path.name} holds no road for vehicles{only}", next_step="use an extract with streets in it"
+        )
+    return found
+
+
+def _read(path: Path) -> OsmMap:
+    nodes: dict[int, OsmNode] = {}
+    ways: list[OsmWay] = []
+    relations: list[_OsmRelation] = []
+    bounds: tuple[float, float, float, float] | None = None
+    with path.open("rb") as stream:
+        document = etree.iterparse(
+            stream, events=("end",), tag=("node", "way", "relation", "bounds"), resolve_entities=False, no_network=True
+        )
+        for _, element in document:
+            if element.tag == "node":
+                node = _node(element)
+                nodes[node.node_id] = node
+            elif element.tag == "way":
+                ways.append(_way(element))
+            elif element.tag == "relation":
+                relations.append(_relation(element))
+            else:
+                bounds = bounds or _bounds(element)
+            _forget(element)
+    whole = (replace(way, node_ids=tuple(key for key in way.node_ids if key in nodes)) for way in ways)
+    ways = [way for way in whole if len(way.node_ids) > 1]
+    return OsmMap(nodes, tuple(ways), tuple(relations), bounds, _own_attribution(document.root))
+
+
+def _forget(element: Any) -> None:
+    """Free what has been read: the element's content, and all elements before it."""
+    element.clear()
+    while element.getprevious() is not None:
+        del element.getparent()[0]
+
+
+def distance_m(first: OsmNode, second: OsmNode) -> float:
+    """Distance of two points on the ground, good for the size of an extract (equirectangular)."""
+    return ground_distance_m((first.latitude, first.longitude), (second.latitude, second.longitude))
+
+
+def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -> float:
+    """Distance in m of two (latitude, longitude) pairs in degrees (equirectangular)."""
+    middle = math.radians((first[0] + second[0]) / 2)
+    north = math.radians(second[0] - first[0])
+    east = math.radians(second[1] - first[1]) * math.cos(middle)
+    return EARTH_RADIUS_M * math.hypot(north, east)
+
+
+def _is_area(bounds: tuple[float, float, float, float]) -> bool:
+    south, west, north, east = bounds
+    return -90 <= south < north <= 90 and -180 <= west < east <= 180
+
+
+def _around(nodes: Collection[OsmNode]) -> tuple[float, float, float, float]:
+    latitudes, longitudes = [node.latitude for node in nodes], [node.longitude for node in nodes]
+    return min(latitudes), min(longitudes), max(latitudes), max(longitudes)
+
+
+def _fits(declared: tuple[float, float, float, float], nodes: Collection[OsmNode]) -> bool:
+    """Whether a declared box is not far larger than what the file holds: some tools declare the whole world."""
+    if not nodes:
+        return True
+    around = _around(nodes)
+    height, width = declared[2] - declared[0], declared[3] - declared[1]
+    most = MOST_EMPTY * max(around[2] - around[0], around[3] - around[1])
+    return max(height, width) <= most
+
+
+def _tags(element: Any) -> Mapping[str, str]:
+    return {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")} if len(element) else NO_TAGS
+
+
+def _node(element: Any) -> OsmNode:
+    latitude, longitude = float(element.attrib["lat"]), float(element.attrib["lon"])
+    if not (-90 <= latitude <= 90 and -180 <= longitude <= 180):
+        raise ValueError(f"node {element.get('id')} lies at {latitude}, {longitude}")
+    return OsmNode(int(element.attrib["id"]), latitude, longitude, _tags(element))
+
+
+def _way(element: Any) -> OsmWay:
+    references = tuple(int(member.attrib["ref"]) for member in element.iterfind("nd"))
+    return OsmWay(int(element.attrib["id"]), references, _tags(element))
+
+
+def _relation(element: Any) -> _OsmRelation:
+    members = tuple((m.get("type", ""), int(m.get("ref", "0")), m.get("role", "")) for m in element.iterfind("member"))
+    return _OsmRelation(int(element.attrib["id"]), members, _tags(element))
+
+
+def _bounds(element: Any) -> tuple[float, float, float, float]:
+    south, west, north, east = (float(element.attrib[key]) for key in ("minlat", "minlon", "maxlat", "maxlon"))
+    return south, west, north, east
+
+
+def _own_attribution(root: Any) -> str:
+    """The attribution of a map that PlannerForge drew; other files are OpenStreetMap's, whatever they say."""
+    return str(root.get("attribution", ""))[:200] if root.get("generator") == "PlannerForge" else ""
+
+
+# ---------- binary_osm
+# OpenStreetMap's binary format (.osm.pbf) written as .osm, as far as roads, their names and surroundings need it.
+
+KEPT_KEYS = (
+    "highway",
+    "junction",
+    "restriction",
+    "place",
+    "landuse",
+    "building",
+    "shop",
+    "addr:housenumber",
+    "addr:city",
+    "addr:country",
+)
+"""Objects with any of these tags are kept, and the nodes of such ways: what sites are found, judged and named by."""
+
+
+def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> ConvertedMap:
+    """Write a binary extract as XML into a folder.
+
+    Raises:
+        UnsafeInput: the file is broken, or holds more elements than may be read.
+    """
+    import osmium
+
+    path = Path(request.path)
+    target = Path(request.folder) / path.stem
+    report(0.1, "unpacking the map")
+    try:
+        _check(path)
+        with osmium.BackReferenceWriter(str(target), ref_src=str(path), overwrite=True) as writer:
+            for element in _kept(path):
+                writer.add(element)
+    except (RuntimeError, ValueError) as error:  # all that osmium raises on a broken file
+        raise UnsafeInput(
+            f"{path.name} cannot be unpacked: {error}", next_step="get the extract again, or convert it to .osm"
+        ) from error
+    return ConvertedMap(path=str(target))
+
+
+def _check(path: Path) -> None:
+    """Read the file once: osmium's writer would leave half a map behind, without a word, where reading breaks off."""
+    if sum(1 for _ in _kept(path)) > LIMITS.elements:
+        raise UnsafeInput(
+            f"{path.name} holds more than {LIMITS.elements:,} elements", next_step="use a smaller extract"
+        )
+
+
+def _kept(path: Path) -> Iterable[Any]:
+    import osmium
+
+    kept: Iterable[Any] = osmium.FileProcessor(str(path)).with_filter(osmium.filter.KeyFilter(*KEPT_KEYS))
+    return kept
+
+
+# ---------- crossings
+# Where the roads of a map meet.
+
+
+class Crossings:
+    """Where roads meet: the roads by node, and the nodes at which at least three arms do."""
+
+    def __init__(self, roads: list[OsmWay]) -> None:
+        self.ways_at: dict[int, list[OsmWay]] = {}
+        arms: dict[int, int] = {}
+        for way in roads:
+            for key in dict.fromkeys(way.node_ids):
+                self.ways_at.setdefault(key, []).append(way)
+            for index, key in enumerate(way.node_ids):
+                arms[key] = arms.get(key, 0) + (index > 0) + (index < len(way.node_ids) - 1)
+        self.junctions = [key for key, count in arms.items() if count >= 3]
+
+    def of_streets(self) -> list[int]:
+        """Junctions of different streets: not one road that parts in two, and not only motorways."""
+        return [key for key in self.junctions if self._crosses(key) and not self._only_motorway(key)]
+
+    def _crosses(self, key: int) -> bool:
+        names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at[key]}
+        return len(names) > 1 or len(self.ways_at[key]) > 3
+
+    def _only_motorway(self, key: int) -> bool:
+        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at[key])
+
+
+# ---------- way_points
+# The length of a way, and points evenly spaced along it.
+
+SPACING_M = 400.0
+
+
+def length_m(osm: OsmMap, way: OsmWay) -> float:
+    """Length on the ground."""
+    nodes = [osm.nodes[key] for key in way.node_ids]
+    return sum(distance_m(one, other) for one, other in pairwise(nodes))
+
+
+def spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
+    """Points evenly spaced along a way, one for every ``SPACING_M`` and at least one, the ends left out."""
+    nodes = [osm.nodes[key] for key in way.node_ids]
+    total = length_m(osm, way)
+    count = max(1, round(total / SPACING_M))
+    found: list[OsmNode] = []
+    gone = 0.0
+    for one, other in pairwise(nodes):
+        step = distance_m(one, other)
+        while len(found) < count and gone + step >= (wanted := total * (len(found) + 0.5) / count) - 1e-6:
+            share = (wanted - gone) / max(step, 1e-9)
+            latitude = one.latitude + share * (other.latitude - one.latitude)
+            longitude = one.longitude + share * (other.longitude - one.longitude)
+            found.append(OsmNode(0, latitude, longitude, {}))
+        gone += step
+    return found

@@ -1,0 +1,125 @@
+"""How fast each lane is driven.
+
+The posted speed limit, or 50 km/h where the file posts none, and more where a vehicle was recorded faster. Bends
+lower it, because SUMO slows down for turns inside junctions only (a quarter of its cars break the friction circle in
+the bends of edges otherwise). On a long lanelet with one bend that is far too slow for the rest: whoever steers SUMO's
+vehicles step by step keeps the speed there and slows them where it bends.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...geometry import Points, Values, curvatures, maximum_curvature
+from .layout import NetLayout
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+USUAL_SPEED_MPS = 13.89
+COMFORTABLE_LATERAL_ACCELERATION_MPS2 = 4.0
+HARDEST_LATERAL_ACCELERATION_MPS2 = 8.0
+"""What tyres hold on a dry road."""
+SLOWEST_BEND_MPS = 3.0
+LONG_M = 60.0
+"""On a lanelet no longer than this, slowing down for its bend alone gains little."""
+SMOOTHING_M = 4.0
+RECORDED_NEAR_M = 10.0
+"""A vehicle recorded within these drove through the place at that speed."""
+_LIMIT_SIGNS = ("MAX_SPEED", "MAX_SPEED_ZONE_START")
+
+
+def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
+    """The lowest speed limit in m/s that signs of a lanelet post, for lanelets that have one."""
+    limits = {
+        int(sign.traffic_sign_id): float(element.additional_values[0])
+        for sign in network.traffic_signs
+        for element in sign.traffic_sign_elements
+        if element.traffic_sign_element_id.name in _LIMIT_SIGNS and _is_positive(element.additional_values)
+    }
+    found = {
+        int(lanelet.lanelet_id): [limits[sign] for sign in sorted(lanelet.traffic_signs or ()) if sign in limits]
+        for lanelet in network.lanelets
+    }
+    return {key: min(speeds) for key, speeds in found.items() if speeds}
+
+
+@dataclass(frozen=True)
+class SlowPlaces:
+    """Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) at which its bend is driven there.
+
+    ``hardest_mps``: the highest speeds (n,) that tyres hold there.
+    """
+
+    stations_m: Values
+    speeds_mps: Values
+    hardest_mps: Values
+
+
+def lane_speeds(
+    layout: NetLayout, recorded_mps: Mapping[int, float], posted_mps: Mapping[int, float] | None = None
+) -> dict[int, float]:
+    """Speed of every lanelet in m/s: equal within an edge, then lowered where the lanelet bends.
+
+    Args:
+        layout: the network.
+        recorded_mps: fastest speed recorded on each lanelet; missing ones count as slow.
+        posted_mps: speed limit of each lanelet that has one.
+    """
+    return lowered_by_bends(layout, straight_speeds(layout, recorded_mps, posted_mps))
+
+
+def lowered_by_bends(layout: NetLayout, straight_mps: Mapping[int, float]) -> dict[int, float]:
+    """Speeds by lanelet, each no more than the sharpest bend of the lanelet takes."""
+    return {key: min(speed, bend_speed(layout.table.lanes[key].center)) for key, speed in straight_mps.items()}
+
+
+def straight_speeds(
+    layout: NetLayout, recorded_mps: Mapping[int, float], posted_mps: Mapping[int, float] | None = None
+) -> dict[int, float]:
+    """The same without the bends."""
+    wanted = {}
+    for key in layout.table.lanes:
+        limit, recorded = (posted_mps or {}).get(key, USUAL_SPEED_MPS), recorded_mps.get(key, 0.0)
+        wanted[key] = recorded * 1.05 if recorded > limit else limit
+    for keys in layout.edges.values():
+        wanted.update(dict.fromkeys(keys, max(wanted[key] for key in keys)))
+    return wanted
+
+
+def bend_speed(shape: Points, sigma_m: float = SMOOTHING_M) -> float:
+    """Speed in m/s at which the sharpest bend of a polyline takes the comfortable lateral acceleration; may be inf."""
+    curvature = maximum_curvature(shape, sigma_m)
+    if curvature <= 0.0:
+        return math.inf
+    return max(SLOWEST_BEND_MPS, math.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature))
+
+
+def slow_places(shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = ()) -> SlowPlaces:
+    """Where the bends of a polyline are driven slower than a speed, and how fast: by the same rule.
+
+    Where a vehicle was recorded faster it is more, as far as tyres hold: what looks like a bend may be a kink of a
+    coarse line. ``recorded``: arc lengths in m on the polyline and speeds there.
+    """
+    stations, curvature = curvatures(shape, SMOOTHING_M)
+    bends = curvature * straight_mps**2 > COMFORTABLE_LATERAL_ACCELERATION_MPS2
+    at = stations[bends]
+    easy = np.maximum(np.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature[bends]), SLOWEST_BEND_MPS)
+    hardest = easy * math.sqrt(HARDEST_LATERAL_ACCELERATION_MPS2 / COMFORTABLE_LATERAL_ACCELERATION_MPS2)
+    fastest = np.zeros(len(at))
+    for station_m, speed_mps in recorded:
+        near = np.abs(at - station_m) <= RECORDED_NEAR_M
+        fastest[near] = np.maximum(fastest[near], speed_mps)
+    speeds = np.clip(fastest, easy, hardest)
+    slow = speeds < straight_mps
+    return SlowPlaces(at[slow], speeds[slow], hardest[slow])
+
+
+def _is_positive(values: list[str]) -> bool:
+    try:
+        return bool(values) and float(values[0]) > 0.0
+    except ValueError:
+        return False

@@ -1,0 +1,491 @@
+"""The coordinate system of the C++ core in a turned frame.
+
+The core interpolates the reference heading as its smallest angle, so it jumps by 2π where a route crosses ±π, and
+every candidate there fails the yaw-rate check. We give the core coordinates that are turned to the middle of the
+headings ahead; a route that turns through more than a full circle gets a new frame on the way.
+
+The core also takes the direction of the segment behind a vertex for the heading at the vertex, so its headings run half
+a segment ahead of its positions: in a bend the ego would look up to 40 mrad aside from where its rear axle moves, which
+no vehicle can drive. We put the tangents at the vertices in their place.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import frenetix
+import frenetix.trajectory_functions as functions
+import frenetix.trajectory_functions.cost_functions as costs
+import frenetix.trajectory_functions.feasability_functions as feasibility
+import numpy as np
+
+from ....schemas.planning import PlannerSettings
+from ...geometry import Points, Values, arc_length, headings, wrap_angle
+from ...vehicles import VehicleParameters, centers, rear_axle
+from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
+
+# ---------- frenet_sampling
+# The end states that Frenetix samples: duration × final speed × final lateral offset.
+
+SPEED_LIMIT_MPS = 36.0
+SHORTEST_REST_S = 0.2
+FINAL_SPEED = 5
+"""Column of the sampling matrix."""
+DURATION_STEPS_S = (1.0, 0.5, 0.3, 0.2)
+"""Steps of the sampled durations at the levels 0 to 3, as in the reference for time steps of 0.1 s."""
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """The reference's sampling, by default at level 2: nine values per axis; durations from 1.1 s every 0.3 s."""
+
+    horizon_s: float = 3.0
+    shortest_s: float = 1.1
+    duration_step_s: float = 0.3
+    lateral_m: float = 3.0
+    values: int = 9
+
+    @classmethod
+    def of(cls, settings: PlannerSettings) -> "SamplingSettings":
+        """The horizon and the level of a configuration; each level halves the distance of the values."""
+        level = settings.sampling_level
+        return cls(horizon_s=settings.horizon_s, values=2 ** (level + 1) + 1, duration_step_s=DURATION_STEPS_S[level])
+
+
+@dataclass(frozen=True)
+class CurvilinearState:
+    """Arc length and lateral offset with two derivatives each.
+
+    At low speed (``low_speed``) the lateral derivatives are by arc length, else by time.
+    """
+
+    longitudinal: Values
+    lateral: Values
+    low_speed: bool
+
+    def as_mode(self, low_speed: bool) -> "CurvilinearState":
+        """The same state with the lateral derivatives of the other mode (chain rule)."""
+        if low_speed == self.low_speed:
+            return self
+        _, speed, acceleration = self.longitudinal
+        offset, first, second = self.lateral
+        if not low_speed:
+            lateral = [offset, first * speed, second * speed**2 + first * acceleration]
+        elif speed > 1e-3:
+            slope = first / speed
+            lateral = [offset, slope, (second - slope * acceleration) / speed**2]
+        else:
+            lateral = [offset, 0.0, 0.0]
+        return CurvilinearState(self.longitudinal, np.array(lateral), low_speed)
+
+
+@dataclass(frozen=True)
+class EndState:
+    """Where a candidate ends: after ``duration_s``, at ``speed_mps`` along the path and ``offset_m`` beside it."""
+
+    duration_s: float
+    speed_mps: float
+    offset_m: float
+
+
+def sampling_matrix(
+    state: CurvilinearState,
+    speed_mps: float,
+    settings: SamplingSettings,
+    vehicle: VehicleParameters,
+    going_on: EndState | None = None,
+) -> Points:
+    """All combinations as the core's matrix, shape (n, 13).
+
+    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''.
+    About 800 rows: the present speed and offset and the whole horizon are among the end states, and ``going_on``, the
+    rest of the plan that is being driven. Without it a plan that stops just in time is lost by replanning, because
+    every new candidate takes at least ``shortest_s``.
+    """
+    durations = np.arange(settings.shortest_s, settings.horizon_s + 1e-9, settings.duration_step_s)
+    durations = np.unique(np.round(np.append(durations, settings.horizon_s), 6))
+    low = max(0.001, speed_mps - vehicle.maximum_acceleration_mps2 * settings.horizon_s)
+    reach = speed_mps + vehicle.maximum_acceleration_mps2 / 6.0 * settings.horizon_s
+    high = max(min(reach, SPEED_LIMIT_MPS, vehicle.maximum_speed_mps), low)
+    speeds = np.unique(np.append(np.linspace(low, high, settings.values), state.longitudinal[1]))
+    offsets = np.linspace(-settings.lateral_m, settings.lateral_m, settings.values)
+    offsets = np.unique(np.append(offsets, state.lateral[0]))
+    t1, v1, d1 = (axis.ravel() for axis in np.meshgrid(durations, speeds, offsets, indexing="ij"))
+    if going_on is not None and going_on.duration_s >= SHORTEST_REST_S:
+        t1, v1, d1 = (
+            np.append(t1, going_on.duration_s),
+            np.append(v1, going_on.speed_mps),
+            np.append(d1, going_on.offset_m),
+        )
+    matrix = np.zeros((len(t1), 13))
+    matrix[:, 1], matrix[:, FINAL_SPEED], matrix[:, 10] = t1, v1, d1
+    matrix[:, 2:5], matrix[:, 7:10] = state.longitudinal, state.lateral
+    return matrix
+
+
+# ---------- frenet_frame
+# The coordinate system of the C++ core in a turned frame.
+#
+# The core interpolates the reference heading as its smallest angle, so it jumps by 2π where a route crosses ±π, and
+# every candidate there fails the yaw-rate check. We give the core coordinates that are turned to the middle of the
+# headings ahead; a route that turns through more than a full circle gets a new frame on the way.
+#
+# The core also takes the direction of the segment behind a vertex for the heading at the vertex, so its headings run
+# half a segment ahead of its positions: in a bend the ego would look up to 40 mrad aside from where its rear axle
+# moves, which no vehicle can drive. We put the tangents at the vertices in their place.
+
+SAFE_RANGE_RAD = 0.75 * math.pi
+
+
+@dataclass(frozen=True)
+class FrenetFrame:
+    """A reference path as the core sees it: moved to ``origin`` and turned by ``-angle_rad``."""
+
+    origin: Points
+    angle_rad: float
+    system: "frenetix.CoordinateSystemWrapper"
+
+    @classmethod
+    def of(cls, path: Points, angle_rad: float) -> "FrenetFrame":
+        """The frame of a path for a middle heading."""
+        origin = np.array(path[0])
+        inner = np.ascontiguousarray((path - origin) @ _rotation(angle_rad))
+        system = frenetix.CoordinateSystemWrapper(inner)
+        system.ref_theta = tangents(np.array(system.ref_theta))
+        return cls(origin, angle_rad, system)
+
+    def inwards(self, points: Points) -> Points:
+        """World coordinates, shape (…, 2), in the frame."""
+        inner: Points = (points - self.origin) @ _rotation(self.angle_rad)
+        return inner
+
+    def outwards(self, points: Points) -> Points:
+        """Frame coordinates, shape (n, 2), in the world."""
+        outer: Points = points @ _rotation(self.angle_rad).T + self.origin
+        return outer
+
+    def heading_inwards(self, heading_rad: float) -> float:
+        """A heading in the frame, in [−π, π)."""
+        return (heading_rad - self.angle_rad + math.pi) % math.tau - math.pi
+
+
+class FrameKeeper:
+    """Gives the frame in which no heading ahead comes near ±π, and a new one only where the old does not serve."""
+
+    def __init__(self, path: Points) -> None:
+        try:
+            self._follow(path)
+        except RuntimeError:
+            self._follow(_longest_accepted(path))
+
+    def _follow(self, path: Points) -> None:
+        self._path = path
+        self._stations = arc_length(path)[:-1]
+        self._headings = headings(path)
+        whole = (float(self._headings.min()), float(self._headings.max()))
+        fits = whole[1] - whole[0] < 2 * SAFE_RANGE_RAD
+        self.frame = FrenetFrame.of(path, _middle(*whole) if fits else float(self._headings[0]))
+
+    def frame_for(self, station_m: float, ahead_m: float) -> FrenetFrame:
+        """The frame for planning from an arc length over the metres ahead."""
+        window = self._window(station_m, ahead_m)
+        turned = np.abs(np.remainder(window - self.frame.angle_rad + math.pi, math.tau) - math.pi)
+        spread = float(window.max() - window.min())
+        if float(turned.max()) > SAFE_RANGE_RAD and spread < 2 * SAFE_RANGE_RAD:
+            self.frame = FrenetFrame.of(self._path, _middle(float(window.min()), float(window.max())))
+        return self.frame
+
+    def _window(self, station_m: float, ahead_m: float) -> Values:
+        near = (self._stations >= station_m - 10.0) & (self._stations <= station_m + ahead_m)
+        return self._headings[near] if near.any() else self._headings[-1:]
+
+
+def _longest_accepted(path: Points) -> Points:
+    """The path, or as much of it from its beginning as the core takes.
+
+    Where a path comes back over itself, as one does that goes on around the loop of a dead end, the core finds no area
+    in which every point has one place along the path, and refuses the whole.
+    """
+    accepted, refused = 2, len(path)
+    while refused - accepted > 1:
+        middle = (accepted + refused) // 2
+        accepted, refused = (middle, refused) if _is_accepted(path[:middle]) else (accepted, middle)
+    return path[:accepted]
+
+
+def _is_accepted(path: Points) -> bool:
+    try:
+        FrenetFrame.of(path, 0.0)
+    except RuntimeError:
+        return False
+    return True
+
+
+def tangents(segments_rad: Values) -> Values:
+    """Heading at every vertex: the middle of the segments before and after it.
+
+    ``segments_rad``: heading of the segment after each vertex, without jumps, the last one twice.
+    """
+    tangents = segments_rad.copy()
+    tangents[1:-1] = 0.5 * (segments_rad[:-2] + segments_rad[1:-1])
+    return tangents
+
+
+def _middle(low: float, high: float) -> float:
+    return (low + high) / 2
+
+
+def _rotation(angle_rad: float) -> Points:
+    """Matrix R with ``p @ R`` turned by ``-angle_rad``."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[cos, -sin], [sin, cos]])
+
+
+# ---------- frenet_memory
+# From the core's samples to values of our own, and back to the planner's state at the next step.
+#
+# Array properties of the core's samples are views into its memory: they dangle once candidates are generated anew.
+# Everything here is copied.
+#
+# The core (0.4.0) evaluates its polynomials by Horner's scheme and leaves out the factor 2 of the second derivative:
+# the accelerations of its samples, along and across the path, are half of the true ones. A plan that went on from
+# them would begin with a jump in acceleration, so they are doubled here, and the acceleration of a trajectory is
+# taken from its speeds. What the vehicle can drive is judged anew (see ``drivability``). The core's cost terms
+# ``acceleration`` and ``jerk`` stay a quarter of the true integrals, because the weights of the presets were found
+# with them.
+
+SAME_PLACE_M = 1e-6
+SECOND_DERIVATIVE_FACTOR = 2.0
+"""True over reported second derivatives of the core's samples; a test holds it against differences."""
+
+
+@dataclass(frozen=True)
+class DrivenPlan:
+    """The trajectory that was chosen at ``first_step``, with its curvilinear states (6, n): s, s', s'', d, d', d''."""
+
+    first_step: int
+    trajectory: PlannedTrajectory
+    curvilinear: Points
+    low_speed: bool
+    end: EndState
+
+    def state_for(self, ego: EgoState, low_speed: bool) -> CurvilinearState | None:
+        """The curvilinear state where the ego is, if it followed this plan."""
+        index = ego.step - self.first_step
+        if not 0 <= index < len(self.trajectory.positions):
+            return None
+        if float(np.linalg.norm(self.trajectory.positions[index] - ego.position)) > SAME_PLACE_M:
+            return None
+        column = self.curvilinear[:, index]
+        return CurvilinearState(column[:3].copy(), column[3:].copy(), self.low_speed).as_mode(low_speed)
+
+    def rest_for(self, ego: EgoState, step_s: float) -> EndState:
+        """What is left of this plan at a later step."""
+        return replace(self.end, duration_s=round(self.end.duration_s - (ego.step - self.first_step) * step_s, 6))
+
+
+def copied_trajectory(
+    sample: "frenetix.TrajectorySample", frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters
+) -> PlannedTrajectory:
+    """A sample as states of the centre in the world; headings continue the ego's."""
+    inner = sample.cartesian
+    speed = np.array(inner.v, dtype=float)
+    heading = np.array(inner.theta, dtype=float) + frame.angle_rad
+    heading += wrap_angle(float(heading[0]) - ego.heading_rad) - (float(heading[0]) - ego.heading_rad)
+    rear = frame.outwards(np.stack([np.array(inner.x, dtype=float), np.array(inner.y, dtype=float)], axis=1))
+    return PlannedTrajectory(
+        positions=centers(rear, heading, vehicle),
+        headings_rad=heading,
+        speeds_mps=speed,
+        accelerations_mps2=np.gradient(speed, sample.dt),
+    )
+
+
+def copied_curvilinear(sample: "frenetix.TrajectorySample") -> Points:
+    """The curvilinear states of a sample, shape (6, n), with true second derivatives."""
+    inner = sample.curvilinear
+    rows = (inner.s, inner.s_dot, inner.s_ddot, inner.d, inner.d_dot, inner.d_ddot)
+    states = np.array([np.array(row, dtype=float) for row in rows])
+    states[[2, 5]] *= SECOND_DERIVATIVE_FACTOR
+    return states
+
+
+def end_state(sample: "frenetix.TrajectorySample") -> EndState:
+    """The end that a sample was made for."""
+    row = sample.sampling_parameters
+    return EndState(duration_s=float(row[1]), speed_mps=float(row[5]), offset_m=float(row[10]))
+
+
+def _core_state(frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters) -> "frenetix.CartesianPlannerState":
+    """The ego as the core's Cartesian state: the rear axle in the frame, the steering angle from the yaw rate."""
+    rear = frame.inwards(rear_axle(ego.position, ego.heading_rad, vehicle))
+    steering = float(np.arctan2(vehicle.wheelbase_m * ego.yaw_rate_radps, max(ego.speed_mps, 1e-3)))
+    steering = float(np.clip(steering, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad))
+    heading = frame.heading_inwards(ego.heading_rad)
+    return frenetix.CartesianPlannerState(
+        np.ascontiguousarray(rear), heading, ego.speed_mps, ego.acceleration_mps2, steering
+    )
+
+
+def initial_state(
+    frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters, low_speed: bool
+) -> CurvilinearState | None:
+    """The ego's curvilinear state by the core; None where it cannot be placed (opposite heading, off the path)."""
+    try:
+        found = frenetix.compute_initial_state(
+            frame.system, _core_state(frame, ego, vehicle), vehicle.wheelbase_m, low_speed
+        )
+    except (RuntimeError, ValueError):
+        return None
+    longitudinal, lateral = np.array(found.x0_lon, dtype=float), np.array(found.x0_lat, dtype=float)
+    if not (np.isfinite(longitudinal).all() and np.isfinite(lateral).all()):
+        return None
+    return CurvilinearState(longitudinal, lateral, low_speed)
+
+
+def standstill(ego: EgoState, steps: int) -> PlannedTrajectory:
+    """Staying where the ego is for so many steps."""
+    values: Values = np.zeros(steps + 1)
+    return PlannedTrajectory(
+        positions=np.repeat(ego.position[None, :], steps + 1, axis=0),
+        headings_rad=np.full(steps + 1, ego.heading_rad),
+        speeds_mps=values,
+        accelerations_mps2=values.copy(),
+    )
+
+
+# ---------- frenet_costs
+# The cost and feasibility functions of the C++ core, set up anew for every planning step.
+
+CONSTRAINTS = {
+    "Yaw rate Constraint": "yaw_rate",
+    "Acceleration Constraint": "acceleration",
+    "Curvature Constraint": "curvature",
+    "Curvature Rate Constraint": "curvature_rate",
+}
+"""Names of the core's feasibility checks and ours."""
+BESIDE_REACH_M = 15.0
+"""√50 m of the core and the largest lateral offset, with some to spare; the ego's own length comes on top."""
+
+
+@dataclass(frozen=True)
+class StepInputs:
+    """What the functions of one planning step depend on."""
+
+    ego: EgoState
+    obstacles: tuple[PredictedObstacle, ...]
+    desired_speed_mps: float
+    low_speed: bool
+    horizon_s: float
+    step_s: float
+    shortest_s: float
+    reach_m: float
+
+
+def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParameters) -> None:
+    """The four constraints that the core really checks; they stay the same during a run.
+
+    The core's accelerations are half of the true ones (see ``frenet_memory``), so it gets half of the limit.
+    """
+    steering, wheelbase = vehicle.maximum_steering_rad, vehicle.wheelbase_m
+    handler.add_feasability_function(feasibility.CheckYawRateConstraint(steering, wheelbase, False))
+    handler.add_feasability_function(
+        feasibility.CheckAccelerationConstraint(
+            vehicle.switching_speed_mps, vehicle.maximum_acceleration_mps2 / SECOND_DERIVATIVE_FACTOR, False
+        )
+    )
+    handler.add_feasability_function(feasibility.CheckCurvatureConstraint(steering, wheelbase, False))
+    handler.add_feasability_function(
+        feasibility.CheckCurvatureRateConstraint(wheelbase, vehicle.maximum_steering_rate_radps, False)
+    )
+
+
+def add_step_functions(
+    handler: "frenetix.TrajectoryHandler", weights: dict[str, float], frame: FrenetFrame, inputs: StepInputs
+) -> None:
+    """Coordinates and quick cost terms of this step; those of the step before are removed first.
+
+    The handler keeps functions until one of the same name replaces them, so a term that is left out this time (no
+    obstacle in sight) would otherwise go on with old positions.
+    """
+    handler.clear_cost_functions()
+    orientation = frame.heading_inwards(inputs.ego.heading_rad)
+    handler.add_function(functions.FillCoordinates(inputs.low_speed, orientation, frame.system, inputs.horizon_s))
+    for name, make in _CONSTANT.items():
+        if weights[name] > 0:
+            handler.add_cost_function(make(name, weights[name]))
+    if weights["velocity_offset"] > 0:
+        handler.add_cost_function(
+            costs.CalculateVelocityOffsetCost(
+                "velocity_offset",
+                weights["velocity_offset"],
+                inputs.desired_speed_mps,
+                inputs.step_s,
+                inputs.shortest_s,
+                False,  # limit_to_t_min is broken in the core
+                2,
+            )
+        )
+    # the core raises TypeError for an empty (0, 2) array of obstacles
+    if weights["distance_to_obstacles"] > 0 and inputs.obstacles:
+        present = frame.inwards(np.array([obstacle.positions[0] for obstacle in inputs.obstacles]))
+        handler.add_cost_function(
+            costs.CalculateDistanceToObstacleCost(
+                "distance_to_obstacles", weights["distance_to_obstacles"], np.ascontiguousarray(present)
+            )
+        )
+
+
+_CONSTANT = {
+    "acceleration": costs.CalculateAccelerationCost,
+    "jerk": costs.CalculateJerkCost,
+    "lateral_jerk": costs.CalculateLateralJerkCost,
+    "longitudinal_jerk": costs.CalculateLongitudinalJerkCost,
+    "orientation_offset": costs.CalculateOrientationOffsetCost,
+    "distance_to_reference_path": costs.CalculateDistanceToReferencePathCost,
+}
+
+
+def collision_probability(
+    weight: float, frame: FrenetFrame, inputs: StepInputs, vehicle: VehicleParameters
+) -> costs.CalculateCollisionProbabilityFast:
+    """The core's term ``prediction``. It takes longer than all else in the core, so it is kept out of the handler."""
+    counted = [(obstacle, _last_within_reach(obstacle, inputs, vehicle)) for obstacle in inputs.obstacles]
+    predictions = {o.obstacle_id: _core_prediction(o, last, frame) for o, last in counted if last > 0}
+    return costs.CalculateCollisionProbabilityFast(
+        "prediction", weight, predictions, vehicle.length_m, vehicle.width_m, vehicle.rear_axle_behind_center_m
+    )
+
+
+def _last_within_reach(obstacle: PredictedObstacle, inputs: StepInputs, vehicle: VehicleParameters) -> int:
+    """The last step ahead at which the core can count an obstacle, 0 where it never can.
+
+    The core counts nothing farther than √50 m from the ego's box, at the same step. By then a candidate is at most the
+    share of ``reach_m`` away that its time is of the horizon, and beside that by its lateral offset.
+    """
+    away = np.linalg.norm(obstacle.positions - inputs.ego.position, axis=1)
+    times = np.arange(len(away)) * inputs.step_s
+    within = np.flatnonzero(away <= times / inputs.horizon_s * inputs.reach_m + BESIDE_REACH_M + vehicle.length_m)
+    return int(within[-1]) if len(within) else 0
+
+
+def _core_prediction(obstacle: PredictedObstacle, last: int, frame: FrenetFrame) -> "frenetix.PredictedObject":
+    """The obstacle until step ``last``.
+
+    The core compares its state i with entry i − 1, so its list begins one step ahead; and it ends one entry early.
+    """
+    turn = np.array(
+        [[np.cos(frame.angle_rad), np.sin(frame.angle_rad)], [-np.sin(frame.angle_rad), np.cos(frame.angle_rad)]]
+    )
+    positions = frame.inwards(obstacle.positions[1 : last + 2])
+    given = np.broadcast_to(obstacle.covariance, (len(obstacle.positions), 2, 2))[1 : last + 2]
+    planar = turn @ given @ turn.T
+    covariances = np.zeros((len(positions), 6, 6))
+    covariances[:, :2, :2] = (planar + planar.transpose(0, 2, 1)) / 2
+    half = (obstacle.headings_rad[1 : last + 2] - frame.angle_rad) / 2
+    poses = [
+        frenetix.PoseWithCovariance(
+            np.array([x, y, 0.0]), np.array([0.0, 0.0, np.sin(angle), np.cos(angle)]), np.asfortranarray(covariance)
+        )
+        for (x, y), angle, covariance in zip(positions.tolist(), half.tolist(), covariances, strict=True)
+    ]
+    return frenetix.PredictedObject(obstacle.obstacle_id, poses, obstacle.length_m, obstacle.width_m)

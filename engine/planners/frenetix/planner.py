@@ -1,0 +1,350 @@
+"""Frenetix: the sampling planner of TUM, its C++ core driven by our own loop.
+
+Candidates end at sampled durations, speeds and lateral offsets (quartic along, quintic across the reference path).
+They are tested in the order of their cost against the limits of the vehicle, the predicted obstacles and the edge of
+the road; the first that passes is driven. Where none passes: standing still under 0.1 m/s, else the drivable candidate
+that stops soonest.
+"""
+
+import heapq
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
+
+import frenetix
+import numpy as np
+
+from ...geometry import Points, project
+from ..drivability import Limit, undrivable
+from ..goal import DesiredSpeed, Goal
+from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask
+from ..lanes import LaneCenters, LaneCorridors
+from ..traffic.recorded import rectangle
+from .core import (
+    CONSTRAINTS,
+    FINAL_SPEED,
+    DrivenPlan,
+    FrameKeeper,
+    FrenetFrame,
+    SamplingSettings,
+    StepInputs,
+    add_feasibility,
+    add_step_functions,
+    collision_probability,
+    copied_curvilinear,
+    copied_trajectory,
+    end_state,
+    initial_state,
+    sampling_matrix,
+    standstill,
+)
+from .costs import CandidateBatch, own_terms
+
+if TYPE_CHECKING:
+    from commonroad_dc import pycrcc
+
+# ---------- safety
+# Whether a trajectory stays clear of the predicted obstacles and on the road.
+
+Objection = Literal["collision", "road_edge"]
+
+
+class SafetyCheck:
+    """The checks of one planning step; the present state (index 0) is not judged, since no plan can change it."""
+
+    def __init__(self, task: PlanningTask, observation: Observation) -> None:
+        from commonroad_dc import pycrcc
+
+        self._pycrcc = pycrcc
+        self._vehicle = task.vehicle
+        self._road = task.road
+        self._others = pycrcc.CollisionChecker()
+        for obstacle in observation.obstacles:
+            if len(obstacle.positions) < 2:
+                continue
+            body = pycrcc.TimeVariantCollisionObject(1)
+            half_length, half_width = obstacle.length_m / 2, obstacle.width_m / 2
+            for (x, y), heading in zip(
+                obstacle.positions[1:].tolist(), obstacle.headings_rad[1:].tolist(), strict=True
+            ):
+                body.append_obstacle(pycrcc.RectOBB(half_length, half_width, heading, x, y))
+            self._others.add_collision_object(body)
+        self._on_edge_now = self._road.touches_edge(rectangle(observation.ego, task.vehicle))
+
+    def objection(self, trajectory: PlannedTrajectory) -> Objection | None:
+        """What speaks against a trajectory, or None.
+
+        An ego that touches the edge of the road now is only asked to stay clear of it once it has left it.
+        """
+        rectangles = self._rectangles(trajectory)
+        if self._others.collide(self._motion(rectangles)):
+            return "collision"
+        if self._on_edge_now:
+            clear = (i for i, body in enumerate(rectangles) if not self._road.touches_edge(body))
+            rectangles = rectangles[next(clear, len(rectangles)) :]
+        if rectangles and self._road.touches_edge(self._motion(rectangles)):
+            return "road_edge"
+        return None
+
+    def _rectangles(self, trajectory: PlannedTrajectory) -> list["pycrcc.RectOBB"]:
+        half_length, half_width = self._vehicle.length_m / 2, self._vehicle.width_m / 2
+        states = zip(trajectory.positions[1:].tolist(), trajectory.headings_rad[1:].tolist(), strict=True)
+        return [self._pycrcc.RectOBB(half_length, half_width, heading, x, y) for (x, y), heading in states]
+
+    def _motion(self, rectangles: list["pycrcc.RectOBB"]) -> "pycrcc.TimeVariantCollisionObject":
+        motion = self._pycrcc.TimeVariantCollisionObject(1)
+        for body in rectangles:
+            motion.append_obstacle(body)
+        return motion
+
+
+# ---------- candidate_choice
+# Which candidate a sampling planner drives: the cheapest that nothing speaks against.
+
+
+class _Candidate(Protocol):
+    """A trajectory with its total cost; the id decides between equal costs."""
+
+    @property
+    def cost(self) -> Any:
+        """Weighted sum of the cost terms."""
+
+    @property
+    def uniqueId(self) -> Any:  # noqa: N802 - as the core names it
+        """A number of its own."""
+
+
+AnyCandidate = TypeVar("AnyCandidate", bound=_Candidate)
+
+
+def cheapest_first(
+    candidates: Iterable[AnyCandidate], complete: Callable[[Sequence[AnyCandidate]], None], at_once: int
+) -> Iterator[AnyCandidate]:
+    """Candidates by ascending cost, the rest of their costs computed only as far as somebody asks for the next one.
+
+    The given costs lack dear terms that are never negative. ``complete`` adds them to so many candidates ``at_once``,
+    in the order of the costs so far. A completed candidate that costs less than the next one does without the dear
+    terms is cheaper than all that follow, so the order is the same as if all had been completed before.
+    """
+    waiting = sorted(candidates, key=_order)
+    completed: list[tuple[Any, Any, AnyCandidate]] = []
+    for begin in range(0, len(waiting), at_once):
+        while completed and completed[0][0] < waiting[begin].cost:
+            yield heapq.heappop(completed)[-1]
+        several = waiting[begin : begin + at_once]
+        complete(several)
+        for candidate in several:
+            heapq.heappush(completed, (*_order(candidate), candidate))
+    while completed:
+        yield heapq.heappop(completed)[-1]
+
+
+def _order(candidate: _Candidate) -> tuple[Any, Any]:
+    return candidate.cost, candidate.uniqueId
+
+
+def first_without_objection(
+    ordered: Iterable[AnyCandidate], objection: Callable[[AnyCandidate], str | None], rejected: Counter[str]
+) -> AnyCandidate | None:
+    """The first candidate that nothing speaks against; the objections to those before it are counted."""
+    for candidate in ordered:
+        found = objection(candidate)
+        if found is None:
+            return candidate
+        rejected[found] += 1
+    return None
+
+
+# ---------- frenetix
+# Frenetix: the sampling planner of TUM, its C++ core driven by our own loop.
+#
+# Candidates end at sampled durations, speeds and lateral offsets (quartic along, quintic across the reference path).
+# They are tested in the order of their cost against the limits of the vehicle, the predicted obstacles and the edge
+# of the road; the first that passes is driven. Where none passes: standing still under 0.1 m/s, else the drivable
+# candidate that stops soonest.
+
+LOW_SPEED_MPS = 2.0
+STANDSTILL_MPS = 0.1
+COMPLETED_AT_ONCE = 16
+
+
+@dataclass
+class _Step:
+    """One planning step in progress."""
+
+    observation: Observation
+    frame: FrenetFrame
+    low_speed: bool
+    rejected: Counter[str]
+    candidates: int = 0
+    fastest_mps: float = 0.0
+    core_s: float = 0.0
+
+    @property
+    def ego(self) -> EgoState:
+        return self.observation.ego
+
+
+class Frenetix:
+    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+
+    def __init__(self, settings: SamplingSettings | None = None) -> None:
+        self._given_settings = settings
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare for a new run."""
+        self._task = task
+        self._settings = self._given_settings or SamplingSettings.of(task.configuration.settings)
+        self._weights = task.configuration.weights
+        self._own_terms = {name: term for name, term in own_terms().items() if self._weights[name] > 0}
+        network = task.scenario.lanelet_network
+        self._lanes = LaneCenters(network) if self._own_terms else None
+        self._corridors = LaneCorridors(network) if self._own_terms else None
+        self._frames = FrameKeeper(task.reference.points)
+        self._desired_speed = DesiredSpeed(Goal(task.goal_ahead), task.reference, task.step_s)
+        self._handler = frenetix.TrajectoryHandler(task.step_s)
+        add_feasibility(self._handler, task.vehicle)
+        self._driven: DrivenPlan | None = None
+
+    def plan(self, observation: Observation) -> Plan:
+        """Sample, score, and take the first candidate that is safe."""
+        ego, task = observation.ego, self._task
+        station_m = project(task.reference.points, ego.position)[0]
+        frame = self._frames.frame_for(station_m, self._reach_m(ego))
+        step = _Step(observation, frame, ego.speed_mps < LOW_SPEED_MPS, Counter())
+        state = self._driven.state_for(ego, step.low_speed) if self._driven else None
+        going_on = self._driven.rest_for(ego, task.step_s) if self._driven and state else None
+        state = state or initial_state(frame, ego, task.vehicle, step.low_speed)
+        if state is None:
+            step.rejected["initial_state"] = 1
+            return Plan(None, rejected=dict(step.rejected))
+        matrix = sampling_matrix(state, ego.speed_mps, self._settings, task.vehicle, going_on)
+        inputs = self._inputs(step)
+        feasible = self._feasible(matrix, inputs, step)
+        safety = SafetyCheck(task, observation)
+
+        def objection(sample: "frenetix.TrajectorySample") -> str | None:
+            trajectory = copied_trajectory(sample, frame, ego, task.vehicle)
+            return undrivable(trajectory, task.vehicle, task.step_s) or safety.objection(trajectory)
+
+        chosen = first_without_objection(self._ranked(feasible, inputs, step), objection, step.rejected)
+        if chosen is not None:
+            return self._drive(chosen, "regular", step)
+        return self._fallback(feasible, float(state.lateral[0]), step)
+
+    def _feasible(self, matrix: Points, inputs: StepInputs, step: _Step) -> list["frenetix.TrajectorySample"]:
+        """The feasible candidates with their quick terms; the others are counted by what rejects them."""
+        add_step_functions(self._handler, self._weights, step.frame, inputs)
+        began = perf_counter()
+        self._handler.generate_trajectories(matrix, step.low_speed)
+        self._handler.evaluate_all_current_functions(False)
+        found = list(self._handler.get_sorted_trajectories())
+        step.core_s = perf_counter() - began
+        step.candidates, step.fastest_mps = len(matrix), float(matrix[:, FINAL_SPEED].max())
+        return self._sorted_out(found, step)
+
+    def _ranked(
+        self, feasible: list["frenetix.TrajectorySample"], inputs: StepInputs, step: _Step
+    ) -> Iterator["frenetix.TrajectorySample"]:
+        """Feasible candidates, cheapest first; the dear terms are computed as the candidates are asked for."""
+        weight, collision = self._weights["prediction"], None
+        if weight > 0:
+            collision = collision_probability(weight, step.frame, inputs, self._task.vehicle)
+
+        def complete(candidates: Sequence["frenetix.TrajectorySample"]) -> None:
+            if collision is not None:
+                began = perf_counter()
+                for sample in candidates:
+                    collision.evaluate_trajectory(sample)
+                step.core_s += perf_counter() - began
+            self._add_own_terms(candidates, step)
+
+        return cheapest_first(feasible, complete, COMPLETED_AT_ONCE)
+
+    def _inputs(self, step: _Step) -> StepInputs:
+        return StepInputs(
+            ego=step.ego,
+            obstacles=step.observation.obstacles,
+            desired_speed_mps=self._desired_speed.at(step.ego),
+            low_speed=step.low_speed,
+            horizon_s=self._settings.horizon_s,
+            step_s=self._task.step_s,
+            shortest_s=self._settings.shortest_s,
+            reach_m=self._reach_m(step.ego),
+        )
+
+    def _sorted_out(self, found: list["frenetix.TrajectorySample"], step: _Step) -> list["frenetix.TrajectorySample"]:
+        feasible: list[frenetix.TrajectorySample] = []
+        for sample in found:
+            if sample.feasible:
+                feasible.append(sample)
+                continue
+            broken = [CONSTRAINTS[name] for name, count in sample.feasabilityMap.items() if count > 0]
+            for name in broken or ["negative_speed"]:
+                step.rejected[name] += 1
+        if len(found) < step.candidates:
+            step.rejected["off_reference_path"] += step.candidates - len(found)
+        return feasible
+
+    def _add_own_terms(self, candidates: Sequence["frenetix.TrajectorySample"], step: _Step) -> None:
+        if not candidates or not self._own_terms or self._lanes is None or self._corridors is None:
+            return
+        vehicle, frame = self._task.vehicle, step.frame
+        inner = [(s.cartesian.x, s.cartesian.y, s.cartesian.theta, s.cartesian.v) for s in candidates]
+        x, y, theta, speed = (np.array([row[i] for row in inner], dtype=float) for i in range(4))
+        heading = theta + frame.angle_rad
+        center = frame.outwards(np.stack([x.ravel(), y.ravel()], axis=1)).reshape(*x.shape, 2)
+        batch = CandidateBatch(
+            x_m=center[..., 0] + vehicle.rear_axle_behind_center_m * np.cos(heading),
+            y_m=center[..., 1] + vehicle.rear_axle_behind_center_m * np.sin(heading),
+            heading_rad=heading,
+            speed_mps=speed,
+            step_s=self._task.step_s,
+            fastest_mps=step.fastest_mps,
+            target_speed_mps=self._desired_speed.average_to_goal(step.ego),
+            obstacles=step.observation.obstacles,
+            half_length_m=vehicle.length_m / 2,
+            half_width_m=vehicle.width_m / 2,
+            lanes=self._lanes,
+            corridors=self._corridors,
+        )
+        for name, term in self._own_terms.items():
+            weight = self._weights[name]
+            for sample, value in zip(candidates, term(batch).tolist(), strict=True):
+                sample.add_cost_value_to_list(name, value, weight * value)
+
+    def _fallback(self, feasible: list["frenetix.TrajectorySample"], offset_m: float, step: _Step) -> Plan:
+        if step.ego.speed_mps <= STANDSTILL_MPS:
+            self._driven = None
+            still = standstill(step.ego, round(self._settings.horizon_s / self._task.step_s))
+            return Plan(still, {}, dict(step.rejected), step.candidates, "standstill", step.core_s)
+
+        def how_soon(sample: "frenetix.TrajectorySample") -> tuple[float, float, float, float]:
+            end = end_state(sample)
+            return end.speed_mps, end.duration_s, abs(end.offset_m - offset_m), end.offset_m
+
+        soonest = (sample for sample in sorted(feasible, key=how_soon) if self._limit(sample, step) is None)
+        chosen = next(soonest, None)
+        if chosen is None:
+            return Plan(None, {}, dict(step.rejected), step.candidates, core_s=step.core_s)
+        return self._drive(chosen, "stopping", step)
+
+    def _limit(self, sample: "frenetix.TrajectorySample", step: _Step) -> Limit | None:
+        """The limit of the vehicle that a candidate breaks."""
+        vehicle = self._task.vehicle
+        return undrivable(copied_trajectory(sample, step.frame, step.ego, vehicle), vehicle, self._task.step_s)
+
+    def _drive(self, sample: "frenetix.TrajectorySample", kind: PlanKind, step: _Step) -> Plan:
+        trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
+        self._driven = DrivenPlan(
+            step.ego.step, trajectory, copied_curvilinear(sample), step.low_speed, end_state(sample)
+        )
+        weighted = {name: float(pair[1]) for name, pair in sorted(sample.costMap.items())}
+        return Plan(trajectory, weighted, dict(step.rejected), step.candidates, kind, step.core_s)
+
+    def _reach_m(self, ego: EgoState) -> float:
+        """Distance that the fastest candidate covers within the horizon."""
+        gain = self._task.vehicle.maximum_acceleration_mps2 / 6.0 * self._settings.horizon_s
+        return (ego.speed_mps + gain) * self._settings.horizon_s

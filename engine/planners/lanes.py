@@ -1,0 +1,289 @@
+"""The drivable area along a reference path, and whether a vehicle leaves it."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..geometry import Points, Values, arc_length, interpolate, wrap_angles
+from ..network import LaneletGraph
+from .reference_path import BEYOND_GOAL_M, ReferencePath
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+    from commonroad_dc import pycrcc
+    from shapely import Polygon
+    from shapely.geometry.base import BaseGeometry
+
+# ---------- lane_center
+# Distance to the centre line of the lanelet under a point, for many points at once.
+
+SAMPLE_SPACING_M = 0.5
+OUTSIDE_M = 5.0
+"""Offset of a point that lies on no lanelet, as in the Frenetix reference."""
+
+
+class LaneCenters:
+    """Samples of all centre lines with their directions and half widths.
+
+    The lanelet under a point is the one whose centre line is nearest; the point is on it where its offset is at most
+    half the width there. Offsets are exact on straight lanelets.
+    """
+
+    def __init__(self, network: "LaneletNetwork") -> None:
+        from scipy.spatial import cKDTree
+
+        points, directions, half_widths = [], [], []
+        for lanelet in network.lanelets:
+            center = np.asarray(lanelet.center_vertices, dtype=float)
+            stations = arc_length(center)
+            wanted = np.linspace(0.0, stations[-1], max(int(stations[-1] / SAMPLE_SPACING_M), 1) + 1)
+            samples = interpolate(center, stations, wanted)
+            across = np.linalg.norm(np.asarray(lanelet.left_vertices) - np.asarray(lanelet.right_vertices), axis=1)
+            points.append(samples)
+            directions.append(np.gradient(samples, axis=0))
+            half_widths.append(np.interp(wanted, stations, across) / 2)
+        self._points: Points = np.concatenate(points)
+        direction = np.concatenate(directions)
+        self._directions: Points = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
+        self._half_widths: Values = np.concatenate(half_widths)
+        self._tree = cKDTree(self._points)
+
+    def offsets(self, points: Points) -> Values:
+        """Distance in m of each point, shape (n, 2), to the centre line under it; 5 m where there is no lanelet."""
+        _, nearest = self._tree.query(points)
+        away = points - self._points[nearest]
+        along = self._directions[nearest]
+        across = np.abs(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0])
+        beyond = np.abs((along * away).sum(axis=1)) > 2 * SAMPLE_SPACING_M
+        outside = (across > self._half_widths[nearest]) | beyond
+        return np.where(outside, OUTSIDE_M, across)
+
+
+# ---------- lane_corridors
+# Where a vehicle may go without leaving its lane: the lanelets under it and all that follow them.
+
+CORRIDOR_SPACING_M = 2.0
+ALIGNED_RAD = math.radians(60.0)
+GIVING_WAY = frozenset({"YIELD", "STOP", "STOP_4_WAY"})
+HAVING_WAY = frozenset({"PRIORITY", "RIGHT_OF_WAY"})
+
+
+@dataclass(frozen=True)
+class Corridor:
+    """Samples of the centre lines: points (n, 2), unit directions (n, 2), half widths (n,).
+
+    ``stations_m`` (n,): way along the lanes from the vehicle to the sample, negative behind it. ``priority``: −1 where
+    a sign on the way asks to give way, 1 where one grants the right of way or the way is a crosswalk, else 0.
+    """
+
+    points: Points
+    directions: Points
+    half_widths_m: Values
+    stations_m: Values
+    priority: int
+
+    def locate(self, points: Points) -> tuple[Values, Values]:
+        """Station of each point, shape (m, 2), and how far it lies outside the lane's edge (negative: inside), in m."""
+        middle = self.points[0]
+        samples, wanted = self.points - middle, points - middle
+        # no matrix product: its last bits depend on how many points are asked for at once, and they decide ties
+        products = np.multiply.outer(wanted[:, 0], samples[:, 0]) + np.multiply.outer(wanted[:, 1], samples[:, 1])
+        squared = (samples**2).sum(axis=1)[None, :] - 2.0 * products
+        nearest = squared.argmin(axis=1)
+        away, along = points - self.points[nearest], self.directions[nearest]
+        ahead = (along * away).sum(axis=1)
+        across = np.abs(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0])
+        beyond = np.maximum(np.abs(ahead) - CORRIDOR_SPACING_M, 0.0)  # past the last sample of a lane that ends
+        return self.stations_m[nearest] + ahead, np.hypot(across, beyond) - self.half_widths_m[nearest]
+
+
+@dataclass(frozen=True)
+class _Lane:
+    points: Points
+    directions: Points
+    half_widths_m: Values
+    stations_m: Values
+
+
+class LaneCorridors:
+    """Corridors on a lanelet network; built once a run."""
+
+    def __init__(self, network: "LaneletNetwork") -> None:
+        self._graph = LaneletGraph.of(network)
+        self._lanes = {int(lane.lanelet_id): _sampled(lane) for lane in network.lanelets}
+        self._priority = {int(lane.lanelet_id): _priority(network, lane) for lane in network.lanelets}
+        self._ids = np.concatenate([np.full(len(lane.points), key) for key, lane in self._lanes.items()])
+        self._points = np.concatenate([lane.points for lane in self._lanes.values()])
+        self._directions = np.concatenate([lane.directions for lane in self._lanes.values()])
+        self._half_widths = np.concatenate([lane.half_widths_m for lane in self._lanes.values()])
+        self._headings = np.arctan2(self._directions[:, 1], self._directions[:, 0])
+
+    def under(self, position: Points, heading_rad: float) -> tuple[int, ...]:
+        """Lanelets under a position whose direction is within 60° of the heading, the nearest centre line first."""
+        away = position - self._points
+        across = np.abs(self._directions[:, 0] * away[:, 1] - self._directions[:, 1] * away[:, 0])
+        ahead = np.abs((self._directions * away).sum(axis=1))
+        turned = np.abs(wrap_angles(self._headings - heading_rad))
+        found = (across <= self._half_widths) & (ahead <= CORRIDOR_SPACING_M) & (turned <= ALIGNED_RAD)
+        offsets: dict[int, float] = {}
+        for index in np.flatnonzero(found):
+            key = int(self._ids[index])
+            offsets[key] = min(round(float(across[index]), 6), offsets.get(key, math.inf))
+        return tuple(sorted(offsets, key=lambda key: (offsets[key], key)))
+
+    def from_here(self, position: Points, heading_rad: float, reach_m: float) -> Corridor | None:
+        """The corridor of a vehicle, ``reach_m`` metres far; None where no lanelet of its direction is under it."""
+        starts = self.under(position, heading_rad)
+        if not starts:
+            return None
+        begins = {key: -self._station(key, position) for key in starts}
+        waiting = list(starts)
+        while waiting:
+            key = waiting.pop(0)
+            end_m = begins[key] + self._graph.length_m[key]
+            for following in self._graph.successors[key] if end_m < reach_m else ():
+                if following not in begins:
+                    begins[following] = end_m
+                    waiting.append(following)
+        lanes = [self._lanes[key] for key in begins]
+        return Corridor(
+            points=np.concatenate([lane.points for lane in lanes]),
+            directions=np.concatenate([lane.directions for lane in lanes]),
+            half_widths_m=np.concatenate([lane.half_widths_m for lane in lanes]),
+            stations_m=np.concatenate([self._lanes[key].stations_m + begin for key, begin in begins.items()]),
+            priority=self._priority_on(begins, starts),
+        )
+
+    def _station(self, lanelet_id: int, position: Points) -> float:
+        lane = self._lanes[lanelet_id]
+        away = position - lane.points
+        nearest = int((away**2).sum(axis=1).argmin())
+        return float(lane.stations_m[nearest] + lane.directions[nearest] @ away[nearest])
+
+    def _priority_on(self, way: dict[int, float], starts: tuple[int, ...]) -> int:
+        before = [key for start in starts for key in self._graph.predecessors[start]]
+        signs = {self._priority[key] for key in [*way, *before]}
+        return -1 if -1 in signs else max(signs)
+
+
+def _sampled(lanelet: "Lanelet") -> _Lane:
+    center = np.asarray(lanelet.center_vertices, dtype=float)
+    along = arc_length(center)
+    wanted = np.linspace(0.0, along[-1], max(math.ceil(along[-1] / CORRIDOR_SPACING_M), 1) + 1)
+    points = interpolate(center, along, wanted)
+    directions = np.gradient(points, axis=0)
+    across = np.linalg.norm(np.asarray(lanelet.left_vertices) - np.asarray(lanelet.right_vertices), axis=1)
+    return _Lane(
+        points=points,
+        directions=directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-9),
+        half_widths_m=np.interp(wanted, along, across) / 2,
+        stations_m=wanted,
+    )
+
+
+def _priority(network: "LaneletNetwork", lanelet: "Lanelet") -> int:
+    if any(kind.value == "crosswalk" for kind in lanelet.lanelet_type):
+        return 1
+    names: set[str] = set()
+    for key in lanelet.traffic_signs or ():
+        sign = network.find_traffic_sign_by_id(key)
+        names.update(element.traffic_sign_element_id.name for element in sign.traffic_sign_elements if sign)
+    return -1 if names & GIVING_WAY else int(bool(names & HAVING_WAY))
+
+
+# ---------- road
+# The drivable area along a reference path, and whether a vehicle leaves it.
+
+CORRIDOR_M = 25.0
+CLOSED_GAP_M = 0.1
+"""Lanelets of real maps lie centimetres apart where they should touch: gaps up to twice this are no road boundary."""
+
+
+@dataclass(frozen=True)
+class Road:
+    """The lanelets near the reference path as one area, and its edge as thin rectangles for the collision checker."""
+
+    area: "BaseGeometry"
+    edge: "pycrcc.CollisionChecker"
+
+    def touches_edge(self, vehicle: "pycrcc.CollisionObject") -> bool:
+        """Whether a vehicle (or any step of its motion) touches the edge of the road."""
+        return bool(self.edge.collide(vehicle))
+
+    def holds(self, point: Points) -> bool:
+        """Whether a point lies on the road."""
+        from shapely import Point
+
+        return bool(self.area.covers(Point(point)))
+
+
+def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m: float = BEYOND_GOAL_M) -> Road:
+    """The road along a reference path that goes on ``beyond_m`` metres behind its goal.
+
+    Where the network ends, the road is taken to go straight on as the reference path does: the end of a map is not
+    the end of the road.
+    """
+    import shapely
+
+    corridor = shapely.LineString(reference.points).buffer(CORRIDOR_M)
+    near = [lanelet for lanelet in network.lanelets if lanelet.polygon.shapely_object.intersects(corridor)]
+    parts = [shapely.make_valid(lanelet.polygon.shapely_object) for lanelet in near]
+    ends = {lanelet.lanelet_id for lanelet in near if not lanelet.successor}
+    begins = {lanelet.lanelet_id for lanelet in near if not lanelet.predecessor}
+    stations = arc_length(reference.points)
+    last = reference.points[int(np.searchsorted(stations, reference.network_end_m)) :][:2]
+    for lanelet in near:
+        left, right = np.asarray(lanelet.left_vertices), np.asarray(lanelet.right_vertices)
+        if lanelet.lanelet_id in ends and _goes_on(left[-1], right[-1], left[-2], last):
+            parts.append(_strip(left[-1], right[-1], lanelet.center_vertices[-2:], max(BEYOND_GOAL_M + 30.0, beyond_m)))
+        if lanelet.lanelet_id in begins:
+            parts.append(_strip(left[0], right[0], lanelet.center_vertices[1::-1], 10.0))
+    area = shapely.union_all(parts)
+    area = area.buffer(CLOSED_GAP_M, join_style="mitre").buffer(-CLOSED_GAP_M, join_style="mitre")
+    return Road(area, _edge_checker(area.intersection(corridor.buffer(5.0)).boundary, corridor))
+
+
+def _goes_on(left: Points, right: Points, before: Points, last: Points) -> bool:
+    """Whether a lanelet's end lies beside the point where the reference path leaves the network, in its direction."""
+    if len(last) < 2:
+        return False
+    direction, leaving = left - before, last[1] - last[0]
+    turned = abs(math.remainder(math.atan2(*direction[::-1]) - math.atan2(*leaving[::-1]), math.tau))
+    return turned < math.pi / 4 and float(np.linalg.norm((left + right) / 2 - last[0])) < CORRIDOR_M
+
+
+def _strip(left: Points, right: Points, pair: Points, length_m: float) -> "Polygon":
+    """The straight continuation of a lanelet's end edge in the direction of the pair of points."""
+    import shapely
+
+    direction = pair[1] - pair[0]
+    ahead = direction / max(float(np.linalg.norm(direction)), 1e-9) * length_m
+    back = -ahead / length_m * 0.05
+    return shapely.Polygon([left + back, left + ahead, right + ahead, right + back]).convex_hull
+
+
+def _edge_checker(boundary: "BaseGeometry", corridor: "BaseGeometry") -> "pycrcc.CollisionChecker":
+    import shapely
+    from commonroad_dc import pycrcc
+
+    checker = pycrcc.CollisionChecker()
+    group = pycrcc.ShapeGroup()
+    count = 0
+    for line in shapely.get_parts(boundary.intersection(corridor)):
+        points = np.asarray(line.coords)
+        for start, end in pairwise(points):
+            length = float(np.hypot(*(end - start)))
+            if length > 1e-3:
+                middle = (start + end) / 2
+                group.add_shape(_thin(pycrcc, length, math.atan2(*(end - start)[::-1]), middle))
+                count += 1
+    if count:
+        checker.add_collision_object(group)
+    return checker
+
+
+def _thin(pycrcc: Any, length: float, heading: float, middle: Points) -> "pycrcc.Shape":
+    return pycrcc.RectOBB(length / 2, 0.005, heading, float(middle[0]), float(middle[1]))

@@ -1,0 +1,168 @@
+"""The operation that a worker performs for one planner run."""
+
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import numpy as np
+
+from ...schemas.planning import RunRequest, RunResponse
+from ...schemas.runs import DrivenObstacle, RunMetrics, RunRecord, RunSteps, RunTiming
+from ..commonroad import Track, read_scenario
+from ..criticality import criticality
+from ..execution import ProgressReporter
+from ..geometry import Values, wrap_angles
+from ..vehicles import VehicleParameters, vehicle_of
+from .interface import EgoState
+from .registry import make_planner
+from .simulation import DrivenRun, simulate
+from .traffic.modes import check_modes, open_traffic
+from .traffic.recorded import Traffic
+
+# ---------- metrics
+# Figures of a driven trajectory: progress, comfort, nearness to others.
+
+
+def _run_metrics(
+    states: list[EgoState], traffic: Traffic, vehicle: VehicleParameters, step_s: float, total_costs: list[float]
+) -> RunMetrics:
+    """The metrics of a run over its driven states (the initial one included)."""
+    positions = np.array([state.position for state in states])
+    speeds = np.array([state.speed_mps for state in states])
+    accelerations = np.array([state.acceleration_mps2 for state in states])
+    turn = wrap_angles(np.diff([state.heading_rad for state in states]))
+    jerk: Values = np.diff(accelerations[1:]) / step_s  # the recorded initial acceleration is not the planner's doing
+    lateral = np.abs(speeds[1:] * turn / step_s)
+    duration = (len(states) - 1) * step_s
+    distance = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+    nearness = criticality(_ego_track(states, vehicle), traffic)
+    return RunMetrics(
+        duration_s=round(duration, 9),
+        distance_m=distance,
+        mean_speed_mps=distance / duration if duration else float(speeds[0]),
+        minimum_distance_m=nearness.minimum_distance_m,
+        minimum_time_to_collision_s=nearness.minimum_time_to_collision_s,
+        minimum_time_headway_s=nearness.minimum_time_headway_s,
+        risk_score=nearness.risk_score,
+        maximum_jerk_mps3=float(np.abs(jerk).max()) if len(jerk) else 0.0,
+        mean_squared_jerk=float((jerk**2).mean()) if len(jerk) else 0.0,
+        maximum_lateral_acceleration_mps2=float(lateral.max()) if len(lateral) else 0.0,
+        mean_total_cost=float(np.mean(total_costs)) if total_costs else None,
+    )
+
+
+def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:
+    """The driven states as a track with the ego's size; its id is of no obstacle."""
+    return Track(
+        obstacle_id=-1,
+        kind="car",
+        length_m=vehicle.length_m,
+        width_m=vehicle.width_m,
+        first_step=states[0].step,
+        positions=np.array([state.position for state in states]),
+        headings_rad=np.array([state.heading_rad for state in states]),
+        speeds_mps=np.array([state.speed_mps for state in states]),
+    )
+
+
+# ---------- run
+# The operation that a worker performs for one planner run.
+
+
+def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
+    """Run a planner on one planning problem of a CommonRoad file.
+
+    Raises:
+        UnsafeInput: the file cannot be read.
+        UnknownName: no such planning problem or planner.
+        InvalidRequest: a prediction that does not go with the traffic.
+    """
+    began = perf_counter()
+    loaded = read_scenario(Path(request.scenario_path))
+    problem = loaded.problem(request.problem_id)
+    vehicle = vehicle_of(request.configuration.settings)
+    planner = make_planner(request.configuration.planner)
+    check_modes(request.traffic, request.prediction)
+    with open_traffic(request.traffic, loaded, problem, vehicle, request.seed) as traffic:
+        driven = simulate(loaded.scenario, problem, request.configuration, planner, request.prediction, report, traffic)
+    record = RunRecord(
+        run_id=request.run_id,
+        scenario_id=request.scenario_id,
+        problem_id=int(problem.planning_problem_id),
+        config_id=request.configuration.config_id,
+        config_name=request.configuration.name,
+        planner=request.configuration.planner,
+        prediction=request.prediction,
+        traffic=request.traffic,
+        seed=request.seed,
+        step_s=loaded.step_s,
+        outcome=driven.final.outcome,
+        reason=driven.final.reason,
+        invalid_reason=driven.final.invalid_reason,
+        collision=driven.final.collision,
+        off_the_lanes=driven.off_the_lanes,
+        on_recording=driven.traffic.on_recording,
+        eased_over_m=driven.eased_over_m,
+        rejected_candidates=dict(sorted(driven.rejected.items())),
+        metrics=_metrics(driven, vehicle, loaded.step_s),
+        ego_length_m=vehicle.length_m,
+        ego_width_m=vehicle.width_m,
+    )
+    report(1.0, driven.final.outcome)
+    timing = RunTiming(
+        wall_s=perf_counter() - began,
+        planning_step_median_ms=1000 * median(driven.plan_s) if driven.plan_s else 0.0,
+        core_step_median_ms=_core_step_median_ms(driven),
+        steps=len(driven.plan_s),
+        planning_ms=tuple(round(1000 * duration_s, 3) for duration_s in driven.plan_s),
+    )
+    return RunResponse(record=record, steps=run_steps(driven), timing=timing)
+
+
+def _core_step_median_ms(driven: DrivenRun) -> float | None:
+    """Median over the planning steps in which the planner called its native core; None without one."""
+    core = [plan.core_s for plan in driven.plans if plan.core_s > 0]
+    return 1000 * median(core) if core else None
+
+
+def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:
+    if driven.final.outcome == "invalid":
+        return None
+    totals = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
+    return _run_metrics(driven.states, driven.traffic, vehicle, step_s, totals)
+
+
+def run_steps(driven: DrivenRun) -> RunSteps:
+    """The driven states; a term or constraint that a planning step did not have counts 0 there."""
+    states = driven.states
+    terms = sorted({name for plan in driven.plans for name in plan.costs})
+    constraints = sorted({name for counts in driven.rejections for name in counts})
+    return RunSteps(
+        first_step=states[0].step,
+        x_m=tuple(float(state.position[0]) for state in states),
+        y_m=tuple(float(state.position[1]) for state in states),
+        heading_rad=tuple(state.heading_rad for state in states),
+        speed_mps=tuple(state.speed_mps for state in states),
+        acceleration_mps2=tuple(state.acceleration_mps2 for state in states),
+        plan_steps=tuple(driven.plan_steps),
+        others=tuple(_driven_obstacle(track) for track in driven.traffic.driven),
+        costs={name: tuple(float(plan.costs.get(name, 0.0)) for plan in driven.plans) for name in terms},
+        rejected={name: tuple(counts.get(name, 0) for counts in driven.rejections) for name in constraints},
+    )
+
+
+def _driven_obstacle(track: Track) -> DrivenObstacle:
+    def rounded(values: Values) -> tuple[float, ...]:
+        return tuple(round(value, 4) for value in values.tolist())
+
+    return DrivenObstacle(
+        obstacle_id=track.obstacle_id,
+        kind=track.kind,
+        length_m=track.length_m,
+        width_m=track.width_m,
+        first_step=track.first_step,
+        x_m=rounded(track.positions[:, 0]),
+        y_m=rounded(track.positions[:, 1]),
+        heading_rad=rounded(track.headings_rad),
+        speed_mps=rounded(track.speeds_mps),
+    )

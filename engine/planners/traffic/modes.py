@@ -1,0 +1,53 @@
+"""The traffic modes by name, and which predictions go with them. Nothing heavy is imported until traffic is opened."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, get_args
+
+from ....schemas.errors import InvalidRequest
+from ....schemas.runs import Prediction
+from ....schemas.runs import Traffic as TrafficMode
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+
+    from ...commonroad import LoadedScenario
+    from ...vehicles import VehicleParameters
+    from .recorded import Traffic
+
+
+def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
+    """Refuse to tell a planner the future of vehicles that have none yet.
+
+    Raises:
+        InvalidRequest: ground-truth prediction of reactive traffic.
+    """
+    if traffic == "reactive" and prediction == "ground_truth":
+        others = [name for name in get_args(Prediction) if name != "ground_truth"]
+        raise InvalidRequest(
+            "prediction ground_truth is the recording, which reactive traffic does not follow",
+            valid=others,
+            next_step="take one of these predictions, or traffic recorded",
+        )
+
+
+@contextmanager
+def open_traffic(
+    mode: TrafficMode, loaded: "LoadedScenario", problem: "PlanningProblem", vehicle: "VehicleParameters", seed: int
+) -> "Iterator[Traffic]":
+    """The others of a scenario, standing at the ego's first step.
+
+    Raises:
+        NotPossible: nobody can react, because no lanelet is drivable.
+        WorkerFailure: SUMO refused the network or a vehicle.
+    """
+    if mode == "reactive":
+        from ..simulation import initial_ego
+        from .reactive import reactive_traffic
+
+        with reactive_traffic(loaded, problem, initial_ego(problem.initial_state), vehicle, seed) as traffic:
+            yield traffic
+        return
+    from .recorded import RecordedTraffic
+
+    yield RecordedTraffic(loaded.scenario)

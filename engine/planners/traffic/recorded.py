@@ -1,0 +1,195 @@
+"""The others: what the loop asks of them, and the others as recorded."""
+
+from collections.abc import Set
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from ...commonroad import Track, recorded_tracks, size_of
+from ...vehicles import VehicleParameters
+from ..interface import EgoState
+
+if TYPE_CHECKING:
+    from commonroad.scenario.scenario import Scenario
+    from commonroad_dc import pycrcc
+
+# ---------- growing_track
+# A track that grows step by step, for others whose motion is not known before.
+
+FIRST_CAPACITY = 64
+
+
+class GrowingTrack:
+    """The states of one road user so far; its size and type are those of ``like``."""
+
+    def __init__(self, like: Track, first_step: int) -> None:
+        self.like, self.first_step = like, first_step
+        self._rows = np.empty((FIRST_CAPACITY, 4))
+        self._count = 0
+
+    @property
+    def last_step(self) -> int:
+        """The last step that was added; the one before the first without any."""
+        return self.first_step + self._count - 1
+
+    def add(self, x_m: float, y_m: float, heading_rad: float, speed_mps: float) -> None:
+        """Centre, heading and speed at the next step."""
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[self._count] = x_m, y_m, heading_rad, speed_mps
+        self._count += 1
+
+    def track(self) -> Track:
+        """What was added so far, without copying."""
+        rows = self._rows[: self._count]
+        return Track(
+            obstacle_id=self.like.obstacle_id,
+            kind=self.like.kind,
+            length_m=self.like.length_m,
+            width_m=self.like.width_m,
+            first_step=self.first_step,
+            positions=rows[:, :2],
+            headings_rad=rows[:, 2],
+            speeds_mps=rows[:, 3],
+        )
+
+
+# ---------- traffic
+# The others: what the loop asks of them, and the others as recorded.
+
+
+class Traffic(Protocol):
+    """Everybody but the ego, as far as the loop has come.
+
+    ``moving``: a track for every dynamic obstacle; those that react to the ego end at the step that was advanced to.
+    ``standing``: static obstacles as tracks of one state.
+    """
+
+    @property
+    def moving(self) -> tuple[Track, ...]:
+        """Dynamic obstacles by ascending id."""
+
+    @property
+    def standing(self) -> tuple[Track, ...]:
+        """Static obstacles."""
+
+    @property
+    def driven(self) -> tuple[Track, ...]:
+        """The obstacles among the moving that react to the ego, as far as they have come."""
+
+    @property
+    def on_recording(self) -> tuple[int, ...]:
+        """Ids of the moving obstacles that follow their recording although the traffic is reactive."""
+
+    def advance(self, ego: EgoState) -> None:
+        """Go on to the step of the ego's new state; called for every step in order, before anybody looks at it."""
+
+    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
+        """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
+
+
+@dataclass(frozen=True)
+class _Body:
+    obstacle_id: int
+    kind: str
+    shape: "pycrcc.CollisionObject"
+
+
+class RecordedTraffic:
+    """Dynamic and static obstacles of a scenario, following their recordings; environment and phantoms are no bodies.
+
+    ``moving``: a track for every dynamic obstacle, set-based predictions and obstacles without any prediction
+    included; ``standing``: static obstacles as tracks of one state. Obstacles ``without`` are left out.
+    """
+
+    driven: tuple[Track, ...] = ()
+    on_recording: tuple[int, ...] = ()
+
+    def __init__(self, scenario: "Scenario", without: Set[int] = frozenset()) -> None:
+        from commonroad_dc import pycrcc
+        from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_object
+
+        self.moving: tuple[Track, ...] = tuple(t for t in _all_tracks(scenario) if t.obstacle_id not in without)
+        self.standing: tuple[Track, ...] = tuple(_static_track(obstacle) for obstacle in scenario.static_obstacles)
+        obstacles = [*scenario.dynamic_obstacles, *scenario.static_obstacles]
+        self._bodies = [
+            _Body(int(o.obstacle_id), str(o.obstacle_type.value), create_collision_object(o))
+            for o in sorted(obstacles, key=lambda o: int(o.obstacle_id))
+            if int(o.obstacle_id) not in without
+        ]
+        self._checker = pycrcc.CollisionChecker()
+        for body in self._bodies:
+            self._checker.add_collision_object(body.shape)
+
+    def advance(self, ego: EgoState) -> None:
+        """Nothing to do: a recording does not depend on the ego."""
+
+    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
+        """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
+        from commonroad_dc import pycrcc
+
+        body = pycrcc.TimeVariantCollisionObject(ego.step)
+        body.append_obstacle(rectangle(ego, vehicle))
+        if not self._checker.collide(body):
+            return None
+        return next(((o.obstacle_id, o.kind) for o in self._bodies if o.shape.collide(body)), None)
+
+
+def rectangle(ego: EgoState, vehicle: VehicleParameters) -> "pycrcc.RectOBB":
+    """The ego's rectangle for the collision checker."""
+    from commonroad_dc import pycrcc
+
+    x, y = float(ego.position[0]), float(ego.position[1])
+    return pycrcc.RectOBB(vehicle.length_m / 2, vehicle.width_m / 2, ego.heading_rad, x, y)
+
+
+def _all_tracks(scenario: "Scenario") -> tuple[Track, ...]:
+    tracks = recorded_tracks(scenario)
+    for obstacle in scenario.dynamic_obstacles:
+        if int(obstacle.obstacle_id) not in tracks:
+            tracks[int(obstacle.obstacle_id)] = _occupancy_track(obstacle)
+    return tuple(tracks[key] for key in sorted(tracks))
+
+
+def _occupancy_track(obstacle: Any) -> Track:
+    """Track of the centres of an obstacle's occupied regions, its size that of the largest one."""
+    first = int(obstacle.initial_state.time_step)
+    shapes = [obstacle.occupancy_at_time(first).shape]
+    if obstacle.prediction is not None:
+        shapes += [occupancy.shape for occupancy in obstacle.prediction.occupancy_set]
+    parts = [_largest(shape) for shape in shapes]
+    sizes = [size_of(part) for part in parts]
+    heading = float(getattr(obstacle.initial_state, "orientation", None) or 0.0)
+    speed = float(getattr(obstacle.initial_state, "velocity", None) or 0.0)
+    return Track(
+        obstacle_id=int(obstacle.obstacle_id),
+        kind=str(obstacle.obstacle_type.value),
+        length_m=max(size[0] for size in sizes),
+        width_m=max(size[1] for size in sizes),
+        first_step=first,
+        positions=np.array([part.center for part in parts], dtype=float),
+        headings_rad=np.array([getattr(part, "orientation", heading) for part in parts], dtype=float),
+        speeds_mps=np.full(len(parts), speed),
+    )
+
+
+def _static_track(obstacle: Any) -> Track:
+    state = obstacle.initial_state
+    shape = _largest(obstacle.occupancy_at_time(state.time_step).shape)
+    length, width = size_of(shape)
+    return Track(
+        obstacle_id=int(obstacle.obstacle_id),
+        kind=str(obstacle.obstacle_type.value),
+        length_m=length,
+        width_m=width,
+        first_step=0,
+        positions=np.array([shape.center], dtype=float),
+        headings_rad=np.array([float(getattr(shape, "orientation", 0.0))]),
+        speeds_mps=np.zeros(1),
+    )
+
+
+def _largest(shape: Any) -> Any:
+    parts = getattr(shape, "shapes", None)
+    return max(parts, key=lambda part: float(part.shapely_object.area)) if parts else shape

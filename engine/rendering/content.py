@@ -1,0 +1,386 @@
+"""What a scenario shows, as plain arrays: read once, drawn as often as there are frames."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...schemas.results import RunSource
+from ...schemas.runs import RunRecord
+from ..analysis import driven_tracks, read_steps
+from ..commonroad import Track, last_recorded_step, recorded_tracks, size_of
+from ..geometry import Points, Values, oriented_rectangle
+from ..vehicles import BMW_320I
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.scenario import Scenario
+
+    from ..commonroad import LoadedScenario
+
+# ---------- driven_path
+# A run's driven path, ready to be drawn over its scenario.
+
+
+@dataclass(frozen=True)
+class DrivenPath:
+    """Centre of the ego (n, 2), headings, speeds (n,), from ``first_step`` on.
+
+    ``name``: what the picture calls the run; ``series``: number of its colour and dash pattern, the same for one
+    configuration in all pictures of a request. ``others``: how the obstacles moved that reacted to the ego, by id.
+    """
+
+    record: RunRecord
+    first_step: int
+    positions: Points
+    headings_rad: Values
+    speeds_mps: Values
+    name: str
+    series: int = 0
+    others: dict[int, Track] = field(default_factory=dict)
+
+    @property
+    def last_step(self) -> int:
+        """The last step that was driven."""
+        return self.first_step + len(self.positions) - 1
+
+    def index_at(self, step: int) -> int:
+        """Index for a time step, clamped to what was driven: the ego stays where its run ended."""
+        return int(np.clip(step - self.first_step, 0, len(self.positions) - 1))
+
+    @property
+    def label(self) -> str:
+        """Configuration and outcome, as in a legend."""
+        return f"{self.name}: {self.record.outcome.replace('_', ' ')}"
+
+
+def driven_path(source: RunSource, name: str = "", series: int = 0) -> DrivenPath | None:
+    """The path of a run, by default with its configuration's name; None where it has no steps."""
+    steps = read_steps(source)
+    if steps is None or not steps.x_m:
+        return None
+    return DrivenPath(
+        record=source.record,
+        first_step=steps.first_step,
+        positions=np.column_stack([steps.x_m, steps.y_m]),
+        headings_rad=np.asarray(steps.heading_rad, dtype=float),
+        speeds_mps=np.asarray(steps.speed_mps, dtype=float),
+        name=name or source.record.config_name,
+        series=series,
+        others=driven_tracks(steps),
+    )
+
+
+def short_names(runs: Sequence[RunSource]) -> dict[str, str]:
+    """Names of configurations by id, without the planner where all runs are of one."""
+    one_planner = len({run.record.planner for run in runs}) == 1
+    return {
+        run.record.config_id: run.record.config_name.removeprefix(f"{run.record.planner}:" if one_planner else "")
+        for run in runs
+    }
+
+
+# ---------- scene_content
+# What a scenario shows, as plain arrays: read once, drawn as often as there are frames.
+
+EGO_SIZE_M = (BMW_320I.length_m, BMW_320I.width_m)
+
+
+@dataclass(frozen=True)
+class LaneletShape:
+    """A lanelet's sides (n, 2), its centre line, and the lanelets beside it, in whichever direction they lead."""
+
+    lanelet_id: int
+    left: Points
+    right: Points
+    center: Points
+    left_neighbour: int | None
+    right_neighbour: int | None
+    inside_intersection: bool
+
+    @property
+    def outline(self) -> Points:
+        """Closed outline, shape (m, 2)."""
+        return np.vstack([self.left, self.right[::-1]])
+
+
+@dataclass(frozen=True)
+class _StandingObstacle:
+    """A static obstacle: its corners (n, 2) and type."""
+
+    obstacle_id: int
+    kind: str
+    corners: Points
+
+
+@dataclass(frozen=True)
+class _TrafficSignal:
+    """A traffic light: where it stands and the colour of every step of its cycle ("inactive" without one)."""
+
+    signal_id: int
+    position: Points
+    cycle: tuple[str, ...]
+    offset: int
+
+    def state_at(self, step: int) -> str:
+        """Colour at a time step."""
+        return self.cycle[(step - self.offset) % len(self.cycle)] if self.cycle else "inactive"
+
+
+@dataclass(frozen=True)
+class GoalRegion:
+    """A goal: its polygons (empty where any place counts) and the steps in which it counts."""
+
+    polygons: tuple[Points, ...]
+    first_step: int
+    last_step: int
+
+
+@dataclass(frozen=True)
+class SceneContent:
+    """Everything that is drawn of one scenario."""
+
+    scenario_id: str
+    step_s: float
+    last_step: int
+    lanelets: tuple[LaneletShape, ...]
+    stop_lines: tuple[Points, ...]
+    signals: tuple[_TrafficSignal, ...]
+    tracks: dict[int, Track]
+    standing: tuple[_StandingObstacle, ...]
+    ego_position: Points | None
+    ego_heading_rad: float
+    ego_speed_mps: float
+    ego_step: int
+    goals: tuple[GoalRegion, ...]
+
+    def goal_points(self) -> Points:
+        """All corners of all goal polygons, shape (n, 2)."""
+        polygons = [polygon for goal in self.goals for polygon in goal.polygons]
+        return np.vstack(polygons) if polygons else np.empty((0, 2))
+
+
+def read_content(loaded: "LoadedScenario") -> SceneContent:
+    """The drawable content of a scenario with its first planning problem, if it has one."""
+    scenario = loaded.scenario
+    problem = loaded.problem() if loaded.planning_problems.planning_problem_dict else None
+    ego = problem.initial_state if problem else None
+    goals = _goals(problem, scenario) if problem else ()
+    last = max(last_recorded_step(scenario), *(goal.last_step for goal in goals), 0)
+    return SceneContent(
+        scenario_id=loaded.benchmark_id,
+        step_s=loaded.step_s,
+        last_step=last,
+        lanelets=_lanelets(scenario),
+        stop_lines=_stop_lines(scenario),
+        signals=_signals(scenario),
+        tracks=recorded_tracks(scenario),
+        standing=_standing(scenario),
+        ego_position=np.asarray(ego.position, dtype=float) if ego else None,
+        ego_heading_rad=float(ego.orientation) if ego else 0.0,
+        ego_speed_mps=float(ego.velocity) if ego else 0.0,
+        ego_step=int(ego.time_step) if ego else 0,
+        goals=goals,
+    )
+
+
+def _lanelets(scenario: "Scenario") -> tuple[LaneletShape, ...]:
+    network = scenario.lanelet_network
+    inside = {
+        key
+        for intersection in network.intersections
+        for incoming in intersection.incomings
+        for group in (incoming.successors_left, incoming.successors_straight, incoming.successors_right)
+        for key in group or ()
+    }
+    return tuple(
+        LaneletShape(
+            lanelet_id=int(lanelet.lanelet_id),
+            left=np.asarray(lanelet.left_vertices, dtype=float),
+            right=np.asarray(lanelet.right_vertices, dtype=float),
+            center=np.asarray(lanelet.center_vertices, dtype=float),
+            left_neighbour=lanelet.adj_left,
+            right_neighbour=lanelet.adj_right,
+            inside_intersection=lanelet.lanelet_id in inside,
+        )
+        for lanelet in sorted(network.lanelets, key=lambda lanelet: lanelet.lanelet_id)
+    )
+
+
+def _stop_lines(scenario: "Scenario") -> tuple[Points, ...]:
+    found = []
+    for lanelet in sorted(scenario.lanelet_network.lanelets, key=lambda lanelet: lanelet.lanelet_id):
+        line = lanelet.stop_line
+        if line is None:
+            continue
+        given = line.start is not None and line.end is not None
+        ends = (line.start, line.end) if given else (lanelet.left_vertices[-1], lanelet.right_vertices[-1])
+        found.append(np.array(ends, dtype=float))
+    return tuple(found)
+
+
+def _signals(scenario: "Scenario") -> tuple[_TrafficSignal, ...]:
+    network = scenario.lanelet_network
+    ends: dict[int, Points] = {}
+    for lanelet in sorted(network.lanelets, key=lambda lanelet: lanelet.lanelet_id):
+        for key in lanelet.traffic_lights:
+            ends.setdefault(key, np.asarray(lanelet.right_vertices[-1], dtype=float))
+    found = []
+    for light in sorted(network.traffic_lights, key=lambda light: light.traffic_light_id):
+        position = light.position if light.position is not None else ends.get(light.traffic_light_id)
+        if position is None:
+            continue
+        cycle = light.traffic_light_cycle
+        elements = (cycle.cycle_elements or []) if cycle is not None else []
+        colours = tuple(element.state.value for element in elements for _ in range(int(element.duration)))
+        offset = int(cycle.time_offset or 0) if cycle is not None else 0
+        found.append(_TrafficSignal(int(light.traffic_light_id), np.asarray(position, dtype=float), colours, offset))
+    return tuple(found)
+
+
+def _standing(scenario: "Scenario") -> tuple[_StandingObstacle, ...]:
+    found = []
+    for obstacle in sorted(scenario.static_obstacles, key=lambda obstacle: obstacle.obstacle_id):
+        state = obstacle.initial_state
+        center = getattr(state.position, "center", state.position)
+        heading = getattr(state.orientation, "start", state.orientation)
+        corners = oriented_rectangle(np.asarray(center, dtype=float), float(heading), size_of(obstacle.obstacle_shape))
+        found.append(_StandingObstacle(int(obstacle.obstacle_id), str(obstacle.obstacle_type.value), corners))
+    return tuple(found)
+
+
+def _goals(problem: "PlanningProblem", scenario: "Scenario") -> tuple[GoalRegion, ...]:
+    found = []
+    for index, state in enumerate(problem.goal.state_list):
+        by_lanelet = (problem.goal.lanelets_of_goal_position or {}).get(index, [])
+        if by_lanelet:
+            lanelets = [scenario.lanelet_network.find_lanelet_by_id(key) for key in by_lanelet]
+            polygons = [np.asarray(lanelet.polygon.vertices) for lanelet in lanelets if lanelet is not None]
+        else:
+            polygons = _polygons(getattr(state, "position", None))
+        time = state.time_step
+        first, last = (time.start, time.end) if hasattr(time, "start") else (time, time)
+        found.append(GoalRegion(tuple(polygons), int(first), int(last)))
+    return tuple(found)
+
+
+def _polygons(shape: Any) -> list[Points]:
+    if shape is None:
+        return []
+    if hasattr(shape, "shapes"):
+        return [polygon for part in shape.shapes for polygon in _polygons(part)]
+    if hasattr(shape, "radius"):
+        angles = np.linspace(0, 2 * np.pi, 36)
+        return [np.asarray(shape.center) + shape.radius * np.column_stack([np.cos(angles), np.sin(angles)])]
+    if hasattr(shape, "vertices"):
+        return [np.asarray(shape.vertices, dtype=float)]
+    return []
+
+
+# ---------- viewport
+# Which part of a scenario a picture shows: the ego, its way and its goal, not the whole map.
+
+MARGIN_M = 14.0
+SMALLEST_SPAN_M = 80.0
+LARGEST_SPAN_M = 260.0
+FLATTEST_RATIO = 3.0
+STEEPEST_RATIO = 1.1
+GOAL_SHOWN_M = 30.0
+NEIGHBOURS_M = 35.0
+LOOK_AHEAD_S = 2.5
+
+
+@dataclass(frozen=True)
+class Viewport:
+    """A rectangle in scenario coordinates (metres)."""
+
+    x_min: float
+    y_min: float
+    x_max: float
+    y_max: float
+
+    @property
+    def width_m(self) -> float:
+        """Extent along x."""
+        return self.x_max - self.x_min
+
+    @property
+    def height_m(self) -> float:
+        """Extent along y."""
+        return self.y_max - self.y_min
+
+    def contains(self, points: Points) -> bool:
+        """Whether any of the points (n, 2) lies inside."""
+        x, y = points[:, 0], points[:, 1]
+        inside = (self.x_min <= x) & (x <= self.x_max) & (self.y_min <= y) & (y <= self.y_max)
+        return bool(inside.any())
+
+
+def viewport_of(content: SceneContent, paths: Sequence[DrivenPath] = (), step: int | None = None) -> Viewport:
+    """The part that matters: ego, neighbours, driven paths and the near end of the goal; else the traffic or the map.
+
+    At least 80 m wide, at most 260 m in each direction, no flatter than 3 to 1: pictures keep a usable shape.
+    """
+    points = _points_of_interest(content, paths, step)
+    center = _anchor(content, paths, step, points)
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    low, high = _limited(low, high, center)
+    width, height = high - low
+    middle = (low + high) / 2
+    width, height = max(width, SMALLEST_SPAN_M), max(height, SMALLEST_SPAN_M / FLATTEST_RATIO)
+    height = max(height, width / FLATTEST_RATIO)
+    width = max(width, height * STEEPEST_RATIO)
+    return Viewport(middle[0] - width / 2, middle[1] - height / 2, middle[0] + width / 2, middle[1] + height / 2)
+
+
+def union(first: Viewport, second: Viewport) -> Viewport:
+    """The smallest viewport that holds both: for pictures that shall be compared."""
+    return Viewport(
+        min(first.x_min, second.x_min),
+        min(first.y_min, second.y_min),
+        max(first.x_max, second.x_max),
+        max(first.y_max, second.y_max),
+    )
+
+
+def _points_of_interest(content: SceneContent, paths: Sequence[DrivenPath], step: int | None) -> Points:
+    found = [path.positions for path in paths]
+    at = content.ego_step if step is None else step
+    present = [track.positions[index] for track in content.tracks.values() if (index := track.index_at(at)) is not None]
+    traffic = np.array(present).reshape(-1, 2)
+    if content.ego_position is not None:
+        direction = np.array([np.cos(content.ego_heading_rad), np.sin(content.ego_heading_rad)])
+        ahead = content.ego_position + direction * content.ego_speed_mps * LOOK_AHEAD_S
+        found += [content.ego_position[None, :]] if paths else [np.stack([content.ego_position, ahead])]
+        center = paths[0].positions[paths[0].index_at(at)] if paths else content.ego_position
+        found.append(traffic[np.linalg.norm(traffic - center, axis=1) <= NEIGHBOURS_M])
+        goal = content.goal_points()
+        if len(goal):
+            reference = np.vstack(found)
+            distance = np.linalg.norm(goal[:, None, :] - reference[None, :, :], axis=2).min(axis=1)
+            found.append(goal[distance <= distance.min() + GOAL_SHOWN_M])
+    else:
+        found.append(traffic)
+    if not any(len(points) for points in found):
+        found = [lanelet.center for lanelet in content.lanelets] or [np.zeros((1, 2))]
+    return np.vstack(found)
+
+
+def _anchor(content: SceneContent, paths: Sequence[DrivenPath], step: int | None, points: Points) -> Points:
+    if paths and step is not None:
+        anchor: Points = paths[0].positions[paths[0].index_at(step)]
+        return anchor
+    if content.ego_position is not None:
+        return content.ego_position
+    middle: Points = (points.min(axis=0) + points.max(axis=0)) / 2
+    return middle
+
+
+def _limited(low: Points, high: Points, center: Points) -> tuple[Points, Points]:
+    """Cut an extent that is too large, keeping the centre of interest inside."""
+    for axis in (0, 1):
+        if high[axis] - low[axis] > LARGEST_SPAN_M:
+            start = np.clip(center[axis] - LARGEST_SPAN_M / 2, low[axis], high[axis] - LARGEST_SPAN_M)
+            low[axis], high[axis] = start, start + LARGEST_SPAN_M
+    return low, high

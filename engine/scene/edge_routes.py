@@ -1,0 +1,136 @@
+"""Routes of SUMO edges for sequences of lanelets."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from ..network import NetLayout
+from .map_matching import straightness
+
+EXTENSION_M = 2000.0
+LONGEST_REPAIR_EDGES = 6
+
+
+@dataclass(frozen=True)
+class EdgeGraph:
+    """Which edge leads to which, and how routes are made from lanelets."""
+
+    layout: NetLayout
+
+    @cached_property
+    def successors(self) -> dict[str, tuple[str, ...]]:
+        """Edge → edges that a way through a junction leads to, sorted."""
+        found: dict[str, set[str]] = {edge: set() for edge in self.layout.edges}
+        for path in self.layout.paths:
+            found[self.layout.lane_of[path.entry][0]].add(self.layout.lane_of[path.exit][0])
+        return {edge: tuple(sorted(after)) for edge, after in found.items()}
+
+    @cached_property
+    def paths_from(self) -> dict[int, tuple[int, ...]]:
+        """Lanelet → indices of the ways that leave it."""
+        found: dict[int, list[int]] = {}
+        for index, path in enumerate(self.layout.paths):
+            found.setdefault(path.entry, []).append(index)
+        return {key: tuple(indices) for key, indices in found.items()}
+
+    def route(self, lanelets: Sequence[int]) -> tuple[str, ...] | None:
+        """Edges for a drive over lanelets, from the edge that leads into the first to the edge after the last.
+
+        Gaps are closed by the shortest way of few edges; None where there is none.
+        """
+        edges: list[str] = []
+        for edge in self._edges_of(lanelets):
+            if not edges or edge == edges[-1]:
+                edges = edges or [edge]
+                continue
+            between = self._shortest(edges[-1], edge)
+            if between is None or len(between) > LONGEST_REPAIR_EDGES:
+                return None
+            edges += between[1:]
+        return tuple(edges) or None
+
+    def extended(self, edges: Sequence[str], last_lanelet: int | None = None) -> tuple[str, ...]:
+        """The route led on straight ahead, so that a vehicle does not end with its recording.
+
+        ``last_lanelet``: the lane in which the vehicle arrives; the way on begins in it where it can.
+        """
+        route, total, lanelet = list(edges), 0.0, last_lanelet
+        while total < EXTENSION_M:
+            lanes = self.layout.edges[route[-1]]
+            starts = [lanelet] if lanelet in lanes and self.paths_from.get(lanelet) else list(lanes)
+            onward = [index for key in starts for index in self.paths_from.get(key, ())]
+            onward = [index for index in onward if self.layout.lane_of[self.layout.paths[index].exit][0] not in route]
+            if not onward:
+                break
+            best = max(onward, key=lambda index: (self._straightness(index), -index))
+            lanelet = self.layout.paths[best].exit
+            route.append(self.layout.lane_of[lanelet][0])
+            total += self.layout.table.lanes[lanelet].length_m
+        return tuple(route)
+
+    def path_for(self, lanelet_id: int, edges: Sequence[str]) -> int | None:
+        """The way through a junction that uses an internal lanelet and fits a route best; None if no way uses it."""
+        ways = self.layout.paths_through.get(lanelet_id, ())
+        return max(ways, key=lambda index: (self._fit(index, edges), -index)) if ways else None
+
+    def _fit(self, index: int, edges: Sequence[str]) -> int:
+        path = self.layout.paths[index]
+        return (self.layout.lane_of[path.entry][0] in edges) + (self.layout.lane_of[path.exit][0] in edges)
+
+    def _straightness(self, index: int) -> float:
+        path, lanes = self.layout.paths[index], self.layout.table.lanes
+        return straightness(lanes[path.entry].center, lanes[path.exit].center)
+
+    def _edges_of(self, lanelets: Sequence[int]) -> list[str]:
+        lane_of = self.layout.lane_of
+        outside = [lane_of[key][0] for key in lanelets if key in lane_of]
+        first, last = lanelets[0], lanelets[-1]
+        before = self._end_edge(first, [*outside, *self._inside_exits(lanelets)], entry=True)
+        after = self._end_edge(last, [*before, *outside], entry=False)
+        return [*before, *outside, *after]
+
+    def _inside_exits(self, lanelets: Sequence[int]) -> list[str]:
+        """Exits of ways that use all of the leading internal lanelets: they tell apart ways that share the first."""
+        inside: list[int] = []
+        for key in lanelets:
+            if key in self.layout.lane_of:
+                break
+            inside.append(key)
+        exits = [
+            self.layout.lane_of[path.exit][0]
+            for path in self.layout.paths
+            if inside and set(inside) <= set(path.through)
+        ]
+        return sorted(set(exits))
+
+    def _end_edge(self, lanelet_id: int, edges: Sequence[str], *, entry: bool) -> list[str]:
+        """The edge before (entry) or after a lanelet inside a junction; none for a lanelet outside."""
+        if lanelet_id in self.layout.lane_of:
+            return []
+        index = self.path_for(lanelet_id, edges)
+        if index is None:
+            return []
+        path = self.layout.paths[index]
+        return [self.layout.lane_of[path.entry if entry else path.exit][0]]
+
+    def _shortest(self, start: str, goal: str) -> list[str] | None:
+        came_from: dict[str, str | None] = {start: None}
+        waiting = deque([start])
+        while waiting:
+            current = waiting.popleft()
+            for following in self.successors[current]:
+                if following in came_from:
+                    continue
+                came_from[following] = current
+                if following == goal:
+                    return _walk_back(came_from, goal)
+                waiting.append(following)
+        return None
+
+
+def _walk_back(came_from: dict[str, str | None], goal: str) -> list[str]:
+    route = [goal]
+    while (before := came_from[route[-1]]) is not None:
+        route.append(before)
+    return route[::-1]

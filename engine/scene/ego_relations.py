@@ -1,0 +1,301 @@
+"""Who drives ahead of and behind the ego along its lane: whom ``lead`` and ``follow`` mean, in edits and descriptions.
+
+A vehicle counts that is on the ego's lanelet, on any that follows it (whichever branch the ego takes) or on any that
+leads to it, and so does one whose lanelet is another but which is in the ego's lane where it is.
+"""
+
+import heapq
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..commonroad import Track
+from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
+from ..network import LaneletGraph
+from .routing import along, center_line, lanelets_at, path_ahead, stated_goal_lanelets
+from .scene import NOT_DRIVEN, Ego, Scene
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+# ---------- where_words
+# Where a vehicle is, relative to the ego, in words that a driver would use.
+
+AHEAD_M = 300.0
+BEHIND_M = 150.0
+EGO_LENGTH_M = 4.508
+LANE_HALF_WIDTH_M = 1.75
+ROUND_ABOUT = 2.0
+"""A place that is so many times farther along the lane than straight across is told by both distances."""
+SAME_RAD = math.radians(45.0)
+OPPOSITE_RAD = math.radians(135.0)
+ALONGSIDE_M = 3.0
+OWN, ONCOMING = "same lane", "oncoming"
+
+
+@dataclass(frozen=True)
+class Where:
+    """Words, distance along the ego's lane (ahead positive; None off its road), and the gap in the ego's lane."""
+
+    words: str
+    ahead_m: float | None
+    gap_m: float | None
+
+    @property
+    def in_lane(self) -> bool:
+        """Whether it is in the ego's own lane."""
+        return self.gap_m is not None
+
+
+@dataclass(frozen=True)
+class EgoLane:
+    """The lane that the ego follows: its centre line from behind the ego to far ahead, and the lanes beside it.
+
+    ``beside``: lanelet → lanes to the left of the ego's (right negative) in the same direction; 0 is its own.
+    """
+
+    network: "LaneletNetwork"
+    line: Points
+    here_m: float
+    position: Points
+    heading_rad: float
+    beside: dict[int, int]
+
+    @classmethod
+    def of(
+        cls,
+        network: "LaneletNetwork",
+        graph: LaneletGraph,
+        start: int,
+        route: tuple[int, ...],
+        pose: tuple[Points, float],
+    ) -> "EgoLane":
+        """The lane through the start lanelet, along the route and then straight on; behind, the straightest ones."""
+        ahead, chosen = path_ahead(network, graph, start, route, AHEAD_M)
+        behind, before = _backwards(network, graph, start)
+        line = without_repeats(np.vstack([behind, ahead])) if len(behind) else ahead
+        beside = _lanes_beside(network, (*before, *chosen))
+        return cls(network, line, project(line, pose[0])[0], pose[0], pose[1], beside)
+
+    def where(self, track: Track, index: int, lanelet: int | None) -> Where:
+        """Where the track is at an index of its arrays."""
+        point, heading = track.positions[index], float(track.headings_rad[index])
+        station, offset = project(self.line, point)
+        ahead = station - self.here_m
+        round_about = abs(ahead) > max(ALONGSIDE_M, ROUND_ABOUT * float(np.linalg.norm(point - self.position)))
+        lane = self._lane(track, index, lanelet, (station, offset))
+        if lane is None or (round_about and lane == ONCOMING):
+            return Where(self._elsewhere(point, heading), None, None)
+        if round_about:
+            return Where(f"{self._elsewhere(point, heading)}, {_along(ahead)} along the lane", round(ahead, 1), None)
+        gap = abs(ahead) - (track.length_m + EGO_LENGTH_M) / 2 if lane == OWN else None
+        return Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
+
+    def _lane(self, track: Track, index: int, lanelet: int | None, at: tuple[float, float]) -> str | None:
+        """The lane that somebody is in, at an arc length and an offset of the line; None on another road."""
+        station, offset = at
+        if lanelet not in self.beside and not 0.5 < station < arc_length(self.line)[-1] - 0.5:
+            return None
+        turned = abs(wrap_angle(float(track.headings_rad[index]) - point_at(self.line, station)[1]))
+        if turned > OPPOSITE_RAD and abs(offset) < 15.0:
+            return ONCOMING
+        if turned > SAME_RAD:
+            return None
+        lanes = self.beside.get(lanelet) if lanelet is not None else None
+        if lanelet is None or lanes is None:
+            return OWN if abs(offset) <= LANE_HALF_WIDTH_M else None
+        if lanes == 0:
+            return self._outside(lanelet, offset) if _outside_lane(self.network, lanelet, track, index) else OWN
+        side = "left" if lanes > 0 else "right"
+        return f"{side} lane" if abs(lanes) == 1 else f"{abs(lanes)} lanes to the {side}"
+
+    def _outside(self, lanelet: int, offset: float) -> str:
+        """What somebody is on who drives along a lane outside of it."""
+        lane = self.network.find_lanelet_by_id(lanelet)
+        beside = lane.adj_left if offset > 0 else lane.adj_right
+        same = lane.adj_left_same_direction if offset > 0 else lane.adj_right_same_direction
+        side = "left" if offset > 0 else "right"
+        if beside is None:
+            return f"{side} of the lane"
+        return f"{side} lane" if same else "in the oncoming lane"
+
+    def _elsewhere(self, point: Points, heading: float) -> str:
+        step = point - self.position
+        distance = float(np.linalg.norm(step))
+        bearing = wrap_angle(math.atan2(step[1], step[0]) - self.heading_rad)
+        turned = wrap_angle(heading - self.heading_rad)
+        motion = "coming the other way"
+        if abs(turned) < SAME_RAD:
+            motion = "same direction, another road"
+        elif abs(turned) < OPPOSITE_RAD:
+            motion = f"heading to the {'left' if turned > 0 else 'right'}"
+        return f"{distance:.0f} m {_bearing(bearing)}, {motion}"
+
+
+def _outside_lane(network: "LaneletNetwork", lanelet: int, track: Track, index: int) -> bool:
+    """Whether a vehicle is beside a lanelet with its whole width, as one that overtakes on the oncoming lane."""
+    lane, line, point = network.find_lanelet_by_id(lanelet), center_line(network, lanelet), track.positions[index]
+    nearest = int(np.argmin(np.linalg.norm(lane.center_vertices - point, axis=1)))
+    width = float(np.linalg.norm(lane.left_vertices[nearest] - lane.right_vertices[nearest]))
+    station, offset = project(line, point)
+    return 0.0 < station < float(arc_length(line)[-1]) and abs(offset) > (width + track.width_m) / 2
+
+
+def _along(ahead_m: float) -> str:
+    if abs(ahead_m) < ALONGSIDE_M:
+        return "alongside"
+    return f"{abs(ahead_m):.0f} m {'ahead' if ahead_m > 0 else 'behind'}"
+
+
+def _bearing(angle_rad: float) -> str:
+    names = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
+    return names[round(angle_rad / (math.pi / 4)) % 8]
+
+
+def _backwards(network: "LaneletNetwork", graph: LaneletGraph, start: int) -> tuple[Points, tuple[int, ...]]:
+    chosen: list[int] = []
+    parts: list[Points] = []
+    total, current = 0.0, start
+    while total < BEHIND_M:
+        before = [key for key in graph.predecessors[current] if key != start and key not in chosen]
+        if not before:
+            break
+        current = min(before, key=lambda key: (_bend(network, key, current), key))
+        chosen.append(current)
+        parts.insert(0, center_line(network, current))
+        total += graph.length_m[current]
+    return (np.vstack(parts) if parts else np.zeros((0, 2))), tuple(chosen)
+
+
+def _bend(network: "LaneletNetwork", before: int, after: int) -> float:
+    """Angle in rad between the course of a lanelet and the beginning of one that follows it."""
+    first, second = center_line(network, before), center_line(network, after)
+    if len(first) < 2 or len(second) < 2:
+        return math.inf
+    arriving, leaving = first[-1] - first[0], second[1] - second[0]
+    return abs(wrap_angle(math.atan2(*arriving[::-1]) - math.atan2(*leaving[::-1])))
+
+
+def _lanes_beside(network: "LaneletNetwork", own: tuple[int, ...]) -> dict[int, int]:
+    found = dict.fromkeys(own, 0)
+    for key in own:
+        for sign in (1, -1):
+            lane, count = network.find_lanelet_by_id(key), 0
+            while lane is not None and abs(count) < 8:
+                beside = lane.adj_left if sign > 0 else lane.adj_right
+                same = lane.adj_left_same_direction if sign > 0 else lane.adj_right_same_direction
+                if beside is None or not same:
+                    break
+                count += sign
+                found.setdefault(int(beside), count)
+                lane = network.find_lanelet_by_id(beside)
+    return found
+
+
+# ---------- lane_order
+# Who drives ahead of and behind the ego along its lane: whom ``lead`` and ``follow`` mean, in edits and descriptions.
+#
+# A vehicle counts that is on the ego's lanelet, on any that follows it (whichever branch the ego takes) or on any that
+# leads to it, and so does one whose lanelet is another but which is in the ego's lane where it is.
+
+LOOK_M = 300.0
+SAME_PLACE_M, SAME_SPEED_MPS, SAME_HEADING_RAD = 0.5, 1.0, math.radians(10.0)
+
+
+def leader_and_follower(scene: Scene, ego: Ego) -> tuple[int | None, int | None]:
+    """The nearest vehicles ahead and behind along the ego's lane; None where there is none.
+
+    Distances are along the centre lines, at the ego's first time step; the search along lanelets ends after 300 m.
+    Who overtakes beside the lane is neither, nor is the ego's own recording.
+    """
+    gaps = [*_gaps_along_lanelets(scene, ego), *_gaps_in_lane(scene, ego)]
+    ahead = [(gap, key) for key, gap in gaps if gap > 0.0]
+    behind = [(-gap, key) for key, gap in gaps if gap <= 0.0]
+    return min(ahead)[1] if ahead else None, min(behind)[1] if behind else None
+
+
+def ego_lane(scene: Scene, ego: Ego) -> EgoLane | None:
+    """The lane from the ego's start along its way to its goal; None where it starts on no lanelet."""
+    network = scene.network
+    under = lanelets_at(network, ego.position)
+    starts = along(network, under, ego.position, ego.heading_rad) or under or ego.lanelets
+    if not starts:
+        return None
+    goals = stated_goal_lanelets(network, scene.loaded.problem(ego.problem_id))
+    route = (scene.lanelet_graph.shortest_route(starts, goals) if goals else None) or ()
+    pose = (ego.position, ego.heading_rad)
+    return EgoLane.of(network, scene.lanelet_graph, (route or starts)[0], route, pose)
+
+
+def is_own_recording(track: Track, ego: Ego) -> bool:
+    """Whether a track begins as the ego does, in place, heading and speed: what the ego did when it was recorded."""
+    index = track.index_at(ego.step)
+    if index is None:
+        return False
+    away = float(np.linalg.norm(track.positions[index] - ego.position))
+    turned = abs(wrap_angle(float(track.headings_rad[index]) - ego.heading_rad))
+    faster = abs(float(track.speeds_mps[index]) - ego.speed_mps)
+    return away < SAME_PLACE_M and turned < SAME_HEADING_RAD and faster < SAME_SPEED_MPS
+
+
+def _others(scene: Scene, ego: Ego) -> Iterator[tuple[int, Track, int]]:
+    """Vehicles that are there at the ego's first step, with their index at it."""
+    for key, track in scene.tracks.items():
+        index = track.index_at(ego.step)
+        if index is not None and track.kind not in NOT_DRIVEN and not is_own_recording(track, ego):
+            yield key, track, index
+
+
+def _gaps_in_lane(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
+    lane = ego_lane(scene, ego)
+    if lane is None:
+        return
+    for key, track, index in _others(scene, ego):
+        match = scene.matches.get(key)
+        where = lane.where(track, index, match.at(index) if match else None)
+        if where.in_lane and where.ahead_m is not None:
+            yield key, where.ahead_m
+
+
+def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
+    """Distances to the vehicles on the ego's lanelet and on those before and after it, ahead positive."""
+    if not ego.lanelets:
+        return
+    own, table = ego.lanelets[0], scene.layout.table
+    at, _ = project(table.lanes[own].center, ego.position)
+    ahead = _distances(scene, own, table.successors, table.lanes[own].length_m - at)
+    behind = _distances(scene, own, table.predecessors, at)
+    for key, lanelet, station in _stations(scene, ego):
+        if lanelet == own:
+            yield key, station - at
+        if lanelet in ahead:
+            yield key, ahead[lanelet] + station
+        if lanelet in behind:
+            yield key, station - behind[lanelet] - table.lanes[lanelet].length_m
+
+
+def _stations(scene: Scene, ego: Ego) -> Iterator[tuple[int, int, float]]:
+    """Vehicles on lanelets, and their arc length on them, at the ego's first time step."""
+    for key, track, index in _others(scene, ego):
+        match = scene.matches.get(key)
+        if match is not None and not _outside_lane(scene.network, match.at(index), track, index):
+            lanelet = match.at(index)
+            yield key, lanelet, project(scene.layout.table.lanes[lanelet].center, track.positions[index])[0]
+
+
+def _distances(scene: Scene, start: int, onward: Mapping[int, tuple[int, ...]], first_m: float) -> dict[int, float]:
+    """Lanelets in one direction → distance from the ego to their near end."""
+    found: dict[int, float] = {}
+    queue = [(first_m, key) for key in onward[start]]
+    heapq.heapify(queue)
+    while queue:
+        distance, key = heapq.heappop(queue)
+        if key in found or key == start or distance > LOOK_M:
+            continue
+        found[key] = distance
+        for after in onward[key]:
+            heapq.heappush(queue, (distance + scene.layout.table.lanes[key].length_m, after))
+    return found

@@ -1,0 +1,178 @@
+"""Which lanelets a recorded vehicle drove on: a Viterbi search over the lanelets near its positions."""
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..commonroad import Track
+from ..geometry import Points, Values, wrap_angles
+from ..network import NetLayout
+
+if TYPE_CHECKING:
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+REACH_M = 2.5
+LARGEST_TURN_RAD = 1.2
+STANDING_MPS = 0.5
+SAMPLES = 40
+COST_PER_M_OUTSIDE, COST_PER_M_BESIDE, COST_PER_RAD = 3.0, 0.6, 2.0
+COST_OF_A_STEP, COST_OF_A_LEAP = 0.3, 8.0
+COST_OF_NO_DIFFERENCE = 0.5
+"""A pose that fits another lanelet worse by no more (0.8 m beside, or 14° across) lies on that one just as well."""
+
+
+@dataclass(frozen=True)
+class LaneMatch:
+    """Lanelets of a track: at array index ``indices[i]`` (ascending) the vehicle is on ``lanelets[i]``."""
+
+    indices: tuple[int, ...]
+    lanelets: tuple[int, ...]
+
+    def at(self, index: int) -> int:
+        """The lanelet at an array index of the track (the last sample not after it)."""
+        place = int(np.searchsorted(self.indices, index, side="right")) - 1
+        return self.lanelets[max(place, 0)]
+
+    def at_each(self, count: int) -> list[int]:
+        """The lanelets at the first ``count`` array indices of the track."""
+        places = np.searchsorted(self.indices, np.arange(count), side="right") - 1
+        return [self.lanelets[place] for place in np.maximum(places, 0).tolist()]
+
+    @property
+    def sequence(self) -> tuple[int, ...]:
+        """The lanelets in order without repeats in a row."""
+        return tuple(key for place, key in enumerate(self.lanelets) if place == 0 or self.lanelets[place - 1] != key)
+
+
+@dataclass(frozen=True)
+class LaneMatcher:
+    """The drivable lanelets of a network, ready for queries by place."""
+
+    layout: NetLayout
+    keys: tuple[int, ...]
+    polygons: tuple[Any, ...]
+    tree: Any
+    related: dict[int, frozenset[int]]
+
+    @classmethod
+    def of(cls, layout: NetLayout, network: "LaneletNetwork") -> "LaneMatcher":
+        """Index the lanelets of a network."""
+        from shapely import STRtree
+
+        keys = tuple(layout.table.lanes)
+        polygons = []
+        for key in keys:
+            polygon = network.find_lanelet_by_id(key).polygon.shapely_object
+            polygons.append(polygon if polygon.is_valid else polygon.buffer(0))
+        related = {key: _related(layout, key) for key in keys}
+        return cls(layout, keys, tuple(polygons), STRtree(polygons), related)
+
+    def area(self, lanelet_id: int) -> Any:
+        """Shapely's polygon of a drivable lanelet, valid whatever its bounds."""
+        return self.polygons[self.keys.index(lanelet_id)]
+
+    def match(self, track: Track) -> LaneMatch | None:
+        """The most likely lanelets of a track; None where it is never near a lanelet of its direction."""
+        return self.match_all({track.obstacle_id: track}).get(track.obstacle_id)
+
+    def match_all(self, tracks: Mapping[int, Track]) -> dict[int, LaneMatch]:
+        """The same by key for many tracks, looked at together; those that are never near a lanelet are left out."""
+        if not tracks:
+            return {}
+        samples = {key: _samples(len(track.positions)) for key, track in tracks.items()}
+        at = [(track, samples[key]) for key, track in tracks.items()]
+        poses = [(track.positions[some], track.headings_rad[some], track.speeds_mps[some]) for track, some in at]
+        near = iter(self._near(*(np.concatenate(column) for column in zip(*poses, strict=True))))
+        matches = {}
+        for key, indices in samples.items():
+            of_track = itertools.islice(near, len(indices))
+            candidates = [(index, found) for index, found in zip(indices, of_track, strict=True) if found]
+            if candidates:
+                way = self._best([found for _, found in candidates])
+                matches[key] = LaneMatch(tuple(index for index, _ in candidates), way)
+        return matches
+
+    def near(self, position: Points, heading_rad: float, speed_mps: float) -> list[tuple[int, float]]:
+        """Lanelets within reach of a pose and their cost, by ascending id; the heading counts while moving."""
+        return self._near(position[None], np.array([heading_rad]), np.array([speed_mps]))[0]
+
+    def near_as_well(self, position: Points, heading_rad: float, speed_mps: float, key: int) -> tuple[int, ...]:
+        """The other lanelets that a pose on one fits nearly as well, best first: there they lie over one another."""
+        costs = dict(self.near(position, heading_rad, speed_mps))
+        most = costs.get(key, 0.0) + COST_OF_NO_DIFFERENCE
+        others = sorted((cost, other) for other, cost in costs.items() if other != key and cost <= most)
+        return tuple(other for _, other in others)
+
+    def _near(self, positions: Points, headings_rad: Values, speeds_mps: Values) -> list[list[tuple[int, float]]]:
+        """The same for n poses at once."""
+        import shapely
+
+        points = shapely.points(positions)
+        found: list[list[tuple[int, float]]] = [[] for _ in positions]
+        pairs = self.tree.query(points, predicate="dwithin", distance=REACH_M)
+        for place in sorted(set(pairs[1].tolist())):
+            samples = np.sort(pairs[0][pairs[1] == place])
+            beside, direction = _offsets(self.layout.table.lanes[self.keys[place]].center, positions[samples])
+            turn = np.abs(wrap_angles(direction - headings_rad[samples]))
+            outside = shapely.distance(self.polygons[place], points[samples])
+            costs = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * beside + COST_PER_RAD * turn
+            fits = (turn <= LARGEST_TURN_RAD) | (speeds_mps[samples] <= STANDING_MPS)
+            for sample, cost in zip(samples[fits].tolist(), costs[fits].tolist(), strict=True):
+                found[sample].append((self.keys[place], cost))
+        return found
+
+    def _best(self, candidates: list[list[tuple[int, float]]]) -> tuple[int, ...]:
+        costs = [cost for _, cost in candidates[0]]
+        back: list[list[int]] = []
+        for before, current in itertools.pairwise(candidates):
+            steps = [[costs[i] + self._step(old, new) for i, (old, _) in enumerate(before)] for new, _ in current]
+            least = [min(row) for row in steps]
+            back.append([row.index(cost) for row, cost in zip(steps, least, strict=True)])
+            costs = [before_it + cost for before_it, (_, cost) in zip(least, current, strict=True)]
+        place = costs.index(min(costs))
+        chosen = [candidates[-1][place][0]]
+        for layer in range(len(back) - 1, -1, -1):
+            place = back[layer][place]
+            chosen.append(candidates[layer][place][0])
+        return tuple(reversed(chosen))
+
+    def _step(self, old: int, new: int) -> float:
+        if old == new:
+            return 0.0
+        return COST_OF_A_STEP if new in self.related[old] else COST_OF_A_LEAP
+
+
+def _samples(count: int) -> list[int]:
+    indices = list(range(0, count, max(1, count // SAMPLES)))
+    return indices if indices[-1] == count - 1 else [*indices, count - 1]
+
+
+def _related(layout: NetLayout, key: int) -> frozenset[int]:
+    """Lanelets that a vehicle may be on one sample later: followers, neighbours, and their followers."""
+    following = layout.table.successors
+    lane = layout.table.lanes[key]
+    beside = [other for other in (lane.left, lane.right) if other is not None and other in layout.table.lanes]
+    direct = {*following[key], *beside}
+    return frozenset(direct | {after for other in direct for after in following[other]})
+
+
+def _offsets(center: Points, points: Points) -> tuple[Values, Values]:
+    """Distance to a polyline in m, and its heading in rad there, both (n,), for n points."""
+    start, step = center[:-1], np.diff(center, axis=0)
+    relative = points[:, None] - start[None]
+    along = np.clip((relative * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)
+    distances = np.linalg.norm(relative - along[..., None] * step, axis=2)
+    nearest = distances.argmin(axis=1)
+    heading = np.arctan2(step[nearest, 1], step[nearest, 0])
+    return distances[np.arange(len(points)), nearest], heading
+
+
+def straightness(first: Points, second: Points) -> float:
+    """Cosine between the end of one polyline and the beginning of another, rounded to a tenth."""
+    one, two = first[-1] - first[-2], second[1] - second[0]
+    norm = float(np.linalg.norm(one) * np.linalg.norm(two))
+    return round(float(one @ two) / max(norm, 1e-9), 1) if math.isfinite(norm) else 0.0

@@ -1,0 +1,280 @@
+"""The ego on the lanelets: where it stands, its way to the goal, and the line that it will follow."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...schemas.errors import NotPossible
+from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
+from ..network import LaneletGraph
+
+if TYPE_CHECKING:
+    from commonroad.planning.goal import GoalRegion
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+
+# ---------- route
+# From the ego's start to its goal over the lanelet graph.
+
+FARTHEST_LANELET_M = 3.0
+"""An ego that stands on no lanelet counts as on the nearest one up to this distance from its centre line."""
+
+
+@dataclass(frozen=True)
+class Route:
+    """Lanelets in driving order; a lane change is a step to a neighbour.
+
+    ``lanelets`` goes on beyond the goal as straight as the network allows; ``goal_index`` is the place of the goal
+    lanelet in it, or None where the goal has no position.
+    """
+
+    lanelets: tuple[int, ...]
+    goal_index: int | None
+
+
+def find_route(
+    network: "LaneletNetwork", goal: "GoalRegion", position: Points, heading_rad: float, *, ahead_m: float
+) -> Route:
+    """The shortest route from a position to any goal lanelet, continued until ``ahead_m`` metres lie behind the goal.
+
+    Raises:
+        NotPossible: the position is on no lanelet, the goal touches none, or no route leads there.
+    """
+    graph = LaneletGraph.of(network)
+    starts = start_lanelets(network, position, heading_rad)
+    if not goal.state_list:
+        raise NotPossible("the planning problem has no goal state")
+    goals = goal_lanelets(network, goal)
+    if goals is None:
+        return Route(straight_on(network, graph, (starts[0],), ahead_m), None)
+    if not goals:
+        raise NotPossible("the goal region touches no lanelet")
+    aligned = [key for key in starts if _heading_error(network, key, position, heading_rad) < math.pi / 2]
+    route = graph.shortest_route(aligned, goals) or graph.shortest_route(starts, goals)
+    if route is None:
+        raise NotPossible(f"no route leads from lanelet {starts[0]} to the goal on {', '.join(map(str, goals[:6]))}")
+    return Route(straight_on(network, graph, route, ahead_m), len(route) - 1)
+
+
+def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: float) -> list[int]:
+    """Lanelets under a position, the one that fits the heading best first.
+
+    Raises:
+        NotPossible: no lanelet is there or within :data:`FARTHEST_LANELET_M`.
+    """
+    found = [int(key) for key in network.find_lanelet_by_position([position])[0]]
+    if not found:
+        gaps = {key.lanelet_id: abs(project(key.center_vertices, position)[1]) for key in network.lanelets}
+        found = [key for key, gap in gaps.items() if gap < FARTHEST_LANELET_M]
+    if not found:
+        raise NotPossible(f"the ego at ({position[0]:.1f}, {position[1]:.1f}) m is on no lanelet")
+    return sorted(found, key=lambda key: (round(_heading_error(network, key, position, heading_rad), 3), key))
+
+
+def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | None:
+    """Lanelets on which a goal region lies, ascending; None where a goal state leaves the position free."""
+    named = goal.lanelets_of_goal_position or {}
+    found: set[int] = set()
+    for index, state in enumerate(goal.state_list):
+        if named.get(index):
+            found.update(int(key) for key in named[index] if network.find_lanelet_by_id(key) is not None)
+        elif getattr(state, "position", None) is None:
+            return None
+        else:
+            found.update(_lanelets_of(network, state.position))
+    return sorted(found)
+
+
+def _lanelets_of(network: "LaneletNetwork", shape: "object") -> set[int]:
+    """Lanelets under the centre of a shape, else those that it touches."""
+    found: set[int] = set()
+    for part in getattr(shape, "shapes", [shape]):
+        under = network.find_lanelet_by_position([np.asarray(part.center, dtype=float)])[0]
+        if not under:
+            outline = part.shapely_object
+            under = [key.lanelet_id for key in network.lanelets if key.polygon.shapely_object.intersects(outline)]
+        found.update(int(key) for key in under)
+    return found
+
+
+def _heading_error(network: "LaneletNetwork", lanelet_id: int, position: Points, heading_rad: float) -> float:
+    center = network.find_lanelet_by_id(lanelet_id).center_vertices
+    _, direction = point_at(center, project(center, position)[0])
+    return abs(wrap_angle(direction - heading_rad))
+
+
+def straight_on(
+    network: "LaneletNetwork", graph: LaneletGraph, route: tuple[int, ...], ahead_m: float
+) -> tuple[int, ...]:
+    """The route with the straightest successors behind it, until they are ``ahead_m`` long or the network ends."""
+    longer = list(route)
+    length = 0.0
+    while length < ahead_m:
+        following = [key for key in graph.successors.get(longer[-1], ()) if key not in longer]
+        if not following:
+            break
+        current = network.find_lanelet_by_id(longer[-1])
+        nearest = min(following, key=lambda key: (_turn(current, network.find_lanelet_by_id(key)), key))
+        longer.append(nearest)
+        length += graph.length_m[nearest]
+    return tuple(longer)
+
+
+def _turn(current: "Lanelet", following: "Lanelet") -> float:
+    """How far the heading changes from the end of one lanelet to the end of the next, in rad."""
+    last = current.center_vertices[-1] - current.center_vertices[-2]
+    center = following.center_vertices
+    step = point_at(center, float(arc_length(center)[-1]))[1]
+    return round(abs(wrap_angle(step - math.atan2(last[1], last[0]))), 3)
+
+
+# ---------- ego_route
+# The ego on the lanelets: where it stands, its way to the goal, and the line that it will follow.
+
+TURN_RAD = math.radians(40.0)
+"""A heading change beyond this inside the lanelets of a junction is a turn."""
+APART_M = 40.0
+"""Forks on a way that lie farther apart are two junctions: who turns left and later right has not gone straight on."""
+
+
+@dataclass(frozen=True)
+class EgoRoute:
+    """Lanelets from the ego's start to its goal, both included, and how the ego has to drive.
+
+    ``turns_rad``: heading change at each junction, inside the lanelets that leave a fork, left positive.
+    """
+
+    lanelets: tuple[int, ...]
+    turns_rad: tuple[float, ...]
+    changes_lane: bool
+
+    @property
+    def turns(self) -> tuple[str, ...]:
+        """``left`` and ``right`` for each junction where the way turns, in order; empty for a way straight on."""
+        return tuple("left" if angle > 0 else "right" for angle in self.turns_rad if abs(angle) > TURN_RAD)
+
+
+def lanelets_at(network: "LaneletNetwork", point: Points) -> tuple[int, ...]:
+    """All lanelets that the point lies on, ascending."""
+    return tuple(sorted(network.find_lanelet_by_position([np.asarray(point, dtype=float)])[0]))
+
+
+def along(
+    network: "LaneletNetwork", lanelet_ids: tuple[int, ...], point: Points, heading_rad: float
+) -> tuple[int, ...]:
+    """Those of the lanelets that lead in the direction of the heading (within 90°), best aligned first."""
+    turned = [(abs(wrap_angle(_lanelet_heading(network, key, point) - heading_rad)), key) for key in lanelet_ids]
+    return tuple(key for angle, key in sorted(turned) if angle < math.pi / 2)
+
+
+def _lanelet_heading(network: "LaneletNetwork", lanelet_id: int, point: Points) -> float:
+    """Heading in radians of the lanelet's centre line beside the point."""
+    line = center_line(network, lanelet_id)
+    return point_at(line, project(line, np.asarray(point))[0])[1] if len(line) > 1 else 0.0
+
+
+def center_line(network: "LaneletNetwork", lanelet_id: int) -> Points:
+    """The lanelet's centre line without repeated vertices, shape (n, 2)."""
+    return without_repeats(network.find_lanelet_by_id(lanelet_id).center_vertices)
+
+
+def stated_goal_lanelets(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, ...]:
+    """Lanelets that the goal names, or that lie under the centre of its region; empty for goals without a place."""
+    named: set[int] = set()
+    for keys in (problem.goal.lanelets_of_goal_position or {}).values():
+        named.update(int(key) for key in keys)
+    if not named:
+        for center in goal_centers(problem):
+            named.update(lanelets_at(network, center))
+    known = {lanelet.lanelet_id for lanelet in network.lanelets}
+    return tuple(sorted(named & known))
+
+
+def goal_centers(problem: "PlanningProblem") -> list[Points]:
+    """Centres of the goal's regions, one per goal state that has one."""
+    shapes = [getattr(state, "position", None) for state in problem.goal.state_list]
+    return [_shape_center(shape) for shape in shapes if shape is not None]
+
+
+def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "PlanningProblem") -> EgoRoute | None:
+    """The ego's way to its goal; None where the goal has no place or cannot be reached from the start."""
+    point, heading = np.asarray(problem.initial_state.position), float(problem.initial_state.orientation)
+    under = lanelets_at(network, point)
+    starts = along(network, under, point, heading) or under
+    goals = stated_goal_lanelets(network, problem)
+    lanelets = graph.shortest_route(starts, goals) if starts and goals else None
+    if lanelets is None:
+        return None
+    hops = list(pairwise(lanelets))
+    changes = any(following not in graph.successors[current] for current, following in hops)
+    centers = goal_centers(problem)
+    named = bool(problem.goal.lanelets_of_goal_position)
+    goal = None if named or not centers else centers[0]
+    return EgoRoute(lanelets, _turns(network, graph, lanelets, point, goal), changes)
+
+
+def path_ahead(
+    network: "LaneletNetwork", graph: LaneletGraph, start: int, route: tuple[int, ...], ahead_m: float
+) -> tuple[Points, tuple[int, ...]]:
+    """Centre line from the start lanelet on, along the route and then the straightest successors.
+
+    Returns:
+        Points (n, 2) and the lanelets that they come from; at least ``ahead_m`` beyond the start where the map allows.
+    """
+    chosen, line = [start], center_line(network, start)
+    total = graph.length_m[start]
+    first = total
+    while total - first < ahead_m:
+        onward = [key for key in graph.successors[chosen[-1]] if key not in chosen]
+        if not onward:
+            break
+        following = next((key for key in onward if key in route), None) or _straightest(network, line, onward)
+        chosen.append(following)
+        line = without_repeats(np.vstack([line, center_line(network, following)]))
+        total += graph.length_m[following]
+    return line, tuple(chosen)
+
+
+def _straightest(network: "LaneletNetwork", line: Points, onward: list[int]) -> int:
+    arriving = math.atan2(*(line[-1] - line[-2])[::-1]) if len(line) > 1 else 0.0
+
+    def bend(key: int) -> tuple[float, int]:
+        following = center_line(network, key)
+        leaving = math.atan2(*(following[-1] - following[0])[::-1])
+        return abs(wrap_angle(leaving - arriving)), key
+
+    return min(onward, key=bend)
+
+
+def _turns(
+    network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
+) -> tuple[float, ...]:
+    """Sums of the heading changes inside lanelets that leave a fork, from the start's to the goal's station.
+
+    One sum for each junction: a way round a roundabout is one turn, or none.
+    """
+    sums: list[float] = []
+    since_fork_m = math.inf
+    for index, key in enumerate(lanelets):
+        line = center_line(network, key)
+        if len(line) < 2 or not any(len(graph.successors[before]) > 1 for before in graph.predecessors[key]):
+            since_fork_m += graph.length_m[key]
+            continue
+        begin = project(line, start)[0] if index == 0 else 0.0
+        end = project(line, goal)[0] if index == len(lanelets) - 1 and goal is not None else float(arc_length(line)[-1])
+        turned = wrap_angle(point_at(line, end)[1] - point_at(line, begin)[1])
+        if since_fork_m > APART_M:
+            sums.append(0.0)
+        sums[-1] += turned
+        since_fork_m = 0.0
+    return tuple(sums)
+
+
+def _shape_center(shape: Any) -> Points:
+    if hasattr(shape, "center"):
+        return np.asarray(shape.center, dtype=float)
+    parts = [_shape_center(part) for part in shape.shapes]
+    return np.asarray(np.mean(parts, axis=0), dtype=float)

@@ -1,0 +1,59 @@
+"""Vehicles as bodies: classes, parameters with their sources, and which motions they can drive.
+
+``VehicleClass``: One class of vehicle.
+``class_by_size``: The class that a recorded obstacle of a CommonRoad type and this length can be.
+``nearest_class``: The class of a CommonRoad type whose length is nearest to a recorded one.
+``vehicle_classes``: All classes by the word used for them in requests.
+``LARGEST_SPEED_MPS``: TODO.
+``can_be_there``: Whether a car can be between two distances ahead after each of n times at each of m speeds, shape
+    (n, m).
+``centers``: Positions of the centre, shape (n, 2), for positions of the rear axle and headings of shape (n,).
+``latest_passing_s``: The time in s by which a car has driven a distance however hard it brakes.
+``least_time_s``: The time in s that a car needs at least for a distance, from a speed.
+``rear_axle``: Position of the rear axle, shape (2,), for a centre and heading.
+``BMW_320I``: TODO.
+``VEHICLES``: TODO.
+``VehicleParameters``: Size and limits of the ego.
+``commonroad_vehicle``: The id of CommonRoad's vehicle.
+``parameter_names``: The names of a vehicle's parameters, in their order.
+``vehicle_of``: The vehicle of a configuration.
+``Feasibility``: Verdict on a motion.
+``Motion``: Motion of a centre.
+``check_drivability``: Judge a motion of the centre.
+``check_kinematics``: Judge a motion of the centre, by default with the dimensions of CommonRoad's vehicle 2 (BMW
+    320i).
+``drivable_motion``: The motion of the centre for a track of the front bumper, shape (n, 2), one point a step.
+``steering_angles``: Steering angle in rad that turns each state into the next, shape (n,).
+``tractrix``: Heading of a rod of length ``drag_m`` whose front end follows the guide, shape (n,), unwrapped.
+"""
+
+from typing import TYPE_CHECKING
+
+from .. import lazy_face
+
+if TYPE_CHECKING:
+    from .classes import VehicleClass as VehicleClass
+    from .classes import class_by_size as class_by_size
+    from .classes import nearest_class as nearest_class
+    from .classes import vehicle_classes as vehicle_classes
+    from .kinematics import LARGEST_SPEED_MPS as LARGEST_SPEED_MPS
+    from .kinematics import can_be_there as can_be_there
+    from .kinematics import centers as centers
+    from .kinematics import latest_passing_s as latest_passing_s
+    from .kinematics import least_time_s as least_time_s
+    from .kinematics import rear_axle as rear_axle
+    from .models import BMW_320I as BMW_320I
+    from .models import VEHICLES as VEHICLES
+    from .models import VehicleParameters as VehicleParameters
+    from .models import commonroad_vehicle as commonroad_vehicle
+    from .models import parameter_names as parameter_names
+    from .models import vehicle_of as vehicle_of
+    from .motion import Feasibility as Feasibility
+    from .motion import Motion as Motion
+    from .motion import check_drivability as check_drivability
+    from .motion import check_kinematics as check_kinematics
+    from .motion import drivable_motion as drivable_motion
+    from .motion import steering_angles as steering_angles
+    from .motion import tractrix as tractrix
+
+__getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -1,0 +1,69 @@
+"""Where a vehicle's centre and rear axle are, and where a car can be after a time and how fast."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import Points, Values
+from .models import VehicleParameters
+
+# ---------- car_limits
+# Where a car can be after a time, and how fast: bounds that no car beats, from CommonRoad's vehicle 2 (BMW 320i).
+#
+# Its largest acceleration (11.5 m/s²) is taken at every speed, forwards and braking, and its top speed (50.8 m/s); the
+# extreme motions between two speeds are one phase of braking and one of accelerating, in either order.
+
+LARGEST_ACCELERATION_MPS2 = 11.5
+LARGEST_SPEED_MPS = 50.8
+
+
+def can_be_there(
+    speed_mps: float, bounds_m: tuple[float, float], times_s: Values, finals_mps: Values
+) -> NDArray[np.bool_]:
+    """Whether a car can be between two distances ahead after each of n times at each of m speeds, shape (n, m)."""
+    nearest, farthest = _spans_m(speed_mps, times_s[:, None], finals_mps[None])
+    in_time = np.abs(finals_mps[None] - speed_mps) <= LARGEST_ACCELERATION_MPS2 * times_s[:, None] + 1e-9
+    there: NDArray[np.bool_] = in_time & (nearest <= bounds_m[1] + 1e-9) & (farthest >= bounds_m[0] - 1e-9)
+    return there
+
+
+def least_time_s(speed_mps: float, distance_m: float) -> float:
+    """The time in s that a car needs at least for a distance, from a speed."""
+    speed, ahead = min(speed_mps, LARGEST_SPEED_MPS), max(distance_m, 0.0)
+    gaining_m = (LARGEST_SPEED_MPS**2 - speed**2) / (2 * LARGEST_ACCELERATION_MPS2)
+    if ahead <= gaining_m:
+        return (math.sqrt(speed**2 + 2 * LARGEST_ACCELERATION_MPS2 * ahead) - speed) / LARGEST_ACCELERATION_MPS2
+    return (LARGEST_SPEED_MPS - speed) / LARGEST_ACCELERATION_MPS2 + (ahead - gaining_m) / LARGEST_SPEED_MPS
+
+
+def latest_passing_s(speed_mps: float, distance_m: float) -> float:
+    """The time in s by which a car has driven a distance however hard it brakes; infinite where it can stop before."""
+    left = speed_mps**2 - 2 * LARGEST_ACCELERATION_MPS2 * max(distance_m, 0.0)
+    return math.inf if left <= 0.0 else (speed_mps - math.sqrt(left)) / LARGEST_ACCELERATION_MPS2
+
+
+def _spans_m(speed_mps: float, times_s: Values, finals_mps: Values) -> tuple[Values, Values]:
+    """Least and largest distances in m driven in times from one speed to others, broadcast together."""
+    largest, both = 2 * LARGEST_ACCELERATION_MPS2, speed_mps**2 + finals_mps**2
+    slowest = np.maximum((speed_mps + finals_mps - LARGEST_ACCELERATION_MPS2 * times_s) / 2, 0.0)
+    fastest = (speed_mps + finals_mps + LARGEST_ACCELERATION_MPS2 * times_s) / 2
+    top = np.minimum(fastest, max(LARGEST_SPEED_MPS, speed_mps))
+    held_s = 2 * (fastest - top) / LARGEST_ACCELERATION_MPS2
+    return (both - 2 * slowest**2) / largest, (2 * top**2 - both) / largest + top * held_s
+
+
+# ---------- vehicle
+# Where the ego's centre and rear axle are; its parameters are in ``vehicle_models``.
+
+
+def rear_axle(center: Points, heading_rad: float, vehicle: VehicleParameters) -> Points:
+    """Position of the rear axle, shape (2,), for a centre and heading."""
+    return center - vehicle.rear_axle_behind_center_m * np.array([math.cos(heading_rad), math.sin(heading_rad)])
+
+
+def centers(rear: Points, headings_rad: Points, vehicle: VehicleParameters) -> Points:
+    """Positions of the centre, shape (n, 2), for positions of the rear axle and headings of shape (n,)."""
+    direction = np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
+    moved: Points = rear + vehicle.rear_axle_behind_center_m * direction
+    return moved

@@ -1,0 +1,54 @@
+"""CommonRoad's vehicles 1 to 4, and the vehicle that a configuration means."""
+
+from dataclasses import dataclass, fields, replace
+
+from ...schemas.planning import PlannerSettings
+
+
+@dataclass(frozen=True)
+class VehicleParameters:
+    """Size and limits of the ego; lengths in m, accelerations in m/s², angles in rad; by default vehicle 2.
+
+    ``switching_speed_mps``: above it the engine's power limits the acceleration. Source: CommonRoad vehicle models.
+    """
+
+    length_m: float = 4.508
+    width_m: float = 1.61
+    wheelbase_m: float = 2.579
+    rear_axle_behind_center_m: float = 1.4227
+    maximum_acceleration_mps2: float = 11.5
+    maximum_speed_mps: float = 50.8
+    switching_speed_mps: float = 7.319
+    maximum_steering_rad: float = 1.066
+    maximum_steering_rate_radps: float = 0.4
+
+
+BMW_320I = VehicleParameters()
+FORD_ESCORT = VehicleParameters(4.298, 1.674, 2.39264, 1.50876, 11.5, 45.8, 4.755, 0.91, 0.4)
+VW_VANAGON = VehicleParameters(4.569, 1.844, 2.471928, 1.321136, 11.5, 41.7, 7.824, 1.023, 0.4)
+TRUCK_TRACTOR = VehicleParameters(5.1, 2.55, 3.6, 1.8, 11.5, 22.22, 7.824, 0.55, 0.7103)
+"""Vehicle 4 is a semi-trailer truck; a planner of single bodies drives its tractor without the trailer."""
+VEHICLES: dict[int, VehicleParameters] = {1: FORD_ESCORT, 2: BMW_320I, 3: VW_VANAGON, 4: TRUCK_TRACTOR}
+VEHICLE_NAMES: dict[int, str] = {
+    1: "Ford Escort",
+    2: "BMW 320i",
+    3: "VW Vanagon",
+    4: "truck's tractor, without trailer",
+}
+
+
+def parameter_names() -> tuple[str, ...]:
+    """The names of a vehicle's parameters, in their order."""
+    return tuple(item.name for item in fields(VehicleParameters))
+
+
+def commonroad_vehicle(settings: PlannerSettings) -> int | None:
+    """The id of CommonRoad's vehicle; None for one with parameters of its own."""
+    own = any(getattr(settings, name) is not None for name in parameter_names())
+    return None if own else settings.vehicle
+
+
+def vehicle_of(settings: PlannerSettings) -> VehicleParameters:
+    """The vehicle of a configuration: CommonRoad's with the parameters that the settings name themselves."""
+    own = {name: getattr(settings, name) for name in parameter_names()}
+    return replace(VEHICLES[settings.vehicle], **{name: value for name, value in own.items() if value is not None})

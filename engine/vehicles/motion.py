@@ -1,0 +1,198 @@
+"""From SUMO's front-bumper track to a drivable motion of the vehicle's centre.
+
+SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39 % of raw tracks pass the
+drivability checker's kinematic single-track model. The path is smoothed over arc length, the progress over time, and
+the heading follows as a tractrix: the rear axle is dragged behind the front bumper as a real one is.
+"""
+
+import copy
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..geometry import Points, Values, arc_length, gaussian, interpolate, wrap_angle, wrap_angles
+
+# ---------- smoothing
+# From SUMO's front-bumper track to a drivable motion of the vehicle's centre.
+#
+# SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39 % of raw tracks pass the
+# drivability checker's kinematic single-track model. The path is smoothed over arc length, the progress over time, and
+# the heading follows as a tractrix: the rear axle is dragged behind the front bumper as a real one is.
+
+REAR_AXLE_BEHIND_CENTER_M = 1.4227
+"""Distance from the centre back to the rear axle of CommonRoad's vehicle 2 (BMW 320i)."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion of a centre: positions (n, 2) in m; headings (n,) in rad, speeds in m/s, accelerations in m/s²."""
+
+    positions: Points
+    headings_rad: Values
+    speeds_mps: Values
+    accelerations_mps2: Values
+
+
+def drivable_motion(
+    front: Points,
+    first_heading_rad: float,
+    length_m: float,
+    step_s: float,
+    *,
+    sigma_steps: float = 3.0,
+    sigma_m: float = 2.0,
+    rear_axle_m: float = REAR_AXLE_BEHIND_CENTER_M,
+) -> Motion:
+    """The motion of the centre for a track of the front bumper, shape (n, 2), one point a step."""
+    front = np.asarray(front, dtype=float)
+    count = len(front)
+    stations = arc_length(front)
+    if stations[-1] < 0.3:
+        heading = np.full(count, first_heading_rad)
+        direction = np.array([math.cos(first_heading_rad), math.sin(first_heading_rad)])
+        still = np.repeat(front[:1], count, axis=0) - length_m / 2 * direction
+        return Motion(still, heading, np.zeros(count), np.zeros(count))
+    guide = _smooth_guide(front, stations, sigma_steps, sigma_m)
+    heading = tractrix(guide, first_heading_rad, length_m / 2 + rear_axle_m)
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    rear = guide - (length_m / 2 + rear_axle_m) * direction
+    speed = np.gradient(arc_length(rear), step_s)
+    speed[speed < 0.02] = 0.0
+    return Motion(guide - length_m / 2 * direction, heading, speed, np.gradient(speed, step_s))
+
+
+def _smooth_guide(front: Points, stations: Values, sigma_steps: float, sigma_m: float) -> Points:
+    """The front track, smoothed across its path and along its time."""
+    moving = np.concatenate([[True], np.diff(stations) > 1e-3])
+    cells = max(int(stations[-1] / 0.25), 4)
+    even = np.linspace(0.0, stations[-1], cells + 1)
+    path = gaussian(interpolate(front[moving], stations[moving], even), sigma_m / (stations[-1] / cells))
+    progress = np.maximum.accumulate(np.clip(gaussian(stations, sigma_steps), 0.0, stations[-1]))
+    along = arc_length(path)
+    return interpolate(path, along, np.interp(progress, even, along))
+
+
+def tractrix(guide: Points, first_heading_rad: float, drag_m: float) -> Values:
+    """Heading of a rod of length ``drag_m`` whose front end follows the guide, shape (n,), unwrapped."""
+    heading = np.empty(len(guide))
+    heading[0] = angle = first_heading_rad
+    points = guide.tolist()  # plain floats: ten times as fast as small arrays
+    rear_x, rear_y = points[0][0] - drag_m * math.cos(angle), points[0][1] - drag_m * math.sin(angle)
+    for step in range(1, len(points)):
+        (x, y), (tip_x, tip_y) = points[step - 1], points[step]
+        for quarter in range(1, 5):
+            front_x, front_y = x + (tip_x - x) * quarter / 4, y + (tip_y - y) * quarter / 4
+            angle = math.atan2(front_y - rear_y, front_x - rear_x)
+            rear_x, rear_y = front_x - drag_m * math.cos(angle), front_y - drag_m * math.sin(angle)
+        heading[step] = angle
+    return np.unwrap(heading)
+
+
+# ---------- feasibility
+# Whether a motion can be driven: a closed form of the drivability checker's kinematic single-track criterion.
+#
+# The checker (commonroad-drivability-checker, default tolerances 2 cm, 2 cm, 0.03 rad a step) searches inputs by
+# optimisation and takes 0.1–0.9 s a trajectory; this takes 0.2 ms, and its rare errors are false alarms. Screen with
+# it; accept with the checker.
+
+WHEELBASE_M = 2.5789
+MAXIMUM_ACCELERATION_MPS2 = 11.5
+MAXIMUM_STEERING_RAD = 1.066
+POSITION_TOLERANCE_M = 2e-2
+HEADING_TOLERANCE_RAD = 3e-2
+
+
+@dataclass(frozen=True)
+class Feasibility:
+    """Verdict on a motion: whether every step can be driven, the share of steps that can, the first that cannot."""
+
+    feasible: bool
+    share_of_steps: float
+    first_infeasible_step: int | None
+
+
+def steering_angles(motion: Motion, step_s: float, wheelbase_m: float = WHEELBASE_M) -> Values:
+    """Steering angle in rad that turns each state into the next, shape (n,); the last one is repeated."""
+    if len(motion.headings_rad) < 2:
+        return np.zeros(len(motion.headings_rad))
+    turn = wrap_angles(np.diff(motion.headings_rad))
+    speed = np.maximum((motion.speeds_mps[:-1] + motion.speeds_mps[1:]) / 2, 1e-3)
+    angle = np.arctan(wheelbase_m * turn / (speed * step_s))
+    angle[speed < 0.05] = 0.0
+    limited: Values = np.clip(np.append(angle, angle[-1]), -MAXIMUM_STEERING_RAD, MAXIMUM_STEERING_RAD)
+    return limited
+
+
+def check_kinematics(
+    motion: Motion, step_s: float, *, wheelbase_m: float = WHEELBASE_M, rear_axle_m: float = REAR_AXLE_BEHIND_CENTER_M
+) -> Feasibility:
+    """Judge a motion of the centre, by default with the dimensions of CommonRoad's vehicle 2 (BMW 320i)."""
+    if len(motion.speeds_mps) < 2:
+        return Feasibility(True, 1.0, None)
+    heading = motion.headings_rad
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    moved = np.diff(motion.positions - rear_axle_m * direction, axis=0)
+    turn = wrap_angles(np.diff(heading))
+    middle = heading[:-1] + turn / 2
+    along = moved[:, 0] * np.cos(middle) + moved[:, 1] * np.sin(middle)
+    speed = motion.speeds_mps[:-1]
+    steering = np.tan(steering_angles(motion, step_s, wheelbase_m)[:-1])
+    lateral = np.abs(speed**2 / wheelbase_m * steering)
+    within_friction = lateral <= MAXIMUM_ACCELERATION_MPS2
+    limit = np.sqrt(np.maximum(MAXIMUM_ACCELERATION_MPS2**2 - lateral**2, 0.0))
+    acceleration = np.clip(2 * (along - speed * step_s) / step_s**2, -limit, limit)
+    reachable = speed * step_s + acceleration * step_s**2 / 2
+    reachable_turn = reachable / wheelbase_m * steering
+    course = heading[:-1] + reachable_turn / 2
+    error_x = np.abs(moved[:, 0] - reachable * np.cos(course))
+    error_y = np.abs(moved[:, 1] - reachable * np.sin(course))
+    error_heading = np.abs(wrap_angles(turn - reachable_turn))
+    good = (
+        (error_x < POSITION_TOLERANCE_M)
+        & (error_y < POSITION_TOLERANCE_M)
+        & (error_heading < HEADING_TOLERANCE_RAD)
+        & within_friction
+    )
+    bad = np.flatnonzero(~good)
+    return Feasibility(bool(good.all()), float(good.mean()), int(bad[0]) if len(bad) else None)
+
+
+# ---------- drivability
+# The verdict of the drivability checker: a search for inputs of the kinematic single-track model, step by step.
+#
+# commonroad-drivability-checker with its default tolerances (2 cm, 2 cm, 0.03 rad a step) and the parameters of
+# CommonRoad's vehicle 2 (BMW 320i), with axles where those of the judged vehicle are. It takes
+# 0.1-0.9 s a trajectory; :mod:`plannerforge.engine.vehicles.motion` is the closed form of the same criterion.
+
+
+def check_drivability(
+    motion: Motion, step_s: float, *, wheelbase_m: float = WHEELBASE_M, rear_axle_m: float = REAR_AXLE_BEHIND_CENTER_M
+) -> Feasibility:
+    """Judge a motion of the centre; every step is looked at, so that the share and the first bad one are known."""
+    from commonroad.common.solution import VehicleType
+    from commonroad.scenario.state import KSState
+    from commonroad_dc.feasibility.feasibility_checker import state_transition_feasibility
+    from commonroad_dc.feasibility.vehicle_dynamics import VehicleDynamics
+
+    steering = steering_angles(motion, step_s, wheelbase_m)
+    states = [
+        KSState(
+            time_step=index,
+            position=position,
+            steering_angle=float(steering[index]),
+            velocity=max(float(motion.speeds_mps[index]), 0.0),
+            orientation=wrap_angle(float(motion.headings_rad[index])),
+        )
+        for index, position in enumerate(motion.positions)
+    ]
+    model = VehicleDynamics.KS(VehicleType.BMW_320i)
+    model.parameters = copy.deepcopy(model.parameters)  # the library shares one of them among all models
+    model.parameters.a, model.parameters.b = wheelbase_m - rear_axle_m, rear_axle_m
+    good = [
+        bool(state_transition_feasibility(before, after, model, step_s)[0])
+        for before, after in itertools.pairwise(states)
+    ]
+    bad = np.flatnonzero(~np.array(good, dtype=bool))
+    return Feasibility(not len(bad), float(np.mean(good)) if good else 1.0, int(bad[0]) if len(bad) else None)

@@ -1,0 +1,42 @@
+"""``make bench-import-crashes``: 30 blows at random moments of imports of real scenarios.
+
+Keys: ``blows``, ``disagreements`` (database, files, catalogue and text index after each restart, and files that are
+missing in the end). Needs the real scenarios: ``PLANNERFORGE_SHARED``, else ``../shared``.
+"""
+
+import os
+import random
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+from ..harness import print_figures
+from .killed_import import strike_imports
+
+BLOWS, FILES, SEED = 30, 40, 20261121
+
+
+def measure(source: Path, scratch: Path) -> int:
+    """Strike, print, and give the number of disagreements."""
+    folder = scratch / "files"
+    folder.mkdir()
+    paths = sorted(source.glob("*.xml"))
+    for path in paths[:: max(len(paths) // FILES, 1)]:
+        shutil.copyfile(path, folder / path.name)
+    chance = random.Random(SEED)  # noqa: S311 - moments, not secrets
+    struck = strike_imports(scratch / "workspaces", folder, chance, BLOWS)
+    for fault in struck.faults:
+        sys.stderr.write(f"{fault}\n")
+    rows = [(f"killed: {what}", str(count)) for what, count in sorted(struck.blows.items())]
+    figures = {"blows": struck.blows.total(), "disagreements": len(struck.faults)}
+    print_figures("Imports that are killed", [*rows, ("disagreements", str(len(struck.faults)))], figures)
+    return len(struck.faults)
+
+
+if __name__ == "__main__":
+    shared = Path(os.environ.get("PLANNERFORGE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+    if not (shared / "data/commonroad").is_dir():
+        sys.exit("the real scenarios are not here; name their folder in PLANNERFORGE_SHARED")
+    with tempfile.TemporaryDirectory() as name:
+        sys.exit(1 if measure(shared / "data/commonroad", Path(name)) else 0)

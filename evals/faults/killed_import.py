@@ -1,0 +1,201 @@
+"""Imports that are killed at random moments, and what must hold of the workspace that they leave.
+
+As a program (``python -m plannerforge.evals.faults.killed_import WORKSPACE FOLDER``) it is the server that gets killed:
+it imports the folder while a thread builds the text index again and again. Its vectors are made of hashes: what is
+struck here are the two stores, and a language model would take ten times as long to load as the import takes.
+"""
+
+import hashlib
+import os
+import random
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import anyio
+import numpy as np
+import psutil
+from mcp import Client
+
+from ...engine.catalog import (
+    COMPLETE,
+    Vectors,
+    descriptions,
+    ensure_generation,
+    is_ready,
+    listed_version,
+    query,
+    refresh,
+)
+from ...engine.workspace import Workspace
+from ...schemas.scenarios import ScenarioRecord
+from ...server.assembly import create_server
+from ...server.settings import Settings
+from ...tools.catalog import INDEX_FOLDER
+
+MODEL = "hashes"
+MOST = 1_000_000
+LATEST_S = 0.4
+"""So long after the chosen file was stored the blow falls at the latest."""
+GUARD_S = 300.0
+
+
+@dataclass
+class _Struck:
+    """Blows by what was killed, how often nothing was left to kill, and what did not agree afterwards."""
+
+    blows: Counter[str] = field(default_factory=Counter)
+    faults: list[str] = field(default_factory=list)
+
+
+def strike_imports(workspace: Path, folder: Path, chance: random.Random, blows: int) -> _Struck:
+    """Import the folder again and again, each time with a blow at a random moment, then once in peace.
+
+    The server is killed, or (one time in three) one of its processes only. After each the workspace is opened and
+    checked. A workspace that is full is followed by a new one beside it.
+    """
+    struck, number = _Struck(), 0
+    total = len(list(folder.glob("*.xml")))
+    while struck.blows.total() < blows:
+        root = workspace / str(number)
+        killed = _struck_once(root, folder, chance, total)
+        struck.blows[killed] += 1
+        struck.faults += disagreements(root)
+        if stored(root) == total:
+            number += 1
+    _wait(_server(workspace / str(number), folder))
+    struck.faults += disagreements(workspace / str(number))
+    if (left := total - stored(workspace / str(number))) > 0:
+        struck.faults.append(f"{left} files are missing in the end")
+    return struck
+
+
+def stored(root: Path) -> int:
+    """Scenarios in a workspace's database, 0 where there is none yet."""
+    if not (root / "workspace.sqlite").is_file():
+        return 0
+    connection = sqlite3.connect(f"file:{root / 'workspace.sqlite'}?mode=ro", uri=True, timeout=10.0)
+    try:
+        return int(connection.execute("SELECT count(*) FROM artifacts WHERE kind = 'scenario'").fetchone()[0])
+    except sqlite3.OperationalError:
+        return 0  # the server has not made its tables yet
+    finally:
+        connection.close()
+
+
+def disagreements(root: Path) -> list[str]:
+    """What does not fit in a workspace after a restart: database, files, catalogue and text index."""
+    workspace = Workspace(root)
+    try:
+        connection = workspace.database.connection()
+        whole = connection.execute("PRAGMA integrity_check").fetchone()[0]
+        refresh(workspace.database)
+        artifacts = workspace.newest(kind="scenario", limit=MOST)
+        found = [] if whole == "ok" else [f"SQLite says {whole}"]
+        for one in artifacts:
+            file = workspace.folder("scenario", one.artifact_id) / "scenario.xml"
+            content = hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else "no file"
+            if content != one.read(ScenarioRecord).content:
+                found.append(f"{one.artifact_id}: the file is not what was recorded ({content[:12]})")
+        texts = descriptions(connection)
+        listed = {listed_version(connection, one.artifact_id) for one in artifacts}
+        if {key.partition("#")[0] for key in texts} != listed:
+            found.append(f"the catalogue lists {len(texts)} entries of {len(listed)} scenarios")
+    finally:
+        workspace.close()
+    return found + (_index_faults(root / INDEX_FOLDER, texts) if texts else [])
+
+
+def _index_faults(index: Path, texts: dict[str, str]) -> list[str]:
+    """Every generation that is marked complete can be searched, and the current one holds what the catalogue lists."""
+    vector = _hash_vectors(["a busy road"])[0]
+    found = [
+        f"the index {marker.parent.name} is empty"
+        for marker in sorted(index.glob(f"*/{COMPLETE}"))
+        if not query(marker.parent, vector, None, 1)
+    ]
+    folder, _ = ensure_generation(index, texts, MODEL, _hash_vectors)
+    held = {key for key, _ in query(folder, vector, None, len(texts))}
+    return found if held == set(texts) else [*found, f"the index holds {len(held)} of {len(texts)} entries"]
+
+
+def _hash_vectors(texts: Sequence[str]) -> Vectors:
+    """Unit vectors that depend on nothing but the texts, shape (n, 384)."""
+    made = [
+        np.random.default_rng(int(hashlib.sha256(text.encode()).hexdigest(), 16)).standard_normal(384) for text in texts
+    ]
+    vectors = np.array(made, dtype=np.float32).reshape(len(texts), 384)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), dtype=np.float32)
+
+
+def _struck_once(root: Path, folder: Path, chance: random.Random, total: int) -> str:
+    """Start an import and kill it, or one of its processes, when a random number of files more is in."""
+    moment = chance.randint(stored(root), total - 1)
+    delay_s, spares_the_server = chance.uniform(0.0, LATEST_S), chance.random() < 1 / 3
+    process = _server(root, folder)
+    while stored(root) < moment and process.poll() is None:
+        time.sleep(0.01)
+    time.sleep(delay_s)
+    workers = [] if process.poll() is not None else psutil.Process(process.pid).children()
+    if spares_the_server and workers:
+        os.kill(chance.choice(workers).pid, signal.SIGKILL)
+        _wait(process)
+        return "worker"
+    process.kill()
+    _wait(process)
+    return "server" if process.returncode == -signal.SIGKILL else "nobody, it had ended"
+
+
+def _server(root: Path, folder: Path) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-m", "plannerforge.evals.faults.killed_import", str(root), str(folder)])
+
+
+def _wait(process: subprocess.Popen[bytes]) -> None:
+    """Wait for the end of a server.
+
+    Raises:
+        RuntimeError: it failed by itself.
+    """
+    if process.wait(GUARD_S) not in (0, -signal.SIGKILL):
+        raise RuntimeError(f"an import ended with status {process.returncode}")
+
+
+async def _import_and_index(root: Path, folder: Path) -> None:
+    settings = Settings(workspace=root, roots=(folder,), starter=False, warm_up=False)
+    ended = threading.Event()
+    async with Client(create_server(settings, start_folder=folder)) as client, anyio.create_task_group() as tasks:
+        tasks.start_soon(anyio.to_thread.run_sync, _keep_indexing, root, ended)
+        result = await client.call_tool("import_files", {"path": str(folder)})
+        ended.set()
+    if result.is_error:
+        raise RuntimeError(str(result.content))
+
+
+def _keep_indexing(root: Path, ended: threading.Event) -> None:
+    """Build the text index for whatever the catalogue lists, without a pause."""
+    while not ended.is_set():
+        texts = _listed_texts(root / "workspace.sqlite")
+        if texts:
+            ensure_generation(root / INDEX_FOLDER, texts, MODEL, _hash_vectors)
+        time.sleep(0.01)
+
+
+def _listed_texts(database: Path) -> dict[str, str]:
+    if not database.is_file():
+        return {}
+    connection = sqlite3.connect(f"file:{database}?mode=ro", uri=True, timeout=10.0)
+    try:
+        return descriptions(connection) if is_ready(connection) else {}
+    finally:
+        connection.close()
+
+
+if __name__ == "__main__":
+    anyio.run(_import_and_index, Path(sys.argv[1]), Path(sys.argv[2]))

@@ -1,0 +1,343 @@
+"""``make bench-faults``: planner batches while servers and workers are killed, runs hang or crash, the disk is full.
+
+Grids of small starter scenarios under fast configurations of both planners, their weights drawn at random. Of each grid
+the runs of one scenario hang and those of another crash the native core, at first; then servers are asked for the whole
+grid until it is whole, while faults strike at random moments. All moments and weights come from one seed.
+
+Keys: ``runs`` (asked for), ``results`` (runs stored), ``named_errors`` (runs and calls that ended in an error with a
+code), ``lost`` (runs that ended in neither), ``double`` (runs made or listed more than once), ``resumed`` (servers that
+took up a grid of one that was killed), ``worker_killed``, ``server_killed``, ``disk_full``, ``hung``, ``crashed``
+(faults that struck), ``minutes``.
+"""
+
+import argparse
+import json
+import math
+import os
+import random
+import re
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import anyio
+
+from ...engine.catalog import open_catalogue
+from ...engine.execution import (
+    Claims,
+    Executor,
+    JobRunner,
+    JobStore,
+    Lane,
+    Limits,
+    OnProgress,
+    Response,
+    WorkerPool,
+    no_progress,
+)
+from ...engine.tuning import changed_configuration, named_configuration
+from ...engine.workspace import Workspace
+from ...schemas.base import Model
+from ...schemas.errors import UnexpectedFailure, error_classes
+from ...schemas.planning import RunPlannerArguments, RunPlannerResult, RunRequest
+from ...schemas.runs import BatchRecord
+from ...tools.call import Services, ToolCall
+from ...tools.configurations import store_configuration
+from ...tools.planning import run_planner
+from ..harness import print_figures
+from ..server import workers_of_this_process
+
+# ---------- misdirecting
+# An executor for ``make bench-faults`` that lets the runs of some scenarios misbehave.
+
+
+class _Misdirecting:
+    """Carries out what it is asked for, but another operation for the runs of some scenarios.
+
+    Args:
+        inner: who carries it out.
+        instead: scenario → entry point of the operation for its runs.
+        limit_s: the time limit of such a run.
+    """
+
+    def __init__(self, inner: Executor, instead: Mapping[str, str], limit_s: float) -> None:
+        self._inner, self._instead, self._limit_s = inner, instead, limit_s
+
+    @property
+    def capacity(self) -> int:
+        """That of the executor behind it."""
+        return self._inner.capacity
+
+    async def run(
+        self,
+        entry_point: str,
+        request: Model,
+        response_type: type[Response],
+        *,
+        timeout_s: float | None = None,
+        on_progress: OnProgress = no_progress,
+        lane: Lane = "compute",
+    ) -> Response:
+        """Run the operation, or the one that misbehaves."""
+        if isinstance(request, RunRequest) and request.scenario_id in self._instead:
+            entry_point, timeout_s = self._instead[request.scenario_id], self._limit_s
+        return await self._inner.run(
+            entry_point, request, response_type, timeout_s=timeout_s, on_progress=on_progress, lane=lane
+        )
+
+
+# ---------- struck_server
+# Servers that are asked for a grid of runs while they, their workers and their disk are struck by faults.
+
+FULL_AT_BYTES = 1024
+"""A server with this limit on the size of its files cannot write its database or a run: a full disk, as it sees it."""
+FULL_FOR_S = (0.3, 1.5)
+BETWEEN_FAULTS_S = (1.0, 5.0)
+FAULTS = {"worker_killed": 12, "server_killed": 3, "disk_full": 4}
+"""Every kind of fault with its share among all."""
+MOST_CALLS = 40
+
+
+@dataclass
+class _Grid:
+    """Scenarios × configurations."""
+
+    scenarios: tuple[str, ...]
+    configs: tuple[str, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        return len(self.scenarios) * len(self.configs)
+
+
+@dataclass
+class Tally:
+    """What was done, and what was seen of it: faults by kind, codes of errors, and what has none."""
+
+    faults: Counter[str] = field(default_factory=Counter)
+    errors: Counter[str] = field(default_factory=Counter)
+    unnamed: list[str] = field(default_factory=list)
+    calls: int = 0
+
+    def see(self, text: str) -> None:
+        """Count an error by the code it names; a defect of ours is none."""
+        code = next((word for word in re.findall(r"\[(\w+)\]", text) if word in error_classes()), "")
+        if code and code != UnexpectedFailure.code:
+            self.errors[code] += 1
+        else:
+            self.unnamed.append(text.strip()[-500:])
+
+
+def drive(workspace: Path, grid: _Grid, chance: random.Random, tally: Tally, faults: int) -> None:
+    """Ask until the grid is whole; so many faults strike meanwhile, at random moments.
+
+    Raises:
+        RuntimeError: it never was.
+    """
+    for _ in range(MOST_CALLS):
+        process = _server(workspace, grid)
+        tally.calls += 1
+        faults -= _strike(process, chance, tally, faults)
+        output, errors = process.communicate()
+        if process.returncode == -signal.SIGKILL:
+            continue
+        if process.returncode != 0:
+            tally.see(errors)
+            continue
+        result = RunPlannerResult.model_validate_json(output)
+        if result.state == "failed":
+            tally.see(result.notes[-1])
+        elif result.batch_id and not result.lost:
+            return
+    raise RuntimeError(f"a grid was not whole after {MOST_CALLS} calls")
+
+
+def _server(workspace: Path, grid: _Grid) -> subprocess.Popen[str]:
+    arguments: dict[str, Sequence[str] | int] = {"scenarios": grid.scenarios, "configs": grid.configs, "wait_s": 50}
+    return subprocess.Popen(
+        [sys.executable, "-m", "plannerforge.server", "call", "run_planner", json.dumps(arguments), "--json"],
+        env={**os.environ, "PLANNERFORGE_WORKSPACE": str(workspace), "PLANNERFORGE_WARM_UP": "false"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def _strike(process: subprocess.Popen[str], chance: random.Random, tally: Tally, most: int) -> int:
+    """Strike a server again and again until it has ended or enough was done; gives the number of faults."""
+    struck = 0
+    while struck < most and _still_runs(process, chance.uniform(*BETWEEN_FAULTS_S)):
+        fault = chance.choices(list(FAULTS), weights=list(FAULTS.values()))[0]
+        workers = workers_of_this_process()
+        if fault == "server_killed":
+            process.kill()
+        elif fault == "disk_full":
+            _fill_the_disk(process, chance)
+        elif workers:
+            os.kill(chance.choice(workers).pid, signal.SIGKILL)
+        else:
+            continue
+        tally.faults[fault] += 1
+        struck += 1
+    return struck
+
+
+def _fill_the_disk(process: subprocess.Popen[str], chance: random.Random) -> None:
+    """Let the server's writes fail for a while."""
+    _, most = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (FULL_AT_BYTES, most))
+    if _still_runs(process, chance.uniform(*FULL_FOR_S)):
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (most, most))
+
+
+def _still_runs(process: subprocess.Popen[str], after_s: float) -> bool:
+    until = time.monotonic() + after_s
+    while time.monotonic() < until and process.poll() is None:
+        time.sleep(0.05)
+    return process.poll() is None
+
+
+# ---------- bench_planner_faults
+# ``make bench-faults``: planner batches while servers and workers are killed, runs hang or crash, the disk is full.
+#
+# Grids of small starter scenarios under fast configurations of both planners, their weights drawn at random. Of each
+# grid the runs of one scenario hang and those of another crash the native core, at first; then servers are asked for
+# the whole grid until it is whole, while faults strike at random moments. All moments and weights come from one seed.
+#
+# Keys: ``runs`` (asked for), ``results`` (runs stored), ``named_errors`` (runs and calls that ended in an error with
+# a code), ``lost`` (runs that ended in neither), ``double`` (runs made or listed more than once), ``resumed``
+# (servers that took up a grid of one that was killed), ``worker_killed``, ``server_killed``, ``disk_full``, ``hung``,
+# ``crashed`` (faults that struck), ``minutes``.
+
+HANG, CRASH = "plannerforge.evals.faults.misbehaviour:hang", "plannerforge.evals.faults.misbehaviour:crash"
+HANG_LIMIT_S = 4.0
+SCENARIOS, CONFIGS, MISBEHAVING_CONFIGS = 10, 20, 4
+FAULTS_A_GRID = 15
+PLANNERS = {
+    "frenetix:Default": (["prediction", "velocity_offset", "lateral_jerk"], ["sampling_level=1", "replan_steps=5"]),
+    "idm": (["time_headway_s", "minimum_gap_m"], ["horizon_s=2"]),
+}
+"""Base configurations with the weights that are drawn and the settings that make their runs short."""
+
+
+@asynccontextmanager
+async def _misdirected_call(workspace: Workspace, instead: dict[str, str]) -> AsyncIterator[ToolCall]:
+    """A tool call in this process, in which the runs of some scenarios misbehave."""
+
+    async def ignore(share: float, message: str) -> None:
+        del share, message
+
+    limits = Limits(roots=(workspace.root,))
+    async with (
+        WorkerPool.open(limits, workspace.root / "logs" / "faults.log") as pool,
+        anyio.create_task_group() as tasks,
+    ):
+        jobs = JobRunner(JobStore(workspace.database), tasks)
+        executor = _Misdirecting(pool, instead, HANG_LIMIT_S)
+        yield ToolCall(Services(workspace, executor, jobs, Claims(workspace.database), limits), ignore)
+
+
+def _small_scenarios(workspace: Workspace) -> list[str]:
+    """Ids of the scenarios with the smallest files: reading is most of the time of a run."""
+    known = sorted(artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000))
+    return sorted(known, key=lambda key: workspace.file("scenario", key, "scenario.xml").stat().st_size)[:SCENARIOS]
+
+
+def _drawn_configs(call: ToolCall, chance: random.Random) -> tuple[str, ...]:
+    """Ids of new configurations, the planners in turn."""
+    made = []
+    for number in range(CONFIGS):
+        name = list(PLANNERS)[number % len(PLANNERS)]
+        weights, settings = PLANNERS[name]
+        base = named_configuration(name)
+        if base is None:
+            raise RuntimeError(f"the built-in configuration {name} is gone")
+        factors = [f"{weight}*{chance.uniform(0.5, 2.0):.4f}" for weight in weights]
+        made.append(changed_configuration(base, None, factors, settings)[0])
+        store_configuration(call, made[-1])
+    return tuple(configuration.config_id for configuration in made)
+
+
+async def _misbehaved_grid(workspace: Workspace, scenarios: list[str], chance: random.Random, tally: Tally) -> _Grid:
+    """A new grid, of which the runs of a scenario that hangs and of one that crashes were tried."""
+    hanging, crashing = chance.sample(scenarios, 2)
+    async with _misdirected_call(workspace, {hanging: HANG, crashing: CRASH}) as call:
+        grid = _Grid(tuple(scenarios), _drawn_configs(call, chance))
+        misbehaving = grid.configs[:MISBEHAVING_CONFIGS]
+        arguments = RunPlannerArguments(scenarios=[hanging, crashing], configs=list(misbehaving), wait_s=50)
+        result = await run_planner(arguments, call)
+        while result.state == "running":
+            result = await run_planner(arguments, call)
+    tally.faults["hung"] += len(misbehaving)
+    tally.faults["crashed"] += len(misbehaving)
+    return grid
+
+
+def _count_lost_cells(workspace: Workspace, tally: Tally) -> None:
+    """Count the errors of the cells that some batch lost."""
+    for artifact in workspace.newest(kind="batch", limit=10_000):
+        for cell in artifact.read(BatchRecord).lost:
+            tally.see(cell.error)
+
+
+def _whole_batches(workspace: Workspace, grids: list[_Grid]) -> list[BatchRecord]:
+    """The batch of each grid that lost nothing, where there is one."""
+    batches = [artifact.read(BatchRecord) for artifact in workspace.newest(kind="batch", limit=10_000)]
+    whole = {(batch.scenarios, batch.configs): batch for batch in batches if not batch.lost}
+    return [whole[key] for grid in grids if (key := (grid.scenarios, grid.configs)) in whole]
+
+
+def measure(folder: Path, runs: int, seed: int) -> None:
+    """Grids until so many runs were asked for, one after the other."""
+    began, chance, tally = time.monotonic(), random.Random(seed), Tally()  # noqa: S311 - moments of faults, no secret
+    workspace, grids = Workspace(folder), list[_Grid]()
+    open_catalogue(workspace)
+    scenarios = _small_scenarios(workspace)
+    for number in range(math.ceil(runs / (len(scenarios) * CONFIGS))):
+        grids.append(anyio.run(_misbehaved_grid, workspace, scenarios, chance, tally))
+        drive(folder, grids[-1], chance, tally, FAULTS_A_GRID)
+        minutes = (time.monotonic() - began) / 60
+        sys.stderr.write(f"grid {number + 1} is whole after {minutes:.1f} minutes: {dict(tally.faults)}\n")
+    _count_lost_cells(workspace, tally)
+    stored = [artifact.artifact_id for artifact in workspace.newest(kind="run", limit=1_000_000)]
+    listed = [run_id for batch in _whole_batches(workspace, grids) for run_id in batch.runs]
+    workspace.close()
+    asked = sum(grid.size for grid in grids)
+    figures = {
+        "runs": asked,
+        "results": len(stored),
+        "named_errors": tally.errors.total(),
+        "lost": asked - len(set(listed) & set(stored)) + len(tally.unnamed),
+        "double": len(listed) - len(set(listed)) + len(set(stored) - set(listed)),
+        "resumed": tally.faults["server_killed"],
+        **{name: tally.faults[name] for name in ("worker_killed", "server_killed", "disk_full", "hung", "crashed")},
+        "minutes": round((time.monotonic() - began) / 60, 1),
+    }
+    codes = ", ".join(f"{code} {count}" for code, count in sorted(tally.errors.items()))
+    rows = [(name, str(value)) for name, value in figures.items()]
+    print_figures("Planner runs under faults", [*rows, ("errors by code", codes)], figures)
+    for text in tally.unnamed:
+        sys.stderr.write(f"without a code: {text}\n")
+
+
+def main() -> None:
+    """Read the command line and measure."""
+    parser = argparse.ArgumentParser(description="Planner batches under faults.")
+    parser.add_argument("--runs", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        measure(Path(folder), arguments.runs, arguments.seed)
+
+
+if __name__ == "__main__":
+    main()

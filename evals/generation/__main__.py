@@ -1,0 +1,110 @@
+"""``make bench-generation``: scenarios from real maps, judged from the made files.
+
+All maps are converted whole; then 200 requests that the maps can meet and those that must be refused are put to the
+generator, in worker processes. Standard error has a line for every scenario as soon as it is judged.
+
+Keys: ``maps``, ``maps_converted``; ``requests`` (that can be met), and of the scenarios asked for by them the shares
+``executable`` (Frenetix finishes, collisions allowed), ``road_type``, ``vehicles``, ``place``, ``density`` (vehicles a
+lane-kilometre at the start within 25 % of the target, or a note tells why not), ``inside_lanelets`` (of all positions),
+``feasible`` (of a sample of tracks, by the drivability checker); ``overlaps`` (pairs),
+``refused_right`` (share of the requests to be refused; by reason in the table),
+``median_low_s`` and ``median_high_s`` (a scenario of 20 s: processor time of its process and of netconvert, without
+the first reading of a map), ``median_low_wall_s`` and ``median_high_wall_s`` (the same on the clock, which other work
+on the machine lengthens).
+"""
+
+import argparse
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TypeVar
+
+from .cases import convert_whole, make_group, refused_right
+from .figures import Made, print_generation
+from .maps import BenchMaps, read_maps
+from .requests import (
+    BenchRequest,
+    Refusal,
+    corpus_refusals,
+    corpus_requests,
+    left_over_requests,
+    missing_requests,
+    seeded_requests,
+)
+
+Item = TypeVar("Item")
+REQUESTS, MISSING = 200, 40
+SEEDS_APART = 100
+
+
+def main() -> None:
+    """Read the command line and measure."""
+    beside = Path(__file__).resolve().parent.parent.parent / "shared"
+    shared = Path(os.environ.get("PLANNERFORGE_SHARED", beside))
+    parser = argparse.ArgumentParser(description="Measure the generator on real maps.")
+    parser.add_argument("--shared", type=Path, default=shared, help="folder with data/osm and corpora/dev")
+    parser.add_argument("--limit", type=int, default=None, help="only so many requests, refusals and maps")
+    parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample so many further on")
+    parser.add_argument("--workers", type=int, default=2, help="processes that make and judge (default: 2)")
+    arguments = parser.parse_args()
+    maps_folder = arguments.shared / "data" / "osm"
+    if not maps_folder.is_dir():
+        parser.error(f"there is no folder {maps_folder}: name one with --shared, or set PLANNERFORGE_SHARED")
+    corpus = arguments.shared / "corpora" / "dev" / "generation.jsonl"
+    with tempfile.TemporaryDirectory() as scratch:
+        maps = read_maps(maps_folder, Path(scratch))
+        good, bad = _requests(corpus.read_text(encoding="utf-8").splitlines(), maps)
+        names = sorted({*maps.files, *maps.unread})
+        if arguments.limit is not None:
+            good, bad, names = (_spread(found, arguments.limit, arguments.offset) for found in (good, bad, names))
+        with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
+            converted = _each(pool, {name: name for name in names}, partial(convert_whole, maps=maps))
+            made = _make(pool, good, maps)
+            by_name = {refusal.name: refusal for refusal in bad}
+            refused = _each(pool, by_name, partial(refused_right, maps=maps.entries))
+    print_generation(converted, len(good), made, [(refusal, refused[refusal.name]) for refusal in bad])
+
+
+def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], list[Refusal]]:
+    """What the maps can meet, and what has to be refused."""
+    good = corpus_requests(lines, maps.names)
+    good += seeded_requests(maps.places, maps.names, REQUESTS - len(good))
+    bad = corpus_refusals(lines) + missing_requests(maps.places, maps.names, MISSING)
+    return good, bad + left_over_requests(maps.places, maps.names)
+
+
+def _make(pool: ProcessPoolExecutor, requests: list[BenchRequest], maps: BenchMaps) -> list[Made]:
+    """All scenarios in the order of the requests; one process makes those of a map, as a warm worker does."""
+    groups: dict[str, list[tuple[BenchRequest, int]]] = {}
+    for number, request in enumerate(requests):
+        groups.setdefault(request.map_name, []).append((request, SEEDS_APART * number))
+    largest_first = sorted(groups.values(), key=_scenario_seconds, reverse=True)
+    made = {
+        request.name: found
+        for group, done in zip(largest_first, pool.map(partial(make_group, maps=maps), largest_first), strict=True)
+        for (request, _), found in zip(group, done, strict=True)
+    }
+    return [one for request in requests for one in made[request.name]]
+
+
+def _scenario_seconds(group: Sequence[tuple[BenchRequest, int]]) -> float:
+    return sum(request.arguments.count * request.arguments.duration_s for request, _ in group)
+
+
+def _each(pool: ProcessPoolExecutor, items: Mapping[str, Item], job: Callable[[Item], str]) -> dict[str, str]:
+    """What a job answers for every item, by name."""
+    return dict(zip(items, pool.map(job, items.values()), strict=True))
+
+
+def _spread(found: list[Item], limit: int, offset: int) -> list[Item]:
+    """So many of a list, evenly chosen, beginning at ``offset``."""
+    step = max(1, len(found) // limit)
+    return found[offset % step :: step][:limit]
+
+
+if __name__ == "__main__":
+    main()

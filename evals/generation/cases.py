@@ -1,0 +1,212 @@
+"""Single jobs of ``make bench-generation``: a map converted whole, a request made and judged, a request refused."""
+
+import asyncio
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ...engine.commonroad import LoadedScenario, read_scenario, schema_errors
+from ...engine.execution import silent
+from ...engine.generation import convert_map, generate
+from ...engine.maps import MapEntry, MapMatch
+from ...engine.network import build_road_network, read_net
+from ...engine.planners import make_planner, simulate
+from ...engine.tuning import named_configuration
+from ...schemas.errors import NotPossible, PlannerForgeError
+from ...schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
+from ...schemas.runs import NO_TRAJECTORY
+from ...server.argument_errors import read_arguments
+from ...tools.generation_plan import Order, Orders, plan_maps, plan_orders, request_for
+from ..harness import call_in_process
+from .figures import Made, Stages, tell
+from .judges import (
+    EXIT_WITHIN_M,
+    STREET_WITHIN_M,
+    MadeFiles,
+    holds_vehicles,
+    judge_density,
+    lies_at_street,
+    lies_in,
+    shows_type,
+)
+from .maps import BenchMaps, MapEvidence, read_evidence
+from .motion import measure_motion
+from .requests import BenchRequest, Refusal, is_right_reason
+
+# ---------- generation_session
+# What one process of ``make bench-generation`` keeps from request to request.
+
+
+@dataclass
+class Session:
+    """The maps, those that the generator has read here, and what the map files say beside it."""
+
+    maps: BenchMaps
+    _read: set[str] = field(default_factory=set)
+    _evidence: dict[str, MapEvidence] = field(default_factory=dict)
+
+    def reads(self, map_path: Path | str) -> bool:
+        """Note that the generator reads a map; whether it is for the first time."""
+        first = str(map_path) not in self._read
+        self._read.add(str(map_path))
+        return first
+
+    def evidence(self, map_path: str) -> MapEvidence:
+        """What a map file says; read once."""
+        if map_path not in self._evidence:
+            self._evidence[map_path] = read_evidence(Path(map_path))
+        return self._evidence[map_path]
+
+
+# ---------- generation_cases
+# Single jobs of ``make bench-generation``: a map converted whole, a request made and judged, a request refused.
+
+CHECKED_TRACKS = 3
+BEYOND_MAP_DEG, BEYOND_BOX_DEG = 0.01, 0.0001
+"""A map's roads lead beyond its bounds; in a box that was asked for, only rounding is let pass (10 m)."""
+
+
+def convert_whole(name: str, maps: BenchMaps) -> str:
+    """Convert a map without cutting; empty, or why it failed."""
+    if name in maps.unread:
+        return maps.unread[name]
+    with tempfile.TemporaryDirectory() as folder:
+        net_path = Path(folder) / "whole.net.xml"
+        try:
+            convert_map(maps.files[name], net_path, lefthand=maps.drives_left(name))
+            network = build_road_network(read_net(net_path), step_s=0.1, elapsed_s=0.0)
+        except PlannerForgeError as error:
+            return error.message
+    return "" if network.lanelets else "no lanelets"
+
+
+def make_group(requests: Sequence[tuple[BenchRequest, int]], maps: BenchMaps) -> list[list[Made]]:
+    """Make and judge the scenarios of requests for one map, each with the seed that draws the tracks to be checked."""
+    session = Session(maps)
+    return [make_all(request, session, seed) for request, seed in requests]
+
+
+def make_all(request: BenchRequest, session: Session, seed: int) -> list[Made]:
+    """Make and judge all scenarios of a request as the tool orders them; ``seed`` draws the tracks that are checked."""
+    try:
+        orders = _orders(request.arguments, session.maps.entries)
+    except PlannerForgeError as error:
+        return [_failed(request, error)]
+    if request.arguments.count > 1:  # the sites were counted, for which these maps were read
+        for order in orders.planned:
+            session.reads(order.match.entry.path)
+    spare = list(orders.spare)
+    made = [
+        _make_somewhere(request, order, spare, session, index, seed + index)
+        for index, order in enumerate(orders.planned)
+    ]
+    for one in made:
+        tell(one)
+    return made
+
+
+def _orders(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> Orders:
+    return asyncio.run(plan_orders(arguments, call_in_process(), plan_maps(arguments, maps).matches))
+
+
+def _failed(request: BenchRequest, error: PlannerForgeError) -> Made:
+    return Made(request, fault=f"{type(error).__name__}: {error.message}")
+
+
+def _make_somewhere(
+    request: BenchRequest, order: Order, spare: list[MapMatch], session: Session, index: int, seed: int
+) -> Made:
+    """A scenario as ordered, otherwise on the first spare map where it can be made, as the tool does it."""
+    try:
+        wish = request_for(request.arguments, order.match, order.site_index, index, order.site_step)
+        return make(request, wish, session, seed)
+    except NotPossible as error:
+        if not spare:
+            return _failed(request, error)
+        return _make_somewhere(request, Order(spare.pop(0)), spare, session, index, seed)
+    except PlannerForgeError as error:
+        return _failed(request, error)
+    except Exception as error:  # noqa: BLE001 - a defect of ours is the failure of one scenario, not the bench's end
+        return Made(request, fault=f"defect: {error!r}")
+
+
+def make(request: BenchRequest, wish: GenerationRequest, session: Session, seed: int) -> Made:
+    """Make one scenario and judge it.
+
+    Raises:
+        PlannerForgeError: it cannot be made.
+    """
+    with tempfile.TemporaryDirectory() as text:
+        folder, stages = Path(text), Stages(first_read=session.reads(wish.map_path))
+        report = generate(wish.model_copy(update={"folder": text}), stages)
+        stages(1.0)
+        faults = schema_errors(folder / "scenario.xml")
+        if faults:
+            return Made(request, fault=f"breaks the schema: {faults[0]}")
+        loaded = read_scenario(folder / "scenario.xml")
+        files, evidence = MadeFiles.read(folder), session.evidence(wish.map_path)
+        executable, outcome = drive(loaded)
+        return Made(
+            request,
+            executable=executable,
+            outcome=outcome,
+            road_type=_is_of_type(wish, report, files, evidence),
+            vehicles=holds_vehicles(files, _wished_vehicles(wish)),
+            place=_place_is_right(request, wish, report, files, session),
+            density=judge_density(files, wish.density, report.notes),
+            motion=measure_motion(loaded, CHECKED_TRACKS, seed),
+            stages=stages,
+        )
+
+
+def _is_of_type(wish: GenerationRequest, report: GeneratedScenario, files: MadeFiles, evidence: MapEvidence) -> bool:
+    """Of the type asked for, or, where any would do, of the one that the answer states; the answer states no other."""
+    stated = report.site.scenario_type
+    return wish.scenario_type in (stated, "any") and shows_type(files, stated, evidence)
+
+
+def _wished_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int | None]]:
+    """(least, most) of every class that has to be there, that of a wished ego included."""
+    wished = {demand.vehicle_class: (demand.needed, demand.most) for demand in request.vehicles}
+    other = request.ego.removeprefix("type:")
+    return wished | ({other: (1, None)} if request.ego.startswith("type:") and other not in (*wished, "car") else {})
+
+
+def drive(loaded: LoadedScenario) -> tuple[bool, str]:
+    """Whether Frenetix with its default weights finishes a trajectory, and the outcome."""
+    configuration = named_configuration("frenetix:Default")
+    if configuration is None:
+        raise RuntimeError("the built-in configuration is gone")
+    planner = make_planner("frenetix")
+    run = simulate(loaded.scenario, loaded.problem(), configuration, planner, "constant_velocity", silent)
+    return run.final.outcome not in NO_TRAJECTORY, run.final.outcome
+
+
+def _place_is_right(
+    request: BenchRequest, wish: GenerationRequest, report: GeneratedScenario, files: MadeFiles, session: Session
+) -> bool:
+    """On the map meant, or on another one of the same place; in the country and the box asked for; near the street."""
+    name, country = session.maps.name_of(wish.map_id), request.arguments.country
+    shown, box, street = session.maps.places[name], request.arguments.bbox, request.street
+    meant = name == request.map_name or request.arguments.place in shown["places"]
+    there = lies_in(files, shown["bbox"], BEYOND_MAP_DEG) and (box is None or lies_in(files, box, BEYOND_BOX_DEG))
+    within_m = EXIT_WITHIN_M if wish.scenario_type == "ramp" else STREET_WITHIN_M
+    on_street = street is None or lies_at_street(
+        files, street, shown["places"], session.evidence(wish.map_path), within_m
+    )
+    return meant and there and on_street and country in (None, report.benchmark_id[:3])
+
+
+def refused_right(refusal: Refusal, maps: Sequence[MapEntry]) -> str:
+    """Empty where a request is refused for the right reason, otherwise what happened."""
+    try:
+        given = read_arguments(GenerateScenariosArguments, refusal.given)
+        arguments = GenerateScenariosArguments.model_validate(given)
+        order = _orders(arguments, maps).planned[0]
+        wish = request_for(arguments, order.match, order.site_index, 0, order.site_step)
+        with tempfile.TemporaryDirectory() as folder:
+            generate(wish.model_copy(update={"folder": folder}), silent)
+    except PlannerForgeError as error:
+        return "" if is_right_reason(refusal, error) else error.text
+    return f"was made in {wish.map_id}"

@@ -1,0 +1,180 @@
+"""What came out of ``make bench-generation``: verdicts on single scenarios, and their table."""
+
+import os
+import statistics
+import sys
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ...engine.analysis import rate
+from ..harness import print_figures
+from .judges import DensityVerdict
+from .motion import MotionFigures
+from .requests import BenchRequest, Refusal
+
+READING = "reading the map"
+PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
+
+
+@dataclass(frozen=True)
+class Spent:
+    """Seconds: on the clock, and of the processors in the process and in its children (netconvert)."""
+
+    wall_s: float = 0.0
+    processor_s: float = 0.0
+
+    def __add__(self, other: "Spent") -> "Spent":
+        return Spent(self.wall_s + other.wall_s, self.processor_s + other.processor_s)
+
+    def __sub__(self, other: "Spent") -> "Spent":
+        return Spent(self.wall_s - other.wall_s, self.processor_s - other.processor_s)
+
+
+def _now() -> Spent:
+    times = os.times()
+    return Spent(time.perf_counter(), times.user + times.system + times.children_user + times.children_system)
+
+
+@dataclass
+class Stages:
+    """Time by stage, read off the progress of a generation: its messages name the stages.
+
+    ``first_read``: no scenario was made from this map in this process before, so that reading it does not count.
+    """
+
+    first_read: bool = False
+    spent: dict[str, Spent] = field(default_factory=dict)
+    _began: Spent = field(default_factory=_now)
+    _stage: str = ""
+
+    def __call__(self, share: float, message: str = "") -> None:
+        """A new stage begins."""
+        del share
+        now = _now()
+        if self._stage:
+            self.spent[self._stage] = self.spent.get(self._stage, Spent()) + (now - self._began)
+        self._began, self._stage = now, message
+
+    @property
+    def counted(self) -> Spent:
+        """All stages, the first reading of the map left out."""
+        left_out = (READING,) if self.first_read else ()
+        return sum((spent for stage, spent in self.spent.items() if stage not in left_out), Spent())
+
+
+@dataclass(frozen=True)
+class Made:
+    """One scenario that was asked for and the verdicts on it; ``fault`` where none came."""
+
+    request: BenchRequest
+    fault: str = ""
+    executable: bool = False
+    outcome: str = ""
+    road_type: bool = False
+    vehicles: bool = False
+    place: bool = False
+    density: DensityVerdict | None = None
+    motion: MotionFigures | None = None
+    stages: Stages | None = None
+
+
+def print_generation(
+    converted: Mapping[str, str], requests: int, made: Sequence[Made], refusals: Sequence[tuple[Refusal, str]]
+) -> None:
+    """Print every fault, the table and the figures; ``converted`` and ``refusals`` hold faults in words, or empty."""
+    whole = [one for one in made if not one.fault]
+    motions = [one.motion for one in whole if one.motion is not None]
+    densities = [one.density for one in whole if one.density is not None]
+    for name, fault in converted.items():
+        _tell(f"map {name}", fault)
+    for refusal, fault in refusals:
+        _tell(f"to be refused {refusal.name} ({refusal.reason})", fault)
+    outcomes = Counter(one.outcome for one in whole)
+    collisions = rate(outcomes["collision"], len(whole))
+    figures: dict[str, float | int | str] = {
+        "maps": len(converted),
+        "maps_converted": sum(not fault for fault in converted.values()),
+        "requests": requests,
+        **{
+            key: _share(sum(bool(getattr(one, key)) for one in made), len(made))
+            for key in ("executable", "road_type", "vehicles", "place")
+        },
+        "density": _share(sum(found.honest for found in densities), len(made)),
+        "refused_right": _share(sum(not fault for _, fault in refusals), len(refusals)),
+        "feasible": _share(sum(m.feasible for m in motions), sum(m.checked for m in motions)),
+        "inside_lanelets": _share(sum(m.inside for m in motions), sum(m.positions for m in motions)),
+        "overlaps": sum(m.overlapping_pairs for m in motions),
+    }
+    for density in ("low", "high"):
+        counted = [stages.counted for stages in _timed(whole, density)]
+        figures[f"median_{density}_s"] = _median([spent.processor_s for spent in counted])
+        figures[f"median_{density}_wall_s"] = _median([spent.wall_s for spent in counted])
+    rows = [(key, str(value)) for key, value in figures.items()]
+    rows += [("scenarios", str(len(made))), ("tracks checked", str(sum(m.checked for m in motions)))]
+    rows += [("density within 25 % of its target", f"{sum(found.met for found in densities)} of {len(made)}")]
+    rows += [(f"refused: {reason}", told) for reason, told in _by_reason(refusals)]
+    rows += [(f"outcome {name}", str(count)) for name, count in outcomes.most_common()]
+    told = (
+        "-" if collisions.share is None else f"{collisions.share:.1%} ({collisions.low:.1%} to {collisions.high:.1%})"
+    )
+    rows += [("the default planner collides", f"{told}; paper {PAPER_COLLISIONS:.1%}, SF 2.0 {FACTORY_COLLISIONS:.1%}")]
+    for density in ("low", "high"):
+        rows += [
+            (f"{density}: {stage}", f"{spent.processor_s:.3f} s, on the clock {spent.wall_s:.3f} s")
+            for stage, spent in _stages(whole, density)
+        ]
+    print_figures("Generation", rows, figures)
+
+
+def tell(one: Made) -> None:
+    """Say at once what came of a scenario, because a whole run takes long and may be broken off."""
+    wrong = [f"not {key}" for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
+    if one.density is not None and not one.density.met:
+        told = "told" if one.density.told else "not told"
+        wrong.append(f"{one.density.found:g} vehicles per lane-km instead of {one.density.target:g}, {told}")
+    motion = one.motion
+    if motion is not None:
+        wrong += [f"{name} cannot be driven" for name in motion.infeasible_names]
+        wrong += ["overlaps"] if motion.overlapping_pairs else []
+    arguments = one.request.arguments
+    what = f"{one.request.name} {one.request.map_name} {arguments.scenario_type} {arguments.density}"
+    sys.stderr.write(f"{what}: {one.fault or ', '.join([one.outcome, *wrong])}\n")
+    sys.stderr.flush()
+
+
+def _by_reason(refusals: Sequence[tuple[Refusal, str]]) -> list[tuple[str, str]]:
+    """Of the requests to be refused for each reason, how many were."""
+    asked = Counter(refusal.reason for refusal, _ in refusals)
+    right = Counter(refusal.reason for refusal, fault in refusals if not fault)
+    return [(reason, f"{right[reason]} of {count}") for reason, count in sorted(asked.items())]
+
+
+def _tell(what: str, fault: str) -> None:
+    if fault:
+        sys.stderr.write(f"{what}: {fault}\n")
+
+
+def _share(part: int, whole: int) -> float:
+    return round(part / whole, 4) if whole else 0.0
+
+
+def _timed(made: Sequence[Made], density: str) -> list[Stages]:
+    fitting = (one for one in made if one.request.arguments.density == density)
+    return [one.stages for one in fitting if one.stages is not None and one.request.arguments.duration_s == 20]
+
+
+def _median(times_s: Sequence[float]) -> float:
+    return round(statistics.median(times_s), 3) if times_s else 0.0
+
+
+def _stages(made: Sequence[Made], density: str) -> list[tuple[str, Spent]]:
+    """The mean of every stage, in the order in which they first came; a first reading counts as none."""
+    timed = _timed(made, density)
+    names = dict.fromkeys(name for stages in timed for name in stages.spent)
+    sums = {
+        name: sum((s.spent.get(name, Spent()) for s in timed if name != READING or not s.first_read), Spent())
+        for name in names
+    }
+    return [(name, Spent(one.wall_s / len(timed), one.processor_s / len(timed))) for name, one in sums.items()]

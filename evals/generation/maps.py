@@ -1,0 +1,191 @@
+"""The maps of ``make bench-generation``: every file of a folder as a user adds it, binary extracts written as .osm."""
+
+import json
+import math
+import re
+import unicodedata
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from ...engine.execution import silent
+from ...engine.geometry import Points
+from ...engine.maps import MapEntry, is_binary, is_map, read_map, write_as_xml
+from ...schemas.errors import PlannerForgeError
+from ...schemas.generation import ConvertMapRequest, ReadMapRequest
+
+# ---------- map_evidence
+# What a map file says about a spot: names, houses, built-up land and signed limits. Read apart from the generator.
+
+NAMING = re.compile(r"(name(:.*)?|(alt|loc|int|official|short)_name|ref|addr:street|destination(:.*)?)$")
+BUILT_UP_LAND = ("residential", "commercial", "retail", "industrial")
+METRES_A_DEGREE = 111_200.0
+MANY_HOUSES = 3
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A point, line or outline of a map: (latitude, longitude) in degrees of its nodes, shape (n, 2), and its tags."""
+
+    line: Points
+    tags: "Mapping[str, str]"
+
+    def distance_m(self, latitude: float, longitude: float) -> float:
+        """From a spot to the nearest point of the line."""
+        from shapely import LineString, Point
+
+        scale = np.array((1.0, math.cos(math.radians(latitude)))) * METRES_A_DEGREE
+        local = (self.line - np.array((latitude, longitude))) * scale
+        shape = LineString(local) if len(local) > 1 else Point(local[0])
+        return float(shape.distance(Point(0.0, 0.0)))
+
+    def surrounds(self, latitude: float, longitude: float) -> bool:
+        """Whether a spot lies inside the outline."""
+        from shapely import Point, Polygon
+
+        closed = len(self.line) > 3 and bool((self.line[0] == self.line[-1]).all())
+        return closed and bool(Polygon(self.line).buffer(0.0).contains(Point(latitude, longitude)))
+
+
+@dataclass(frozen=True)
+class MapEvidence:
+    """Everything of a map that has tags and a position."""
+
+    mapped: tuple[Mapped, ...]
+
+    def holds(self, key: str, value: str) -> bool:
+        """Whether anything of the map has a tag."""
+        return any(found.tags.get(key) == value for found in self.mapped)
+
+    def names_near(self, name: str, latitude: float, longitude: float, within_m: float) -> bool:
+        """Whether something whose name, number or sign has all words of ``name`` lies so near."""
+        words = _words(name)
+        return any(
+            any(words <= _words(part) for part in _names(found)) and found.distance_m(latitude, longitude) <= within_m
+            for found in self._around(latitude, longitude, within_m)
+        )
+
+    def houses(self, latitude: float, longitude: float, within_m: float) -> int:
+        """Buildings so near."""
+        return sum(
+            "building" in found.tags and found.distance_m(latitude, longitude) <= within_m
+            for found in self._around(latitude, longitude, within_m)
+        )
+
+    def is_built_up(self, latitude: float, longitude: float, within_m: float) -> bool:
+        """Whether a spot lies on built-up land or among houses."""
+        land = (found for found in self.mapped if found.tags.get("landuse") in BUILT_UP_LAND)
+        return self.houses(latitude, longitude, within_m) >= MANY_HOUSES or any(
+            found.surrounds(latitude, longitude) for found in land
+        )
+
+    def limits_kmh(self, latitude: float, longitude: float, within_m: float) -> list[float]:
+        """Signed speed limits of the roads so near."""
+        near = (
+            found
+            for found in self._around(latitude, longitude, within_m)
+            if "highway" in found.tags and found.distance_m(latitude, longitude) <= within_m
+        )
+        signed = (re.fullmatch(r"(\d+)( mph)?", found.tags.get("maxspeed", "")) for found in near)
+        return [float(sign[1]) * (1.609344 if sign[2] else 1.0) for sign in signed if sign is not None]
+
+    def _around(self, latitude: float, longitude: float, within_m: float) -> Iterable[Mapped]:
+        """What can be so near by its bounds."""
+        reach = within_m / METRES_A_DEGREE / max(math.cos(math.radians(latitude)), 0.1)
+        spot = np.array((latitude, longitude))
+        return (
+            found
+            for found in self.mapped
+            if bool((found.line.min(axis=0) <= spot + reach).all() and (found.line.max(axis=0) >= spot - reach).all())
+        )
+
+
+def read_evidence(path: Path) -> MapEvidence:
+    """Read an .osm file, element by element."""
+    places: dict[str, tuple[float, float]] = {}
+    found: list[Mapped] = []
+    for _, element in etree.iterparse(path, tag=("node", "way"), resolve_entities=False):
+        tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")}
+        if element.tag == "node":
+            place = (float(element.get("lat", "nan")), float(element.get("lon", "nan")))
+            places[element.get("id", "")] = place
+            line = [place]
+        else:
+            line = [places[nd.get("ref", "")] for nd in element.iterfind("nd") if nd.get("ref") in places]
+        if tags and line:
+            found.append(Mapped(np.array(line), tags))
+        element.clear()
+    return MapEvidence(tuple(found))
+
+
+def _names(found: Mapped) -> list[str]:
+    return [part for key, value in found.tags.items() if NAMING.match(key) for part in value.split(";")]
+
+
+def _words(name: str) -> frozenset[str]:
+    """Words without case and accents; a number beside its letter (``A4``) counts as a word of its own."""
+    plain = unicodedata.normalize("NFKD", name.casefold()).encode("ascii", "ignore").decode()
+    return frozenset(re.findall(r"\d+|[a-z]+", plain) or [name.casefold()])
+
+
+# ---------- generation_maps
+# The maps of ``make bench-generation``: every file of a folder as a user adds it, binary extracts written as .osm.
+
+
+@dataclass(frozen=True)
+class BenchMaps:
+    """Maps by the names of their files.
+
+    ``files`` are readable as XML, ``unread`` says why others are not; ``places`` is what the folder's list tells of
+    each, and ``entries`` are those that are listed, as the generator takes them.
+    """
+
+    entries: tuple[MapEntry, ...]
+    files: Mapping[str, Path]
+    unread: Mapping[str, str]
+    places: Mapping[str, Any]
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Files that requests can be made for."""
+        return frozenset(entry.facts.file_name for entry in self.entries)
+
+    def name_of(self, map_id: str) -> str:
+        """The file of a map."""
+        return next(entry.facts.file_name for entry in self.entries if entry.facts.map_id == map_id)
+
+    def drives_left(self, name: str) -> bool:
+        """Whether traffic keeps to the left there; to the right where the list does not say."""
+        return bool(self.places.get(name, {}).get("drives_on") == "left")
+
+
+def read_maps(folder: Path, scratch: Path) -> BenchMaps:
+    """Read every map of a folder; ``scratch`` takes the binary ones as XML."""
+    places = json.loads((folder / "places.json").read_text(encoding="utf-8"))
+    entries: list[MapEntry] = []
+    files: dict[str, Path] = {}
+    unread: dict[str, str] = {}
+    for path in sorted(entry for entry in folder.iterdir() if is_map(entry)):
+        try:
+            files[path.name] = _plain(path, scratch)
+            if path.name in places:
+                entries.append(_entry(path.name, files[path.name], places[path.name]))
+        except PlannerForgeError as error:
+            unread[path.name] = error.message
+    return BenchMaps(tuple(entries), files, unread, places)
+
+
+def _plain(path: Path, scratch: Path) -> Path:
+    if not is_binary(path):
+        return path
+    return Path(write_as_xml(ConvertMapRequest(path=str(path), folder=str(scratch)), silent).path)
+
+
+def _entry(name: str, path: Path, shown: Mapping[str, Any]) -> MapEntry:
+    """A map with the places and the country that the list names."""
+    facts = read_map(ReadMapRequest(path=str(path), place=shown["places"][0], country=shown["country"]), silent)
+    return MapEntry(facts.model_copy(update={"file_name": name, "places": (*shown["places"], *facts.places)}), path)

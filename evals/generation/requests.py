@@ -1,0 +1,239 @@
+"""The requests of ``make bench-generation``: of a corpus where a map covers them, and seeded ones."""
+
+import json
+import random
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from ...engine.vehicles import vehicle_classes
+from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
+from ...schemas.generation import GenerateScenariosArguments
+
+# ---------- generation_requests
+# The requests of ``make bench-generation``: of a corpus where a map covers them, and seeded ones.
+
+SEED = 2026
+DENSITIES = ("low", "medium", "high")
+
+
+@dataclass(frozen=True)
+class BenchRequest:
+    """Arguments of generate_scenarios with what has to come of them.
+
+    ``map_name`` is the file that shows the place, ``street`` a road that the site must lie on.
+    """
+
+    name: str
+    arguments: GenerateScenariosArguments
+    map_name: str
+    street: str | None = None
+
+
+def corpus_requests(lines: Sequence[str], maps: frozenset[str]) -> list[BenchRequest]:
+    """The requests of a corpus that the maps at hand can meet, with the ground truth as arguments."""
+    entries = [json.loads(line) for line in lines]
+    return [
+        BenchRequest(
+            entry["id"],
+            GenerateScenariosArguments.model_validate(_corpus_wish(entry["truth"])),
+            entry["map"],
+            entry["truth"]["location"]["place"],
+        )
+        for entry in entries
+        if entry["expect"] == "ok" and entry["map"] in maps
+    ]
+
+
+def _corpus_wish(truth: Mapping[str, Any]) -> dict[str, Any]:
+    """The ground truth of a request as arguments, not yet checked; what it leaves open takes its default."""
+    where = truth["location"]
+    words = [word for word in (where["place"], where["city"]) if word]
+    signalised = truth.get("feature") == "signalised_crossing"
+    return {
+        "place": ", ".join(dict.fromkeys(words)) or None,
+        "country": where["country"],
+        "bbox": where["bbox"],
+        "scenario_type": "signalised_intersection" if signalised else truth["scenario_type"],
+        "road_classes": None if truth["road_classes"] == ["roads"] else truth["road_classes"],
+        "density": truth["density"],
+        "vehicles": _vehicles(truth.get("vehicles_accept", [truth["vehicles"]])[0]),
+        "duration_s": truth["duration_s"],
+        "ego": _ego(truth["ego"]),
+        "goal": _goal(truth["goal"]),
+        "count": truth["count"],
+    }
+
+
+def _vehicles(wanted: Mapping[str, int | str]) -> list[str]:
+    named = {name: count for name, count in wanted.items() if (name, count) != ("car", "present")}
+    return [name if count == "present" else f"{name}={count}" for name, count in named.items()]
+
+
+def _ego(ego: Mapping[str, Any]) -> str:
+    if "requested_class" in ego:
+        return f"type:{ego['requested_class']}"
+    return {"first": "first", "by_type": "type:car"}.get(ego["strategy"]) or f"index:{ego['index']}"
+
+
+def _goal(goal: Mapping[str, Any]) -> str:
+    return f"distance_m:{goal['distance_m']}" if "distance_m" in goal else f"steps:{goal['offset_steps']}"
+
+
+def seeded_requests(places: Mapping[str, Any], maps: frozenset[str], count: int) -> list[BenchRequest]:
+    """So many requests that the maps can meet: site × density × classes, in turn over all maps and types."""
+    choice = random.Random(SEED)  # noqa: S311 - reproducible, not secret
+    pairs = [(name, kind) for name in sorted(maps & set(places)) for kind in _types_of(places[name])]
+    choice.shuffle(pairs)
+    found = []
+    for number in range(count):
+        name, kind = pairs[number % len(pairs)]
+        classes = choice.sample(sorted(vehicle_classes()), choice.choice((0, 1, 1, 2)))
+        classes = [known for known in classes if known not in _unwelcome(kind) and known != "car"]
+        wish = {
+            "place": places[name]["places"][0],
+            "country": places[name]["country"],
+            "scenario_type": kind,
+            "density": DENSITIES[number % 3],
+            "vehicles": [f"{known}={choice.randint(1, 3)}" for known in classes],
+            "seed": number,
+        }
+        found.append(BenchRequest(f"seed-{number:03d}", GenerateScenariosArguments.model_validate(wish), name))
+    return found
+
+
+def _types_of(shown: Mapping[str, Any]) -> list[str]:
+    """The scenario types of a map after the list of places."""
+    signalised = ["signalised_intersection"] if shown["contains"]["signalised_crossings"]["count"] else []
+    return [*shown["scenario_types"], *signalised]
+
+
+def _unwelcome(kind: str) -> frozenset[str]:
+    """Classes that no motorway is open to."""
+    return frozenset({"bicycle", "moped"}) if kind in ("highway", "ramp") else frozenset()
+
+
+# ---------- generation_refusals
+# Requests that generate_scenarios has to refuse, and whether it does so for the right reason.
+#
+# A reason is right where the error is of its class and names both what is wrong and what it is wrong with.
+
+MAY_BE_MISSING = ("roundabout", "highway", "ramp", "rural", "signalised_intersection", "intersection", "urban")
+VILLAGES = frozenset(
+    {"HND_Santa_Barbara-1.osm", "dueren-complete-excerpt.osm", "krautsand.osm", "o2s_overlapping_service_roads.osm"}
+)
+"""Maps whose list leaves ``urban`` out though they show streets among houses: the list is of towns, the type is not."""
+LEFT_OVER = {"urban": "motorway", "intersection": "motorway", "highway": "residential", "ramp": "motorway_link"}
+"""For each type a road class of which no site of it can be made."""
+Reason = Literal["unknown_place", "no_map_here", "no_such_site", "unknown_class", "invalid_value"]
+"""``no_map_here``: a real place, which could be met with another set of maps; refused like an unknown one."""
+AS_TYPED: dict[str, dict[str, Any]] = {
+    "gen-d050": {"vehicles": ["truck=-4"]},
+    "gen-d091": {"vehicles": ["pedestrian"]},
+    "gen-d092": {"vehicles": ["tank=5", "helicopter=1"]},
+    "gen-d093": {"duration_s": 0},
+}
+"""What the corpus's ground truth leaves out of the requests because it is invalid: as their texts have it."""
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Arguments as a caller sends them, why they have to be refused, and the words of which the error must name one."""
+
+    name: str
+    given: Mapping[str, Any]
+    reason: Reason
+    subjects: tuple[str, ...]
+
+
+def corpus_refusals(lines: Sequence[str]) -> list[Refusal]:
+    """All requests of a corpus that have to be refused, and those for places that no map here shows."""
+    entries = [json.loads(line) for line in lines]
+    return [
+        _corpus_refusal(entry)
+        for entry in entries
+        if entry["expect"] == "refuse" or (entry["expect"] == "ok" and entry["map"] is None)
+    ]
+
+
+def _corpus_refusal(entry: Mapping[str, Any]) -> Refusal:
+    """A request of the corpus; where a class is what is wrong, its place, which no map shows either, is left out."""
+    code, _, field = entry["truth"].get("reason", "no_map_here").partition(":")
+    if code not in get_args(Reason):
+        raise ValueError(f"{entry['id']}: unknown reason {code!r}")
+    given = _corpus_wish(entry["truth"]) | AS_TYPED.get(entry["id"], {})
+    if code == "unknown_class":
+        given |= {"place": None, "country": None}
+        return Refusal(entry["id"], given, code, tuple(word.partition("=")[0] for word in given["vehicles"]))
+    if code == "invalid_value":
+        return Refusal(entry["id"], given, code, (field,))
+    if code == "no_such_site":
+        return Refusal(entry["id"], given, code, (given["scenario_type"],))
+    return Refusal(entry["id"], given, code, _place_words(given))
+
+
+def _place_words(given: Mapping[str, Any]) -> tuple[str, ...]:
+    """How an error can call the place: as it was written, its country or its box."""
+    return tuple(str(given[key]) for key in ("place", "country", "bbox") if given[key] is not None)
+
+
+def missing_requests(places: Mapping[str, Any], maps: frozenset[str], count: int) -> list[Refusal]:
+    """Requests for a type of site that neither the map nor another one of its place shows."""
+    there = sorted(maps & set(places))
+    pairs = [
+        (name, kind)
+        for name in there
+        for kind in MAY_BE_MISSING
+        if not (kind == "urban" and name in VILLAGES)
+        and not any(
+            kind in _types_of(places[other]) for other in there if places[name]["places"][0] in places[other]["places"]
+        )
+    ]
+    random.Random(SEED).shuffle(pairs)  # noqa: S311 - reproducible, not secret
+    return [_missing(name, kind, places[name]) for name, kind in pairs[:count]]
+
+
+def _missing(name: str, kind: str, shown: Mapping[str, Any]) -> Refusal:
+    given = {"place": shown["places"][0], "country": shown["country"], "scenario_type": kind}
+    return Refusal(f"missing-{kind}-{name}", given, "no_such_site", (kind,))
+
+
+def left_over_requests(places: Mapping[str, Any], maps: frozenset[str]) -> list[Refusal]:
+    """Requests at motorways for a type of site that the map shows, but not in the road class that is to be left."""
+    return [
+        Refusal(
+            f"left-{kind}-{name}",
+            {
+                "place": places[name]["places"][0],
+                "country": places[name]["country"],
+                "scenario_type": kind,
+                "road_classes": [road_class],
+            },
+            "no_such_site",
+            (kind,),
+        )
+        for name in sorted(maps & set(places))
+        for kind, road_class in LEFT_OVER.items()
+        if {kind, "highway"} <= set(_types_of(places[name]))
+    ]
+
+
+def is_right_reason(refusal: Refusal, error: PlannerForgeError) -> bool:
+    """Whether an error is of the class that belongs to the reason, says what is wrong and names the subject."""
+    kinds: dict[Reason, tuple[type[PlannerForgeError], tuple[str, ...]]] = {
+        "unknown_place": (UnknownName, ("no map shows", "no map lies in")),
+        "no_map_here": (UnknownName, ("no map shows", "no map lies in")),
+        "no_such_site": (
+            NotPossible,
+            tuple(
+                saying
+                for subject in refusal.subjects
+                for saying in (f"holds no {subject} site", f"holds any {subject} site")
+            ),
+        ),
+        "unknown_class": (UnknownName, ("no vehicle class",)),
+        "invalid_value": (InvalidRequest, refusal.subjects),
+    }
+    kind, sayings = kinds[refusal.reason]
+    said = any(saying in error.message for saying in sayings)
+    return type(error) is kind and said and any(subject in error.message for subject in refusal.subjects)

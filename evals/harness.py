@@ -1,0 +1,124 @@
+"""The form of every benchmark's output: a table, then one line of JSON."""
+
+import hashlib
+import json
+import os
+import statistics
+import sys
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from mcp import Client
+from rich.console import Console
+from rich.table import Table
+
+from ..engine.execution import silent
+from ..schemas.base import Model
+from ..server.settings import Settings
+from ..tools.call import ToolCall
+
+# ---------- in_process
+# A tool's call without server and workers: what a tool plans can be asked for where its work is timed.
+
+Response = TypeVar("Response", bound=Model)
+
+
+class _InProcess:
+    """Runs the engine operations of a tool in this process, without a time limit."""
+
+    async def run(self, entry_point: str, request: Model, response_type: type[Response], **limits: object) -> Response:
+        """The operation's response."""
+        del limits
+        module, _, name = entry_point.partition(":")
+        return response_type.model_validate(getattr(import_module(module), name)(request, silent))
+
+
+def call_in_process() -> ToolCall:
+    """A call that can do nothing but run operations."""
+    return cast("ToolCall", _InProcess())
+
+
+# ---------- bench_client
+# What benchmarks that ask a server for batches have in common.
+
+POLL_S = 50
+
+
+def shared_scenarios() -> Path:
+    """The folder of public CommonRoad scenarios: in ``PLANNERFORGE_SHARED``, or in ``shared`` beside the checkout."""
+    beside = Path(__file__).resolve().parent.parent.parent / "shared"
+    return Path(os.environ.get("PLANNERFORGE_SHARED", beside)) / "data" / "commonroad"
+
+
+def drawn(names: Sequence[str], limit: int | None) -> list[str]:
+    """So many of the names, always the same ones and in the same order; all of them without a limit."""
+    return sorted(names, key=lambda name: hashlib.sha256(name.encode()).hexdigest())[:limit]
+
+
+def scenario_files(folder: Path, limit: int | None) -> list[Path]:
+    """The scenario files of a folder; with a limit, always the same sample."""
+    found = {path.name: path for path in sorted(folder.rglob("*.xml")) if not path.name.endswith(".net.xml")}
+    return [found[name] for name in (sorted(found) if limit is None else drawn(list(found), limit))]
+
+
+def settings_for(workspace: Path, folder: Path, workers: int) -> Settings:
+    """A server on the benchmark's own workspace."""
+    return Settings(workspace=workspace, roots=(folder,), workers=workers, starter=False, warm_up=False, journal=False)
+
+
+async def ask(client: Client, tool: str, **arguments: Any) -> Any:
+    """The structured answer of a tool.
+
+    Raises:
+        RuntimeError: the tool refused.
+    """
+    result = await client.call_tool(tool, arguments)
+    if result.is_error or result.structured_content is None:
+        raise RuntimeError(f"{tool}: {result.content}")
+    return result.structured_content
+
+
+async def import_scenarios(client: Client, files: Sequence[Path]) -> None:
+    """Import files; one that is refused is named and left out."""
+    for path in files:
+        result = await client.call_tool("import_files", {"path": str(path)})
+        if result.is_error:
+            sys.stderr.write(f"{path.name} is left out: {result.content}\n")
+
+
+async def finished_batch(client: Client, **arguments: Any) -> str:
+    """Run a grid to its end and give the id of the batch.
+
+    Raises:
+        RuntimeError: the grid could not be run to its end.
+    """
+    result = await ask(client, "run_planner", wait_s=0, **arguments)
+    while result.get("batch_id") is None:
+        job = await ask(client, "get_job", job_id=result["job_id"], wait_s=POLL_S)
+        sys.stderr.write(f"{arguments['prediction']}: {job['message']}\n")
+        if job["state"] not in ("running", "done"):
+            raise RuntimeError(f"the batch ended as {job['state']}: {job['error']}")
+        if job["state"] == "done":
+            return str(job["results"][-1])
+    return str(result["batch_id"])
+
+
+# ---------- bench_output
+# The form of every benchmark's output: a table, then one line of JSON.
+
+
+def print_figures(title: str, rows: Sequence[tuple[str, str]], figures: Mapping[str, float | int | str]) -> None:
+    """Print a table of ``(what, figure)`` rows and the figures as the last line."""
+    table = Table("figure", "value", title=title)
+    for what, value in rows:
+        table.add_row(what, value)
+    Console(width=110).print(table)
+    sys.stdout.write(json.dumps(dict(figures)) + "\n")
+
+
+def spread(values: Sequence[float], unit: str, digits: int = 2) -> str:
+    """Median with minimum and maximum, in words."""
+    middle = statistics.median(values)
+    return f"{middle:.{digits}f} {unit} (min {min(values):.{digits}f}, max {max(values):.{digits}f}, n {len(values)})"

@@ -1,0 +1,266 @@
+"""``make bench-modification``: does an edit do what was asked, and nothing else?
+
+All scenarios of a folder that have dynamic obstacles (a drawn edit of each task, refusals, the recipes of the safety
+table) and the requests of the modification corpus with their ground truth as arguments. Judged is what was written and
+what SUMO held in the run that made it: a vehicle's type, the route that it drove, the file.
+
+Keys (shares unless said otherwise): ``round_trip`` (files whose road users SUMO shows where and as fast as they were
+recorded), ``T_ends``, ``B_preset``, ``P_count``, ``G_edge`` (the paper's checks; a refusal of what can be done fails),
+``composite_done`` (all checks of all edits of a composite), ``T_arrives`` (vehicles sent somewhere that are there
+before the scenario ends: of the others ``T_ends`` demands that they are on their way, and had no time or were held up),
+``checks_min`` (the least of all checks), ``valid_min`` (no schema error that the source does not have; CommonRoad's
+schema has no form for who enters after time 0, so that vehicles which the request itself lets enter later may, and no
+others), ``valid_strict_min`` (not those either), ``executable_min`` (all three the least over the tasks),
+``refused_right``, ``untouched_identical``, ``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite``
+(touched vehicles that the edits name, by the drivability checker from their hand-over + 1 s on),
+``physical_handed_over`` (those that no edit names), ``handovers_smooth`` (at most 5 cm beyond v·dt and 1 m/s, from the
+old and the new file), ``unreported_collisions`` (a touched vehicle), ``collisions_left``, ``several_calls_equal``
+(composites, by the tool's calls), ``edit_median_s``, ``edit_p95_s`` (seconds of a warm worker, reading and writing
+included; a scenario's first edit reads it, later ones find it kept), ``edit_first_median_s`` (first edits alone),
+``edit_cpu_median_s`` (processor time of all, which other work does not lengthen).
+"""
+
+import argparse
+import os
+import re
+import statistics
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import track
+
+from ...engine.analysis import wilson_interval
+from ...engine.execution import PRELOAD, warm_up
+from ..harness import print_figures
+from .cases import measure_file, measure_line
+from .requests import published_presets
+from .results import Case, Effort, Measured, Refusal
+from .safety import safety_rows
+
+TASKS = ("T", "B", "P", "G")
+CORPUS = ("T", "B", "P", "G", "composite")
+EVERY_FILE_PLANNED, EVERY_FILE_SAFE, EVERY_FILE_WHOLE, EVERY_LINE_PLANNED = 4, 8, 4, 16
+"""The planner drives the edits of every fourth file and of every sixteenth line of the corpus, and the recipes of every
+eighth file; the drivability checker judges one drawn vehicle of each edit, and all that were touched on every fourth
+file. Either takes longer than the edits; the table says on how many each figure rests."""
+HEADLINES = ("T_ends", "B_preset", "P_count", "G_edge", "composite_done")
+PHYSICAL = ("T", "B", "P", "composite")
+LARGEST_JUMP_M, LARGEST_STEP_MPS = 0.05, 1.0
+REASONS, REASON_LETTERS = 6, 110
+
+
+def measure(files: Sequence[Path], lines: Sequence[str], shared: Path, workers: int) -> list[Measured]:
+    """All jobs on worker processes; the results in no particular order."""
+    presets = published_presets(shared / "facts")
+    spawn, modules = get_context("spawn"), PRELOAD["compute"]
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=warm_up, initargs=(modules,)) as pool:
+        jobs: list[Future[Measured]] = []
+        for index, path in enumerate(files):
+            effort = Effort(
+                planner=index % EVERY_FILE_PLANNED == 0,
+                safety=index % EVERY_FILE_SAFE == 0,
+                every_vehicle=index % EVERY_FILE_WHOLE == 0,
+            )
+            jobs.append(pool.submit(measure_file, path, presets, effort))
+        for index, line in enumerate(lines):
+            effort = Effort(planner=index % EVERY_LINE_PLANNED == 0)
+            jobs.append(pool.submit(measure_line, line, shared / "data" / "commonroad", effort))
+        return [job.result() for job in track(as_completed(jobs), total=len(jobs), console=Console(stderr=True))]
+
+
+def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
+    """The figures by key."""
+    cases = [case for one in measured for case in one.cases]
+    made = [case for case in cases if not case.refused]
+    checks = _checks(cases)
+    trips = [one.round_trip_error for one in measured if one.round_trip_error is not None]
+    refused = [right for one in measured for _, right in one.refused_right]
+    touched = max(sum(case.touched for case in made), 1)
+    several = [case.in_several_calls_equal for case in made if case.in_several_calls_equal is not None]
+    seconds = sorted(case.edit_s for case in made)
+    first = [case.edit_s for case in made if case.is_first]
+    found = {
+        "round_trip": _share(not trip for trip in trips),
+        **{name: _share(checks.get(name, ())) for name in HEADLINES},
+        "T_arrives": _share(there for case in made for there in case.arrivals),
+        "checks_min": min((_share(values) for values in checks.values()), default=0.0),
+        "valid_min": _least(made, lambda case: case.valid),
+        "valid_strict_min": _least(made, lambda case: case.strictly_valid),
+        "executable_min": _least(
+            [case for case in made if case.executed is not None], lambda case: bool(case.executed)
+        ),
+        "refused_right": _share(refused),
+        "untouched_identical": _share(case.untouched_identical for case in made),
+        **{f"physical_{task}": _share(_settled(made, task)) for task in PHYSICAL},
+        "physical_handed_over": _share(_settled(made)),
+        "handovers_smooth": _share(_is_smooth(one) for case in made for one in case.handovers),
+        "unreported_collisions": sum(case.unreported for case in made) / touched,
+        "collisions_left": sum(case.collisions for case in made) / touched,
+        "several_calls_equal": _share(several),
+        "edit_median_s": statistics.median(seconds),
+        "edit_p95_s": seconds[int(0.95 * len(seconds))],
+        "edit_first_median_s": statistics.median(first) if first else 0.0,
+        "edit_cpu_median_s": statistics.median(case.edit_cpu_s for case in made),
+    }
+    return {name: round(value, 4) for name, value in found.items()}
+
+
+def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
+    """What is said beside the figures: counts, hand-overs, and the checker's verdicts."""
+    cases = [case for one in measured for case in one.cases]
+    made = [case for case in cases if not case.refused]
+    rows = []
+    for task in (*TASKS, "composite"):
+        mine = [case for case in cases if case.task == task]
+        rows.append((f"edits {task}", f"{sum(not case.refused for case in mine)} done of {len(mine)}"))
+    rows += [(f"check {name}", _interval(values)) for name, values in sorted(_checks(cases).items())]
+    arrivals = [there for case in made for there in case.arrivals]
+    rows.append(("arrive in time", f"{_interval(arrivals)}; the others are on their way, or T_ends fails"))
+    rows += refusal_rows([one for case in cases for one in case.tries])
+    rows += [(f"physical {task}", _interval(_settled(made, task))) for task in PHYSICAL]
+    rows.append(("physical, handed over besides", _interval(_settled(made))))
+    rows += [(f"drivable {task}", _drivable([case for case in made if case.task == task])) for task in PHYSICAL]
+    for task in (*TASKS, "composite"):
+        rows.append((f"executable {task}", _interval([case.executed for case in made if case.task == task])))
+    later = sum(case.enter_later > 0 for case in made)
+    rows.append(("enter later, as asked", f"{later} files, for which the schema has no form"))
+    given = [one for case in made for one in case.handovers]
+    jump, step = (max((one[place] for one in given), default=0.0) for place in (0, 1))
+    rows.append(("largest hand-over", f"{jump:.3f} m beyond v·dt, {step:.2f} m/s, of {len(given)}"))
+    for task in TASKS:
+        rows.append((f"no request {task}", f"{sum(task in one.no_request for one in measured)} files"))
+    refused = [right for one in measured for _, right in one.refused_right]
+    lenient = [name for one in measured for name in one.not_to_refuse]
+    rows.append(("refused right", f"{_interval(refused)}; going on is right too: {', '.join(lenient) or 'none'}"))
+    on_road, off_lanes = (sum(getattr(one, name) for one in measured) for name in ("road_users", "off_lanes"))
+    rows.append(("round trip", f"{on_road} road users, {off_lanes} of them off all lanelets"))
+    rows.append(("handed over besides", str(sum(case.handed_over for case in made))))
+    rows.append(("collisions reported", str(sum(case.collisions for case in made))))
+    return rows + safety_rows([shift for one in measured for shift in one.shifts])
+
+
+def refusal_rows(tries: Sequence[Refusal]) -> list[tuple[str, str]]:
+    """How many requests that were drawn or are in the corpus were refused, and with which reasons, figures left out."""
+    rows = []
+    for task in (*TASKS, "composite"):
+        mine = [one for one in tries if one.task == task]
+        wrong = sum(one.is_right is False for one in mine)
+        judged = sum(one.is_right is not None for one in mine)
+        rows.append((f"tries refused {task}", f"{len(mine)}, {wrong} of {judged} judged wrongly"))
+        reasons = Counter(_in_short(one.reason) for one in mine)
+        rows += [(f"  because, {task}", f"{count} × {reason}") for reason, count in reasons.most_common(REASONS)]
+    return rows
+
+
+def failures_of(measured: Sequence[Measured]) -> list[str]:
+    """Every request and check that went wrong, one line each."""
+    found = [f"round trip: {one.round_trip_error}" for one in measured if one.round_trip_error]
+    found += [f"not refused right: {name}" for one in measured for name, right in one.refused_right if not right]
+    for case in (case for one in measured for case in one.cases):
+        bad = [name for name, passed in case.checks.items() if not passed]
+        bad += [f"wrongly refused: {one.reason}" for one in case.tries if one.is_right is False]
+        bad += [] if case.refused or case.valid else ["valid"]
+        bad += [] if case.refused or case.untouched_identical else ["untouched"]
+        bad += ["executed"] if case.executed is False else []
+        bad += ["several calls"] if case.in_several_calls_equal is False else []
+        bad += ["physical"] if any(one.settled is False for one in case.physical) else []
+        bad += [f"{case.unreported} unreported collisions"] if case.unreported else []
+        bad += [f"{case.collisions} collisions reported"] if case.collisions else []
+        rough = [one for one in case.handovers if not _is_smooth(one)]
+        bad += [f"hand-over {jump:.3f} m, {step:.2f} m/s" for jump, step in rough]
+        bad += [f"refused: {case.refused}"] if case.refused else []
+        found += [f"{case.task} {case.name}: {', '.join(bad)}"] if bad else []
+    return sorted(found)
+
+
+def _drivable(cases: Sequence[Case]) -> str:
+    verdicts = [one for case in cases for one in case.physical]
+    whole = sum(one.whole for one in verdicts)
+    recorded = [one.recorded for one in verdicts if one.recorded is not None]
+    agree = sum(one.closed_form == one.whole for one in verdicts)
+    return (
+        f"whole {whole} of {len(verdicts)}; recorded {sum(recorded)} of {len(recorded)}; closed form agrees on {agree}"
+    )
+
+
+def _settled(cases: Sequence[Case], task: str | None = None) -> list[bool]:
+    """Verdicts from the hand-over + 1 s on: on those that the edits of a task name, or on those that none names."""
+    wanted = [one for case in cases if task in (None, case.task) for one in case.physical]
+    return [one.settled for one in wanted if one.settled is not None and one.handed_over == (task is None)]
+
+
+def _is_smooth(handover: tuple[float, float]) -> bool:
+    return handover[0] <= LARGEST_JUMP_M and handover[1] <= LARGEST_STEP_MPS
+
+
+def _interval(values: Iterable[bool | None]) -> str:
+    """A count with the 95 % interval of its share; what was not measured is left out."""
+    found = [value for value in values if value is not None]
+    if not found:
+        return "not measured"
+    low, high = wilson_interval(sum(found), len(found))
+    return f"{sum(found)} of {len(found)} ({low:.3f} … {high:.3f})"
+
+
+def _in_short(reason: str) -> str:
+    """What was wrong, without the figures and what is said after it."""
+    wrong = re.split(r"[.] (?:Valid|Next):", reason.partition("] ")[2] or reason)[0]
+    return re.sub(r"-?\d[\d.]*", "N", wrong)[:REASON_LETTERS]
+
+
+def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
+    """The verdicts by check; a request that could be carried out and was refused fails the headline of its task.
+
+    A try that is followed by another request is only counted where the bench knows that it was refused wrongly; of
+    those that physics keep from their target none is.
+    """
+    checks: dict[str, list[bool]] = defaultdict(list)
+    for case in cases:
+        for name, passed in case.checks.items():
+            checks[name].append(passed)
+        wrong = sum(one.is_right is False for one in case.tries)
+        last = case.tries[-1].is_right if case.tries else None
+        excused = last is False or (case.task == "T" and last is True)
+        failed = wrong + (1 if case.refused and not excused else 0)
+        for name in _headlines(case):
+            checks[name] += [False] * failed
+    return checks
+
+
+def _headlines(case: Case) -> tuple[str, ...]:
+    """What a request that was refused counts as failed for."""
+    return tuple(name for name in HEADLINES if name.startswith(f"{case.task}_"))
+
+
+def _share(values: Iterable[object]) -> float:
+    found = [bool(value) for value in values]
+    return sum(found) / len(found) if found else 0.0
+
+
+def _least(cases: Sequence[Case], judge: Callable[[Case], bool]) -> float:
+    by_task = {task: [judge(case) for case in cases if case.task == task] for task in {case.task for case in cases}}
+    return min((_share(values) for values in by_task.values()), default=0.0)
+
+
+def main() -> None:
+    """Measure and print; the failures go to the error stream."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--every", type=int, default=1, help="only every n-th file and request")
+    parser.add_argument("--workers", type=int, default=2)
+    arguments = parser.parse_args()
+    shared = Path(os.environ.get("PLANNERFORGE_SHARED", "../shared"))
+    files = sorted((shared / "data" / "commonroad").glob("*.xml"))[:: arguments.every]
+    corpora = [shared / "corpora" / "dev" / f"modification_{task}.jsonl" for task in CORPUS]
+    lines = [line for path in corpora for line in path.read_text(encoding="utf-8").splitlines()][:: arguments.every]
+    measured = measure(files, lines, shared, arguments.workers)
+    figures = figures_of(measured)
+    Console(stderr=True, soft_wrap=True).print("\n".join(failures_of(measured)), markup=False, highlight=False)
+    print_figures("Modification", [*((k, f"{v:g}") for k, v in figures.items()), *rows_of(measured)], figures)
+
+
+if __name__ == "__main__":
+    main()

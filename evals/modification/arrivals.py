@@ -1,0 +1,356 @@
+"""Whether a vehicle had to get to its target in time, and whether it could have been sent there at all.
+
+Reckoned from the lanelets and the motion as written; none of this asks the code that edits.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from ...engine.commonroad import Track
+from ...engine.geometry import Points, project
+from .reach import (
+    HARD_BRAKING_MPS2,
+    LATERAL_MPS2,
+    beside,
+    changes_needed,
+    distances_m,
+    lanelets_at_first,
+    leads_on,
+    length_m,
+    speed_limit_mps,
+    ways_m,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from commonroad.scenario.lanelet import LaneletNetwork
+
+# ---------- modification_tracks
+# What the motion of touched vehicles shows in the file that was written, whatever the report says of it.
+
+BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
+LINE_M = 0.5
+"""A vehicle whose bumper is so little past the end of a lanelet stands at it."""
+
+
+def fronts(track: Track) -> Points:
+    """Front bumpers (n, 2) in m."""
+    ahead = np.column_stack([np.cos(track.headings_rad), np.sin(track.headings_rad)])
+    return np.asarray(track.positions + track.length_m / 2 * ahead)
+
+
+def arrives_on(network: "LaneletNetwork", track: Track, begin: int, targets: set[int]) -> bool:
+    """Whether the vehicle's front half gets onto one of the lanelets, and then stays there or drives on from it.
+
+    A bumper over the line is no arrival: more than half a metre of the front half (half its length of a shorter
+    lanelet) is on the lanelet, or on those that it alone leads to. ``begin``: index of the track from which on it was
+    driven. A vehicle that arrives does not vanish: whoever is on the target early drives on along what follows it.
+    """
+    there, centres = fronts(track)[max(begin, 0) :], track.positions[max(begin, 0) :]
+    # A lanelet may be shorter than one step of the way, so that the way between the steps counts and not their ends.
+    steps = shapely.linestrings(np.stack([np.vstack([there[:1], there[:-1]]), there, centres], axis=1))
+    halves = shapely.linestrings(np.stack([there, centres], axis=1))
+    for key in sorted(targets):
+        touching = np.flatnonzero(shapely.intersects(_area(network, (key,)), steps))
+        if not len(touching):
+            continue
+        first, least_m = int(touching[0]), min(LINE_M, length_m(network.find_lanelet_by_id(key)) / 2)
+        over_m = shapely.length(shapely.intersection(_area(network, _only_through(network, key)), halves[first:]))
+        if (over_m > least_m).any() and follows(network, _onwards(network, key), there[first:]):
+            return True
+    return False
+
+
+def follows(network: "LaneletNetwork", lanelets: tuple[int, ...], positions: Points) -> bool:
+    """Whether positions (n, 2) lie on the lanelets or on their neighbours of the same direction."""
+    way = [network.find_lanelet_by_id(key) for key in lanelets]
+    every = [*way, *(network.find_lanelet_by_id(key) for one in way for key in beside(one))]
+    area = shapely.union_all([one.polygon.shapely_object.buffer(BESIDE_M) for one in every])
+    return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1]))) >= ON_ROUTE_SHARE
+
+
+def handover_errors(old: Track, new: Track, from_step: int, step_s: float) -> tuple[float, float] | None:
+    """What the hand-over adds to the motion: m beyond v·dt, and m/s; None where nothing was written after it.
+
+    The state at the hand-over is held against the recording, the one after it against that state.
+    """
+    before, here = old.index_at(from_step), new.index_at(from_step)
+    if before is None or here is None or here + 1 >= len(new.positions):
+        return None
+    speeds, moved = new.speeds_mps[here : here + 2], np.diff(new.positions[here : here + 2], axis=0)[0]
+    jumps = (
+        float(np.linalg.norm(new.positions[here] - old.positions[before])),
+        float(np.linalg.norm(moved)) - float(speeds.max()) * step_s,
+    )
+    steps = abs(float(speeds[0] - old.speeds_mps[before])), abs(float(speeds[1] - speeds[0]))
+    return max(*jumps, 0.0), max(steps)
+
+
+def _area(network: "LaneletNetwork", lanelets: tuple[int, ...]) -> shapely.Geometry:
+    areas = [network.find_lanelet_by_id(key).polygon.shapely_object for key in lanelets]
+    return shapely.union_all([shapely.make_valid(area) for area in areas])
+
+
+def _only_through(network: "LaneletNetwork", key: int) -> tuple[int, ...]:
+    """A lanelet and those after it that no other way leads to."""
+    found, queue = [key], [key]
+    while queue:
+        after = [network.find_lanelet_by_id(one) for one in network.find_lanelet_by_id(queue.pop()).successor]
+        more = [int(one.lanelet_id) for one in after if set(one.predecessor) <= set(found)]
+        queue += [one for one in more if one not in found]
+        found += [one for one in more if one not in found]
+    return tuple(found)
+
+
+def _onwards(network: "LaneletNetwork", key: int) -> tuple[int, ...]:
+    """A lanelet and all that follow it; where one ends without a successor, those that follow the ones beside it."""
+    found, queue = [key], [key]
+    while queue:
+        lanelet = network.find_lanelet_by_id(queue.pop())
+        ends = [lanelet] if lanelet.successor else [network.find_lanelet_by_id(one) for one in beside(lanelet)]
+        after = [int(one) for end in ends for one in end.successor]
+        queue += [one for one in after if one not in found]
+        found += [one for one in after if one not in found]
+    return tuple(found)
+
+
+# ---------- modification_arrivals
+# Whether a vehicle had to get to its target in time, and whether it could have been sent there at all.
+#
+# Reckoned from the lanelets and the motion as written; none of this asks the code that edits.
+
+SLOW_MPS, EASY_MPS2, SLOW_SHARE = 6.0, 1.5, 0.5
+"""A driver in no hurry: the speed in the turns of a crossing, or half of the own where that is more."""
+DETOUR_SHARE, ROOM_M = 0.7, 15.0
+STANDING_MPS, LAST_S = 0.5, 1.0
+SLOWED_SHARE, START_S = 0.7, 4.0
+GAP_M, GAP_S = 10.0, 2.0
+"""Somebody within these ahead holds a vehicle up."""
+NARROWEST_TURN_M = 5.0
+"""The front of hardly any car turns in a narrower circle (radius)."""
+SIDE_M = 0.5
+LOOK_S, LANE_CHANGE_S = 1.0, 3.0
+LANE_FROM_M, LANE_TO_M = 1.5, 5.5
+LEAST_GAP_M, HEADWAY_S = 2.5, 1.0
+"""A driver changes lanes where nobody in the next one is nearer than in ordinary traffic, and it takes so long."""
+
+
+@dataclass(frozen=True)
+class Journey:
+    """A vehicle's way as written, to any of some lanelets, among all others."""
+
+    network: "LaneletNetwork"
+    track: Track
+    targets: frozenset[int]
+    others: "Mapping[int, Track]"
+    step_s: float
+
+    def is_late_with_reason(self) -> bool:
+        """Whether a vehicle that does not arrive is on its way at last, and had no time or was held up.
+
+        It may not have driven past, or another way: what is left shrinks by most of what it drove.
+        """
+        before, left = (_way_m(self.network, self.track, index, self.targets) for index in (0, -1))
+        if not (math.isfinite(before) and math.isfinite(left)):
+            return False
+        driven = float(np.linalg.norm(np.diff(self.track.positions, axis=0), axis=1).sum())
+        if left > before - DETOUR_SHARE * driven + ROOM_M:
+            return False
+        return before + LINE_M > self._slow_reach_m() or self._lacks_time_to_change() or self._finds_no_gap()
+
+    def _slow_reach_m(self) -> float:
+        """How far a driver in no hurry gets in the time that the vehicle is there and not held up."""
+        first = max(float(self.track.speeds_mps[0]), 0.0)
+        aim, seconds = self._allowed_mps(max(SLOW_MPS, SLOW_SHARE * first)), self._free_s()
+        changing = min(abs(aim - first) / EASY_MPS2, seconds)
+        reached = first + math.copysign(EASY_MPS2, aim - first) * changing
+        return (first + reached) / 2 * changing + aim * (seconds - changing)
+
+    def _allowed_mps(self, speed_mps: float) -> float:
+        """A speed as far as signs allow it where the vehicle drives, on average over its time."""
+        under = self.network.find_lanelet_by_position(list(self.track.positions))
+        limits = [max((speed_limit_mps(self.network, int(key)) for key in keys), default=math.inf) for keys in under]
+        return float(np.minimum(limits, speed_mps).mean())
+
+    def _free_s(self) -> float:
+        """How long neither somebody close ahead nor the end of its lane holds it up; to start again takes time too."""
+        count = len(self.track.positions) - 1
+        held = sum(self._is_behind_somebody(index) or self._waits_at_end(index) for index in range(count))
+        held_s = held * self.step_s
+        return max(count * self.step_s - held_s - min(held_s, START_S), 0.0)
+
+    def _lacks_time_to_change(self) -> bool:
+        """Whether the lane changes alone take longer than the vehicle is there."""
+        begin = lanelets_at_first(self.network, self.track)
+        changes = changes_needed(self.network, begin, self.targets)
+        return (len(self.track.positions) - 1) * self.step_s < changes * (LOOK_S + LANE_CHANGE_S)
+
+    def _finds_no_gap(self) -> bool:
+        """Whether a vehicle that has to change lanes at last slows or waits for it, or never had a gap for long."""
+        side = self._side_to_change_to()
+        if side is None:
+            return False
+        last = float(self.track.speeds_mps[-round(LAST_S / self.step_s) :].mean())
+        slowed = last <= max(SLOWED_SHARE * float(self.track.speeds_mps.max()), STANDING_MPS)
+        return slowed or self._longest_gap_s(side) < LOOK_S + LANE_CHANGE_S
+
+    def _is_behind_somebody(self, index: int) -> bool:
+        """Whether somebody is in the corridor close ahead."""
+        step, heading = self.track.first_step + index, float(self.track.headings_rad[index])
+        ahead = np.array([math.cos(heading), math.sin(heading)])
+        speed = float(self.track.speeds_mps[index])
+        for key, other in self.others.items():
+            there = other.index_at(step)
+            if key == self.track.obstacle_id or there is None:
+                continue
+            away = other.positions[there] - self.track.positions[index]
+            gap = float(away @ ahead) - (self.track.length_m + other.length_m) / 2
+            aside = abs(float(away @ np.array([-ahead[1], ahead[0]])))
+            between = aside - (self.track.width_m + other.width_m) / 2
+            if -other.length_m < gap <= max(GAP_M, GAP_S * speed) and between <= SIDE_M:
+                return True
+        return False
+
+    def _waits_at_end(self, index: int) -> bool:
+        """Whether it stands where a lanelet ends right ahead: a stop line, a junction, or the last place to change."""
+        if float(self.track.speeds_mps[index]) > STANDING_MPS:
+            return False
+        front, heading = fronts(self.track)[index], float(self.track.headings_rad[index])
+        points = [front, front - LINE_M * np.array([math.cos(heading), math.sin(heading)])]
+        under = zip(points, self.network.find_lanelet_by_position(points), strict=True)
+        found = [(point, self.network.find_lanelet_by_id(key)) for point, keys in under for key in keys]
+        return any(length_m(one) - project(one.center_vertices, point)[0] <= ROOM_M for point, one in found)
+
+    def _side_to_change_to(self) -> int | None:
+        """1 if a change to the left is needed from the last lanelet, -1 if to the right; None if none is."""
+        for key in _lanelets_at(self.network, self.track, -1):
+            lanelet, needed = self.network.find_lanelet_by_id(key), self._needs(key)
+            near = beside(lanelet)
+            for side, other in ((1, lanelet.adj_left), (-1, lanelet.adj_right)):
+                if other in near and self._needs(int(other)) < needed:
+                    return side
+        return None
+
+    def _needs(self, key: int) -> float:
+        return changes_needed(self.network, [key], self.targets)
+
+    def _longest_gap_s(self, side: int) -> float:
+        """How long at a stretch the lane beside was free enough to change into it."""
+        longest = run = 0
+        for index in range(len(self.track.positions)):
+            run = run + 1 if self._is_free_beside(index, side) else 0
+            longest = max(longest, run)
+        return longest * self.step_s
+
+    def _is_free_beside(self, index: int, side: int) -> bool:
+        """Whether nobody is beside, nor so close ahead or behind there that a driver would not change lanes."""
+        heading, step = float(self.track.headings_rad[index]), self.track.first_step + index
+        ahead = np.array([math.cos(heading), math.sin(heading)])
+        left = np.array([-ahead[1], ahead[0]]) * side
+        for key, other in self.others.items():
+            there = other.index_at(step)
+            if key == self.track.obstacle_id or there is None:
+                continue
+            away = other.positions[there] - self.track.positions[index]
+            along, across = float(away @ ahead), float(away @ left)
+            behind = self.track.speeds_mps[index] if along > 0 else other.speeds_mps[there]
+            gap = abs(along) - (self.track.length_m + other.length_m) / 2
+            if LANE_FROM_M <= across <= LANE_TO_M and gap < LEAST_GAP_M + HEADWAY_S * float(behind):
+                return False
+        return True
+
+
+def refusal_is_right(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> bool:
+    """Whether physics keep a recorded vehicle from being sent to any of some lanelets from its first state on.
+
+    No way leads there, or none without a bend that it comes to too fast, or it can neither change lanes nor stop in
+    the room that is left: v² / (2 · 8 m/s²); or that is too short to steer over in, however it brakes.
+    """
+    speed, heading = max(float(track.speeds_mps[0]), 0.0), float(track.headings_rad[0])
+    begin = lanelets_at_first(network, track)
+    if begin and not targets & set(distances_m(network, track.positions[0], heading, speed, begin)):
+        return True
+    room = _room_m(network, track, targets)
+    return speed**2 / (2 * HARD_BRAKING_MPS2) > room or _least_way_over_m(network, track, targets, speed) > room
+
+
+def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], speed_mps: float) -> float:
+    """The least way in m in which the front gets onto any lanelet that leads straight on to a target.
+
+    Braked to some speed, it turns in the narrowest circle that grip and steering allow: an arc of radius r comes y
+    aside on √(2 r y - y²), and on no less than r where that is less than y.
+    """
+    front = shapely.Point(fronts(track)[0])
+    over = [one for one in network.lanelets if _straight_on(network, int(one.lanelet_id)) & targets]
+    aside = min(front.distance(one.polygon.shapely_object) for one in over)
+    speeds = np.linspace(0.0, speed_mps, 51)
+    braking = (speed_mps**2 - speeds**2) / (2 * HARD_BRAKING_MPS2)
+    radius = np.maximum(speeds**2 / LATERAL_MPS2, NARROWEST_TURN_M)
+    return float((braking + np.sqrt(radius**2 - np.maximum(radius - aside, 0.0) ** 2)).min())
+
+
+def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> float:
+    """Way in m from the front to the last place from which a target can be reached; infinite if straight on."""
+    leading = leads_on(network, targets)
+    front, found = fronts(track)[0], 0.0
+    for key in _lanelets_at(network, track, 0):
+        if _straight_on(network, key) & targets:
+            return math.inf
+        station = project(network.find_lanelet_by_id(key).center_vertices, front)[0]
+        found = max(found, _longest_m(network, key, leading, frozenset()) - station)
+    return found
+
+
+def _longest_m(network: "LaneletNetwork", key: int, leading: frozenset[int], seen: frozenset[int]) -> float:
+    """The longest way from a lanelet's start straight on over lanelets that lead to a target."""
+    if key not in leading or key in seen:
+        return 0.0
+    lanelet = network.find_lanelet_by_id(key)
+    after = (_longest_m(network, int(one), leading, seen | {key}) for one in lanelet.successor)
+    return length_m(lanelet) + max(after, default=0.0)
+
+
+def _straight_on(network: "LaneletNetwork", key: int) -> set[int]:
+    """A lanelet and all that follow it without a lane change."""
+    found, queue = {key}, [key]
+    while queue:
+        after = [int(one) for one in network.find_lanelet_by_id(queue.pop()).successor if int(one) not in found]
+        found.update(after)
+        queue += after
+    return found
+
+
+def _lanelets_at(network: "LaneletNetwork", track: Track, index: int) -> list[int]:
+    """The lanelets under a vehicle that do not lead against its heading."""
+    under = network.find_lanelet_by_position([_inside(network, track, index)])[0]
+    return sorted(int(key) for key in set(under) & set(_ways(network, track, index)))
+
+
+def _way_m(network: "LaneletNetwork", track: Track, index: int, targets: frozenset[int]) -> float:
+    """The shortest way to a target from a vehicle, which may drive a little beside its lanelet where it turns."""
+    heading = float(track.headings_rad[index])
+    aside = np.array([-math.sin(heading), math.cos(heading)]) * BESIDE_M
+    here = _inside(network, track, index)
+    ways = [ways_m(network, point, heading) for point in (here, here + aside, here - aside, fronts(track)[index])]
+    return min((found[key] for found in ways for key in targets if key in found), default=math.inf)
+
+
+def _ways(network: "LaneletNetwork", track: Track, index: int) -> dict[int, float]:
+    return ways_m(network, _inside(network, track, index), float(track.headings_rad[index]))
+
+
+def _inside(network: "LaneletNetwork", track: Track, index: int) -> Points:
+    """The centre, the front where the centre is on no lanelet, or the nearest point of any lanelet."""
+    points = [track.positions[index], fronts(track)[index]]
+    for point in points:
+        if network.find_lanelet_by_position([point])[0]:
+            return np.asarray(point)
+    here = shapely.Point(points[0])
+    near = min(network.lanelets, key=lambda one: here.distance(one.polygon.shapely_object))
+    inner = near.polygon.shapely_object.buffer(-0.1)
+    return np.asarray(shapely.shortest_line(inner, here).coords[0])

@@ -1,0 +1,321 @@
+"""One worker's share of the modification bench: everything that is measured on one file or one corpus line."""
+
+import json
+import time
+import zlib
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, TypeVar, cast
+
+import anyio
+
+from ...engine.commonroad import Track, read_scenario
+from ...engine.edits import SCENARIO_FILE, apply_edits
+from ...engine.execution import no_progress, silent
+from ...engine.scene import Scene
+from ...engine.vehicles import Motion, check_drivability, nearest_class
+from ...engine.workspace import Recipe, Workspace
+from ...schemas.base import Model
+from ...schemas.errors import PlannerForgeError, WorkerFailure
+from ...schemas.modification import (
+    Edit,
+    EditReport,
+    ModificationOutcome,
+    ModificationRequest,
+    ModifyScenarioArguments,
+    TouchedVehicle,
+)
+from ...schemas.runs import RunRecord
+from ...tools.call import Services, ToolCall
+from ...tools.modification import modify_scenario
+from ...tools.scenario_storage import store_scenario
+from .arrivals import refusal_is_right
+from .judges import (
+    arrives,
+    checks_of,
+    handovers_of,
+    is_run_over,
+    is_taken,
+    is_untouched_identical,
+    unreported_collisions,
+)
+from .requests import Asked, Presets, corpus_refusal, drawn_refusals, drawn_requests, edit_of
+from .results import Case, Effort, Measured, Physical, Refusal
+from .round_trip import round_trip
+from .safety import executed, new_id, planner_run, shifts_of
+from .written import Written, enter_later_as_asked, is_strictly_valid, is_valid
+
+# ---------- modification_calls
+# One call with all edits against one call for each of them, both through the tool ``modify_scenario`` itself.
+
+Response = TypeVar("Response", bound=Model)
+
+
+class _HereAndNow:
+    """An executor that carries operations out in this process, which is a worker already."""
+
+    capacity = 1
+
+    async def run(self, entry_point: str, request: Model, response_type: type[Response], **limits: object) -> Response:
+        """The operation's response."""
+        del limits
+        module, _, name = entry_point.partition(":")
+        return response_type.model_validate(getattr(import_module(module), name)(request, silent))
+
+
+def several_calls_equal(path: Path, edits: Sequence[Edit]) -> bool:
+    """Whether one call for each edit, each on the scenario that the one before made, ends with the bytes of one call.
+
+    Ids are made of what was asked: where the words of all calls together are those of the one, they have to be equal
+    too. Who is added, and whom words mean after somebody was added or removed, later calls name by the ids that were
+    reported.
+    """
+    return anyio.run(_several_calls_equal, path, tuple(edits))
+
+
+async def _several_calls_equal(path: Path, edits: tuple[Edit, ...]) -> bool:
+    with TemporaryDirectory() as folder:
+        workspace = Workspace(Path(folder))
+        try:
+            call = _call(workspace)
+            base = (
+                await store_scenario(call, xml=path, net=None, recipe=Recipe(tool="bench"), origin="imported")
+            ).artifact_id
+            once = await modify_scenario(ModifyScenarioArguments(scenario_id=base, edits=list(edits)), call)
+            steps = _by_ids(edits, once.edits)
+            last = base
+            for edit in steps:
+                made = await modify_scenario(ModifyScenarioArguments(scenario_id=last, edits=[edit]), call)
+                last = str(made.scenario_id)
+            if steps == edits and last != once.scenario_id:
+                return False
+            return _content(workspace, str(once.scenario_id)) == _content(workspace, last)
+        finally:
+            workspace.close()
+
+
+def _by_ids(edits: tuple[Edit, ...], reports: Sequence[EditReport]) -> tuple[Edit, ...]:
+    """The edits with ids in place of words whose meaning depends on the edits before them."""
+    made, is_altered = [], False
+    for edit, report in zip(edits, reports, strict=True):
+        words = is_altered and not all(text.isdigit() for text in edit.vehicles)
+        made.append(edit.model_copy(update={"vehicles": [str(key) for key in report.vehicles]}) if words else edit)
+        is_altered = is_altered or edit.op in ("add_vehicle", "remove_vehicle", "set_ego")
+    return tuple(made)
+
+
+def _content(workspace: Workspace, scenario_id: str) -> bytes:
+    content = workspace.file("scenario", scenario_id, "scenario.xml").read_bytes()
+    return content.replace(scenario_id.encode(), b"")
+
+
+def _call(workspace: Workspace) -> ToolCall:
+    """A call that can store and run operations, and nothing else."""
+    nothing = cast("Any", None)
+    return ToolCall(Services(workspace, _HereAndNow(), nothing, nothing, nothing, with_starter=False), no_progress)
+
+
+# ---------- modification_cases
+# One worker's share of the modification bench: everything that is measured on one file or one corpus line.
+
+POSITION_M, SPEED_MPS = 0.01, 0.01
+SETTLED_S = 1.0
+COMPOSITE = "composite"
+TAKEN, HIT = " is taken by ", " is hit by "
+ON_FOOT = ("pedestrian",)
+"""The drivability checker judges vehicles."""
+
+
+def measure_file(path: Path, presets: Presets, effort: Effort) -> Measured:
+    """Round trip, one drawn edit of each task, refusals and the recipes of the safety table."""
+    scene = Scene.of(read_scenario(path))
+    base = planner_run(path) if effort.planner else None
+    drawn = list(drawn_requests(scene, path.stem, presets))
+    asked = [requests for _, requests in drawn if requests]
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        cases = [_first_possible(path, scene, requests, folder, base, effort) for requests in asked]
+        return Measured(
+            cases=tuple(replace(case, is_first=index == 0 and case.is_first) for index, case in enumerate(cases)),
+            refused_right=tuple(
+                (f"{path.stem}: {one.must_name[0]}", is_refused(path, one)) for one in drawn_refusals(scene)
+            ),
+            no_request=tuple(task for task, requests in drawn if not requests),
+            road_users=len(scene.tracks) + len(scene.standing),
+            off_lanes=len([key for key in scene.tracks | scene.standing if key not in scene.matches]),
+            round_trip_error=_round_trip_error(scene),
+            shifts=shifts_of(path, scene, folder, base if effort.safety else None),
+        )
+
+
+def measure_line(line: str, data: Path, effort: Effort) -> Measured:
+    """A request of the corpus with its ground truth as arguments."""
+    row = json.loads(line)
+    truth, path = row["truth"], data / row["scenario"]
+    if row["expect"] != "ok":
+        refusal = corpus_refusal(row)
+        if refusal is None:
+            return Measured(not_to_refuse=(row["id"],))
+        return Measured(refused_right=((row["id"], is_refused(path, refusal)),))
+    truths = truth["edits"]
+    asked = Asked(row["task"].removeprefix("modification_"), tuple(edit_of(one) for one in truths), tuple(truths))
+    scene = Scene.of(read_scenario(path))
+    base = planner_run(path) if effort.planner else None
+    with TemporaryDirectory() as folder:
+        case = _first_possible(path, scene, [asked], Path(folder), base, effort, name=row["id"])
+        return Measured((replace(case, is_first=False),))
+
+
+def _first_possible(
+    path: Path,
+    scene: Scene,
+    asked: Sequence[Asked],
+    folder: Path,
+    base: RunRecord | None,
+    effort: Effort,
+    *,
+    name: str = "",
+) -> Case:
+    """The first request that the scenario allows, carried out and checked; the last refusal where none is."""
+    tries: list[Refusal] = []
+    for attempt, one in enumerate(asked):
+        try:
+            outcome, wall_s, cpu_s = _edited(path, one, folder)
+        except PlannerForgeError as error:
+            tries.append(Refusal(one.task, error.text, _is_right(scene, one, error)))
+            continue
+        case = _checked(path, scene, one, outcome, name or path.stem, every_vehicle=effort.every_vehicle)
+        ran = None if base is None else executed(folder / SCENARIO_FILE, base)
+        first = attempt == 0
+        return replace(case, tries=tuple(tries), edit_s=wall_s, edit_cpu_s=cpu_s, executed=ran, is_first=first)
+    return Case(asked[0].task, name or path.stem, tries[-1].reason, tuple(tries))
+
+
+def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | None:
+    """Whether a request had to be refused, by the bench's own rules; a worker's failure is no refusal at all."""
+    if isinstance(error, WorkerFailure):
+        return False
+    if asked.task == "P" and TAKEN in error.message:
+        return any(is_taken(scene, truth) for truth in asked.truths)
+    if asked.task == "P" and HIT in error.message:
+        return any(is_run_over(scene, truth) for truth in asked.truths)
+    if asked.task != "T":
+        return None
+    return any(
+        refusal_is_right(scene.network, scene.tracks[truth["vehicle_id"]], frozenset(truth["target_lanelets"]))
+        for truth in asked.truths
+    )
+
+
+def _edited(path: Path, asked: Asked, folder: Path) -> tuple[ModificationOutcome, float, float]:
+    """The outcome, and the wall and processor seconds that it took; files of edits before it are gone."""
+    for left in folder.iterdir():
+        left.unlink()
+    request = ModificationRequest(
+        xml=path, edits=asked.edits, benchmark_id=new_id(path), output=folder, keep_simulation=True
+    )
+    wall_s, cpu_s = time.perf_counter(), time.process_time()
+    outcome = apply_edits(request, silent)
+    return outcome, time.perf_counter() - wall_s, time.process_time() - cpu_s
+
+
+def _checked(
+    path: Path, scene: Scene, asked: Asked, outcome: ModificationOutcome, name: str, *, every_vehicle: bool
+) -> Case:
+    written = Written.of(path, scene, asked.truths, outcome)
+    checks: dict[str, bool] = {}
+    for index in range(len(asked.truths)):
+        for check, passed in checks_of(written, index).items():
+            checks[check] = checks.get(check, True) and passed
+    if asked.task == COMPOSITE:
+        checks[f"{COMPOSITE}_done"] = all(checks.values())
+    return Case(
+        task=asked.task,
+        name=name,
+        checks=checks,
+        arrivals=_arrivals(written),
+        valid=is_valid(written),
+        strictly_valid=is_strictly_valid(written),
+        enter_later=len(enter_later_as_asked(written)),
+        untouched_identical=is_untouched_identical(written),
+        touched=len(outcome.touched),
+        handed_over=len(outcome.handed_over),
+        collisions=len(outcome.collisions),
+        unreported=unreported_collisions(written),
+        handovers=handovers_of(written),
+        physical=_physical(written, name, every_vehicle=every_vehicle),
+        in_several_calls_equal=several_calls_equal(path, asked.edits) if len(asked.edits) > 1 else None,
+    )
+
+
+def _arrivals(written: Written) -> tuple[bool, ...]:
+    return tuple(
+        arrives(written, key, frozenset(truth["target_lanelets"]))
+        for index, truth in enumerate(written.truths)
+        if truth["op"] == "reroute"
+        for key in sorted(written.meant_by(index))
+    )
+
+
+def _physical(written: Written, seed: str, *, every_vehicle: bool) -> tuple[Physical, ...]:
+    """Verdicts on all touched vehicles, or on one drawn of those that the edits name."""
+    tracks = written.new
+    there = [
+        one
+        for one in written.outcome.touched
+        if one.vehicle_id in tracks and tracks[one.vehicle_id].kind not in ON_FOOT
+    ]
+    if not every_vehicle:
+        named = [one for one in there if one.cause != "handed_over"]
+        there = [named[zlib.crc32(seed.encode()) % len(named)]] if named else []
+    return tuple(_verdicts(written, one, tracks[one.vehicle_id]) for one in there)
+
+
+def _verdicts(written: Written, one: TouchedVehicle, track: Track) -> Physical:
+    step_s = written.scene.step_s
+    first = round(one.from_time_s / step_s) - track.first_step
+    settled = first + (0 if one.cause == "added" else round(SETTLED_S / step_s))
+    old = written.scene.tracks.get(one.vehicle_id)
+    calm = _is_drivable(track, settled, len(track.positions), step_s) if settled + 1 < len(track.positions) else None
+    return Physical(
+        settled=calm,
+        whole=calm is not False and _is_drivable(track, first, settled + 1, step_s),
+        closed_form=one.feasible,
+        recorded=None if old is None else _is_drivable(old, first, len(old.positions), step_s),
+        handed_over=one.cause == "handed_over",
+    )
+
+
+def _is_drivable(track: Track, begin: int, end: int, step_s: float) -> bool:
+    """Whether a vehicle with the axles of its class can drive a part of a track."""
+    chassis = nearest_class(track.kind, track.length_m)
+    motion = _motion(track, begin, end)
+    axles = {"wheelbase_m": chassis.wheelbase_m, "rear_axle_m": chassis.rear_axle_m}
+    return check_drivability(motion, step_s, **axles).feasible
+
+
+def _motion(track: Track, begin: int, end: int) -> Motion:
+    speeds = track.speeds_mps[begin:end]
+    return Motion(track.positions[begin:end], track.headings_rad[begin:end], speeds, speeds * 0.0)
+
+
+def is_refused(path: Path, asked: Asked) -> bool:
+    """Whether a request is refused with a reason that names what is wrong, and writes nothing."""
+    with TemporaryDirectory() as folder:
+        try:
+            _edited(path, asked, Path(folder))
+        except PlannerForgeError as error:
+            named = all(word.lower() in error.text.lower() for word in asked.must_name)
+            return bool(asked.must_name) and named and not any(Path(folder).iterdir())
+    return False
+
+
+def _round_trip_error(scene: Scene) -> str:
+    """Empty if everybody comes back as put in."""
+    found = round_trip(scene)
+    good = not found.missing and found.position_error_m <= POSITION_M and found.speed_error_mps <= SPEED_MPS
+    where = f"{len(found.missing)} states missing, {found.position_error_m:.3f} m, {found.speed_error_mps:.3f} m/s"
+    return "" if good else where

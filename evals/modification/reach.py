@@ -1,0 +1,221 @@
+"""What a scenario allows, by the lanelets of its file alone: which goals a car can reach, and where "25 m ahead" is.
+
+None of this asks the code that edits, so that it can judge it.
+"""
+
+import heapq
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...engine.geometry import Points, point_at, project
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+
+    from ...engine.commonroad import Track
+
+SHARES: Mapping[str, float] = {"beginning": 0.0, "quarter": 0.25, "middle": 0.5, "three_quarter": 0.75, "final": 1.0}
+LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS = 11.5, 50.8
+"""Limits of CommonRoad's vehicle 2 (BMW 320i)."""
+HARD_BRAKING_MPS2, LATERAL_MPS2, BEND_M = 8.0, 8.0, 5.0
+"""The most that a car brakes before a bend and turns in it, and the length over which a bend is measured."""
+LEAST_AHEAD_M, SHARE_IN_REACH = 1.0, 0.95
+"""A goal that a request is drawn for is clearly ahead and clearly within reach, so that rounding decides nothing."""
+
+
+def length_m(lanelet: "Lanelet") -> float:
+    """Length of a lanelet's centre line in m."""
+    return float(np.linalg.norm(np.diff(lanelet.center_vertices, axis=0), axis=1).sum())
+
+
+def speed_limit_mps(network: "LaneletNetwork", key: int) -> float:
+    """The lowest speed in m/s that a lanelet's signs allow; infinite without any."""
+    signs = (network.find_traffic_sign_by_id(sign) for sign in network.find_lanelet_by_id(key).traffic_signs or ())
+    elements = [one for sign in signs for one in sign.traffic_sign_elements]
+    limits = [float(one.additional_values[0]) for one in elements if one.traffic_sign_element_id.name == "MAX_SPEED"]
+    return min(limits, default=math.inf)
+
+
+def distances_m(
+    network: "LaneletNetwork",
+    position: Points,
+    heading_rad: float,
+    speed_mps: float,
+    among: Collection[int] | None = None,
+) -> dict[int, float]:
+    """Way in m from a car to the start of every lanelet that it gets to, as in ``ways_m``.
+
+    Lanelets whose bends it comes to too fast, however it brakes, lead nowhere.
+    """
+    return ways_m(network, position, heading_rad, lambda one, way_m: _takes_bends(one, way_m, speed_mps), among)
+
+
+def lanelets_at_first(network: "LaneletNetwork", track: "Track") -> frozenset[int]:
+    """The lanelets on which a recording begins: where several lie over one another, those that it stays on longest."""
+    under = [frozenset(map(int, found)) for found in network.find_lanelet_by_position(list(track.positions))]
+    stays = {key: sum(key in found for found in under) for key in under[0]}
+    return frozenset(key for key, count in stays.items() if count == max(stays.values()))
+
+
+def changes_needed(network: "LaneletNetwork", starts: Collection[int], targets: frozenset[int]) -> float:
+    """The fewest lane changes on any way to any target; infinite where none leads there."""
+    best: dict[int, int] = {}
+    queue = [(0, key) for key in sorted(starts)]
+    while queue:
+        changes, key = heapq.heappop(queue)
+        if key in targets:
+            return changes
+        if key in best:
+            continue
+        best[key] = changes
+        lanelet = network.find_lanelet_by_id(key)
+        onward = [(changes, int(after)) for after in lanelet.successor]
+        for pair in (*onward, *((changes + 1, int(other)) for other in beside(lanelet))):
+            heapq.heappush(queue, pair)
+    return math.inf
+
+
+def ways_m(
+    network: "LaneletNetwork",
+    position: Points,
+    heading_rad: float,
+    is_open: Callable[["Lanelet", float], bool] | None = None,
+    among: Collection[int] | None = None,
+) -> dict[int, float]:
+    """Way in m from a point to the start of every lanelet that it leads to, along successors and lane changes.
+
+    Shortest ways (Dijkstra 1959) from all lanelets under the point (2,) that do not lead against the heading; below 0
+    where the start of one lies behind it.
+
+    Args:
+        is_open: whether a lanelet, so far ahead in m, can be driven; None: all can.
+        among: the lanelets to begin with; None: all.
+    """
+    best: dict[int, float] = {}
+    under = network.find_lanelet_by_position([position])[0]
+    stations = {key: project(network.find_lanelet_by_id(key).center_vertices, position)[0] for key in under}
+    begin = {key: station for key, station in stations.items() if among is None or key in among}
+    queue = [(-station, key) for key, station in begin.items() if _leads(network, key, station, heading_rad)]
+    heapq.heapify(queue)
+    while queue:
+        way_m, key = heapq.heappop(queue)
+        lanelet = network.find_lanelet_by_id(key)
+        if key in best or (is_open is not None and not is_open(lanelet, way_m)):
+            continue
+        best[key] = way_m
+        ahead = [(way_m + length_m(lanelet), after) for after in lanelet.successor]
+        for pair in (*ahead, *((way_m, other) for other in beside(lanelet))):
+            heapq.heappush(queue, pair)
+    return best
+
+
+def leads_on(network: "LaneletNetwork", targets: frozenset[int]) -> frozenset[int]:
+    """All lanelets from which a way leads to any of some lanelets, these included."""
+    before: dict[int, list[int]] = {}
+    for lanelet in network.lanelets:
+        for after in (*lanelet.successor, *beside(lanelet)):
+            before.setdefault(int(after), []).append(int(lanelet.lanelet_id))
+    found, queue = set(targets), sorted(targets)
+    while queue:
+        more = [key for key in before.get(queue.pop(), ()) if key not in found]
+        found.update(more)
+        queue += more
+    return frozenset(found)
+
+
+def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
+    """Whether a car gets so far until the goal's time is over, at a speed that the goal asks for.
+
+    The goal's time is over at the scenario's last step where it has none. A car that can also stop on the way, and gain
+    the least speed of the goal again, can wait for the time to begin.
+    """
+    start, goal = problem.initial_state, next(iter(problem.goal.state_list), None)
+    time, speeds = getattr(goal, "time_step", None), getattr(goal, "velocity", None)
+    last = last_step if time is None else int(getattr(time, "end", time))
+    seconds, speed = max(last - int(start.time_step), 0) * step_s, float(start.velocity)
+    least_mps, most_mps = (0.0, LARGEST_SPEED_MPS) if speeds is None else _ends(speeds)
+    gained_mps = LARGEST_ACCELERATION_MPS2 * seconds
+    if not (least_mps <= speed + gained_mps and speed - gained_mps <= most_mps):
+        return False
+    farthest = _farthest_m(speed, min(most_mps, speed + gained_mps, LARGEST_SPEED_MPS), seconds)
+    can_wait = speed**2 + least_mps**2 <= 2 * LARGEST_ACCELERATION_MPS2 * SHARE_IN_REACH * way_m
+    return LEAST_AHEAD_M <= way_m <= SHARE_IN_REACH * farthest and can_wait
+
+
+def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_length_m: float) -> list[Points]:
+    """The point for a share of a lanelet's length, moved inwards by half a vehicle (rule 3 of the corpus)."""
+    lanelet = network.find_lanelet_by_id(lanelet_id)
+    inside = min(vehicle_length_m / 2, length_m(lanelet) / 2)
+    station = min(max(share * length_m(lanelet), inside), length_m(lanelet) - inside)
+    return [point_at(lanelet.center_vertices, station)[0]]
+
+
+def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -> list[Points]:
+    """All points so far ahead of a point (behind: below 0) along the lanelets under it and what follows them."""
+    found: list[Points] = []
+    for key in network.find_lanelet_by_position([position])[0]:
+        station = project(network.find_lanelet_by_id(key).center_vertices, position)[0] + offset_m
+        found += _at_station(network, int(key), station, set())
+    return found
+
+
+def nearest_m(point: Points, places: Iterable[Points]) -> float:
+    """Distance in m to the nearest of some places; infinite where there is none."""
+    return min((float(np.linalg.norm(point - place)) for place in places), default=math.inf)
+
+
+def _ends(speeds_mps: Any) -> tuple[float, float]:
+    """Least and largest speed of an interval or of an exact value; nobody drives backwards to a goal."""
+    return max(float(getattr(speeds_mps, "start", speeds_mps)), 0.0), float(getattr(speeds_mps, "end", speeds_mps))
+
+
+def _farthest_m(speed_mps: float, final_mps: float, seconds: float) -> float:
+    """The farthest way in m in a time between two speeds: full power, top speed if there is time, then full brakes."""
+    doubled = 2 * LARGEST_ACCELERATION_MPS2
+    top = min((speed_mps + final_mps + LARGEST_ACCELERATION_MPS2 * seconds) / 2, max(LARGEST_SPEED_MPS, speed_mps))
+    at_top_s = seconds - (2 * top - speed_mps - final_mps) / LARGEST_ACCELERATION_MPS2
+    return (2 * top**2 - speed_mps**2 - final_mps**2) / doubled + top * at_top_s
+
+
+def _at_station(network: "LaneletNetwork", key: int, station_m: float, seen: set[int]) -> list[Points]:
+    """The points at an arc length that may lie before or beyond a lanelet, on every branch there."""
+    lanelet = network.find_lanelet_by_id(key)
+    total = length_m(lanelet)
+    if 0.0 <= station_m <= total:
+        return [point_at(lanelet.center_vertices, station_m)[0]]
+    if key in seen:
+        return []
+    found: list[Points] = []
+    for other in lanelet.successor if station_m > total else lanelet.predecessor:
+        step = -total if station_m > total else length_m(network.find_lanelet_by_id(other))
+        found += _at_station(network, int(other), station_m + step, seen | {key})
+    return found
+
+
+def _leads(network: "LaneletNetwork", key: int, station_m: float, heading_rad: float) -> bool:
+    """Whether a lanelet does not lead against a heading."""
+    line = network.find_lanelet_by_id(key).center_vertices
+    return math.cos(point_at(line, station_m)[1] - heading_rad) > 0.0
+
+
+def _takes_bends(lanelet: "Lanelet", way_m: float, speed_mps: float) -> bool:
+    """Whether a car that brakes hard from a speed to a lanelet's start is slow enough for all of its bends."""
+    slowest = math.sqrt(max(speed_mps**2 - 2 * HARD_BRAKING_MPS2 * max(way_m, 0.0), 0.0))
+    steps = np.diff(lanelet.center_vertices, axis=0)
+    lengths, along = np.linalg.norm(steps, axis=1), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    middles = np.cumsum(lengths) - lengths / 2
+    within = np.abs(middles[:, None] - middles[None, :]) <= BEND_M
+    within &= middles[:, None] >= -way_m - BEND_M
+    sharpest = float((np.abs(along[:, None] - along[None, :]) * within).max()) / BEND_M
+    return slowest**2 * sharpest <= LATERAL_MPS2
+
+
+def beside(lanelet: "Lanelet") -> list[Any]:
+    """The lanelets of the same direction on either side."""
+    left = lanelet.adj_left if lanelet.adj_left_same_direction else None
+    right = lanelet.adj_right if lanelet.adj_right_same_direction else None
+    return [key for key in (left, right) if key is not None]

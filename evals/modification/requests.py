@@ -1,0 +1,346 @@
+"""What the modification bench asks for: ground truth of the corpus as edits, and drawn edits for every file."""
+
+import json
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from ...engine.cosimulation import not_drivable
+from ...engine.scene import Scene
+from ...schemas.modification import Edit
+from .reach import SHARES, distances_m, is_in_reach, lanelets_at_first, length_m, ways_m
+
+# ---------- modification_requests
+# What the modification bench asks for: ground truth of the corpus as edits, and drawn edits for every file.
+
+CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle")
+MOST_TRIES, MOST_GOALS = 6, 30
+DEPARTS_S = 1.0
+"""When vehicles are drawn to enter that are not put in at once."""
+FEWEST_STATES, SLOWEST_MPS = 25, 1.0
+ON_LANELETS, ON_FOOT = 0.95, ("pedestrian",)
+"""Drawn edits are about vehicles that are on lanelets for that share of their recording, at first in any case."""
+Presets = Mapping[str, Mapping[str, float]]
+"""Values of the paper's presets by name, from its facts and not from the code that is judged."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One request: its task (T, B, P, G, composite or refuse), the edits, and the ground truth of each edit.
+
+    ``must_name``: what the reason of a refusal has to name, every one of them.
+    """
+
+    task: str
+    edits: tuple[Edit, ...]
+    truths: tuple[dict[str, Any], ...] = ()
+    must_name: tuple[str, ...] = ()
+
+
+def published_presets(facts: Path) -> Presets:
+    """The presets of ``presets.json`` in a folder of facts."""
+    found = json.loads((facts / "presets.json").read_text(encoding="utf-8"))["sumo_behaviour"]["presets"]
+    return {one["name"].lower(): one["values"] for one in found}
+
+
+def edit_of(truth: dict[str, Any]) -> Edit:
+    """A typed edit of the corpus as ``modify_scenario`` takes it."""
+    made: dict[str, Any] = {"op": truth["op"]}
+    if truth["op"] == "reroute":
+        named = [str(truth["vehicle_id"])] if "vehicle_id" in truth else _selected(truth)
+        made |= {"vehicles": named, "to": [str(key) for key in truth["target_lanelets"]]}
+    elif truth["op"] == "set_behaviour":
+        params = [f"{name}={value}" for name, value in truth.get("params", {}).items()]
+        made |= {"vehicles": _selected(truth), "preset": truth.get("preset"), "params": params}
+    elif truth["op"] == "remove_vehicle":
+        made |= {"vehicles": _selected(truth)}
+    elif truth["op"] == "add_vehicle":
+        made |= _added(truth)
+    else:
+        made |= _goal(truth)
+    return Edit.model_validate(made)
+
+
+def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[str, list[Asked]]]:
+    """For each task the requests to try in turn until the scenario allows one; drawn by a seed.
+
+    Without any request a scenario allows none of the task: nobody moves in it, or no goal is within a car's reach.
+    """
+    draw = np.random.default_rng(zlib.crc32(seed.encode()))
+    moving = [key for key, track in scene.tracks.items() if _moves(scene, key) and len(track.positions) > FEWEST_STATES]
+    draw.shuffle(moving)
+    yield "B", [_preset(key, presets, str(draw.choice(sorted(presets)))) for key in moving[:1]]
+    yield "T", [found for key in moving for found in _reroutes(scene, key, draw)][:MOST_TRIES]
+    yield "P", _additions(scene, draw) if draw.random() < 0.5 else [_removal(key) for key in moving[:1]]
+    yield "G", _goals(scene, draw)
+
+
+def _moves(scene: Scene, key: int) -> bool:
+    """Whether a road user is a vehicle that drives on lanelets."""
+    track = scene.tracks[key]
+    if track.kind in ON_FOOT or float(track.speeds_mps.mean()) <= SLOWEST_MPS:
+        return False
+    on = [bool(under) for under in scene.network.find_lanelet_by_position(list(track.positions))]
+    return on[0] and float(np.mean(on)) >= ON_LANELETS
+
+
+def _asked(task: str, **truth: Any) -> Asked:
+    return Asked(task, (edit_of(truth),), (truth,))
+
+
+def _preset(key: int, presets: Presets, preset: str) -> Asked:
+    one = {"by": "ids", "ids": [key]}
+    expected = dict(presets[preset])
+    return _asked("B", op="set_behaviour", selector=one, vehicle_ids=[key], preset=preset, expected_params=expected)
+
+
+def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[Asked]:
+    """To lanelets that its way leads to and that it does not come over; the nearest few, in a drawn order."""
+    track = scene.tracks[key]
+    begin = lanelets_at_first(scene.network, track)
+    ways = ways_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
+    over = {int(one) for under in scene.network.find_lanelet_by_position(list(track.positions)) for one in under}
+    ahead = sorted((way_m, int(lanelet)) for lanelet, way_m in ways.items() if lanelet in scene.layout.table.lanes)
+    near = [lanelet for _, lanelet in ahead[:MOST_TRIES] if lanelet not in over]
+    draw.shuffle(near)
+    return [_asked("T", op="reroute", vehicle_id=key, target_lanelets=[lanelet]) for lanelet in near]
+
+
+def _removal(key: int) -> Asked:
+    return _asked("P", op="remove_vehicle", selector={"by": "ids", "ids": [key]}, vehicle_ids=[key])
+
+
+def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
+    """Places along the ego's lane and in the middle of drawn lanelets, at once or later; either of them first."""
+    found: list[dict[str, Any]] = []
+    if scene.ego is not None and scene.ego.lanelets:
+        for offset in (25.0, 40.0, 15.0, -20.0):
+            where = {"relative_to": "ego", "lane": "same", "offset_m": offset}
+            found.append({"class": str(draw.choice(CLASSES)), "count": 1, "where": where})
+    lanelets = list(scene.layout.table.lanes)
+    draw.shuffle(lanelets)
+    for key in lanelets[:MOST_TRIES]:
+        where = {"lanelet": key, "position": "middle"}
+        departs = {"depart_s": DEPARTS_S} if draw.random() < 0.5 else {}
+        found.append({"class": str(draw.choice(CLASSES)), "count": 1, "where": where, **departs})
+    if draw.random() < 0.5:
+        found.reverse()
+    return [_asked("P", op="add_vehicle", **truth) for truth in found]
+
+
+def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
+    """Goals that a car can reach in the time of the problem, by the lanelets of the file."""
+    if scene.ego is None:
+        return []
+    problem, ego = scene.loaded.problem(scene.ego.problem_id), scene.ego
+    ways = distances_m(scene.network, ego.position, ego.heading_rad, ego.speed_mps)
+    found = [
+        (key, word)
+        for key, way_m in sorted(ways.items(), key=lambda pair: (pair[1], pair[0]))
+        if key in scene.layout.table.lanes
+        for word, share in SHARES.items()
+        if is_in_reach(problem, scene.step_s, _station_m(scene, key, way_m, share), scene.last_step)
+    ][:MOST_GOALS]
+    draw.shuffle(found)
+    return [_asked("G", op="set_goal", lanelet=int(key), position=str(word)) for key, word in found[:1]]
+
+
+def _station_m(scene: Scene, key: int, way_m: float, share: float) -> float:
+    return way_m + share * length_m(scene.network.find_lanelet_by_id(key))
+
+
+def _selected(truth: dict[str, Any]) -> list[str]:
+    selector = truth["selector"]
+    if selector["by"] == "ids":
+        return [str(key) for key in selector["ids"]]
+    if selector["by"] == "description" and selector["rule"] == "only":
+        return [str(key) for key in truth["vehicle_ids"]]
+    by = selector["by"]
+    words: dict[str, str] = {
+        "class": f"class:{selector.get('class')}",
+        "all": "all",
+        "nearest_to_ego": f"nearest:{selector.get('n')}",
+        "new": f"new:{selector.get('edit')}",
+        "description": {"nearest": "nearest:1"}.get(selector.get("rule"), str(selector.get("rule"))),
+    }
+    named = [words[by]]
+    named += [f"!{key}" for key in selector.get("except", [])]
+    return named + [f"new:{index}" for index in selector.get("include_new", [])]
+
+
+def _added(truth: dict[str, Any]) -> dict[str, Any]:
+    where = truth["where"]
+    made: dict[str, Any] = {"vehicle_class": truth["class"], "spacing_m": where.get("spacing_m")}
+    if truth.get("count", 1) > 1:
+        made["count"] = truth["count"]
+    if "lanelet" in where:
+        position = f"{where['s_m']}m" if "s_m" in where else where.get("position")
+        made |= {"at": str(where["lanelet"]), "position": position}
+    else:
+        made |= {"at": str(where["relative_to"]), "lane": where["lane"], "offset_m": where["offset_m"]}
+    if truth.get("speed_mps") is not None:
+        made["speed"] = f"{truth['speed_mps']}m/s"
+    if truth.get("destination_lanelet"):
+        made["to"] = [str(truth["destination_lanelet"])]
+    if truth.get("depart_s"):
+        made["time_s"] = truth["depart_s"]
+    return made
+
+
+def _goal(truth: dict[str, Any]) -> dict[str, Any]:
+    made: dict[str, Any] = {"to": [str(truth["lanelet"])], "position": truth.get("position")}
+    if truth.get("rectangle"):
+        made["rectangle_m"] = [truth["rectangle"]["length_m"], truth["rectangle"]["width_m"]]
+    if truth.get("time"):
+        made["goal_time"] = f"{truth['time']['start_s']}..{truth['time']['end_s']}s"
+    return made
+
+
+# ---------- modification_refusals
+# Requests that have to be refused: those of the corpus as a caller would pass them on, and drawn ones for every file.
+#
+# The corpus gives a reason as a code, and the words of the request; the edits here say the same words as arguments.
+# What a refusal has to name follows from the code and from the edit that fails.
+
+EditWords = dict[str, Any]
+CORPUS: Final[Mapping[str, tuple[tuple[EditWords, ...], tuple[str, ...]]]] = {
+    "modT-d041": (({"op": "reroute", "vehicles": ["495"], "to": ["40"]},), ("no vehicle 495",)),
+    "modT-d042": (({"op": "reroute", "vehicles": ["31033"], "to": ["402"]},), ("no vehicle 31033",)),
+    "modT-d043": (({"op": "reroute", "vehicles": ["332"], "to": ["338"]},), ("338 is no lanelet",)),
+    "modT-d048": (({"op": "reroute", "vehicles": ["ego"], "to": ["290"]},), ("is the ego", "set_goal")),
+    "modT-d049": (({"op": "reroute", "vehicles": ["30749"]},), ("'to'",)),
+    "modT-d050": (({"op": "reroute", "vehicles": ["one:motorcycle"], "to": ["1155"]},), ("there are", "motorcycle")),
+    "modB-d041": (({"op": "set_behaviour", "vehicles": ["317"], "preset": "drunk"},), ("preset 'drunk'",)),
+    "modB-d042": (({"op": "set_behaviour", "vehicles": ["11006"], "preset": "zen"},), ("preset 'zen'",)),
+    "modB-d043": (({"op": "set_behaviour", "vehicles": ["260"], "preset": "aggressive"},), ("no vehicle 260",)),
+    "modB-d044": (({"op": "set_behaviour", "vehicles": ["97"], "preset": "eco"},), ("no vehicle 97",)),
+    "modB-d045": (({"op": "set_behaviour", "vehicles": ["class:truck"], "preset": "cautious"},), ("has no truck",)),
+    "modB-d046": (({"op": "set_behaviour", "vehicles": ["338"], "params": ["tau=-1"]},), ("tau=-1 is out of range",)),
+    "modB-d047": (({"op": "set_behaviour", "vehicles": ["523"], "params": ["hornLevel=0.7"]},), ("'hornLevel'",)),
+    "modB-d048": (
+        ({"op": "set_behaviour", "vehicles": ["ego"], "preset": "cautious"},),
+        ("is the ego", "configure_planner"),
+    ),
+    "modB-d049": (({"op": "set_behaviour", "vehicles": ["341"]},), ("preset",)),
+    "modB-d050": (({"op": "set_behaviour", "preset": "aggressive"},), ("vehicle",)),
+    "modP-d041": (({"op": "remove_vehicle", "vehicles": ["30673"]},), ("no vehicle 30673",)),
+    "modP-d042": (({"op": "remove_vehicle", "vehicles": ["460"]},), ("no vehicle 460",)),
+    "modP-d043": (({"op": "remove_vehicle", "vehicles": ["class:bus"]},), ("has no bus",)),
+    "modP-d044": (({"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "4"},), ("pedestrian is not allowed",)),
+    "modP-d045": (({"op": "add_vehicle", "vehicle_class": "tank", "at": "52804"},), ("class 'tank'",)),
+    "modP-d046": (
+        ({"op": "add_vehicle", "vehicle_class": "car", "at": "30222", "position": "middle"},),
+        ("30222 is no lanelet",),
+    ),
+    "modP-d047": (({"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "lane": "left"},), ("no lane", "left")),
+    "modP-d048": (({"op": "add_vehicle", "vehicle_class": "car", "at": "vehicle:20026"},), ("taken", "20026")),
+    "modP-d049": (({"op": "add_vehicle", "vehicle_class": "truck"},), ("needs a place",)),
+    "modP-d050": (({"op": "remove_vehicle", "vehicles": ["one:car"]},), ("there are", "car")),
+    "modG-d041": (({"op": "set_goal", "to": ["400"]},), ("400 is no lanelet",)),
+    "modG-d042": (({"op": "set_goal", "to": ["258"], "position": "final"},), ("258 is no lanelet",)),
+    "modG-d047": (
+        ({"op": "set_goal", "to": ["35"], "position": "middle", "rectangle_m": [6.0, 0.0]},),
+        ("[6.0, 0.0]",),
+    ),
+    "modG-d048": (({"op": "set_goal"},), ("lanelet", "'to'")),
+    "modG-d050": (({"op": "set_goal", "position": "final"},), ("lanelet", "'to'")),
+    "modC-d026": (
+        ({"op": "reroute", "vehicles": ["30203"], "to": ["453"]}, {"op": "remove_vehicle", "vehicles": ["30213"]}),
+        ("no vehicle 30213", "edit 1"),
+    ),
+    "modC-d027": (
+        (
+            {"op": "set_behaviour", "vehicles": ["324"], "preset": "aggressive"},
+            {"op": "set_goal", "to": ["31075"], "position": "middle"},
+        ),
+        ("31075 cannot be reached by the ego", "edit 1"),
+    ),
+    "modC-d028": (
+        (
+            {"op": "add_vehicle", "vehicle_class": "car", "at": "299", "position": "beginning"},
+            {"op": "set_behaviour", "vehicles": ["326"], "preset": "zombie"},
+        ),
+        ("preset 'zombie'", "edit 1"),
+    ),
+    "modC-d029": (
+        ({"op": "reroute", "vehicles": ["3099"], "to": ["371"]}, {"op": "remove_vehicle", "vehicles": ["3108"]}),
+        ("371 cannot be reached by vehicle 3099", "edit 0"),
+    ),
+    "modC-d030": (
+        ({"op": "remove_vehicle", "vehicles": ["32"]}, {"op": "reroute", "vehicles": ["32"], "to": ["48063"]}),
+        ("32", "removed"),
+    ),
+}
+"""Lines whose ground truth holds no edit that could be passed on: the edits of their words, and what is to be named."""
+
+
+def corpus_refusal(row: Mapping[str, Any]) -> Asked | None:
+    """A line that is to be refused, as arguments; None where nothing can be passed on that has to be refused.
+
+    That is so where going on with a stated assumption is right too, as with "two thirds along the lanelet".
+    """
+    truth = row["truth"]
+    if row["id"] in CORPUS:
+        edits, words = CORPUS[row["id"]]
+        return Asked("refuse", tuple(Edit.model_validate(edit) for edit in edits), must_name=words)
+    requested = truth.get("requested", ())
+    if not requested or any("infeasible" in one for one in requested) or "ok" in truth.get("also_accept", ()):
+        return None
+    failing = requested[truth.get("failing_edit", 0)]
+    return Asked("refuse", tuple(edit_of(one) for one in requested), must_name=_words(truth["reason"], failing))
+
+
+def drawn_refusals(scene: Scene) -> list[Asked]:
+    """Requests that no scenario allows, each with what the reason has to name."""
+    unknown = str(max([*scene.tracks, *scene.layout.table.lanes, 0]) + 7_654_321)
+    goal = unknown if scene.ego is not None and scene.ego.lanelets else "no ego"
+    asked: list[tuple[EditWords, tuple[str, ...]]] = [
+        ({"op": "remove_vehicle", "vehicles": [unknown]}, (f"no vehicle {unknown}",)),
+        ({"op": "set_behaviour", "vehicles": ["ego"], "preset": "eco"}, ("is the ego",)),
+        ({"op": "set_goal", "to": [unknown]}, (goal,)),
+        ({"op": "add_vehicle", "vehicle_class": "tram", "at": "ego"}, ("'tram'",)),
+        ({"op": "add_vehicle", "vehicle_class": "car", "at": unknown}, (f"{unknown} is no lanelet",)),
+    ]
+    vehicle = _vehicle(scene)
+    if vehicle is not None:
+        named = [str(vehicle)]
+        asked += [
+            ({"op": "reroute", "vehicles": named, "to": [unknown]}, (f"{unknown} is no lanelet",)),
+            ({"op": "set_behaviour", "vehicles": named, "preset": "furious"}, ("'furious'",)),
+            ({"op": "set_behaviour", "vehicles": named, "params": ["hornLevel=2"]}, ("'hornLevel'",)),
+            ({"op": "set_behaviour", "vehicles": named, "params": ["sigma=1.5"]}, ("sigma=1.5 is out of range",)),
+            *_unreachable(scene, vehicle),
+        ]
+    return [Asked("refuse", (Edit.model_validate(edit),), must_name=words) for edit, words in asked]
+
+
+def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a refusal for a reason has to name of the edit that fails."""
+    if reason == "infeasible_time":
+        return ("out of reach", "goal_time")
+    if reason == "unreachable_target" and failing["op"] == "set_goal":
+        return (f"{failing['lanelet']} cannot be reached by the ego",)
+    if reason == "unreachable_target":
+        return (f"{failing['target_lanelets'][0]} cannot be reached by vehicle {failing['vehicle_id']}",)
+    raise ValueError(f"no words are known for the reason {reason}")
+
+
+def _vehicle(scene: Scene) -> int | None:
+    """A vehicle that can be edited; one with the planning problem's id is taken for the ego."""
+    problem = scene.ego.problem_id if scene.ego is not None else None
+    return next((key for key in scene.tracks if key != problem and not not_drivable(scene, key)), None)
+
+
+def _unreachable(scene: Scene, vehicle_id: int) -> list[tuple[EditWords, tuple[str, ...]]]:
+    """A reroute to a lanelet that no way leads to; empty where every lanelet can be reached."""
+    start = scene.matches[vehicle_id].sequence[0]
+    reached = {start, *scene.lanelet_graph.reachable([start])}
+    beyond = next((key for key in scene.layout.table.lanes if key not in reached), None)
+    if beyond is None:
+        return []
+    edit = {"op": "reroute", "vehicles": [str(vehicle_id)], "to": [str(beyond)]}
+    return [(edit, (f"{beyond} cannot be reached by vehicle {vehicle_id}",))]

@@ -1,0 +1,220 @@
+"""What the modification bench judges: the base, the file that was written, and what SUMO held meanwhile."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from lxml import etree
+
+from ...engine.commonroad import LoadedScenario, Track, read_scenario, recorded_tracks, schema_errors, schema_errors_of
+from ...engine.cosimulation import ROUTES_FILE, TYPES_FILE
+from ...engine.edits import NET_FILE
+from ...engine.geometry import Points
+from ...engine.scene import Scene
+from ...schemas.modification import ModificationOutcome
+
+# ---------- modification_sumo
+# What SUMO held in the run that made a file: the vehicle types, who drove which route by which of them, and the net.
+#
+# The first is the file that SUMO was started with, the second SUMO's own record, the third is kept with every scenario.
+
+SAME_LINE_M = 0.3
+BESIDE_M = 1.0
+ENDS = (0.1, 0.5, 0.9)
+"""The shares of a lanelet's length at which it has to lie on a lane to be that lane."""
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A lane of the net: its middle line, and its width in m."""
+
+    line: shapely.LineString
+    width_m: float
+
+
+@dataclass(frozen=True)
+class _SumoRecord:
+    """Attributes of each vehicle's type and the edges of its route, by vehicle id; lanes by edge and by way across.
+
+    ``across``: the lanes through a junction from one edge to the next.
+    """
+
+    types: Mapping[int, Mapping[str, str]]
+    routes: Mapping[int, tuple[str, ...]]
+    lanes: Mapping[str, tuple[Lane, ...]]
+    across: Mapping[tuple[str, str], tuple[Lane, ...]]
+
+    @classmethod
+    def of(cls, folder: Path) -> "_SumoRecord":
+        """Read the files of a folder; without a simulation nobody has a type or a route."""
+        types, routes = dict[int, Mapping[str, str]](), dict[int, tuple[str, ...]]()
+        if (folder / ROUTES_FILE).exists():
+            known = {str(one.get("id")): dict(one.attrib) for one in _elements(folder / TYPES_FILE, "vType")}
+            for vehicle in _elements(folder / ROUTES_FILE, "vehicle"):
+                if str(vehicle.get("id")).isdigit():
+                    types[int(vehicle.get("id"))] = known[str(vehicle.get("type"))]
+                    routes[int(vehicle.get("id"))] = tuple(str(vehicle.find("route").get("edges")).split())
+        lanes, across = _net(folder / NET_FILE)
+        return cls(types, routes, lanes, across)
+
+    def leads_over(self, vehicle_id: int, center_line: Points) -> bool:
+        """Whether a vehicle's route has a lane along a lanelet's centre line (n, 2)."""
+        line = shapely.LineString(center_line)
+        points = [line.interpolate(share, normalized=True) for share in ENDS]
+        return any(
+            all(lane.line.distance(point) <= SAME_LINE_M for point in points) for lane in self._lanes_of(vehicle_id)
+        )
+
+    def share_on_route(self, vehicle_id: int, positions: Points) -> float:
+        """The share of positions (n, 2) on the lanes of a vehicle's route, or at most 1 m beside."""
+        lanes = self._lanes_of(vehicle_id)
+        area = shapely.union_all([lane.line.buffer(lane.width_m / 2 + BESIDE_M) for lane in lanes])
+        return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1])))
+
+    def _lanes_of(self, vehicle_id: int) -> list[Lane]:
+        edges = self.routes.get(vehicle_id, ())
+        found = [lane for edge in edges for lane in self.lanes.get(edge, ())]
+        return found + [lane for pair in pairwise(edges) for lane in self.across.get(pair, ())]
+
+
+def _net(path: Path) -> tuple[dict[str, tuple[Lane, ...]], dict[tuple[str, str], tuple[Lane, ...]]]:
+    root = etree.parse(path).getroot()
+    by_lane = {str(lane.get("id")): _lane(lane) for lane in root.iter("lane")}
+    lanes = {
+        str(edge.get("id")): tuple(by_lane[str(lane.get("id"))] for lane in edge.iter("lane"))
+        for edge in root.iter("edge")
+    }
+    across = dict[tuple[str, str], tuple[Lane, ...]]()
+    for connection in root.iter("connection"):
+        via = by_lane.get(str(connection.get("via")))
+        if via is not None:
+            pair = (str(connection.get("from")), str(connection.get("to")))
+            across[pair] = (*across.get(pair, ()), via)
+    return lanes, across
+
+
+def _lane(element: Any) -> Lane:
+    points = [tuple(map(float, point.split(",")[:2])) for point in str(element.get("shape")).split()]
+    return Lane(shapely.LineString(points), float(element.get("width", "3.2")))
+
+
+def _elements(path: Path, tag: str) -> list[Any]:
+    return list(etree.parse(path).getroot().iter(tag))
+
+
+# ---------- modification_written
+# What the modification bench judges: the base, the file that was written, and what SUMO held meanwhile.
+
+Truth = Mapping[str, Any]
+"""The ground truth of an edit in the corpus's form."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """The base as read, the ground truth of all edits, what was reported, the file that came of it, and SUMO's record.
+
+    ``old`` and ``new``: the trajectories of both files.
+    """
+
+    base: Path
+    scene: Scene
+    truths: tuple[Truth, ...]
+    outcome: ModificationOutcome
+    xml: Path
+    loaded: LoadedScenario
+    old: Mapping[int, Track]
+    new: Mapping[int, Track]
+    sumo: _SumoRecord
+
+    @classmethod
+    def of(cls, base: Path, scene: Scene, truths: tuple[Truth, ...], outcome: ModificationOutcome) -> "Written":
+        """Read the new file and what was kept beside it."""
+        if outcome.xml is None:
+            raise ValueError("a dry run wrote nothing to check")
+        loaded = read_scenario(outcome.xml)
+        tracks = recorded_tracks(loaded.scenario)
+        return cls(
+            base, scene, truths, outcome, outcome.xml, loaded, scene.tracks, tracks, _SumoRecord.of(outcome.xml.parent)
+        )
+
+    def added(self) -> tuple[int, ...]:
+        """Ids of the road users that the base has not."""
+        return tuple(key for key in self.new if key not in self.old)
+
+    def meant_by(self, index: int) -> frozenset[int]:
+        """Ids of the vehicles that the edit at an index is about, by the ground truth.
+
+        Only where that leaves it open, as for a vehicle that another edit adds, the report is asked whom it took.
+        """
+        truth, reports = self.truths[index], self.outcome.edits
+        if "vehicle_id" in truth:
+            return frozenset([int(truth["vehicle_id"])])
+        selector = truth.get("selector", {})
+        added = [*selector.get("include_new", ()), *([selector["edit"]] if selector.get("by") == "new" else ())]
+        named = truth.get("vehicle_ids")
+        if named is None:
+            return frozenset(reports[index].vehicles)
+        return frozenset(named).union(*(reports[edit].vehicles for edit in added))
+
+    def meant_to_go(self) -> frozenset[int]:
+        """Ids of all that are to be removed."""
+        going = [index for index, truth in enumerate(self.truths) if truth["op"] == "remove_vehicle"]
+        return frozenset().union(*(self.meant_by(index) for index in going))
+
+
+# ---------- modification_schema
+# Whether an edited file is as valid by CommonRoad's schema as its source is.
+#
+# The schema has no form for a road user who enters after time 0: the ``initialState`` of a ``dynamicObstacle`` is at
+# time 0 and says that it is there then, and a ``phantomObstacle``, which may begin later, is nobody real and has no
+# type. CommonRoad's own reader takes any time. A vehicle that the request itself lets enter later hence makes one
+# error that no way of writing avoids; that error of that vehicle is told apart from all others.
+
+ENTRY = "initialState/time/exact"
+
+
+def is_valid(written: Written) -> bool:
+    """No schema error that the source does not have, but that of vehicles which enter later because they were asked to.
+
+    The file was read by commonroad-io already.
+    """
+    tree = etree.parse(written.loaded.path)
+    excused = {str(key) for key in enter_later_as_asked(written)}
+    for obstacle in tree.getroot():
+        entry = obstacle.find(ENTRY) if obstacle.get("id") in excused else None
+        if entry is not None:
+            entry.text = "0"
+    return _anonymous(schema_errors_of(tree), written.loaded) <= _known(written)
+
+
+def is_strictly_valid(written: Written) -> bool:
+    """No schema error that the source does not have."""
+    return _anonymous(schema_errors(written.loaded.path), written.loaded) <= _known(written)
+
+
+def enter_later_as_asked(written: Written) -> frozenset[int]:
+    """Ids of the added vehicles that enter after time 0, of which an edit asks so, at the step asked for or later.
+
+    Whether they enter as soon as they can is another check.
+    """
+    found: set[int] = set()
+    for index, truth in enumerate(written.truths):
+        asked = round((truth.get("depart_s") or 0.0) / written.scene.step_s)
+        if truth["op"] != "add_vehicle" or asked == 0:
+            continue
+        added = [key for key in written.outcome.edits[index].vehicles if key in written.added()]
+        found.update(key for key in added[: truth["count"]] if written.new[key].first_step >= asked)
+    return frozenset(found)
+
+
+def _known(written: Written) -> set[str]:
+    return _anonymous(schema_errors(written.scene.loaded.path), written.scene.loaded)
+
+
+def _anonymous(errors: list[str], loaded: LoadedScenario) -> set[str]:
+    """Errors without the file's id: one that breaks the pattern does so in both files, although it is another one."""
+    return {error.replace(loaded.declared_id, "") for error in errors}

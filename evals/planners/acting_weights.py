@@ -1,0 +1,54 @@
+"""Which cost weights act: those whose raising changes what the planner chooses in one and the same situation."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ...engine.commonroad import LoadedScenario
+from ...engine.geometry import Points
+from ...engine.planners import Frenetix, Observation, Plan, PlanningTask, simulate
+from ...schemas.planning import PlannerConfiguration
+
+RAISED = 1e6
+"""So much that the term outweighs all others."""
+
+
+class _FirstPlan(Frenetix):
+    """Frenetix that plans once."""
+
+    first: Plan | None = None
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare for a new run."""
+        super().reset(task)
+        self.first = None
+
+    def plan(self, observation: Observation) -> Plan:
+        """The first plan; none afterwards."""
+        if self.first is not None:
+            return Plan(None)
+        self.first = super().plan(observation)
+        return self.first
+
+
+def acting_weights(configuration: PlannerConfiguration, situations: Sequence[LoadedScenario]) -> frozenset[str]:
+    """The weights of a Frenetix configuration that act: 0 and raised they choose differently, the others as they are.
+
+    The situations are the starts of scenarios; a weight acts if it changes the choice in any of them.
+    """
+    return frozenset(name for name in configuration.weights if _acts(name, configuration, situations))
+
+
+def _acts(name: str, configuration: PlannerConfiguration, situations: Iterable[LoadedScenario]) -> bool:
+    return any(
+        not np.array_equal(_chosen(configuration, name, 0.0, one), _chosen(configuration, name, RAISED, one))
+        for one in situations
+    )
+
+
+def _chosen(configuration: PlannerConfiguration, name: str, weight: float, situation: LoadedScenario) -> Points:
+    weighted = configuration.model_copy(update={"weights": configuration.weights | {name: weight}})
+    planner = _FirstPlan()
+    simulate(situation.scenario, situation.problem(), weighted, planner, "constant_velocity", lambda *_: None)
+    trajectory = planner.first.trajectory if planner.first else None
+    return np.zeros((0, 2)) if trajectory is None else trajectory.positions

@@ -1,0 +1,154 @@
+"""Is ``responsibility`` another measure than ``prediction``? Rank correlation over candidates, and its time.
+
+Runs Safety-Conservative on the starter scenarios and on some files of a folder, and pools all feasible candidates of
+every planning step: ``python -m plannerforge.evals.planners.responsibility [FOLDER_OF_XML [FILES]]``.
+"""
+
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...engine.commonroad import read_scenario
+from ...engine.planners import CandidateBatch, Frenetix, Observation, Plan, PlanningTask, responsibility, simulate
+from ...engine.tuning import named_configuration
+from ..harness import print_figures
+
+if TYPE_CHECKING:
+    import frenetix
+
+    from ...engine.geometry import Values
+
+FILES = 15
+ALL_PLANS = sys.maxsize
+STARTER = Path(__file__).resolve().parent.parent / "engine" / "catalog" / "starter.zip"
+
+
+@dataclass
+class Listened:
+    """Raw values of both terms, one a candidate, and the seconds that ``responsibility`` took, one a planning step."""
+
+    scenarios: int = 0
+    prediction: list[float] = field(default_factory=list)
+    responsibility: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
+
+    @property
+    def either(self) -> NDArray[np.bool_]:
+        """The candidates of which at least one of the terms says something."""
+        return (np.array(self.prediction) > 0) | (np.array(self.responsibility) > 0)
+
+    def spearman(self) -> float:
+        """The rank correlation over all candidates."""
+        return _rank_correlation(np.array(self.prediction), np.array(self.responsibility))
+
+    def spearman_with_either(self) -> float:
+        """The rank correlation without the candidates of which both terms are 0."""
+        chosen = self.either
+        return _rank_correlation(np.array(self.prediction)[chosen], np.array(self.responsibility)[chosen])
+
+
+def _rank_correlation(first: "Values", second: "Values") -> float:
+    from scipy.stats import spearmanr
+
+    return float(spearmanr(first, second).statistic)
+
+
+class _ListeningFrenetix(Frenetix):
+    """Frenetix that keeps the raw values of both terms of every feasible candidate, and gives up after some plans."""
+
+    def __init__(self, most_plans: int) -> None:
+        super().__init__()
+        self._plans_left = most_plans
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare for a new run."""
+        super().reset(task)
+        self.prediction: list[float] = []
+        self.responsibility: list[float] = []
+        self.seconds: list[float] = []
+        self._own_terms["responsibility"] = self._timed
+
+    def plan(self, observation: Observation) -> Plan:
+        """The plan of Frenetix; none once all its plans are made."""
+        self._plans_left -= 1
+        return Plan(None) if self._plans_left < 0 else super().plan(observation)
+
+    def _timed(self, batch: CandidateBatch) -> "Values":
+        began = perf_counter()
+        values = responsibility(batch)
+        self.seconds.append(perf_counter() - began)
+        return values
+
+    def _ranked(self, feasible: Any, inputs: Any, step: Any) -> Iterator["frenetix.TrajectorySample"]:
+        ranked = list(super()._ranked(feasible, inputs, step))
+        self.prediction += [sample.costMap["prediction"][0] for sample in ranked]
+        self.responsibility += [sample.costMap["responsibility"][0] for sample in ranked]
+        return iter(ranked)
+
+
+def scenario_files(folder: Path | None, count: int, scratch: Path) -> Iterator[Path]:
+    """All starter scenarios, then ``count`` files spread evenly over the folder."""
+    with zipfile.ZipFile(STARTER) as archive:
+        for name in sorted(archive.namelist()):
+            if name.endswith(".xml") and not name.endswith(".net.xml"):
+                yield Path(archive.extract(name, scratch))
+    if folder is not None:
+        found = sorted(folder.glob("*.xml"))
+        yield from found[:: max(len(found) // count, 1)][:count]
+
+
+def listened(paths: Iterable[Path], most_plans: int = ALL_PLANS) -> Listened:
+    """Drive Safety-Conservative through the files, so many planning steps of each, and collect both terms.
+
+    Raises:
+        RuntimeError: the preset is gone.
+    """
+    configuration = named_configuration("frenetix:Safety-Conservative")
+    if configuration is None:
+        raise RuntimeError("the preset is not here")
+    found = Listened()
+    for path in paths:
+        loaded = read_scenario(path)
+        planner = _ListeningFrenetix(most_plans)
+        run = simulate(loaded.scenario, loaded.problem(), configuration, planner, "constant_velocity", _silent)
+        if run.plans:
+            found.scenarios += 1
+            found.prediction += planner.prediction
+            found.responsibility += planner.responsibility
+            found.seconds += planner.seconds
+    return found
+
+
+def main() -> None:
+    """Measure and print."""
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    count = int(sys.argv[2]) if len(sys.argv) > 2 else FILES
+    with tempfile.TemporaryDirectory() as scratch:
+        found = listened(scenario_files(folder, count, Path(scratch)))
+    figures: dict[str, float | int | str] = {
+        "scenarios": found.scenarios,
+        "candidates": len(found.prediction),
+        "candidates_with_either": int(found.either.sum()),
+        "spearman": round(found.spearman(), 3),
+        "spearman_with_either": round(found.spearman_with_either(), 3),
+        "step_median_ms": round(1000 * median(found.seconds), 2),
+        "step_p95_ms": round(1000 * float(np.quantile(found.seconds, 0.95)), 2),
+    }
+    print_figures("responsibility against prediction", [(key, str(value)) for key, value in figures.items()], figures)
+
+
+def _silent(share: float, message: str = "") -> None:
+    del share, message
+
+
+if __name__ == "__main__":
+    main()

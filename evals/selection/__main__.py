@@ -1,0 +1,144 @@
+"""``make bench-selection``: selection over real scenarios against ground truth, and how fast it is.
+
+Keys: ``sat_all_funnel``, ``ids_exact`` (slots of the ground truth, all pages of the tool), ``empty_right`` (requests
+that nothing satisfies: no match, and the right stage named), ``sat_top1_spoiled`` and ``sat_top1_spoiled_strict``
+(spoiled slots, with and without the fallback), ``sat_top1_spoiled_text`` (with the request's words), ``bm25_top1``,
+``refused_right``, ``search_median_ms_500``, ``search_median_ms_100k`` (the tool as a client waits for it),
+``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which puts the starter catalogue in),
+``first_text_search_s``, ``warm_text_search_ms``. Needs the real scenarios and the corpus: ``PLANNERFORGE_SHARED``, else
+``../shared``.
+"""
+
+import argparse
+import os
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import anyio
+from mcp import Client
+from rich.console import Console
+
+from ...engine.catalog import entries_of, facts_of
+from ...engine.workspace import Database
+from ...server.assembly import create_server
+from ...server.settings import Settings
+from ..harness import print_figures
+from .corpus import Request, read_requests
+from .pages import Answered, answer_all
+from .quality import SEEDS, SelectionQuality
+from .speed import measure_searches, measure_starts
+
+SMALL = 500
+LARGE = 100_000
+
+
+async def _import_folder(settings: Settings, folder: Path) -> tuple[int, float]:
+    """Import all files into a new workspace: how many went in, and seconds."""
+    async with Client(create_server(settings, start_folder=folder)) as client:
+        started = time.perf_counter()
+        answer = (await client.call_tool("import_files", {"path": str(folder)})).structured_content or {}
+        while answer.get("state") == "running":
+            waited = await client.call_tool("get_job", {"job_id": answer["job_id"], "wait_s": 50})
+            answer = waited.structured_content or {}
+        took_s = time.perf_counter() - started
+    database = Database(settings.workspace / "workspace.sqlite")
+    added = database.connection().execute("SELECT count(*) FROM artifacts WHERE kind = 'scenario'").fetchone()[0]
+    database.close()
+    return int(added), took_s
+
+
+def measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
+    """Measure and print."""
+    console, begun = Console(stderr=True), time.perf_counter()
+
+    def tell(what: str) -> None:
+        console.print(f"{time.perf_counter() - begun:5.0f} s  {what}")
+
+    folder, workspace = shared / "data/commonroad", scratch / "workspace"
+    requests = read_requests(shared / "corpora/dev/selection.jsonl")
+    settings = Settings(workspace=workspace, roots=(folder,), starter=False, warm_up=False)
+    tell("importing")
+    added, import_s = anyio.run(_import_folder, settings, folder)
+    database = Database(workspace / "workspace.sqlite")
+    connection = database.connection()
+    tell("all pages of every request")
+    pages = anyio.run(_pages, settings, folder, requests)
+    figures, rows = SelectionQuality(database, scratch / "index", requests, folder, tell).measure(seeds)
+    numbers = frozenset(row[0] for row in connection.execute("SELECT number FROM catalog_scenarios"))
+    real = list(facts_of(connection, [entry.scenario_id for entry in entries_of(connection, numbers)]).values())
+    medians = []
+    for size in (SMALL, largest):
+        tell(f"searching among {size:,}")
+        medians.append(statistics.median(anyio.run(measure_searches, scratch / f"{size}", real, size, requests)))
+    database.close()
+    tell("starting servers")
+    starts = anyio.run(measure_starts, sys.executable, workspace, scratch / "new")
+    tell("done")
+    print_figures(
+        "Selection",
+        [
+            *rows,
+            *_page_rows(pages),
+            (f"search, median at {SMALL}", f"{medians[0]:.1f} ms"),
+            (f"search, median at {largest:,}", f"{medians[1]:.1f} ms"),
+            (f"import of {added} scenarios", f"{added / import_s:.1f} scenarios/s"),
+            ("start to first search", f"{starts.first_search_s:.2f} s"),
+            ("start to first search, new workspace", f"{starts.first_search_new_s:.2f} s"),
+            ("start to first search by text", f"{starts.first_text_search_s:.2f} s"),
+            ("search by text, warm", f"{starts.warm_text_search_ms:.0f} ms"),
+        ],
+        figures
+        | _page_figures(pages)
+        | {
+            "search_median_ms_500": round(medians[0], 2),
+            f"search_median_ms_{'100k' if largest == LARGE else largest}": round(medians[1], 2),
+            "import_per_s": round(added / import_s, 2),
+            "first_search_s": round(starts.first_search_s, 3),
+            "first_search_new_workspace_s": round(starts.first_search_new_s, 3),
+            "first_text_search_s": round(starts.first_text_search_s, 2),
+            "warm_text_search_ms": round(starts.warm_text_search_ms, 1),
+        },
+    )
+
+
+async def _pages(settings: Settings, folder: Path, requests: Sequence[Request]) -> list[Answered]:
+    async with Client(create_server(settings, start_folder=folder)) as client:
+        return await answer_all(client, requests)
+
+
+def _page_figures(pages: Sequence[Answered]) -> dict[str, float]:
+    """Over all pages of the tool: what was found where something should be, and nothing where nothing should."""
+    with_answer = [one for one in pages if one.request.expect == "ok"]
+    empty = [one for one in pages if one.request.expect == "empty"]
+    satisfied = [bool(one.facts) and set(one.facts) <= one.request.matching for one in with_answer]
+    return {
+        "sat_all_funnel": round(statistics.mean(satisfied), 4),
+        "ids_exact": round(statistics.mean(one.is_exact for one in with_answer), 4),
+        "empty_right": round(statistics.mean(one.is_rightly_empty for one in empty), 4),
+    }
+
+
+def _page_rows(pages: Sequence[Answered]) -> list[tuple[str, str]]:
+    shares = [(key, f"{value}") for key, value in _page_figures(pages).items()]
+    return shares + [("differs from the corpus", one.difference()) for one in pages if not one.is_exact]
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Measure selection.")
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="so many rounds of spoiled slots")
+    parser.add_argument("--first-seed", type=int, default=0, help="the seed of the first round")
+    parser.add_argument("--largest", type=int, default=LARGE, help="entries of the large synthetic catalogue")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    asked = _arguments()
+    found = Path(os.environ.get("PLANNERFORGE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+    if not (found / "data/commonroad").is_dir():
+        sys.exit("the real scenarios and the corpus are not here; name their folder in PLANNERFORGE_SHARED")
+    with tempfile.TemporaryDirectory() as name:
+        measure(found, Path(name), range(asked.first_seed, asked.first_seed + asked.seeds), asked.largest)

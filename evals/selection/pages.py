@@ -1,0 +1,77 @@
+"""Asking find_scenarios as a client does, page after page, and comparing with the ids of the corpus."""
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mcp import Client
+
+from ...schemas.catalog import FindScenariosArguments, FindScenariosResult
+from .corpus import Request, arguments_of
+
+PAGE = 50
+VALID = ("ok", "empty")
+
+
+@dataclass(frozen=True)
+class Answered:
+    """What a request got on all pages: ids in their order, the facts behind each, and the stage that left nothing."""
+
+    request: Request
+    facts: dict[str, tuple[str, ...]]
+    emptied_at: str | None
+
+    @property
+    def scenario_ids(self) -> tuple[str, ...]:
+        """All matches."""
+        return tuple(self.facts)
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the matches are the corpus's ids."""
+        return set(self.facts) == self.request.matching
+
+    @property
+    def is_rightly_empty(self) -> bool:
+        """Whether nothing matches, and the stage that is named for it is the corpus's."""
+        return not self.facts and self.emptied_at == self.request.truth["emptied_by"]["stage"]
+
+    def difference(self) -> str:
+        """The ids that only one side has; those that only the search found with the facts that decide who is right."""
+        added = [f"{key} ({'; '.join(facts)})" for key, facts in self.facts.items() if key not in self.request.matching]
+        missed = sorted(self.request.matching - set(self.facts))
+        only_found, only_expected = ", ".join(added) or "-", ", ".join(missed) or "-"
+        return f"{self.request.request_id}: only found: {only_found}; only expected: {only_expected}"
+
+
+async def answer_all(client: Client, requests: Iterable[Request]) -> list[Answered]:
+    """Every request that has ground truth by its slots, all pages."""
+    return [await _answered(client, one) for one in requests if one.expect in VALID]
+
+
+async def search_ms(client: Client, requests: Sequence[Request]) -> list[float]:
+    """Milliseconds of every request by its slots: the whole tool with the stored search, as a client waits for it."""
+    durations = []
+    for request in requests:
+        if request.expect in VALID:
+            arguments = _words(arguments_of(request.truth).model_copy(update={"limit": 5}))
+            started = time.perf_counter()
+            await client.call_tool("find_scenarios", arguments)
+            durations.append((time.perf_counter() - started) * 1000)
+    return durations
+
+
+async def _answered(client: Client, request: Request) -> Answered:
+    asked, facts = arguments_of(request.truth), dict[str, tuple[str, ...]]()
+    while True:
+        page = _words(asked.model_copy(update={"limit": PAGE, "offset": len(facts)}))
+        answer = await client.call_tool("find_scenarios", page)
+        found = FindScenariosResult.model_validate(answer.structured_content)
+        facts |= {match.scenario_id: match.satisfied for match in found.matches}
+        if len(found.matches) < PAGE:
+            return Answered(request, facts, found.emptied_by.stage if found.emptied_by else None)
+
+
+def _words(arguments: FindScenariosArguments) -> dict[str, Any]:
+    return arguments.model_dump(mode="json", exclude_none=True)

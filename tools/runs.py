@@ -1,0 +1,350 @@
+"""Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored."""
+
+import logging
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import anyio
+
+from ..engine.execution import Job, JobProgress
+from ..engine.workspace import Recipe, versions_of, write_text
+from ..schemas.errors import PlannerForgeError, UnexpectedFailure
+from ..schemas.planning import (
+    LISTED_RUNS,
+    ConfigurationSummary,
+    PlannerConfiguration,
+    RunLine,
+    RunPlannerResult,
+    RunRequest,
+    RunResponse,
+)
+from ..schemas.runs import BatchRecord, LostCell, Prediction, RunRecord, Traffic
+from .call import ToolCall
+
+# ---------- run_grid
+# Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored.
+
+RUN = "plannerforge.engine.planners.runs:run"
+RUN_TIMEOUT_S = 120.0
+CLAIM_POLL_S = 0.1
+"""How often a run that somebody else makes is looked at."""
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One run to make: ``problem_id`` None is the first planning problem."""
+
+    scenario_id: str
+    problem_id: int | None
+    configuration: PlannerConfiguration
+    prediction: Prediction = "constant_velocity"
+    traffic: Traffic = "recorded"
+    seed: int = 0
+
+    @property
+    def scenario(self) -> str:
+        """The scenario as it is written in a call."""
+        return self.scenario_id if self.problem_id is None else f"{self.scenario_id}#{self.problem_id}"
+
+    def recipe(self) -> Recipe:
+        """The recipe of the run; its digest names it."""
+        simulator = ["libsumo"] if self.traffic == "reactive" else []
+        return Recipe(
+            tool="run_planner",
+            arguments={
+                "scenario": self.scenario_id,
+                "problem": self.problem_id,
+                "config": self.configuration.config_id,
+                "prediction": self.prediction,
+                "traffic": self.traffic,
+            },
+            parents=(self.scenario_id, self.configuration.config_id),
+            seed=self.seed,
+            versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker", *simulator),
+        )
+
+
+@dataclass(frozen=True)
+class CellResult:
+    """A finished cell: its run, or what went wrong; ``reused`` where the run was stored before."""
+
+    record: RunRecord | None
+    lost: LostCell | None = None
+    reused: bool = False
+
+
+async def run_cell(call: ToolCall, cell: Cell, *, tell_client: bool = False) -> CellResult:
+    """The run of a cell: the stored one if its recipe was made before, or is made by somebody else just now.
+
+    Raises:
+        PlannerForgeError: the scenario cannot be read, or the worker died or ran past its limit.
+    """
+    while True:
+        result = await _attempt(call, cell, tell_client=tell_client)
+        if result is not None:
+            return result
+        await anyio.sleep(CLAIM_POLL_S)
+
+
+async def run_grid(call: ToolCall, cells: Sequence[Cell], on_done: Callable[[CellResult], None]) -> list[CellResult]:
+    """All cells, as many at once as there are workers, in the order of the cells.
+
+    A cell that fails (a broken file, a dead or late worker, a full disk) is lost; the others go on. One that another
+    batch or server makes just now is looked at again later.
+    """
+    results: list[CellResult | None] = [None] * len(cells)
+    waiting = deque(enumerate(cells))
+
+    async def work() -> None:
+        while waiting:
+            index, cell = waiting.popleft()
+            result = await _isolated(call, cell)
+            if result is None:
+                waiting.append((index, cell))
+                await anyio.sleep(CLAIM_POLL_S)
+                continue
+            results[index] = result
+            on_done(result)
+
+    async with anyio.create_task_group() as tasks:
+        for _ in range(min(call.services.workers.capacity, len(cells))):
+            tasks.start_soon(work)
+    return [result for result in results if result is not None]
+
+
+async def _isolated(call: ToolCall, cell: Cell) -> CellResult | None:
+    try:
+        return await _attempt(call, cell, tell_client=False)
+    except PlannerForgeError as error:
+        if isinstance(error, UnexpectedFailure):
+            logger.error("incident %s in the run of %s:\n%s", error.incident, cell.scenario, error.details)  # noqa: TRY400
+        lost = LostCell(scenario_id=cell.scenario, config_id=cell.configuration.config_id, error=error.text)
+        return CellResult(None, lost)
+
+
+async def _attempt(call: ToolCall, cell: Cell, *, tell_client: bool) -> CellResult | None:
+    """The cell's run; None where somebody else makes it just now."""
+    recipe = cell.recipe()
+    stored = call.workspace.find_by_recipe("run", recipe)
+    if stored is not None:
+        return CellResult(stored.read(RunRecord), reused=True)
+    with call.services.claims.claimed(recipe.digest) as is_ours:
+        if not is_ours:
+            return None
+        stored = call.workspace.find_by_recipe("run", recipe)  # it may have been stored before the claim
+        if stored is not None:
+            return CellResult(stored.read(RunRecord), reused=True)
+        return await _made(call, cell, recipe, tell_client=tell_client)
+
+
+async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool) -> CellResult:
+    request = RunRequest(
+        run_id=f"run_{recipe.digest}",
+        scenario_path=str(call.workspace.file("scenario", cell.scenario_id, "scenario.xml")),
+        scenario_id=cell.scenario_id,
+        problem_id=cell.problem_id,
+        configuration=cell.configuration,
+        prediction=cell.prediction,
+        traffic=cell.traffic,
+        seed=cell.seed,
+    )
+    run = call.run if tell_client else call.services.workers.run
+    response = await run(RUN, request, RunResponse, timeout_s=RUN_TIMEOUT_S)
+    with call.workspace.scratch() as folder:
+        files = {"steps.json": response.steps, "timing.json": response.timing}
+        for name, content in files.items():
+            write_text(folder / name, content.model_dump_json(), f"the run of {cell.scenario}")
+        stored = call.workspace.put(
+            "run",
+            request.run_id,
+            recipe=recipe,
+            record=response.record,
+            files={name: folder / name for name in files},
+            name=f"{cell.scenario} {cell.configuration.name}",
+        )
+    return CellResult(stored.read(RunRecord))
+
+
+# ---------- run_answer
+# What run_planner answers about the runs that are finished.
+
+
+def answer(
+    cells: Sequence[Cell],
+    results: Sequence[CellResult],
+    *,
+    batch_id: str | None = None,
+    job_id: str | None = None,
+    state: str = "done",
+    notes: Sequence[str] = (),
+) -> RunPlannerResult:
+    """The answer for a grid of which ``results`` are finished."""
+    records = [result.record for result in results if result.record is not None]
+    lost = [result.lost for result in results if result.lost is not None]
+    return RunPlannerResult.model_validate(
+        {
+            "state": state,
+            "total": len(cells),
+            "finished": len(records),
+            "reused": sum(result.reused for result in results),
+            "prediction": cells[0].prediction,
+            "traffic": cells[0].traffic,
+            "batch_id": batch_id,
+            "job_id": job_id,
+            "summary": _summary(records),
+            "runs": tuple(_line(record) for record in records[:LISTED_RUNS]),
+            "lost": tuple(lost[:10]),
+            "notes": (*notes, *_prediction_notes(records), *_traffic_notes(records), *_path_notes(records)),
+            "next_step": _next_step(records, batch_id, job_id, state),
+        }
+    )
+
+
+def _prediction_notes(records: Sequence[RunRecord]) -> list[str]:
+    """What the prediction could not do as asked."""
+    counts = [len(record.off_the_lanes) for record in records if record.off_the_lanes]
+    if not counts:
+        return []
+    return [
+        f"lane prediction: {sum(counts)} obstacles in {len(counts)} runs were off the lanes: constant velocity there"
+    ]
+
+
+def _traffic_notes(records: Sequence[RunRecord]) -> list[str]:
+    """Who did not react although the traffic is reactive."""
+    counts = [len(record.on_recording) for record in records if record.on_recording]
+    if not counts:
+        return []
+    told = f"{sum(counts)} (in {len(counts)} of {len(records)} runs)"
+    return [f"reactive traffic: moving obstacles that followed their recording all the same: {told}"]
+
+
+def _path_notes(records: Sequence[RunRecord]) -> list[str]:
+    """Whose start is too askew or too fast for the lane's centre line."""
+    lengths_m = sorted(record.eased_over_m for record in records if record.eased_over_m is not None)
+    if not lengths_m:
+        return []
+    told = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
+    return [f"the ego's start allows no way along the lane's centre in {len(lengths_m)} runs: joined within {told}"]
+
+
+def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:
+    names = {record.config_id: record.config_name for record in records}
+    counts = {key: Counter(record.outcome for record in records if record.config_id == key) for key in names}
+    return tuple(
+        ConfigurationSummary(config_id=key, config_name=name, outcomes=dict(counts[key].most_common()))
+        for key, name in names.items()
+    )
+
+
+def _line(record: RunRecord) -> RunLine:
+    return RunLine(
+        run_id=record.run_id,
+        scenario_id=record.scenario_id,
+        problem_id=record.problem_id,
+        config_id=record.config_id,
+        outcome=record.outcome,
+        reason=record.reason,
+        duration_s=None if record.metrics is None else record.metrics.duration_s,
+        minimum_distance_m=None if record.metrics is None else record.metrics.minimum_distance_m,
+    )
+
+
+def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str | None, state: str) -> str:
+    if state == "running":
+        return f"get_job with job_id '{job_id}'"
+    if state != "done":
+        return "call run_planner again: finished runs are reused"
+    if batch_id:
+        return f"analyze_results or compare_results with results ['{batch_id}']"
+    return f"analyze_results with results ['{records[0].run_id}'], or render it" if records else "see what was lost"
+
+
+# ---------- planner_batches
+# A grid of runs as a job: it goes on when the call has answered, and ends in a batch artifact.
+
+
+async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: Sequence[str]) -> RunPlannerResult:
+    """Start the grid, or find what was made of it, and answer with what is finished after ``wait_s``."""
+    recipe = _batch_recipe(cells)
+    stored = call.workspace.find_by_recipe("batch", recipe)
+    if stored is not None:
+        batch = stored.read(BatchRecord)
+        results = [_stored(call, run_id) for run_id in batch.runs]
+        return answer(cells, results, batch_id=batch.batch_id, notes=notes)
+
+    finished: list[CellResult] = []
+    known = sum(call.workspace.find_by_recipe("run", cell.recipe()) is not None for cell in cells)
+
+    async def work(progress: JobProgress) -> None:
+        def on_done(result: CellResult) -> None:
+            finished.append(result)
+            if result.record is not None:
+                progress.add_result(result.record.run_id)
+            progress.report(own_share(finished, known, len(cells)), f"{len(finished)} of {len(cells)} runs")
+
+        results = await run_grid(call, cells, on_done)
+        progress.add_result(_store_batch(call, cells, results))
+
+    async def tell(job: Job) -> None:
+        await call.progress(job.share, job.message)
+
+    job = call.jobs.start("batch", recipe, work)
+    job = await call.jobs.wait(job.job_id, wait_s, tell)
+    batch_id = next((key for key in job.results if key.startswith("batch_")), None)
+    if batch_id is not None:
+        record = call.workspace.get(batch_id, "batch").read(BatchRecord)
+        lost = [CellResult(None, cell) for cell in record.lost]
+        reused = {r.record.run_id for r in finished if r.record is not None and r.reused}
+        results = [_stored(call, run_id, reused=run_id in reused) for run_id in record.runs] + lost
+        return answer(cells, results, batch_id=batch_id, notes=notes)
+    results = [_stored(call, key, reused=False) for key in job.results if key.startswith("run_")]
+    problem = [job.error] if job.error else []
+    return answer(cells, results, job_id=job.job_id, state=job.state, notes=[*notes, *problem])
+
+
+def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
+    """The recipe of a grid; one with lost cells has another, so that asking again tries them again."""
+    scenarios = list(dict.fromkeys(cell.scenario for cell in cells))
+    configs = list(dict.fromkeys(cell.configuration.config_id for cell in cells))
+    arguments = {
+        "scenarios": scenarios,
+        "configs": configs,
+        "prediction": cells[0].prediction,
+        "traffic": cells[0].traffic,
+    }
+    return Recipe(
+        tool="run_planner",
+        arguments=arguments | ({"lost": list(lost)} if lost else {}),
+        parents=tuple(dict.fromkeys([*(cell.scenario_id for cell in cells), *configs])),
+        seed=cells[0].seed,
+        versions=cells[0].recipe().versions,
+    )
+
+
+def _store_batch(call: ToolCall, cells: Sequence[Cell], results: Sequence[CellResult]) -> str:
+    """Store the finished grid as a batch and give its id."""
+    lost = tuple(result.lost for result in results if result.lost is not None)
+    recipe = _batch_recipe(cells, [f"{cell.scenario_id} {cell.config_id}" for cell in lost])
+    record = BatchRecord(
+        batch_id=f"batch_{recipe.digest}",
+        scenarios=tuple(recipe.arguments["scenarios"]),
+        configs=tuple(recipe.arguments["configs"]),
+        prediction=cells[0].prediction,
+        traffic=cells[0].traffic,
+        runs=tuple(result.record.run_id for result in results if result.record is not None),
+        lost=lost,
+    )
+    return call.workspace.put("batch", record.batch_id, recipe=recipe, record=record).artifact_id
+
+
+def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
+    """The share done of what was not known before: runs that are only looked up say nothing about the time left."""
+    reused = sum(result.reused for result in finished)
+    return (len(finished) - min(reused, known)) / max(total - known, 1)
+
+
+def _stored(call: ToolCall, run_id: str, *, reused: bool = True) -> CellResult:
+    return CellResult(call.workspace.get(run_id, "run").read(RunRecord), reused=reused)
