@@ -168,7 +168,7 @@ def compare(before: Path, after: Path, *, subset: bool) -> int:
     old, new = (json.loads(path.read_text(encoding="utf-8")) for path in (before, after))
     differences = 0
     for part in ("files", "answers"):
-        names = sorted(new[part] if subset else {*old[part], *new[part]})
+        names = sorted({*old[part]} & {*new[part]} if subset else {*old[part], *new[part]})
         names = [name for name in names if not (subset and name.startswith("results "))]
         changed = [name for name in names if old[part].get(name) != new[part].get(name)]
         sys.stdout.write(f"{part}: {len(names) - len(changed)} of {len(names)} the same\n")
