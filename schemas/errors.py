@@ -28,13 +28,14 @@ class PlannerForgeError(Exception):
         message: what was wrong, naming the value that was given.
         valid: the values that would be accepted, most useful first (at most twelve are shown).
         next_step: what to call or change next.
+        reason: a stable word for the kind of refusal, for code that decides by it; never shown.
     """
 
     code: ClassVar[str] = "error"
     shown_values: ClassVar[int] = 12
 
-    def __init__(self, message: str, *, valid: Iterable[object] = (), next_step: str = "") -> None:
-        self.message = message
+    def __init__(self, message: str, *, valid: Iterable[object] = (), next_step: str = "", reason: str = "") -> None:
+        self.message, self.reason = message, reason
         self.valid: tuple[str, ...] = tuple(str(value) for value in valid)
         self.next_step = next_step
         super().__init__(self.text)
@@ -136,14 +137,14 @@ def error_classes() -> dict[str, type[PlannerForgeError]]:
     return found
 
 
-def rebuild(code: str, message: str, valid: Sequence[str], next_step: str) -> PlannerForgeError:
+def rebuild(code: str, message: str, valid: Sequence[str], next_step: str, reason: str = "") -> PlannerForgeError:
     """The error that a worker process reported, made again in the server's process.
 
     A defect (``unexpected``) takes its message as the details to log; a code that nobody knows gives the base class.
     """
     if code == UnexpectedFailure.code:
         return UnexpectedFailure("an operation", message)
-    return error_classes().get(code, PlannerForgeError)(message, valid=valid, next_step=next_step)
+    return error_classes().get(code, PlannerForgeError)(message, valid=valid, next_step=next_step, reason=reason)
 
 
 def closest(word: str, known: Iterable[str], limit: int = 12) -> list[str]:

@@ -78,19 +78,21 @@ class Failure:
     valid: tuple[str, ...]
     next_step: str
     unexpected: str = ""
+    reason: str = ""
 
     @classmethod
     def of(cls, error: PlannerForgeError) -> "Failure":
         """The failure that carries a domain error across processes."""
-        return cls(error.code, error.message, error.valid, error.next_step)
+        return cls(error.code, error.message, error.valid, error.next_step, reason=error.reason)
 
     def error(self) -> PlannerForgeError:
         """The domain error, made again."""
-        return rebuild(self.code, self.message, self.valid, self.next_step)
+        return rebuild(self.code, self.message, self.valid, self.next_step, self.reason)
 
     def line(self) -> bytes:
         """The failure as one line."""
-        return _line({"failure": [self.code, self.message, list(self.valid), self.next_step, self.unexpected]})
+        parts = [self.code, self.message, list(self.valid), self.next_step, self.unexpected, self.reason]
+        return _line({"failure": parts})
 
 
 def read_report(line: bytes) -> Progress | Answer | Failure:
@@ -100,8 +102,8 @@ def read_report(line: bytes) -> Progress | Answer | Failure:
         return Progress(content["share"], content["message"])
     if "response" in content:
         return Answer(content["response"])
-    code, message, valid, next_step, unexpected = content["failure"]
-    return Failure(code, message, tuple(valid), next_step, unexpected)
+    code, message, valid, next_step, unexpected, reason = content["failure"]
+    return Failure(code, message, tuple(valid), next_step, unexpected, reason)
 
 
 def _line(content: dict[str, Any]) -> bytes:
