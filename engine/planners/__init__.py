@@ -17,7 +17,6 @@
 ``make_planner``: A new planner.
 ``run``: Run a planner on one planning problem of a CommonRoad file.
 ``DrivenRun``: What a run has given so far.
-``initial_ego``: The ego of a planning problem.
 ``simulate``: Run a planner on a planning problem until the judge ends it.
 ``check_modes``: Refuse to tell a planner the future of vehicles that have none yet.
 ``open_traffic``: The others of a scenario, standing at the ego's first step.
@@ -45,7 +44,6 @@ if TYPE_CHECKING:
     from .registry import make_planner as make_planner
     from .runs import run as run
     from .simulation import DrivenRun as DrivenRun
-    from .simulation import initial_ego as initial_ego
     from .simulation import simulate as simulate
     from .traffic.modes import check_modes as check_modes
     from .traffic.modes import open_traffic as open_traffic

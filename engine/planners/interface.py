@@ -3,9 +3,10 @@
 Planners that satisfy :class:`Planner` run in our loop; :mod:`plannerforge.engine.planners.conformance` checks one.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
@@ -34,6 +35,26 @@ class EgoState:
     speed_mps: float
     acceleration_mps2: float = 0.0
     yaw_rate_radps: float = 0.0
+
+    @classmethod
+    def of(cls, state: Any) -> "EgoState":
+        """The ego at the initial state of a planning problem; intervals count by their middle, missing values as 0."""
+        position = state.position.center if hasattr(state.position, "center") else state.position
+        return cls(
+            step=int(_middle(state.time_step)),
+            position=np.array(position, dtype=float),
+            heading_rad=_middle(getattr(state, "orientation", None)),
+            speed_mps=_middle(getattr(state, "velocity", None)),
+            acceleration_mps2=_middle(getattr(state, "acceleration", None)),
+            yaw_rate_radps=_middle(getattr(state, "yaw_rate", None)),
+        )
+
+
+def _middle(value: Any) -> float:
+    if value is None:
+        return 0.0
+    number = 0.5 * (float(value.start) + float(value.end)) if hasattr(value, "start") else float(value)
+    return number if math.isfinite(number) else 0.0
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,11 @@
 """The loop for every planner: observe, plan, follow the plan for some steps, judge."""
 
-import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import ceil, degrees, pi
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -294,7 +293,7 @@ def simulate(
     with a code and without a plan.
     The traffic is the recorded one by default; one that reacts must stand at the ego's first step.
     """
-    ego = initial_ego(problem.initial_state)
+    ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
     task = _task(scenario, problem, configuration, ego)
     if isinstance(task, Verdict):
@@ -331,19 +330,6 @@ def _eased(
 def _judge(task: PlanningTask, run: DrivenRun) -> Judge:
     goal = Goal(task.problem.goal)
     return Judge(goal, task.reference, task.road, run.traffic, task.vehicle, run.states[0], task.step_s)
-
-
-def initial_ego(state: Any) -> EgoState:
-    """The ego of a planning problem; uncertain values count by their middle, missing ones as 0."""
-    position = state.position.center if hasattr(state.position, "center") else state.position
-    return EgoState(
-        step=int(_middle(state.time_step)),
-        position=np.array(position, dtype=float),
-        heading_rad=_middle(getattr(state, "orientation", None)),
-        speed_mps=_middle(getattr(state, "velocity", None)),
-        acceleration_mps2=_middle(getattr(state, "acceleration", None)),
-        yaw_rate_radps=_middle(getattr(state, "yaw_rate", None)),
-    )
 
 
 def _task(
@@ -417,10 +403,3 @@ def _infeasible(plan: Plan, ego: EgoState, time_s: float) -> Verdict:
     return Verdict(
         "infeasible", f"at {time_s:.1f} s and {speed} none of {plan.candidates} candidates can be driven ({why})"
     )
-
-
-def _middle(value: Any) -> float:
-    if value is None:
-        return 0.0
-    number = 0.5 * (float(value.start) + float(value.end)) if hasattr(value, "start") else float(value)
-    return number if math.isfinite(number) else 0.0

@@ -26,7 +26,6 @@ from ...engine.planners import (
     PlannedTrajectory,
     Planner,
     PlanningTask,
-    initial_ego,
     make_planner,
     open_traffic,
     simulate,
@@ -135,7 +134,7 @@ def braked_runs(files: Sequence[Path], processes: int) -> list[BrakedRun]:
 def _braked_runs_of(file: Path) -> list[BrakedRun]:
     """The runs on one scenario; none where nobody follows the ego."""
     loaded = read_scenario(file)
-    if not _has_follower(loaded, initial_ego(loaded.problem().initial_state)):
+    if not _has_follower(loaded, EgoState.of(loaded.problem().initial_state)):
         return []
     return [_braked(loaded, planner, traffic) for planner in BRAKES_AFTER_S for traffic in MODES]
 

@@ -42,10 +42,10 @@ def open_traffic(
         WorkerFailure: SUMO refused the network or a vehicle.
     """
     if mode == "reactive":
-        from ..simulation import initial_ego
+        from ..interface import EgoState
         from .reactive import reactive_traffic
 
-        with reactive_traffic(loaded, problem, initial_ego(problem.initial_state), vehicle, seed) as traffic:
+        with reactive_traffic(loaded, problem, EgoState.of(problem.initial_state), vehicle, seed) as traffic:
             yield traffic
         return
     from .recorded import RecordedTraffic

@@ -17,7 +17,7 @@ from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.runs import run
-from plannerforge.engine.planners.simulation import DrivenRun, initial_ego, simulate
+from plannerforge.engine.planners.simulation import DrivenRun, simulate
 from plannerforge.engine.planners.traffic.modes import check_modes, open_traffic
 from plannerforge.engine.planners.traffic.reactive import Cast, has_room
 from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
@@ -143,7 +143,7 @@ def test_an_ego_where_lanes_merge_stands_on_the_lane_of_its_follower(follower: V
     )
     problem = Problem(start=(1.0, 0.0, 0.0, 3.0), goal=(60.0, 0.0, 4.0, 3.0), steps=(50, 60))
     scenario = loaded(ScenarioBuilder(lanes, (follower,), problems=(problem,)), tmp_path)
-    ego = initial_ego(scenario.problem().initial_state)
+    ego = EgoState.of(scenario.problem().initial_state)
     cast = Cast.of(scenario, ego.step)
     assert cast.ego_edges(scenario.problem().goal, ego)[0] == cast.driven[0].edges[0]
 
