@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from mcp import Client
-from support import Connect
+from support.server import Connect
 
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
@@ -63,8 +63,9 @@ def connect(settings: Settings, era: str, tmp_path: Path) -> Connect:
 
 @pytest.fixture
 def importable_tests(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lets worker processes import ``worker_operations``, the operations that only tests have."""
-    monkeypatch.setenv("PYTHONPATH", str(CHECKOUT / "tests"))
+    """Lets worker processes import ``support.worker_operations``, the operations that only tests have."""
+    folders = [str(CHECKOUT / "tests"), os.environ.get("PYTHONPATH", "")]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, folders)))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

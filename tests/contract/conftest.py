@@ -1,7 +1,7 @@
 """A workspace in which every tool has something to work on, made once."""
 
 import pytest
-from contract_workspace import Prepared, prepare
+from support.contract import Prepared, prepare
 
 
 @pytest.fixture(scope="session")

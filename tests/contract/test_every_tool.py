@@ -6,10 +6,9 @@ from typing import Any
 
 import jsonschema
 import pytest
-from contract_cases import CASES, Bad
-from contract_workspace import Prepared, filled
 from mcp import Client
 from mcp.types import ImageContent
+from support.contract import CASES, Bad, Prepared, filled
 
 from plannerforge.server.assembly import create_server
 from plannerforge.server.tokens import count_tokens

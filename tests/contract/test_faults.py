@@ -7,7 +7,7 @@ from typing import Any
 import anyio
 import psutil
 import pytest
-from support import Connect
+from support.server import Connect
 
 pytestmark = pytest.mark.anyio
 

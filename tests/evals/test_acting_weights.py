@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import Problem, Vehicle, driving, town_road
-from builders_planning import configuration
+from support.builders import Problem, Vehicle, driving, town_road
+from support.planning import configuration
 
 from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
 from plannerforge.engine.planners.frenetix import planner as frenetix

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_cases import Road, made, mapped
+from support.generation_bench import Road, made, mapped
 
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.evals.generation.judges import holds_vehicles, lies_at_street, lies_in

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import town_road
-from modification_support import carried_out, verdicts
+from support.builders import town_road
+from support.modification_bench import carried_out, verdicts
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track

@@ -7,8 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import town_road
-from modification_support import GOAL_TIME, TRUTHS, asked, carried_out, moving, respelt, told, typed, verdicts, without
+from support.builders import town_road
+from support.modification_bench import (
+    GOAL_TIME,
+    TRUTHS,
+    asked,
+    carried_out,
+    moving,
+    respelt,
+    told,
+    typed,
+    verdicts,
+    without,
+)
 
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.evals.modification.judges import is_untouched_identical

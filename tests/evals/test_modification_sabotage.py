@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import town_road
-from modification_support import TRUTHS, carried_out, verdicts
+from support.builders import town_road
+from support.modification_bench import TRUTHS, carried_out, verdicts
 
 from plannerforge.engine.cosimulation.driver import usual_behaviour
 from plannerforge.engine.edits import ego as set_goal

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import town_road
-from modification_support import TRUTHS, asked, carried_out, respelt, told
+from support.builders import town_road
+from support.modification_bench import TRUTHS, asked, carried_out, respelt, told
 
 from plannerforge.evals.modification.__main__ import figures_of, rows_of
 from plannerforge.evals.modification.results import Case, Measured

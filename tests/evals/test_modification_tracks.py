@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import Lane, ScenarioBuilder, arc, line, town_road
-from builders_planning import goal_state, problem_for
+from support.builders import Lane, ScenarioBuilder, arc, line, town_road
+from support.planning import goal_state, problem_for
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_cases import NOTHING, Road, around, made, mapped
+from support.generation_bench import NOTHING, Road, around, made, mapped
 
 from plannerforge.evals.generation.judges import shows_type
 from plannerforge.evals.generation.maps import MapEvidence

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from builders_catalog import facts
 from mcp import Client
+from support.catalog import facts
 
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe

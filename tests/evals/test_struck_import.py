@@ -5,8 +5,8 @@ import random
 from dataclasses import replace
 from pathlib import Path
 
-from builders import town_road
-from builders_catalog import facts
+from support.builders import town_road
+from support.catalog import facts
 
 from plannerforge.engine.catalog.updates import refresh
 from plannerforge.engine.workspace.artifacts import Workspace

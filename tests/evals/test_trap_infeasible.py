@@ -4,8 +4,8 @@ import math
 from pathlib import Path
 
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, arc, line
-from builders_planning import configuration
+from support.builders import Lane, Problem, ScenarioBuilder, arc, line
+from support.planning import configuration
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners import simulation

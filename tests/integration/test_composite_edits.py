@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import town_road
 from mcp import Client
-from support import Connect
+from support.builders import town_road
+from support.server import Connect
 
 from plannerforge.server.settings import Settings
 

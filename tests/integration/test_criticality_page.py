@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from mcp import Client
-from support import Connect
+from support.server import Connect
 
 pytestmark = [pytest.mark.anyio, pytest.mark.parametrize("era", ["auto"], indirect=True)]
 

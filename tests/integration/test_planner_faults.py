@@ -16,9 +16,9 @@ import anyio
 import anyio.to_thread
 import psutil
 import pytest
-from builders import Problem, town_road
 from mcp import Client
-from stdio_server import StdioServer
+from support.builders import Problem, town_road
+from support.server import StdioServer
 
 from plannerforge.engine.execution import pool
 from plannerforge.server.assembly import create_server
@@ -53,7 +53,7 @@ def faults(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "faults"
     folder.mkdir()
     monkeypatch.setenv("PLANNER_FAULTS", str(folder))
-    monkeypatch.setattr(run_grid, "RUN", "planner_fault_operations:run")
+    monkeypatch.setattr(run_grid, "RUN", "support.planner_faults:run")
     monkeypatch.setitem(pool.PRELOAD, "compute", ())
     return folder
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import Problem, town_road
 from mcp import Client
-from support import Connect
+from support.builders import Problem, town_road
+from support.server import Connect
 
 from plannerforge.server.settings import Settings
 

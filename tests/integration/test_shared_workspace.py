@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import town_road
-from stdio_server import StdioServer
+from support.builders import town_road
+from support.server import StdioServer
 
 
 def write_scenarios(folder: Path, *benchmark_ids: str, steps: int = 4) -> Path:

@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import pytest
-from builders import town_road
+from support.builders import town_road
 from typer.testing import CliRunner, Result
 
 from plannerforge.server.command_line import application

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-from road_builder import good_road, write
-from road_defects import DEFECTS
+from support.road_defects import DEFECTS
+from support.roads import good_road, write
 from typer.testing import CliRunner, Result
 
 from plannerforge.server.command_line import application

@@ -7,8 +7,8 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from builders import Problem, town_road
 from mcp import Client
+from support.builders import Problem, town_road
 
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings

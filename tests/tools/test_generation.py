@@ -1,5 +1,5 @@
 import pytest
-from support import Connect
+from support.server import Connect
 
 pytestmark = pytest.mark.anyio
 WISH = {"place": "Musterstadt", "vehicles": ["truck", "bicycle=2"], "duration_s": 5, "count": 2, "seed": 4}

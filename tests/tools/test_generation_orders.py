@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support import Connect
+from support.server import Connect
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generator as generating

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from support import Connect
+from support.server import Connect
 
 from plannerforge.server.settings import Settings
 from plannerforge.tools.generation_record import REPORT

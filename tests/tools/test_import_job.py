@@ -7,9 +7,9 @@ from typing import Any
 
 import anyio
 import pytest
-from builders import town_road
 from mcp import Client
-from support import Connect
+from support.builders import town_road
+from support.server import Connect
 
 from plannerforge.server.one_call import make_call
 from plannerforge.server.settings import Settings

@@ -8,8 +8,8 @@ from typing import Any, cast
 
 import anyio
 import pytest
-from builders import town_road
-from builders_catalog import facts
+from support.builders import town_road
+from support.catalog import facts
 
 from plannerforge.engine.execution.limits import Limits
 from plannerforge.engine.workspace.artifacts import Workspace

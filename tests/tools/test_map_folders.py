@@ -4,7 +4,7 @@ import gzip
 from pathlib import Path
 
 import pytest
-from support import Connect
+from support.server import Connect
 
 from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.server.settings import Settings

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import Problem, town_road
 from mcp import Client
+from support.builders import Problem, town_road
 
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings

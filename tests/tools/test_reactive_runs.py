@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import Problem, driving, town_road
 from mcp import Client
+from support.builders import Problem, driving, town_road
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.rendering.content import driven_path

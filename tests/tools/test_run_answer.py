@@ -1,6 +1,6 @@
 """What run_planner says beside the runs themselves."""
 
-from run_samples import record
+from support.runs import record
 
 from plannerforge.engine.tuning.configurations import named_configuration
 from plannerforge.tools.runs import Cell, CellResult, answer

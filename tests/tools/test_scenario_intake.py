@@ -5,8 +5,8 @@ from pathlib import Path
 
 import anyio
 import pytest
-from builders import town_road
-from builders_catalog import facts
+from support.builders import town_road
+from support.catalog import facts
 
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.errors import PlannerForgeError

@@ -6,9 +6,9 @@ from typing import Any
 from xml.etree.ElementTree import Element, parse
 
 import pytest
-from builders import Problem, town_road
 from mcp import Client
-from support import Connect
+from support.builders import Problem, town_road
+from support.server import Connect
 
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.server.settings import Settings

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, cast
 
 import pytest
-from builders import town_road
-from builders_catalog import facts
+from support.builders import town_road
+from support.catalog import facts
 
 from plannerforge.engine.workspace.artifacts import Artifact, Workspace
 from plannerforge.engine.workspace.recipe import Recipe

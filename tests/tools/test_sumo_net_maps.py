@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from support import Connect
+from support.server import Connect
 
 from plannerforge.engine.maps.index import LIBRARY
 from plannerforge.engine.network.net_parser import read_net

@@ -1,7 +1,7 @@
 """A against B."""
 
 import pytest
-from run_samples import DEFAULT, SAFE, metrics, record, source
+from support.runs import DEFAULT, SAFE, metrics, record, source
 
 from plannerforge.engine.analysis.comparison import compare
 from plannerforge.engine.execution.executor import silent

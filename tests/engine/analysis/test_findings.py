@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from run_samples import DEFAULT, SAFE, metrics, record, source
+from support.runs import DEFAULT, SAFE, metrics, record, source
 
 from plannerforge.engine.analysis.evidence import Evidence
 from plannerforge.engine.analysis.findings import FINDINGS, find_all

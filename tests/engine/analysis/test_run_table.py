@@ -7,8 +7,8 @@ from typing import Literal
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from builders_planning import configuration
-from run_samples import record
+from support.planning import configuration
+from support.runs import record
 
 from plannerforge.engine.analysis.run_table import write_run_table
 from plannerforge.engine.execution.executor import silent

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from builders import town_road
-from run_samples import DEFAULT, SAFE, metrics, record, source
+from support.builders import town_road
+from support.runs import DEFAULT, SAFE, metrics, record, source
 
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
-from builders_catalog import catalogue, facts, found, funnel
 from hypothesis import given
 from hypothesis import strategies as st
+from support.catalog import catalogue, facts, found, funnel
 
 from plannerforge.engine.catalog.constraints import constraints_of
 from plannerforge.engine.catalog.funnel import Funnel, is_mentioned

@@ -4,7 +4,7 @@ import sqlite3
 from typing import Any
 
 import pytest
-from builders_catalog import catalogue, facts
+from support.catalog import catalogue, facts
 
 from plannerforge.engine.catalog import search as search_module
 from plannerforge.engine.catalog.search import Ranking, Search

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from builders_catalog import catalogue, funnel
+from support.catalog import catalogue, funnel
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.facts import read_facts

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 import pytest
-from builders_catalog import facts
+from support.catalog import facts
 
 from plannerforge.engine.catalog.starter import open_catalogue
 from plannerforge.engine.catalog.updates import refresh

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from builders_catalog import facts
+from support.catalog import facts
 
 from plannerforge.engine.catalog import vector_index
 from plannerforge.engine.catalog.bm25 import bm25_scores, reciprocal_rank_fusion

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from builders_catalog import facts
+from support.catalog import facts
 
 from plannerforge.engine.catalog.updates import family, list_again, listed_version, refresh
 from plannerforge.engine.workspace.artifacts import Workspace

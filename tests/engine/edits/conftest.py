@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import ScenarioBuilder, town_road
-from edit_support import Applied, Apply, apply_to
+from support.builders import ScenarioBuilder, town_road
+from support.edits import Applied, Apply, apply_to
 
 
 @pytest.fixture

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, driving, line, town_road
-from edit_support import Apply
+from support.builders import Lane, Problem, ScenarioBuilder, driving, line, town_road
+from support.edits import Apply
 
 from plannerforge.engine.edits.simulation import Body, Overlap, new_overlaps
 from plannerforge.schemas.errors import NotPossible

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import pytest
-from builders import Problem, driving, town_road
-from edit_support import Apply
+from support.builders import Problem, driving, town_road
+from support.edits import Apply
 
 from plannerforge.engine.cosimulation.manoeuvres import least_gap_m
 from plannerforge.schemas.errors import InvalidRequest, NotPossible

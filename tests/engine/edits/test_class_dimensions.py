@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from builders import driving, town_road
-from edit_support import Apply
+from support.builders import driving, town_road
+from support.edits import Apply
 
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.vehicles.classes import nearest_class, vehicle_classes

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from edit_support import apply_to
+from support.edits import apply_to
 
 from plannerforge.evals.modification.requests import edit_of
 from plannerforge.schemas.errors import InvalidRequest

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import Problem, driving, town_road
-from edit_support import Apply
+from support.builders import Problem, driving, town_road
+from support.edits import Apply
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track

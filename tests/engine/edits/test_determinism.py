@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from builders import town_road
-from edit_support import Apply, elements
+from support.builders import town_road
+from support.edits import Apply, elements
 
 from plannerforge.engine.commonroad.benchmark_id import derived_benchmark_id, numbered_after
 from plannerforge.schemas.modification import Edit
@@ -22,17 +22,17 @@ COMPOSITE = (
 PROGRAM = """
 import json, sys
 from pathlib import Path
-from edit_support import Apply, apply_to
+from support.edits import Apply, apply_to
 apply_to(Path(sys.argv[1]), Path(sys.argv[2]), *json.loads(sys.argv[3]))
 """
 
 
-def test_the_bytes_depend_neither_on_the_process_nor_on_the_hash_seed(tmp_path: Path) -> None:
+def test_the_bytes_depend_neither_on_the_process_nor_on_the_hash_seed(tmp_path: Path, importable_tests: None) -> None:
     base = town_road().write(tmp_path / "base.xml")
     made = []
     for seed in ("0", "31337"):
         output = tmp_path / seed
-        environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(__file__).parents[2])}
+        environment = {**os.environ, "PYTHONHASHSEED": seed}
         command = [sys.executable, "-c", PROGRAM, str(base), str(output), json.dumps(COMPOSITE)]
         subprocess.run(command, check=True, env=environment)
         made.append([(output / name).read_bytes() for name in ("scenario.xml", "scenario.net.xml")])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import Lane, ScenarioBuilder, crossing, driving, line
+from support.builders import Lane, ScenarioBuilder, crossing, driving, line
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.cosimulation.handover import TouchedTrack

@@ -3,7 +3,7 @@
 from typing import get_args
 
 import pytest
-from edit_support import Apply
+from support.edits import Apply
 
 from plannerforge.engine.edits.operations import OPERATIONS
 from plannerforge.schemas.errors import InvalidRequest, NotPossible

@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from builders import Lane, ScenarioBuilder, crossing, driving, line
-from edit_support import Apply
+from support.builders import Lane, ScenarioBuilder, crossing, driving, line
+from support.edits import Apply
 
 from plannerforge.schemas.errors import NotPossible
 

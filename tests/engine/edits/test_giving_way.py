@@ -7,8 +7,8 @@ from typing import Any
 
 import plannerforge.engine.edits.cascade
 import pytest
-from builders import Vehicle, crossing, driving
-from edit_support import apply_to
+from support.builders import Vehicle, crossing, driving
+from support.edits import apply_to
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, arc, line, town_road
-from edit_support import Apply
 from hypothesis import given
 from hypothesis import strategies as st
+from support.builders import Lane, Problem, ScenarioBuilder, arc, line, town_road
+from support.edits import Apply
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.vehicles.kinematics import (

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import driving, town_road
-from edit_support import Apply
+from support.builders import driving, town_road
+from support.edits import Apply
 
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.cosimulation.handover import touched_track

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from builders import driving, town_road
-from edit_support import apply_to
+from support.builders import driving, town_road
+from support.edits import apply_to
 
 from plannerforge.engine.commonroad.reader import RecordedScenario
 from plannerforge.engine.cosimulation.session import SimulationSetup

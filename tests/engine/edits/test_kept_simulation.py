@@ -1,7 +1,7 @@
 """What SUMO held and drove can be kept beside the scenario that came of it."""
 
-from edit_support import Apply
 from lxml import etree
+from support.edits import Apply
 
 from plannerforge.engine.cosimulation.session import ROUTES_FILE, TYPES_FILE
 

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from builders import Lane, ScenarioBuilder, arc, driving, line
-from edit_support import Apply
+from support.builders import Lane, ScenarioBuilder, arc, driving, line
+from support.edits import Apply
 
 from plannerforge.engine.network.sumo_export.speeds import slow_places
 

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import ScenarioBuilder, driving, town_road
 from commonroad.common.util import Interval
 from commonroad.geometry.shape import Circle, Polygon, Rectangle, Shape, ShapeGroup
 from commonroad.prediction.prediction import Occupancy, SetBasedPrediction
 from commonroad.scenario.obstacle import DynamicObstacle, ObstacleType
 from commonroad.scenario.scenario import Scenario
 from commonroad.scenario.state import InitialState
-from edit_support import Applied, apply_to
+from support.builders import ScenarioBuilder, driving, town_road
+from support.edits import Applied, apply_to
 
 from plannerforge.engine.scene.scene import occupied_regions
 from plannerforge.schemas.errors import NotPossible

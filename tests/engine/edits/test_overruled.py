@@ -3,8 +3,8 @@
 from typing import Any
 
 import pytest
-from builders import Lane, ScenarioBuilder, driving, line, town_road
-from edit_support import Apply
+from support.builders import Lane, ScenarioBuilder, driving, line, town_road
+from support.edits import Apply
 
 FREE = town_road().with_vehicles(driving(31, (70, 0), 10.0, 101), driving(35, (165, 0), 8.0, 101))
 

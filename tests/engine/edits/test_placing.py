@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, driving, line, town_road
-from edit_support import Apply
+from support.builders import Lane, Problem, ScenarioBuilder, driving, line, town_road
+from support.edits import Apply
 
 from plannerforge.schemas.errors import NotPossible
 

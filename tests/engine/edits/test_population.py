@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, arc, driving, line, town_road
-from edit_support import Apply
+from support.builders import Lane, Problem, ScenarioBuilder, arc, driving, line, town_road
+from support.edits import Apply
 
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from edit_support import Applied, apply_to, schema_errors
+from support.edits import Applied, apply_to, schema_errors
 
 FILES = (
     "ARG_Carcarana-12_1_T-1.xml",

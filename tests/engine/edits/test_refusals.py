@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import ScenarioBuilder, driving, town_road
-from edit_support import Apply
+from support.builders import ScenarioBuilder, driving, town_road
+from support.edits import Apply
 
 import plannerforge.engine.edits as edits
 from plannerforge.schemas.errors import InvalidRequest

@@ -3,8 +3,8 @@
 import math
 
 import pytest
-from builders import Lane, ScenarioBuilder, arc, driving, line, town_road
-from edit_support import Apply
+from support.builders import Lane, ScenarioBuilder, arc, driving, line, town_road
+from support.edits import Apply
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
 

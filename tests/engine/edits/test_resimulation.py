@@ -5,7 +5,7 @@ from pathlib import Path
 
 import libsumo
 import pytest
-from builders import Vehicle, driving, town_road
+from support.builders import Vehicle, driving, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.cosimulation.actors import Participant, participants

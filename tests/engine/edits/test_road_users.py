@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from builders import Lane, ScenarioBuilder, driving, line
-from edit_support import Applied, apply_to
+from support.builders import Lane, ScenarioBuilder, driving, line
+from support.edits import Applied, apply_to
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 

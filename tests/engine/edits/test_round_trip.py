@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import ScenarioBuilder, Vehicle, driving, town_road
+from support.builders import ScenarioBuilder, Vehicle, driving, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.scene.scene import Scene

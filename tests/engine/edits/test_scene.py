@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import driving, town_road
+from support.builders import driving, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.scene.scene import Scene

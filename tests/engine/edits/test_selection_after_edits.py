@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from builders import Lane, ScenarioBuilder, driving, line, town_road
-from edit_support import Apply, apply_to
+from support.builders import Lane, ScenarioBuilder, driving, line, town_road
+from support.edits import Apply, apply_to
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.description import describe

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import ScenarioBuilder, crossing, driving, town_road
-from edit_support import Apply
+from support.builders import ScenarioBuilder, crossing, driving, town_road
+from support.edits import Apply
 
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.cosimulation.driver import PARAMETERS, behaviour_from, presets, usual_behaviour

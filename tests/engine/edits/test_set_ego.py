@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from builders import town_road
-from edit_support import Applied, Apply, schema_errors
+from support.builders import town_road
+from support.edits import Applied, Apply, schema_errors
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.schemas.errors import InvalidRequest, NotPossible

@@ -6,8 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, arc, line, town_road
-from edit_support import Applied, Apply, apply_to
+from support.builders import Lane, Problem, ScenarioBuilder, arc, line, town_road
+from support.edits import Applied, Apply, apply_to
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.scene.routing import stated_goal_lanelets

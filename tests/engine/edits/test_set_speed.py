@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from builders import Vehicle, driving, town_road
-from edit_support import Apply
+from support.builders import Vehicle, driving, town_road
+from support.edits import Apply
 
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import ScenarioBuilder, driving, town_road
-from edit_support import Apply, schema_errors
+from support.builders import ScenarioBuilder, driving, town_road
+from support.edits import Apply, schema_errors
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from builders import Lane, ScenarioBuilder, driving, line
-from edit_support import Applied, Apply
+from support.builders import Lane, ScenarioBuilder, driving, line
+from support.edits import Applied, Apply
 
 from plannerforge.engine.cosimulation.plans import steered_over
 from plannerforge.schemas.errors import NotPossible

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import pytest
-from builders import driving, town_road
-from edit_support import NEW_ID, Apply, schema_errors
 from lxml import etree
+from support.builders import driving, town_road
+from support.edits import NEW_ID, Apply, schema_errors
 
 from plannerforge.engine.commonroad.reader import read_scenario
 

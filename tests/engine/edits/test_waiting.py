@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from builders import Lane, ScenarioBuilder, driving, line, town_road
-from edit_support import Applied, Apply
+from support.builders import Lane, ScenarioBuilder, driving, line, town_road
+from support.edits import Applied, Apply
 
 from plannerforge.schemas.errors import NotPossible
 

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import pytest
-from builders import driving, town_road
-from edit_support import Apply, schema_errors
+from support.builders import driving, town_road
+from support.edits import Apply, schema_errors
 
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 

@@ -41,7 +41,7 @@ async def pool(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> As
 
 async def run(pool: WorkerPool, operation: str, text: str = "", number: int = 0, **options: object) -> Words:
     request = Words(text=text, number=number)
-    return await pool.run(f"worker_operations:{operation}", request, Words, **options)  # type: ignore[arg-type]
+    return await pool.run(f"support.worker_operations:{operation}", request, Words, **options)  # type: ignore[arg-type]
 
 
 async def pid_of_worker(pool: WorkerPool) -> int:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import town_road
+from support.builders import town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.network.sumo_export.layout import NetLayout

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from builders import ScenarioBuilder, crossing, town_road
 from lxml import etree
+from support.builders import ScenarioBuilder, crossing, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.network.sumo_export.layout import NetLayout

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders_planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 from commonroad.geometry.shape import Rectangle
+from support.planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 
 from plannerforge.engine.planners.idm import IntelligentDriver, bend_speeds_mps
 

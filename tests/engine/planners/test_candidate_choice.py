@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pytest
-from builders_planning import (
+from hypothesis import given
+from hypothesis import strategies as st
+from support.planning import (
     configuration,
     drive,
     goal_state,
@@ -14,8 +16,6 @@ from builders_planning import (
     scenario_on,
     straight_road,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 
 from plannerforge.engine.planners.frenetix import planner as frenetix
 from plannerforge.engine.planners.frenetix.planner import cheapest_first

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from builders_planning import (
+from support.planning import (
     configuration,
     drive,
     goal_state,

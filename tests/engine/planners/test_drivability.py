@@ -6,10 +6,10 @@ from typing import Any
 import frenetix
 import numpy as np
 import pytest
-from builders_planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 from commonroad.geometry.shape import Rectangle
 from frenetix.trajectory_functions import FillCoordinates
 from frenetix.trajectory_functions.feasability_functions import CheckCurvatureConstraint
+from support.planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.planners.drivability import undrivable

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from builders_planning import drive, goal_state, problem_for, rectangle_at, scenario_on, straight_road
 from hypothesis import given
 from hypothesis import strategies as st
+from support.planning import drive, goal_state, problem_for, rectangle_at, scenario_on, straight_road
 
 from plannerforge.engine.geometry.polyline import arc_length, headings, project, project_all
 from plannerforge.engine.planners.interface import EgoState

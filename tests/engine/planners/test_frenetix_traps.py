@@ -8,7 +8,11 @@ import frenetix
 import frenetix.trajectory_functions.cost_functions as costs
 import numpy as np
 import pytest
-from builders_planning import (
+from commonroad.common.util import Interval
+from commonroad.geometry.shape import Rectangle
+from commonroad.prediction.prediction import Occupancy, SetBasedPrediction
+from commonroad.scenario.obstacle import DynamicObstacle, ObstacleType
+from support.planning import (
     configuration,
     drive,
     goal_state,
@@ -21,10 +25,6 @@ from builders_planning import (
     scenario_on,
     straight_road,
 )
-from commonroad.common.util import Interval
-from commonroad.geometry.shape import Rectangle
-from commonroad.prediction.prediction import Occupancy, SetBasedPrediction
-from commonroad.scenario.obstacle import DynamicObstacle, ObstacleType
 
 from plannerforge.engine.geometry.polyline import headings
 from plannerforge.engine.planners.frenetix.core import (

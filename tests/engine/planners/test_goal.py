@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders_planning import goal_state, problem_for, rectangle_at
 from commonroad.geometry.shape import Circle, Polygon, ShapeGroup
 from hypothesis import given
 from hypothesis import strategies as st
+from support.planning import goal_state, problem_for, rectangle_at
 
 from plannerforge.engine.planners.goal import Goal
 from plannerforge.engine.planners.interface import EgoState

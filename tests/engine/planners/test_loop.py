@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from builders_planning import (
+from support.planning import (
     configuration,
     drive,
     goal_state,

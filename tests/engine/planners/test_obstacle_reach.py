@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from builders_planning import configuration, drive, goal_state, moving_car, problem_for, rectangle_at, scenario_on
-from builders_planning import straight_road as road
+from support.planning import configuration, drive, goal_state, moving_car, problem_for, rectangle_at, scenario_on
+from support.planning import straight_road as road
 
 from plannerforge.engine.planners.frenetix import core as frenet_costs
 from plannerforge.engine.planners.simulation import DrivenRun

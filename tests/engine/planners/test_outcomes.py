@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from builders_planning import (
+from commonroad.scenario.state import CustomState
+from support.planning import (
     configuration,
     drive,
     goal_state,
@@ -17,7 +18,6 @@ from builders_planning import (
     scenario_on,
     straight_road,
 )
-from commonroad.scenario.state import CustomState
 
 from plannerforge.engine.planners.goal import farthest_m
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask

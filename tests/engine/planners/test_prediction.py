@@ -5,7 +5,8 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
-from builders_planning import (
+from commonroad.scenario.lanelet import LaneletNetwork
+from support.planning import (
     configuration,
     drive,
     goal_state,
@@ -18,7 +19,6 @@ from builders_planning import (
     scenario_on,
     straight_road,
 )
-from commonroad.scenario.lanelet import LaneletNetwork
 
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.geometry.polyline import project

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, Vehicle, crossing, driving, line, town_road
-from builders_planning import configuration
+from support.builders import Lane, Problem, ScenarioBuilder, Vehicle, crossing, driving, line, town_road
+from support.planning import configuration
 
 from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
 from plannerforge.engine.execution.executor import silent

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders_planning import lanelet_along, network_of, straight_road
 from commonroad.scenario.lanelet import LaneletNetwork, LaneletType
 from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement, TrafficSignIDGermany
 from hypothesis import given
 from hypothesis import strategies as st
+from support.planning import lanelet_along, network_of, straight_road
 
 from plannerforge.engine.planners.frenetix.costs import CandidateBatch, responsibility
 from plannerforge.engine.planners.interface import PredictedObstacle

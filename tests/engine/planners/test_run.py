@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, arc, line
-from builders import town_road as whole_town_road
-from builders_planning import configuration
+from support.builders import Lane, Problem, ScenarioBuilder, arc, line
+from support.builders import town_road as whole_town_road
+from support.planning import configuration
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.runs import run

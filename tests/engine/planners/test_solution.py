@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders import Problem, town_road
-from builders_planning import configuration, parked_car
 from commonroad.common.solution import CommonRoadSolutionReader, Solution
 from commonroad_dc import pycrcc
 from commonroad_dc.boundary.boundary import create_road_boundary_obstacle
 from commonroad_dc.feasibility import solution_checker
+from support.builders import Problem, town_road
+from support.planning import configuration, parked_car
 
 from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
 from plannerforge.engine.execution.executor import silent

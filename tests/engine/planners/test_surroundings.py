@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builders_planning import (
+from hypothesis import given
+from hypothesis import strategies as st
+from support.planning import (
     configuration,
     goal_state,
     lanelet_along,
@@ -18,8 +20,6 @@ from builders_planning import (
     scenario_on,
     straight_road,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 
 from plannerforge.engine.geometry.polyline import arc_length, maximum_curvature, project
 from plannerforge.engine.planners.conformance import check_planner

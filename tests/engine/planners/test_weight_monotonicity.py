@@ -11,10 +11,10 @@ from fractions import Fraction
 from typing import Any
 
 import pytest
-from builders_planning import configuration, drive, goal_state, moving_car, problem_for, rectangle_at, scenario_on
-from builders_planning import straight_road as road
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.planning import configuration, drive, goal_state, moving_car, problem_for, rectangle_at, scenario_on
+from support.planning import straight_road as road
 
 from plannerforge.engine.planners.frenetix.core import copied_trajectory
 from plannerforge.engine.planners.frenetix.planner import Frenetix, SafetyCheck, cheapest_first, first_without_objection

@@ -4,9 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import Problem, town_road
 from PIL import Image
-from run_samples import DEFAULT, SAFE, record, source
+from support.builders import Problem, town_road
+from support.runs import DEFAULT, SAFE, record, source
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.rendering.pictures import choose_kind, render

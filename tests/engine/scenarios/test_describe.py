@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, arc, driving, line, town_road
+from support.builders import Lane, Problem, ScenarioBuilder, arc, driving, line, town_road
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.description import OWN_RECORDING, describe

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 import pytest
-from builders import Lane, Problem, ScenarioBuilder, arc, line
+from support.builders import Lane, Problem, ScenarioBuilder, arc, line
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.execution.executor import silent

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from road_lanelets import network_of_streets, street
+from support.roads import network_of_streets, street
 
 from plannerforge.engine.generation.planning_problem import follows_smooth_lanes
 from plannerforge.engine.geometry.polyline import Points, headings

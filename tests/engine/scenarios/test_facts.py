@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import Problem, ScenarioBuilder, Vehicle, driving, town_road
+from support.builders import Problem, ScenarioBuilder, Vehicle, driving, town_road
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.facts import parse_benchmark_id, read_facts

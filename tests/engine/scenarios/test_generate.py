@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from generation_support import make, request_for
+from support.generation import make, request_for
 
 from plannerforge.engine.commonroad.reader import read_scenario, schema_errors
 from plannerforge.engine.commonroad.tracks import recorded_tracks

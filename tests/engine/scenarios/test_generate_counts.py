@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from generation_support import make
+from support.generation import make
 
 from plannerforge.engine.generation import traffic as generate_traffic
 from plannerforge.engine.generation.generator import density_notes

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from road_lanelets import network_of_streets, street
+from support.roads import network_of_streets, street
 
 from plannerforge.engine.generation.planning_problem import parse_goal, passage
 from plannerforge.engine.network.road_network import RoadNetwork

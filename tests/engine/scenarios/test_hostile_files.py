@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from builders import town_road
+from support.builders import town_road
 
 from plannerforge.engine.commonroad.reader import read_recorded, read_scenario, scan_root
 from plannerforge.engine.execution.executor import silent

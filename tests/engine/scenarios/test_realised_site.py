@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_cases import Road, made
+from support.generation_bench import Road, made
 
 from plannerforge.engine.generation.sites import why_not_realised
 from plannerforge.engine.maps.sites import Site

@@ -7,9 +7,9 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, fromstring
 
 import pytest
-from builders import ScenarioBuilder, town_road
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.builders import ScenarioBuilder, town_road
 
 from plannerforge.engine.commonroad.reader import read_recorded, read_scenario
 from plannerforge.engine.commonroad.tracks import Track, last_recorded_step, recorded_tracks, take_plain_states

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from builders import Lane, Point, ScenarioBuilder, arc, line, town_road
+from support.builders import Lane, Point, ScenarioBuilder, arc, line, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.network.lanelet_graph import LaneletGraph

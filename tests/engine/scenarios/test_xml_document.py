@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from builders import town_road
+from support.builders import town_road
 
 from plannerforge.engine.commonroad.reader import XmlLimits, parse_document, scan_root
 from plannerforge.schemas.errors import UnsafeInput

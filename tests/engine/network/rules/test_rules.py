@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
-from road_builder import add_lanelet, good_road, write
-from road_defects import COMPANIONS, DEFECTS
+from support.road_defects import COMPANIONS, DEFECTS
+from support.roads import add_lanelet, good_road, write
 
 from plannerforge.engine.network.rules.check import all_rules, check_file
 

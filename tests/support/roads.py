@@ -1,14 +1,19 @@
-"""A good road network with one of everything, and the tools to break it.
+"""Road networks for tests: a good CommonRoad file with one of everything and the tools to break it, and streets.
 
 Three arms meet: 1 (with its left neighbour 2, and 3 oncoming beyond it) leads east into the junction, 4 goes
 straight on to 6, 5 turns right to 7. Lanelet 1 has a stop line, a light and a speed limit.
+The streets are lanelets of a generated network, for tests that need no net.
 """
 
 import math
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 from lxml import etree
+
+from plannerforge.engine.geometry.polyline import Points
+from plannerforge.engine.network.road_network import RoadLanelet, RoadNetwork
 
 Point = tuple[float, float]
 WIDTH_M = 3.5
@@ -139,3 +144,34 @@ def _intersection(root: etree._Element) -> None:
     etree.SubElement(incoming, "incomingLanelet", ref="1")
     etree.SubElement(incoming, "successorsRight", ref="5")
     etree.SubElement(incoming, "successorsStraight", ref="4")
+
+
+HALF_WIDTH_M = np.array([0.0, 1.75])
+
+
+def street(key: int, center: Points, successors: tuple[int, ...] = ()) -> RoadLanelet:
+    """A lanelet of a town that leads east about a centre line (n, 2), with nothing beside it."""
+    return RoadLanelet(
+        lanelet_id=key,
+        lane_id=f"e{key}_0",
+        edge_id=f"e{key}",
+        left=center + HALF_WIDTH_M,
+        right=center - HALF_WIDTH_M,
+        successors=successors,
+        predecessors=(),
+        left_neighbour=None,
+        left_same_direction=False,
+        right_neighbour=None,
+        right_same_direction=False,
+        internal=False,
+        types=("urban",),
+        users=("car",),
+        allowed=frozenset({"passenger"}),
+        speed_mps=13.9,
+        street="",
+    )
+
+
+def network_of_streets(*lanelets: RoadLanelet) -> RoadNetwork:
+    """A network of these alone: no signs, no lights, no intersections."""
+    return RoadNetwork({one.lanelet_id: one for one in lanelets}, (), (), (), ())

@@ -4,7 +4,8 @@ import math
 from collections.abc import Callable
 
 from lxml import etree
-from road_builder import add_lanelet, at, lanelet, redraw
+
+from support.roads import add_lanelet, at, lanelet, redraw
 
 Break = Callable[[etree._Element], None]
 

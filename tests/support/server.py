@@ -1,4 +1,4 @@
-"""A server process that tests speak to line by line, so that they can kill it at any moment."""
+"""Servers that tests speak to: a client session in memory, and a process that can be killed at any moment."""
 
 import json
 import os
@@ -6,8 +6,13 @@ import subprocess
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
+
+from mcp import Client
+
+from plannerforge.server.settings import Settings
 
 GUARD_S = 120.0
 """A server that does not answer for so long hangs: it is killed, and the test fails instead of hanging as well."""
@@ -66,3 +71,9 @@ class StdioServer:
         assert self.process.stdin is not None
         self.process.stdin.write(json.dumps(message) + "\n")
         self.process.stdin.flush()
+
+
+class Connect(Protocol):
+    """Opens a client session with a server."""
+
+    def __call__(self, settings: Settings | None = None) -> AbstractAsyncContextManager[Client]: ...
