@@ -33,7 +33,6 @@ from plannerforge.engine.planners.prediction import (
     predictor,
 )
 from plannerforge.engine.planners.reference_path import build_reference_path
-from plannerforge.engine.planners.simulation import initial_ego
 from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.schemas.errors import UnknownName
@@ -56,7 +55,7 @@ def bend(width_m: float = 3.5) -> LaneletNetwork:
 
 
 def planning_task(scenario: Any, problem: Any) -> PlanningTask:
-    network, ego = scenario.lanelet_network, initial_ego(problem.initial_state)
+    network, ego = scenario.lanelet_network, EgoState.of(problem.initial_state)
     route = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=120.0)
     reference = build_reference_path(network, route, ego.position, ego.speed_mps)
     road = build_road(network, reference)

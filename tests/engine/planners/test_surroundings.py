@@ -30,7 +30,6 @@ from plannerforge.engine.planners.interface import EgoState, Observation, Plan, 
 from plannerforge.engine.planners.lanes import build_road
 from plannerforge.engine.planners.prediction import constant_velocity, ground_truth, observe
 from plannerforge.engine.planners.reference_path import build_reference_path
-from plannerforge.engine.planners.simulation import initial_ego
 from plannerforge.engine.planners.traffic.recorded import RecordedTraffic, rectangle
 from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.vehicles.models import BMW_320I
@@ -48,7 +47,7 @@ def path_to(goal: Any, network: Any = None, lanelets: Any = None, speed: float =
 
 def task_on(scenario: Any, problem: Any) -> PlanningTask:
     network = scenario.lanelet_network
-    ego = initial_ego(problem.initial_state)
+    ego = EgoState.of(problem.initial_state)
     route = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=120.0)
     reference = build_reference_path(network, route, ego.position, ego.speed_mps)
     road = build_road(network, reference)
