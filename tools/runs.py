@@ -25,7 +25,7 @@ from .call import ToolCall
 # ---------- run_grid
 # Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored.
 
-RUN = "plannerforge.engine.planners.runs:run"
+RUN = "plannerforge.engine.planners.runs:run_planner"
 RUN_TIMEOUT_S = 120.0
 CLAIM_POLL_S = 0.1
 """How often a run that somebody else makes is looked at."""

@@ -15,7 +15,7 @@
 ``PLANNERS``: TODO.
 ``known_planner``: The name as registered, whatever its case.
 ``make_planner``: A new planner.
-``run``: Run a planner on one planning problem of a CommonRoad file.
+``run_planner``: Run a planner on one planning problem of a CommonRoad file.
 ``DrivenRun``: What a run has given so far.
 ``simulate``: Run a planner on a planning problem until the judge ends it.
 ``check_modes``: Refuse to tell a planner the future of vehicles that have none yet.
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from .registry import PLANNERS as PLANNERS
     from .registry import known_planner as known_planner
     from .registry import make_planner as make_planner
-    from .runs import run as run
+    from .runs import run_planner as run_planner
     from .simulation import DrivenRun as DrivenRun
     from .simulation import simulate as simulate
     from .traffic.modes import check_modes as check_modes

@@ -69,7 +69,7 @@ def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:
 # The operation that a worker performs for one planner run.
 
 
-def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
+def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     """Run a planner on one planning problem of a CommonRoad file.
 
     Raises:

@@ -18,7 +18,7 @@ from ...engine.commonroad import derived_benchmark_id
 from ...engine.cosimulation import not_drivable
 from ...engine.edits import apply_edits, reachable_lanelets
 from ...engine.execution import silent
-from ...engine.planners import run
+from ...engine.planners import run_planner
 from ...engine.scene import Scene
 from ...engine.tuning import named_configuration
 from ...schemas.errors import PlannerForgeError
@@ -127,7 +127,7 @@ def planner_run(path: Path) -> RunRecord:
         configuration=configuration,
         prediction="constant_velocity",
     )
-    return run(request, silent).record
+    return run_planner(request, silent).record
 
 
 def _risk(record: RunRecord | None) -> int | None:

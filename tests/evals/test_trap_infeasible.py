@@ -10,7 +10,7 @@ from support.planning import configuration
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners import simulation
 from plannerforge.engine.planners.frenetix.core import FrameKeeper, FrenetFrame
-from plannerforge.engine.planners.runs import run
+from plannerforge.engine.planners.runs import run_planner
 from plannerforge.evals.planners.__main__ import trapped
 from plannerforge.schemas.planning import RunRequest, RunResponse
 
@@ -26,7 +26,7 @@ def driven(scenario: ScenarioBuilder, folder: Path) -> RunResponse:
         configuration=configuration("frenetix:Default"),
         prediction="ground_truth",
     )
-    return run(request, silent)
+    return run_planner(request, silent)
 
 
 def outcome_and_trap(response: RunResponse) -> tuple[str, bool]:

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from plannerforge.engine.execution.executor import ProgressReporter
-from plannerforge.engine.planners.runs import run as real_run
+from plannerforge.engine.planners.runs import run_planner as real_run
 from plannerforge.schemas.planning import RunRequest, RunResponse
 
 

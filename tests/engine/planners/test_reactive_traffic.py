@@ -16,7 +16,7 @@ from support.planning import configuration
 from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.interface import EgoState
-from plannerforge.engine.planners.runs import run
+from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.planners.simulation import DrivenRun, simulate
 from plannerforge.engine.planners.traffic.modes import check_modes, open_traffic
 from plannerforge.engine.planners.traffic.reactive import Cast, has_room
@@ -30,10 +30,10 @@ from plannerforge.schemas.runs import Traffic
 FAR = Problem(start=(60.0, 0.0, 0.0, 10.0), goal=(190.0, 0.0, 8.0, 3.0), steps=(60, 70))
 DIGEST = """
 import hashlib, sys
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.planners.run import run
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.planners.runs import run_planner
 from plannerforge.schemas.planning import RunRequest
-response = run(RunRequest.model_validate_json(sys.stdin.read()), silent)
+response = run_planner(RunRequest.model_validate_json(sys.stdin.read()), silent)
 content = response.record.model_dump_json() + response.steps.model_dump_json()
 print(hashlib.sha256(content.encode()).hexdigest())
 """
@@ -175,13 +175,13 @@ def test_a_parked_car_is_seen_by_those_who_drive(tmp_path: Path) -> None:
 
 def test_pedestrians_follow_their_recording_and_are_named(tmp_path: Path) -> None:
     walker = driving(60, (100.0, -5.0), 1.0, 80, heading_rad=math.pi / 2, kind="pedestrian", size_m=(0.6, 0.6))
-    response = run(request(road(walker, driving(32, (20.0, 0.0), 10.0, 80)), tmp_path), silent)
+    response = run_planner(request(road(walker, driving(32, (20.0, 0.0), 10.0, 80)), tmp_path), silent)
     assert response.record.on_recording == (60,)
     assert [other.obstacle_id for other in response.steps.others] == [32]
 
 
 def test_a_scenario_without_vehicles_runs(tmp_path: Path) -> None:
-    response = run(request(road(), tmp_path), silent)
+    response = run_planner(request(road(), tmp_path), silent)
     assert response.record.outcome == "goal_reached"
     assert response.steps.others == ()
 
@@ -190,17 +190,17 @@ def test_ground_truth_of_reactive_traffic_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidRequest, match="constant_velocity"):
         check_modes("reactive", "ground_truth")
     with pytest.raises(InvalidRequest):
-        run(request(road(), tmp_path).model_copy(update={"prediction": "ground_truth"}), silent)
+        run_planner(request(road(), tmp_path).model_copy(update={"prediction": "ground_truth"}), silent)
 
 
 def test_recorded_runs_keep_no_others(tmp_path: Path) -> None:
-    response = run(request(road(driving(32, (20.0, 0.0), 5.0, 80)), tmp_path, "recorded"), silent)
+    response = run_planner(request(road(driving(32, (20.0, 0.0), 5.0, 80)), tmp_path, "recorded"), silent)
     assert response.steps.others == ()
     assert response.record.on_recording == ()
 
 
 def test_the_metrics_are_those_of_what_the_others_did(tmp_path: Path) -> None:
-    response = run(request(road(driving(32, (35.0, 0.0), 14.0, 100)), tmp_path), silent)
+    response = run_planner(request(road(driving(32, (35.0, 0.0), 14.0, 100)), tmp_path), silent)
     assert response.record.metrics is not None
     assert response.record.metrics.minimum_distance_m is not None
     steps, other = response.steps, response.steps.others[0]
@@ -210,7 +210,7 @@ def test_the_metrics_are_those_of_what_the_others_did(tmp_path: Path) -> None:
 
 def test_a_reactive_run_is_the_same_twice_and_in_another_process(tmp_path: Path) -> None:
     asked = request(town_road().cut(60), tmp_path)
-    response = run(asked, silent)
+    response = run_planner(asked, silent)
     content = response.record.model_dump_json() + response.steps.model_dump_json()
     digests = {hashlib.sha256(content.encode()).hexdigest()}
     done = subprocess.run(
@@ -222,7 +222,7 @@ def test_a_reactive_run_is_the_same_twice_and_in_another_process(tmp_path: Path)
         check=True,
     )
     assert digests == {done.stdout.strip().splitlines()[-1]}
-    again = run(asked, silent)
+    again = run_planner(asked, silent)
     assert again.record.model_dump_json() + again.steps.model_dump_json() == content
 
 

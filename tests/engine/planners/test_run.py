@@ -15,16 +15,16 @@ from support.builders import town_road as whole_town_road
 from support.planning import configuration
 
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.planners.runs import run
+from plannerforge.engine.planners.runs import run_planner
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.planning import RunRequest, RunResponse
 
 DIGEST = """
 import hashlib, sys
-from plannerforge.engine.execution.progress import silent
-from plannerforge.engine.planners.run import run
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.planners.runs import run_planner
 from plannerforge.schemas.planning import RunRequest
-response = run(RunRequest.model_validate_json(sys.stdin.read()), silent)
+response = run_planner(RunRequest.model_validate_json(sys.stdin.read()), silent)
 content = response.record.model_dump_json() + response.steps.model_dump_json()
 print(hashlib.sha256(content.encode()).hexdigest())
 """
@@ -50,7 +50,7 @@ def request(builder: ScenarioBuilder, folder: Path, problem_id: int | None = Non
 
 
 def carried_out(builder: ScenarioBuilder, folder: Path, problem_id: int | None = None) -> RunResponse:
-    return run(request(builder, folder, problem_id), silent)
+    return run_planner(request(builder, folder, problem_id), silent)
 
 
 @pytest.mark.parametrize("version", ["2018b", "2020a"])
@@ -133,14 +133,14 @@ def test_an_invalid_problem_has_no_metrics(tmp_path: Path) -> None:
 
 def test_progress_never_falls_and_ends_at_one(tmp_path: Path) -> None:
     shares: list[float] = []
-    run(request(town_road().with_vehicles(), tmp_path), lambda share, message="": shares.append(share))
+    run_planner(request(town_road().with_vehicles(), tmp_path), lambda share, message="": shares.append(share))
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
 
 def test_other_processes_and_hash_seeds_give_the_same_bytes(tmp_path: Path) -> None:
     asked = request(town_road(), tmp_path, name="frenetix:Balanced")
-    here = run(asked, silent)
+    here = run_planner(asked, silent)
     content = here.record.model_dump_json() + here.steps.model_dump_json()
     elsewhere = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", DIGEST],

@@ -27,7 +27,7 @@ from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.frenetix import core as frenet_frame
 from plannerforge.engine.planners.frenetix import planner as frenetix
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
-from plannerforge.engine.planners.runs import run, run_steps
+from plannerforge.engine.planners.runs import run_planner, run_steps
 from plannerforge.engine.planners.simulation import simulate
 from plannerforge.engine.planners.solution import solution_xml, steering_angles, write_solution
 from plannerforge.engine.tuning.configurations import changed_configuration
@@ -52,7 +52,7 @@ def driven(
         configuration=config,
         prediction="ground_truth",
     )
-    response = run(request, silent)
+    response = run_planner(request, silent)
     steps = folder / "steps.json"
     steps.write_text(response.steps.model_dump_json())
     target = folder / "run_0.solution.xml"

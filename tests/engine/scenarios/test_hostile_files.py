@@ -103,7 +103,7 @@ LARGE: dict[str, tuple[Callable[[Path], None], str]] = {
 READS_A_FOLDER = """
 import re, sys
 from pathlib import Path
-from plannerforge.engine.execution.progress import silent
+from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.facts import read_facts
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.scenarios import ReadFactsRequest
