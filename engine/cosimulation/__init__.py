@@ -1,15 +1,15 @@
 """SUMO drives some vehicles of a recorded scenario among others that replay their recording.
 
 ``Hint``: SUMO edge and lane index where a recorded pose lies.
-``Participant``: A road user of the re-simulation.
-``driven_participant``: A road user that SUMO drives by a plan.
-``participants``: All road users near a lane, by ascending id.
-``replayed_participant``: A road user that moves by its track and that the driven ones see.
-``walker_of``: The id of the walker for whom a standing track stands.
+``Actor``: A road user of the re-simulation.
+``driven_actor``: A road user that SUMO drives by a plan.
+``all_actors``: All road users near a lane, by ascending id.
+``replayed_actor``: A road user that moves by its track and that the driven ones see.
+``pedestrian_of``: The id of the walker for whom a standing track stands.
 ``HARDEST_BRAKING_MPS2``: TODO.
 ``HARDEST_LATERAL_MPS2``: What tyres hold on a dry road.
-``check_bends``: Refuse a way with a bend that the vehicle comes to too fast, even if it brakes as hard as it can.
-``first_bend_too_tight``: What is wrong with the first bend of a way that somebody at a position (2,) cannot brake
+``check_curves``: Refuse a way with a bend that the vehicle comes to too fast, even if it brakes as hard as it can.
+``first_curve_too_tight``: What is wrong with the first bend of a way that somebody at a position (2,) cannot brake
     enough for.
 ``highest_entry_speed``: Speed in m/s from which a driver at an arc length of a way's first lanelet brakes with ease
     for all bends ahead.
@@ -21,16 +21,16 @@
 ``usual_behaviour``: An ordinary driver of a class.
 ``values_set``: Single parameters as given, relative ones with the value that acts, or the smallest and largest of
     several.
-``TouchedTrack``: The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its
+``TakenOverTrack``: The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its
     dimensions.
-``touched_track``: Smooth a driven track and join it to its recorded start without a jump.
+``taken_over_track``: Smooth a driven track and join it to its recorded start without a jump.
 ``Halt``: An order from a step on until another one.
 ``LANE_CHANGE_S``: TODO.
 ``Manoeuvre``: An order from a step on.
 ``DrivePlan``: A vehicle that SUMO drives from ``from_step`` on.
 ``PROGRESS_ACROSS``: The share of the way after which it is across.
 ``Replay``: A road user that moves by a given track and not by SUMO.
-``SteeringOver``: A change of lane inside a junction.
+``JunctionLaneChange``: A change of lane inside a junction.
 ``class_of``: The class that stands for a CommonRoad obstacle type.
 ``drivable_ids``: Recorded vehicles that SUMO can drive, ascending.
 ``not_drivable``: Why a recorded vehicle cannot be driven by SUMO.
@@ -54,16 +54,16 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .actors import Actor as Actor
     from .actors import Hint as Hint
-    from .actors import Participant as Participant
-    from .actors import driven_participant as driven_participant
-    from .actors import participants as participants
-    from .actors import replayed_participant as replayed_participant
-    from .actors import walker_of as walker_of
+    from .actors import all_actors as all_actors
+    from .actors import driven_actor as driven_actor
+    from .actors import pedestrian_of as pedestrian_of
+    from .actors import replayed_actor as replayed_actor
     from .controllers import HARDEST_BRAKING_MPS2 as HARDEST_BRAKING_MPS2
     from .controllers import HARDEST_LATERAL_MPS2 as HARDEST_LATERAL_MPS2
-    from .controllers import check_bends as check_bends
-    from .controllers import first_bend_too_tight as first_bend_too_tight
+    from .controllers import check_curves as check_curves
+    from .controllers import first_curve_too_tight as first_curve_too_tight
     from .controllers import highest_entry_speed as highest_entry_speed
     from .driver import Behaviour as Behaviour
     from .driver import behaviour_from as behaviour_from
@@ -72,15 +72,15 @@ if TYPE_CHECKING:
     from .driver import presets as presets
     from .driver import usual_behaviour as usual_behaviour
     from .driver import values_set as values_set
-    from .handover import TouchedTrack as TouchedTrack
-    from .handover import touched_track as touched_track
+    from .handover import TakenOverTrack as TakenOverTrack
+    from .handover import taken_over_track as taken_over_track
     from .manoeuvres import LANE_CHANGE_S as LANE_CHANGE_S
     from .manoeuvres import Halt as Halt
     from .manoeuvres import Manoeuvre as Manoeuvre
     from .plans import PROGRESS_ACROSS as PROGRESS_ACROSS
     from .plans import DrivePlan as DrivePlan
+    from .plans import JunctionLaneChange as JunctionLaneChange
     from .plans import Replay as Replay
-    from .plans import SteeringOver as SteeringOver
     from .plans import class_of as class_of
     from .plans import drivable_ids as drivable_ids
     from .plans import not_drivable as not_drivable

@@ -41,7 +41,7 @@ def _walker_shadows(scene: Scene, walker: Track) -> tuple[tuple[Track, int], ...
     )
 
 
-def walker_of(shadow_id: int) -> int:
+def pedestrian_of(shadow_id: int) -> int:
     """The id of the walker for whom a standing track stands."""
     return -shadow_id // SHADOWS_PER_WALKER
 
@@ -62,7 +62,7 @@ def _shadow(scene: Scene, walker: Track, lanelet_id: int, span: tuple[int, int],
     )
 
 
-# ---------- participants
+# ---------- all_actors
 # Everybody in a hybrid re-simulation: who is replayed, who is driven, and from when on.
 
 EMERGENCY_DECELERATION_MPS2 = 8.0
@@ -75,7 +75,7 @@ Hint = tuple[str, int]
 
 
 @dataclass(frozen=True)
-class Participant:
+class Actor:
     """A road user of the re-simulation.
 
     ``drive_from``: the step whose pose is still the recorded one and after which SUMO drives; None: replayed to the
@@ -145,9 +145,9 @@ class Participant:
         return f"<vType {' '.join(f'{name}={quoteattr(str(value))}' for name, value in attributes.items())}/>"
 
 
-def participants(
+def all_actors(
     scene: Scene, plans: Mapping[int, DrivePlan], removed: Collection[int] = (), replays: Iterable[Replay] = ()
-) -> tuple[Participant, ...]:
+) -> tuple[Actor, ...]:
     """All road users near a lane, by ascending id.
 
     Args:
@@ -156,32 +156,32 @@ def participants(
         removed: ids of those that are left out.
         replays: tracks that are given; of them, pedestrians that were added are shown to SUMO's drivers.
     """
-    found = [driven_participant(scene, plan) for plan in plans.values()]
+    found = [driven_actor(scene, plan) for plan in plans.values()]
     for key, track in (scene.tracks | scene.standing).items():
         if key not in plans and key not in removed and key in scene.matches:
-            found.append(replayed_participant(scene, track, scene.matches[key]))
+            found.append(replayed_actor(scene, track, scene.matches[key]))
     found += [
-        replayed_participant(scene, region.track, region.match)
+        replayed_actor(scene, region.track, region.match)
         for region in scene.regions
         if region.obstacle_id not in removed and region.match is not None
     ]
     for replay in replays:
         if replay.recording is None:
             shadows = _walker_shadows(scene, replay.track)
-            found += [replayed_participant(scene, shadow, LaneMatch((0,), (key,))) for shadow, key in shadows]
+            found += [replayed_actor(scene, shadow, LaneMatch((0,), (key,))) for shadow, key in shadows]
     return tuple(sorted(found, key=lambda one: one.track.obstacle_id))
 
 
-def driven_participant(scene: Scene, plan: DrivePlan) -> Participant:
+def driven_actor(scene: Scene, plan: DrivePlan) -> Actor:
     """A road user that SUMO drives by a plan."""
     match = scene.matches.get(plan.start.obstacle_id)
     if plan.cause == "added" or match is None or plan.lanelets[0] != match.lanelets[0]:
         match = LaneMatch((0,), plan.lanelets[:1])
-    if plan.steering_over is not None:
-        match = LaneMatch((0,), (plan.steering_over.lanelet_id,))
+    if plan.junction_lane_change is not None:
+        match = LaneMatch((0,), (plan.junction_lane_change.lanelet_id,))
     lane_of, aims = scene.layout.lane_of, _aims(scene, plan)
     target = next((lane_of[key] for key in reversed(plan.lanelets) if key in aims and key in lane_of), None)
-    return Participant(
+    return Actor(
         track=placed_over(scene, plan),
         edges=plan.edges,
         hints=_hints(scene, plan.start, match, plan.edges),
@@ -224,12 +224,12 @@ def _lanes_to(scene: Scene, plan: DrivePlan, aims: frozenset[int], target: Hint 
     return frozenset(found)
 
 
-def replayed_participant(scene: Scene, track: Track, match: LaneMatch) -> Participant:
+def replayed_actor(scene: Scene, track: Track, match: LaneMatch) -> Actor:
     """A road user that moves by its track and that the driven ones see."""
     route = scene.edge_graph.route(match.sequence) or scene.edge_graph.route(match.sequence[:1])
     edges = route or next(iter(scene.layout.edges.items()))[:1]
     vehicle_class = class_of(track.kind)
-    return Participant(
+    return Actor(
         track=track,
         edges=edges,
         hints=_hints(scene, track, match, edges),

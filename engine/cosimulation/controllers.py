@@ -9,7 +9,7 @@ import numpy as np
 from ...schemas.errors import NotPossible
 from ..geometry import Points, Values, arc_length, curvatures, interpolate, project
 from ..scene import Scene
-from .actors import Participant
+from .actors import Actor
 from .manoeuvres import LANE_CHANGE_S
 from .plans import DrivePlan
 
@@ -27,7 +27,7 @@ PIECE_M = 20.0
 """The bend of a lanelet counts from the beginning of the piece on where it is: a long one may bend at its far end."""
 
 
-def check_bends(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who: str) -> None:
+def check_curves(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who: str) -> None:
     """Refuse a way with a bend that the vehicle comes to too fast, even if it brakes as hard as it can.
 
     Lanelets of the recorded way are left out: the vehicle was recorded in their bends.
@@ -38,7 +38,7 @@ def check_bends(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who: str) -
     index = plan.from_step - plan.start.first_step
     recorded = scene.matches.get(plan.start.obstacle_id)
     known = set(recorded.sequence) if recorded is not None and plan.cause != "added" else set()
-    found = first_bend_too_tight(scene, way, plan.start.positions[index], float(plan.start.speeds_mps[index]), known)
+    found = first_curve_too_tight(scene, way, plan.start.positions[index], float(plan.start.speeds_mps[index]), known)
     if found is not None:
         raise NotPossible(
             f"{who} {found}",
@@ -46,7 +46,7 @@ def check_bends(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who: str) -
         )
 
 
-def first_bend_too_tight(
+def first_curve_too_tight(
     scene: Scene, way: tuple[int, ...], position: Points, speed_mps: float, known: Collection[int] = ()
 ) -> str | None:
     """What is wrong with the first bend of a way that somebody at a position (2,) cannot brake enough for; else None.
@@ -159,7 +159,7 @@ class EarlyBraking:
         self._sumo, self._vehicle, self._lane = sumo, sumo.vehicle, sumo.lane
         self._done: set[str] = set()
 
-    def highest_speed(self, one: Participant, lane_id: str) -> float | None:
+    def highest_speed(self, one: Actor, lane_id: str) -> float | None:
         """The speed in m/s to brake to in the next step; None for a driver whom the own deceleration suffices."""
         if one.key in self._done or not one.is_sent or not lane_id:
             return None
@@ -199,7 +199,7 @@ class LongBends:
     def __init__(self, sumo: Any) -> None:
         self._sumo, self._vehicle, self._lane = sumo, sumo.vehicle, sumo.lane
 
-    def highest_speed(self, one: Participant, lane_id: str) -> float | None:
+    def highest_speed(self, one: Actor, lane_id: str) -> float | None:
         """The speed in m/s to brake to in the next step; None while a vehicle may drive as it likes.
 
         It brakes with the driver's own deceleration, and harder only where that comes too late.
@@ -214,7 +214,7 @@ class LongBends:
         away_m, allowed_mps = (np.concatenate(column) for column in zip(*ahead, strict=True))
         return next_speed_mps(speed, usual, step_s, away_m, away_m, allowed_mps)
 
-    def _places_ahead(self, one: Participant, lane_id: str, reach_m: float) -> Iterator[tuple[Values, Values]]:
+    def _places_ahead(self, one: Actor, lane_id: str, reach_m: float) -> Iterator[tuple[Values, Values]]:
         """Distances in m to the bends within reach on the route, and the speeds for them, lane by lane.
 
         A driver who is faster than others is so in bends too, as far as tyres hold.
@@ -232,7 +232,7 @@ class LongBends:
                     yield away_m[near], np.minimum(places.speeds_mps * factor, places.hardest_mps)[near]
             begin_m += float(self._lane.getLength(lane))
 
-    def _lanes_ahead(self, one: Participant, lane_id: str) -> Iterator[str]:
+    def _lanes_ahead(self, one: Actor, lane_id: str) -> Iterator[str]:
         """The lane of a vehicle and those that follow it as SUMO sees them, ways through junctions included."""
         yield lane_id
         for link in self._vehicle.getNextLinks(one.key):
@@ -268,7 +268,7 @@ class Waiting:
         self._there: set[str] = set()
         self._first_lane: dict[str, str] = {}
 
-    def highest_speed(self, one: Participant, lane_id: str) -> float | None:
+    def highest_speed(self, one: Actor, lane_id: str) -> float | None:
         """The speed in m/s to brake to in the next step; None while a vehicle may drive as it likes.
 
         It looks for a gap until it has to brake with the driver's own deceleration, and stands where there is still
@@ -304,7 +304,7 @@ class Waiting:
         beside_m = abs(float(self._vehicle.getLateralLanePosition(key)))
         return (comes_over and beside_m > STEERING_OVER_M) or bool(self._vehicle.couldChangeLane(key, direction))
 
-    def _braked(self, one: Participant, left_m: float, changes: int, *, goes_on: bool) -> float | None:
+    def _braked(self, one: Actor, left_m: float, changes: int, *, goes_on: bool) -> float | None:
         """The next speed of a vehicle that has some way left for its changes of lane; if it goes on, one begins now."""
         speed, step_s = float(self._vehicle.getSpeed(one.key)), float(self._sumo.simulation.getDeltaT())
         usual, wait_m = one.behaviour.values["decel"], left_m - changes * TO_STEER_OVER_M
@@ -315,7 +315,7 @@ class Waiting:
             return next_speed_mps(speed, usual, step_s, wait_m, over_m, STEERING_OVER_MPS)
         return next_speed_mps(speed, usual, step_s, over_m, left_m)
 
-    def _tell(self, one: Participant, target: tuple[str, int], lane_id: str) -> None:
+    def _tell(self, one: Actor, target: tuple[str, int], lane_id: str) -> None:
         """Have SUMO look for gaps into the target's lane from far on, by a stop there that is passed.
 
         The speed limit of a stop's lane holds on the whole way there, so that a much slower one has its stop only when
@@ -339,7 +339,7 @@ class Waiting:
         self._vehicle.setStopParameter(one.key, 0, "speed", PASSING_MPS)
 
 
-def _nearest_lane(one: Participant, edge: str, index: int) -> int:
+def _nearest_lane(one: Actor, edge: str, index: int) -> int:
     """The nearest lane of an edge that leads to the target; the one named where none does."""
     found = [int(key.rpartition("_")[2]) for key in one.lanes_to_target if key.rpartition("_")[0] == edge]
     return min(found, key=lambda other: (abs(other - index), other), default=index)
@@ -357,7 +357,7 @@ class Halting:
         self._steps: dict[str, int] = {}
         self._rolled_m: dict[str, float] = {}
 
-    def highest_speed(self, one: Participant, lane_id: str) -> float | None:  # noqa: ARG002 - halts are on any lane
+    def highest_speed(self, one: Actor, lane_id: str) -> float | None:  # noqa: ARG002 - halts are on any lane
         """The speed in m/s to brake to in the next step; None while a vehicle may drive as it likes."""
         if not one.halts or one.drive_from is None:
             return None

@@ -24,7 +24,7 @@ STANDING_MPS = 0.02
 
 
 @dataclass(frozen=True)
-class TouchedTrack:
+class TakenOverTrack:
     """The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its dimensions.
 
     ``in_the_way``: who kept it from changing lanes, as in ``DrivenTrack``.
@@ -62,9 +62,9 @@ class TouchedTrack:
         )
 
 
-def touched_track(
+def taken_over_track(
     start: Track, driven: DrivenTrack, step_s: float, last_step: int, over_m: float | None = None
-) -> TouchedTrack | None:
+) -> TakenOverTrack | None:
     """Smooth a driven track and join it to its recorded start without a jump.
 
     A vehicle that leaves the network at once rolls straight on for a few steps, because the road does not end where
@@ -89,7 +89,7 @@ def touched_track(
     first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
     chassis = nearest_class(start.kind, start.length_m)
     smooth = drivable_motion(front, first_heading, start.length_m, step_s, rear_axle_m=chassis.rear_axle_m)
-    return TouchedTrack(
+    return TakenOverTrack(
         vehicle_id=start.obstacle_id,
         first_step=driven.first_step,
         motion=_joined(smooth, len(history), start, index, step_s, chassis.rear_axle_m),

@@ -34,12 +34,12 @@ class _LaneGaps:
         for mode, sign in ((FOLLOWERS, 1.0), (LEADERS, -1.0)):
             for other, gap_m in self._vehicle.getNeighbors(key, mode + side):
                 closing_mps = sign * (float(self._vehicle.getSpeed(other)) - speed_mps)
-                if gap_m < least_gap_m(closing_mps):
+                if gap_m < required_gap_m(closing_mps):
                     found.append(str(other))
         return tuple(found)
 
 
-def least_gap_m(closing_mps: float) -> float:
+def required_gap_m(closing_mps: float) -> float:
     """The gap in m, beyond that kept when standing, that a driver needs who comes closer at a speed in m/s."""
     closing = max(closing_mps, 0.0)
     return closing * (INTO_LANE_S + REACTION_S) + closing**2 / (2 * HARD_BRAKING_MPS2)

@@ -18,7 +18,7 @@ Cause = Literal["edited", "added", "handed_over"]
 
 
 @dataclass(frozen=True)
-class SteeringOver:
+class JunctionLaneChange:
     """A change of lane inside a junction: SUMO drives on ``lanelet_id`` at once, the motion gets there as it rolls.
 
     ``within_m``: along the lane, from the hand-over on.
@@ -35,8 +35,8 @@ class DrivePlan:
     ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: the way it is meant to
     drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
     ``through``: lanelets on the way that it has to use; ``manoeuvres``: what it is told, in the order of their steps;
-    ``steering_over``: how it changes lanes where it is handed over inside a junction (None: it does not); ``halts``:
-    where it waits for others.
+    ``junction_lane_change``: how it changes lanes where it is handed over inside a junction (None: it does not);
+    ``halts``: where it waits for others.
     """
 
     start: Track
@@ -49,7 +49,7 @@ class DrivePlan:
     vehicle_class: VehicleClass
     manoeuvres: tuple[Manoeuvre, ...] = ()
     through: frozenset[int] = frozenset()
-    steering_over: SteeringOver | None = None
+    junction_lane_change: JunctionLaneChange | None = None
     halts: tuple[Halt, ...] = ()
 
 
@@ -115,7 +115,7 @@ def class_of(kind: str) -> VehicleClass:
     return next((one for one in classes.values() if one.commonroad_type == kind), classes["car"])
 
 
-# ---------- steering_over
+# ---------- junction_lane_change
 # The motion of a vehicle that changes lanes inside a junction from the hand-over on.
 #
 # SUMO's vehicles keep their lanes inside junctions. Such a vehicle is driven on the lanelet beside from its first step
@@ -131,9 +131,12 @@ MOVED_M = 1e-3
 def placed_over(scene: Scene, plan: DrivePlan) -> Track:
     """The track that SUMO is shown: at the hand-over the vehicle is on the lanelet that it steers over to."""
     start = plan.start
-    if plan.steering_over is None:
+    if plan.junction_lane_change is None:
         return start
-    index, center = plan.from_step - start.first_step, scene.layout.table.lanes[plan.steering_over.lanelet_id].center
+    index, center = (
+        plan.from_step - start.first_step,
+        scene.layout.table.lanes[plan.junction_lane_change.lanelet_id].center,
+    )
     positions, headings = start.positions.copy(), start.headings_rad.copy()
     positions[index], headings[index] = point_at(center, project(center, positions[index])[0])
     return replace(start, positions=positions, headings_rad=headings)

@@ -14,7 +14,7 @@ import numpy as np
 from ...schemas.errors import WorkerFailure
 from ..commonroad import Track
 from ..geometry import Points
-from .actors import Participant
+from .actors import Actor
 from .controllers import EarlyBraking, Halting, LongBends, Waiting
 from .manoeuvres import DRIVEN_LANE_CHANGES, DRIVEN_SPEED_MODE, LANE_CHANGE_S, Manoeuvring
 from .session import SimulationSetup, sumo_running
@@ -58,7 +58,7 @@ def front_of(track: Track, index: int) -> Points:
     return front
 
 
-def resimulate(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> dict[int, DrivenTrack]:
+def resimulate(setup: SimulationSetup, everybody: tuple[Actor, ...]) -> dict[int, DrivenTrack]:
     """Run as long as anybody is driven; the driven vehicles' tracks by id.
 
     Where a recorded pose lies or points off its lane, SUMO may take it for the road beside, and the vehicle would
@@ -76,7 +76,7 @@ def resimulate(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> di
     return tracks
 
 
-def replayed_states(setup: SimulationSetup, everybody: tuple[Participant, ...]) -> dict[tuple[str, int], ShownState]:
+def replayed_states(setup: SimulationSetup, everybody: tuple[Actor, ...]) -> dict[tuple[str, int], ShownState]:
     """What SUMO shows of everybody after every step, by SUMO's id and step; who is not there has no entry.
 
     Raises:
@@ -96,7 +96,7 @@ def replayed_states(setup: SimulationSetup, everybody: tuple[Participant, ...]) 
 
 
 def _run(
-    setup: SimulationSetup, everybody: tuple[Participant, ...], *, until_astray: bool = False
+    setup: SimulationSetup, everybody: tuple[Actor, ...], *, until_astray: bool = False
 ) -> tuple[dict[int, DrivenTrack], frozenset[str]]:
     """One simulation: the tracks, and the vehicles that were on another route when they were handed over.
 
@@ -119,7 +119,7 @@ def _run(
 class _Run:
     """The state of one simulation: who is there, and what was seen of the driven ones."""
 
-    def __init__(self, sumo: Any, everybody: tuple[Participant, ...]) -> None:
+    def __init__(self, sumo: Any, everybody: tuple[Actor, ...]) -> None:
         self.sumo, self.everybody = sumo, everybody
         self.manoeuvring = Manoeuvring(sumo)
         self.judges = (Waiting(sumo), EarlyBraking(sumo), LongBends(sumo), Halting(sumo))
@@ -176,27 +176,27 @@ class _Run:
             found[key] = DrivenTrack(rows[0][0], front, tuple(lane for *_, lane in rows), leaves, blocking)
         return found
 
-    def _insert(self, one: Participant) -> None:
+    def _insert(self, one: Actor) -> None:
         self.sumo.route.add(f"r{one.key}", one.edges)
         self.sumo.vehicle.add(one.key, f"r{one.key}", f"t{one.key}", depart="now", departLane="0", departPos="0")
         self.present.add(one.key)
 
-    def _place(self, one: Participant, index: int) -> None:
+    def _place(self, one: Actor, index: int) -> None:
         edge, lane = one.hint_at(index)
         x, y, angle = one.poses[index]
         keep = KEEP_ROUTE if one.keep_to_route else KEEP_POSE
         self.sumo.vehicle.moveToXY(one.key, edge, lane, x, y, angle, keep, MATCH_REACH_M)
 
-    def _remove(self, one: Participant) -> None:
+    def _remove(self, one: Actor) -> None:
         self.present.discard(one.key)
         if one.key in self.sumo.vehicle.getIDList():
             self.sumo.vehicle.remove(one.key)
 
-    def _hold(self, one: Participant) -> None:
+    def _hold(self, one: Actor) -> None:
         self.sumo.vehicle.setSpeedMode(one.key, REPLAYED_SPEED_MODE)
         self.sumo.vehicle.setLaneChangeMode(one.key, REPLAYED_LANE_CHANGES)
 
-    def _drive(self, one: Participant, step: int) -> None:
+    def _drive(self, one: Actor, step: int) -> None:
         vehicle = self.sumo.vehicle
         if step == one.drive_from:
             vehicle.setSpeed(one.key, -1)
@@ -217,5 +217,5 @@ class _Run:
         self.seen.setdefault(one.track.obstacle_id, []).append((step, x, y, lane_id))
 
 
-def _drives(one: Participant, step: int) -> bool:
+def _drives(one: Actor, step: int) -> bool:
     return one.drive_from is not None and step > one.drive_from

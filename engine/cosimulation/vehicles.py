@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..geometry import Points
-from .actors import Hint, Participant
+from .actors import Actor, Hint
 from .manoeuvres import DRIVEN_LANE_CHANGES, DRIVEN_SPEED_MODE
 from .replay import KEEP_POSE, KEEP_ROUTE, MATCH_REACH_M, REPLAYED_LANE_CHANGES, REPLAYED_SPEED_MODE
 
@@ -46,7 +46,7 @@ class SumoVehicles:
         if key in self._sumo.vehicle.getIDList():
             self._sumo.vehicle.remove(key)
 
-    def place_recorded(self, one: Participant, index: int) -> None:
+    def place_recorded(self, one: Actor, index: int) -> None:
         """Put a vehicle at a pose of its recording, where the next step ends."""
         track = one.track
         heading, keep = float(track.headings_rad[index]), KEEP_ROUTE if one.keep_to_route else KEEP_POSE
@@ -89,11 +89,11 @@ class SumoVehicles:
         vehicle.setSpeedMode(key, DRIVEN_SPEED_MODE)
         vehicle.setLaneChangeMode(key, DRIVEN_LANE_CHANGES)
 
-    def is_astray(self, one: Participant) -> bool:
+    def is_astray(self, one: Actor) -> bool:
         """Whether SUMO took a placed vehicle for one on another road than its route."""
         return bool(self._sumo.vehicle.getRoute(one.key)[-1] != one.edges[-1])
 
-    def state(self, one: Participant) -> tuple[float, float, float, float]:
+    def state(self, one: Actor) -> tuple[float, float, float, float]:
         """Centre x and y in m, heading in rad and speed in m/s."""
         vehicle = self._sumo.vehicle
         x, y = vehicle.getPosition(one.key)

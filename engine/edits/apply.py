@@ -15,7 +15,7 @@ from ..execution import ProgressReporter
 from ..scene import Scene, is_own_recording
 from ..vehicles import check_drivability
 from .changes import Changes, EditStep, altered
-from .ego_risk import Danger, EgoDrive, base_drive, danger_after, drive_after, ego_participant, left_out_notes
+from .ego_risk import Danger, EgoDrive, base_drive, danger_after, drive_after, ego_actor, left_out_notes
 from .entry_checks import check_departures, check_entries, check_shifted_entries, entering_onto, slower_entries
 from .explanations import check_not_driven_past, everybody_after
 from .operations import resolve_edits
@@ -129,7 +129,7 @@ class _EditRun:
         everybody = self.request.traffic == "reactive"
         if not changes.driven and not changes.replays and not everybody:
             return Resimulated({}, {}, (), ())
-        seen_ego = None if ego is None else ego_participant(scene, ego)
+        seen_ego = None if ego is None else ego_actor(scene, ego)
         shown = () if seen_ego is None else (seen_ego,)
         return resimulate_until_clear(scene, changes, self.setup, shown, everybody=everybody)
 

@@ -11,7 +11,7 @@ from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.grammar import parse_interval, parse_quantity
 from ...schemas.modification import Edit
 from ..commonroad import Track, center_of, size_of
-from ..cosimulation import DrivePlan, first_bend_too_tight, usual_behaviour
+from ..cosimulation import DrivePlan, first_curve_too_tight, usual_behaviour
 from ..geometry import point_at, project
 from ..network import station_m
 from ..scene import EGO_SIZE_M, Ego, Scene, stated_goal_lanelets
@@ -253,7 +253,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     _check_task(scene, ego, goal, task)
     what = f"goal on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {distance:.1f} m ahead of the ego, {task}"
     hurry = _pace_words(task, ego.speed_mps, scene.last_step * scene.step_s)
-    bend = first_bend_too_tight(scene, way, ego.position, ego.speed_mps)
+    bend = first_curve_too_tight(scene, way, ego.position, ego.speed_mps)
     warning = "" if bend is None else f"; the ego {bend}"
     return EditStep(replace(changes, goal=goal), (), what + hurry + warning)
 

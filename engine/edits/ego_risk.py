@@ -9,14 +9,14 @@ import numpy as np
 from ...schemas.modification import EgoDanger
 from ..commonroad import Track
 from ..cosimulation import (
+    Actor,
     DrivePlan,
-    Participant,
     SimulationSetup,
-    driven_participant,
-    participants,
-    replayed_participant,
+    all_actors,
+    driven_actor,
+    replayed_actor,
     resimulate,
-    touched_track,
+    taken_over_track,
     usual_behaviour,
 )
 from ..criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores, times_to_collision_s
@@ -235,17 +235,17 @@ def _ordinary_drive(
     plan = _plan(scene, ego, goals)
     if plan is None:
         return None
-    recorded = participants(scene, {}, changes.removed, changes.replays.values())
-    driven = resimulate(setup, (*recorded, driven_participant(scene, plan)))
+    recorded = all_actors(scene, {}, changes.removed, changes.replays.values())
+    driven = resimulate(setup, (*recorded, driven_actor(scene, plan)))
     seen = driven.get(plan.start.obstacle_id)
-    motion = None if seen is None else touched_track(plan.start, seen, scene.step_s, scene.last_step)
+    motion = None if seen is None else taken_over_track(plan.start, seen, scene.step_s, scene.last_step)
     return None if motion is None else motion.whole(plan.start)
 
 
-def ego_participant(scene: Scene, drive: Track) -> Participant | None:
+def ego_actor(scene: Scene, drive: Track) -> Actor | None:
     """The ego as a replayed road user of a re-simulation; None where it is off the lanes."""
     match = scene.matcher.match(drive)
-    return None if match is None else replayed_participant(scene, drive, match)
+    return None if match is None else replayed_actor(scene, drive, match)
 
 
 def _plan(scene: Scene, ego: Ego, goals: Collection[int]) -> DrivePlan | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...schemas.errors import NotPossible
 from ..commonroad import Track
-from ..cosimulation import LANE_CHANGE_S, DrivePlan, Manoeuvre, TouchedTrack, walker_of
+from ..cosimulation import LANE_CHANGE_S, DrivePlan, Manoeuvre, TakenOverTrack, pedestrian_of
 from ..geometry import Values, project
 from ..scene import NOT_DRIVEN, Scene
 from .changes import Changes, EditStep
@@ -97,17 +97,17 @@ ON_IT_M = 0.5
 """So much of a vehicle's front half is on a lanelet, or half of a shorter one's length: with less it is at its line."""
 
 
-def driven_lanelets(scene: Scene, track: TouchedTrack, plan: DrivePlan) -> tuple[int, ...]:
+def driven_lanelets(scene: Scene, track: TakenOverTrack, plan: DrivePlan) -> tuple[int, ...]:
     """Lanelets that the driven part gets onto, in order, as SUMO assigns its lanes."""
     first = plan.lanelets[:1] if track.first_step == plan.start.first_step else ()
     found = _lanelets_passed(scene, track.lanes, first)
-    over = plan.steering_over
+    over = plan.junction_lane_change
     if over is not None and over.lanelet_id in found:
         found = first + found[found.index(over.lanelet_id) :]
     return found[:1] + _gone_onto(scene, track, found[1:])
 
 
-def driven_since(scene: Scene, track: TouchedTrack, step: int) -> tuple[int, ...]:
+def driven_since(scene: Scene, track: TakenOverTrack, step: int) -> tuple[int, ...]:
     """Lanelets that a vehicle gets onto from a step on, in order."""
     begin = max(step - track.first_step, 0)
     return _gone_onto(scene, track, _lanelets_passed(scene, track.lanes[begin:]), begin)
@@ -123,7 +123,7 @@ def _lanelets_passed(scene: Scene, lanes: Iterable[str], first: Iterable[int] = 
     return tuple(found)
 
 
-def _gone_onto(scene: Scene, track: TouchedTrack, lanelets: tuple[int, ...], begin: int = 0) -> tuple[int, ...]:
+def _gone_onto(scene: Scene, track: TakenOverTrack, lanelets: tuple[int, ...], begin: int = 0) -> tuple[int, ...]:
     """The lanelets without those at the end that the vehicle, from an index of its motion on, does not get onto."""
     count = len(lanelets)
     while count and not _gets_onto(scene, track, lanelets[count - 1], begin):
@@ -131,7 +131,7 @@ def _gone_onto(scene: Scene, track: TouchedTrack, lanelets: tuple[int, ...], beg
     return lanelets[:count]
 
 
-def _gets_onto(scene: Scene, track: TouchedTrack, lanelet_id: int, begin: int) -> bool:
+def _gets_onto(scene: Scene, track: TakenOverTrack, lanelet_id: int, begin: int) -> bool:
     """Whether more of a vehicle's front half than its bumper is on a lanelet at any step."""
     area = scene.matcher.area(lanelet_id)
     least_m = min(ON_IT_M, scene.lanelet_graph.length_m[lanelet_id] / 2)
@@ -165,7 +165,7 @@ def everybody_after(scene: Scene, changes: Changes, result: Resimulated, ego: Tr
     return {track.obstacle_id: track for track in found}
 
 
-def leader(track: TouchedTrack, others: Mapping[int, Track], indices: Indices) -> int | None:
+def leader(track: TakenOverTrack, others: Mapping[int, Track], indices: Indices) -> int | None:
     """Behind whom a vehicle was for most of some steps (n,), which count from its first one; None for nobody."""
     found = []
     for key, other in others.items():
@@ -185,12 +185,12 @@ def _in_words(scene: Scene, key: int) -> str:
     if scene.ego is not None and key not in scene.tracks and abs(key) == scene.ego.problem_id:
         return "the ego"
     if key < 0:
-        return f"pedestrian {walker_of(key)}"
+        return f"pedestrian {pedestrian_of(key)}"
     is_walker = key in scene.tracks and scene.tracks[key].kind in NOT_DRIVEN
     return f"{'pedestrian' if is_walker else 'vehicle'} {key}"
 
 
-def _gaps_m(track: TouchedTrack, other: Track, indices: Indices, there: Indices) -> Values:
+def _gaps_m(track: TakenOverTrack, other: Track, indices: Indices, there: Indices) -> Values:
     """The room between two vehicles at some steps (n,); infinite where the other is not right ahead."""
     heading = track.motion.headings_rad[indices]
     x, y = (other.positions[there] - track.motion.positions[indices]).T
@@ -213,7 +213,7 @@ AT_LINE_M = 3.0
 RED = frozenset("ru")
 
 
-def delay(scene: Scene, track: TouchedTrack, others: Mapping[int, Track], driven: tuple[int, ...] = ()) -> str:
+def delay(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], driven: tuple[int, ...] = ()) -> str:
     """What held a vehicle up, as the end of a sentence: where it stood longest, slow lanelets, somebody ahead, or "".
 
     ``others``: everybody as the edits leave them. ``driven``: the lanelets that it gets onto; with its bumper over the
@@ -231,20 +231,20 @@ def delay(scene: Scene, track: TouchedTrack, others: Mapping[int, Track], driven
     return f", on lanelets that allow no more than {scene.driven_speeds_mps[slow]:.1f} m/s ({slow})"
 
 
-def _behind(scene: Scene, track: TouchedTrack, others: Mapping[int, Track], steps: Sequence[int]) -> str:
+def _behind(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], steps: Sequence[int]) -> str:
     """Behind whom a vehicle was for most of some steps, in words; "" for nobody."""
     ahead = leader(track, others, np.array(steps) - track.first_step)
     return "" if ahead is None else f" behind {_in_words(scene, ahead)}"
 
 
-def _standing(scene: Scene, track: TouchedTrack, steps: list[int], key: int) -> str:
+def _standing(scene: Scene, track: TakenOverTrack, steps: list[int], key: int) -> str:
     """How a vehicle stands on a lanelet at some steps, in words that end before the lanelet's name."""
     if sum(is_red(scene, key, step) for step in steps) > len(steps) / 2:
         return "at a red light on"
     return "waiting at the junction after" if _is_at_junction(scene, track, steps[-1], key) else "standing on"
 
 
-def _is_at_junction(scene: Scene, track: TouchedTrack, step: int, key: int) -> bool:
+def _is_at_junction(scene: Scene, track: TakenOverTrack, step: int, key: int) -> bool:
     """Whether a vehicle is the first at the end of a lanelet that leads into a junction."""
     lane = scene.layout.table.lanes[key]
     if key not in scene.layout.lane_of or scene.layout.lane_of.keys() >= set(scene.layout.table.successors[key]):
@@ -253,7 +253,7 @@ def _is_at_junction(scene: Scene, track: TouchedTrack, step: int, key: int) -> b
     return project(lane.center, front)[0] >= lane.length_m - AT_LINE_M
 
 
-def _longest_stand(scene: Scene, track: TouchedTrack, driven: tuple[int, ...]) -> tuple[list[int], int]:
+def _longest_stand(scene: Scene, track: TakenOverTrack, driven: tuple[int, ...]) -> tuple[list[int], int]:
     """The steps at which a vehicle stood in the lanelet in which it stood longest, and its id; no steps if in none."""
     stands: dict[int, list[int]] = {}
     for index, (lane, speed) in enumerate(zip(track.lanes, track.motion.speeds_mps, strict=False)):
@@ -273,7 +273,7 @@ def is_red(scene: Scene, lanelet_id: int, step: int) -> bool:
     return bool(letters) and RED.issuperset(letters)
 
 
-def _slow_lanelet(scene: Scene, track: TouchedTrack) -> int | None:
+def _slow_lanelet(scene: Scene, track: TakenOverTrack) -> int | None:
     """The lanelet that held a vehicle to its own low speed for longest; None where it drove slower or freely."""
     held: dict[int, int] = {}
     for lane, speed in zip(track.lanes, track.motion.speeds_mps, strict=False):
@@ -298,7 +298,7 @@ def why_not(
     scene: Scene,
     step: EditStep,
     plan: DrivePlan,
-    track: TouchedTrack,
+    track: TakenOverTrack,
     driven: tuple[int, ...],
     targets: frozenset[int],
     others: Mapping[int, Track],
@@ -313,7 +313,7 @@ def why_not(
     return _held_up(scene, plan, track, driven, targets, since, others)
 
 
-def check_not_driven_past(scene: Scene, plan: DrivePlan, track: TouchedTrack) -> None:
+def check_not_driven_past(scene: Scene, plan: DrivePlan, track: TakenOverTrack) -> None:
     """Refuse to send a recorded vehicle to a target that it passes for good.
 
     One that waits for a gap, or can still come back to its target, is on its way.
@@ -363,7 +363,7 @@ def speeds_reached(scene: Scene, step: EditStep, result: Resimulated) -> list[st
 def _held_up(
     scene: Scene,
     plan: DrivePlan,
-    track: TouchedTrack,
+    track: TakenOverTrack,
     driven: tuple[int, ...],
     targets: frozenset[int],
     since: int,
@@ -388,14 +388,14 @@ def _held_up(
     return f"{ends} while it is on its way to lanelet {target}{delay(scene, track, others, driven)}"
 
 
-def _in_the_way(scene: Scene, track: TouchedTrack) -> str:
+def _in_the_way(scene: Scene, track: TakenOverTrack) -> str:
     """Who left no room for a change of lane, in words; empty where nobody is known to."""
     found = [_in_words(scene, key) for key in track.in_the_way]
     more = " and others" if len(found) > MOST_NAMED else ""
     return f"; in the way: {', '.join(found[:MOST_NAMED])}{more}" if found else ""
 
 
-def _held_back(scene: Scene, track: TouchedTrack, speeds: Values, wanted_mps: float) -> str:
+def _held_back(scene: Scene, track: TakenOverTrack, speeds: Values, wanted_mps: float) -> str:
     """Why a speed is not reached by the last of those since it was ordered: no time, or something in the way.
 
     Nothing in the way keeps a vehicle from slowing down, and in less than a second nothing can be told.
@@ -423,7 +423,7 @@ def _first_target(plan: DrivePlan, targets: frozenset[int]) -> int:
     return next((key for key in plan.lanelets if key in targets), min(targets))
 
 
-def _beside_last(scene: Scene, track: TouchedTrack, targets: frozenset[int]) -> int:
+def _beside_last(scene: Scene, track: TakenOverTrack, targets: frozenset[int]) -> int:
     """The target on the edge where the vehicle is last."""
     edge = track.lanes[-1].rpartition("_")[0]
     return min(key for key in targets if scene.layout.lane_of.get(key, ("", 0))[0] == edge)

@@ -9,7 +9,7 @@ from ..cosimulation import (
     LANE_CHANGE_S,
     PROGRESS_ACROSS,
     DrivePlan,
-    SteeringOver,
+    JunctionLaneChange,
     front_of,
 )
 from ..geometry import project
@@ -85,7 +85,7 @@ TO_SPARE_M = 0.5
 """A vehicle is across by one step and so much before the lanelets part."""
 
 
-def steering_over(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who: str) -> SteeringOver | None:
+def junction_lane_change(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who: str) -> JunctionLaneChange | None:
     """How a vehicle changes lanes inside a junction where its way begins so; None where it does not.
 
     It moves aside by a smooth step, 3p² - 2p³ of the way p: at most 1.5 times as steep as on average, and with at most
@@ -113,4 +113,4 @@ def steering_over(scene: Scene, plan: DrivePlan, way: tuple[int, ...], who: str)
             next_step="choose a target farther on or straight ahead",
         )
     usual_m = max(speed_mps * USUAL_S, 1.5 * aside_m / USUAL_STEEPNESS)
-    return SteeringOver(way[end], min(usual_m, within_m))
+    return JunctionLaneChange(way[end], min(usual_m, within_m))

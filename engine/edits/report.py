@@ -13,7 +13,7 @@ from ...schemas.modification import (
     VehicleRoute,
 )
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, Replay, TouchedTrack
+from ..cosimulation import DrivePlan, Replay, TakenOverTrack
 from ..scene import Scene
 from ..vehicles import Feasibility, Motion, check_kinematics, nearest_class
 from .changes import Changes, EditStep
@@ -107,7 +107,7 @@ def _undone(
 
 
 def vehicle_route(
-    scene: Scene, step: EditStep, plan: DrivePlan, track: TouchedTrack, others: Mapping[int, Track]
+    scene: Scene, step: EditStep, plan: DrivePlan, track: TakenOverTrack, others: Mapping[int, Track]
 ) -> VehicleRoute:
     """The lanelets that a vehicle drives, as simulated, and whether it gets to one lanelet of each aim of an edit.
 
@@ -124,7 +124,7 @@ def vehicle_route(
     return VehicleRoute(vehicle_id=key, lanelets=way, arrives=not missed, reason=reason)
 
 
-def _way_on(scene: Scene, plan: DrivePlan, track: TouchedTrack, driven: tuple[int, ...]) -> tuple[int, ...]:
+def _way_on(scene: Scene, plan: DrivePlan, track: TakenOverTrack, driven: tuple[int, ...]) -> tuple[int, ...]:
     """The lanelets after those driven so far, to the nearest target of a plan; none where no way is left."""
     if track.leaves or not plan.targets or plan.targets & set(driven):
         return ()
@@ -178,7 +178,7 @@ def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> T
     )
 
 
-def _touched(scene: Scene, plan: DrivePlan, track: TouchedTrack, verdict: Feasibility) -> TouchedVehicle:
+def _touched(scene: Scene, plan: DrivePlan, track: TakenOverTrack, verdict: Feasibility) -> TouchedVehicle:
     speeds, positions = track.motion.speeds_mps, track.motion.positions
     moved = np.linalg.norm(np.diff(positions[:2], axis=0), axis=1)[0]
     recorded = plan.cause != "added"

@@ -10,19 +10,19 @@ import numpy as np
 from ..commonroad import Track
 from ..cosimulation import (
     HARDEST_BRAKING_MPS2,
+    Actor,
     DrivenTrack,
     DrivePlan,
     Halt,
-    Participant,
     SimulationSetup,
-    TouchedTrack,
+    TakenOverTrack,
+    all_actors,
     drivable_ids,
     front_of,
     not_drivable,
-    participants,
     recorded_plan,
     resimulate,
-    touched_track,
+    taken_over_track,
 )
 from ..geometry import Points, Values, arc_length, oriented_rectangle, project, rectangles_overlap
 from ..scene import Scene
@@ -68,7 +68,7 @@ def body_of_track(track: Track) -> Body:
     )
 
 
-def body_of_touched(track: TouchedTrack) -> Body:
+def body_of_touched(track: TakenOverTrack) -> Body:
     """A touched vehicle."""
     size = (track.length_m, track.width_m)
     return Body(track.vehicle_id, track.first_step, track.motion.positions, track.motion.headings_rad, size)
@@ -156,7 +156,7 @@ class _Wait:
 
 def plans_giving_way(
     plans: Mapping[int, DrivePlan],
-    tracks: Mapping[int, TouchedTrack],
+    tracks: Mapping[int, TakenOverTrack],
     bodies: Mapping[int, Body],
     overlaps: Iterable[Overlap],
 ) -> dict[int, DrivePlan]:
@@ -185,7 +185,7 @@ def plans_giving_way(
     return found
 
 
-def _wait(plan: DrivePlan, track: TouchedTrack, other: Body, hit_step: int) -> _Wait | None:
+def _wait(plan: DrivePlan, track: TakenOverTrack, other: Body, hit_step: int) -> _Wait | None:
     """How a vehicle waits until another one is gone from where they meet; None if it cannot stop before.
 
     It reacts to nobody who has not entered yet.
@@ -241,18 +241,13 @@ class Resimulated:
     """The outcome of all rounds: plans and new tracks of the driven vehicles, and the overlaps that are left."""
 
     plans: Mapping[int, DrivePlan]
-    tracks: Mapping[int, TouchedTrack]
+    tracks: Mapping[int, TakenOverTrack]
     overlaps: tuple[Overlap, ...]
     missing: tuple[int, ...]
 
 
 def resimulate_until_clear(
-    scene: Scene,
-    changes: Changes,
-    setup: SimulationSetup,
-    shown: tuple[Participant, ...] = (),
-    *,
-    everybody: bool = False,
+    scene: Scene, changes: Changes, setup: SimulationSetup, shown: tuple[Actor, ...] = (), *, everybody: bool = False
 ) -> Resimulated:
     """Simulate, hand over whom a driven vehicle hits, and simulate again, at most eight rounds more.
 
@@ -313,18 +308,14 @@ def _everybody(scene: Scene, changes: Changes) -> dict[int, DrivePlan]:
 
 
 def _round(
-    scene: Scene,
-    changes: Changes,
-    setup: SimulationSetup,
-    plans: Mapping[int, DrivePlan],
-    shown: tuple[Participant, ...],
+    scene: Scene, changes: Changes, setup: SimulationSetup, plans: Mapping[int, DrivePlan], shown: tuple[Actor, ...]
 ) -> Resimulated:
-    driven = resimulate(setup, (*participants(scene, plans, changes.removed, changes.replays.values()), *shown))
-    tracks: dict[int, TouchedTrack] = {}
+    driven = resimulate(setup, (*all_actors(scene, plans, changes.removed, changes.replays.values()), *shown))
+    tracks: dict[int, TakenOverTrack] = {}
     for key, plan in plans.items():
         seen = driven.get(key) or _gone_at_once(scene, plan)
-        over_m = plan.steering_over.within_m if plan.steering_over else None
-        made = None if seen is None else touched_track(plan.start, seen, scene.step_s, scene.last_step, over_m)
+        over_m = plan.junction_lane_change.within_m if plan.junction_lane_change else None
+        made = None if seen is None else taken_over_track(plan.start, seen, scene.step_s, scene.last_step, over_m)
         if made is not None:
             tracks[key] = made
     bodies = {key: body_of_track(track) for key, track in (scene.tracks | scene.standing).items()}
@@ -388,7 +379,7 @@ def _is_taken_place(changes: Changes, plans: Mapping[int, DrivePlan], hit: Overl
     return hit.step in (entering.get(hit.first), entering.get(hit.second))
 
 
-def _reacting(scene: Scene, shown: tuple[Participant, ...], result: Resimulated) -> tuple[Participant, ...] | None:
+def _reacting(scene: Scene, shown: tuple[Actor, ...], result: Resimulated) -> tuple[Actor, ...] | None:
     """The road users shown besides, driven from before they pass through a driven vehicle on; None if nobody does.
 
     SUMO keeps its order of the vehicles on a lane where one is put through another: those behind see it as their leader

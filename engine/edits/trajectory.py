@@ -13,7 +13,7 @@ from ..cosimulation import (
     Manoeuvre,
     Replay,
     behaviour_from,
-    check_bends,
+    check_curves,
     class_of,
     own_minimum_gap_m,
     parameters_set,
@@ -22,7 +22,7 @@ from ..cosimulation import (
 )
 from ..scene import Scene
 from .changes import Changes, EditStep, plan_of
-from .manoeuvre_limits import check_lane_changes, steering_over
+from .manoeuvre_limits import check_lane_changes, junction_lane_change
 from .references import branch_for, drive_to, nearest_driven, nearest_ids, select, target_lanelets, way_through
 
 # ---------- manoeuvre_plans
@@ -376,11 +376,13 @@ def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan:
     else:
         targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
         way = way_through(scene, start, edit.via, targets, changes, who)
-    check_bends(scene, plan, way, who)
+    check_curves(scene, plan, way, who)
     check_lane_changes(scene, plan, way, who)
     through = {key for text in edit.via for key in target_lanelets([text], scene, changes)}
-    over = steering_over(scene, plan, way, who)
-    return replace(drive_along(scene, plan, way, targets), through=frozenset(through & set(way)), steering_over=over)
+    over = junction_lane_change(scene, plan, way, who)
+    return replace(
+        drive_along(scene, plan, way, targets), through=frozenset(through & set(way)), junction_lane_change=over
+    )
 
 
 def drive_along(scene: Scene, plan: DrivePlan, way: tuple[int, ...], targets: frozenset[int]) -> DrivePlan:
@@ -399,7 +401,7 @@ def drive_along(scene: Scene, plan: DrivePlan, way: tuple[int, ...], targets: fr
     return replace(
         plan,
         through=frozenset(),
-        steering_over=None,
+        junction_lane_change=None,
         lanelets=way,
         targets=targets,
         edges=scene.edge_graph.extended(edges, way[-1]),

@@ -6,7 +6,7 @@ import numpy as np
 from lxml import etree
 
 from ..commonroad import ScenarioDocument
-from ..cosimulation import DrivePlan, Replay, TouchedTrack
+from ..cosimulation import DrivePlan, Replay, TakenOverTrack
 from ..geometry import Points, wrap_angle
 from ..scene import Ego
 from ..vehicles import Motion, nearest_class, steering_angles
@@ -22,7 +22,7 @@ USUAL_GOAL_SIZE_M = (6.0, 2.0)
 Element = etree._Element
 
 
-def write_touched(document: ScenarioDocument, track: TouchedTrack, step_s: float) -> None:
+def write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: float) -> None:
     """Replace the states of a recorded obstacle after its hand-over; those up to it stay as they are."""
     trajectory = document.obstacle(track.vehicle_id).find("trajectory")
     if trajectory is None:
@@ -37,7 +37,7 @@ def write_touched(document: ScenarioDocument, track: TouchedTrack, step_s: float
         document.replace_children(trajectory, states[-1:], [states[-1], *new])
 
 
-def _state_elements(track: TouchedTrack, fields: tuple[str, ...], step_s: float, first: int) -> list[Element]:
+def _state_elements(track: TakenOverTrack, fields: tuple[str, ...], step_s: float, first: int) -> list[Element]:
     """``<state>`` elements for the motion from its ``first`` index on, with the fields that can be told."""
     rates = np.gradient(track.motion.headings_rad, step_s)
     steering = steering_angles(track.motion, step_s, track.wheelbase_m)
@@ -56,12 +56,12 @@ def _state_elements(track: TouchedTrack, fields: tuple[str, ...], step_s: float,
     return made
 
 
-def added_obstacle(plan: DrivePlan, track: TouchedTrack, step_s: float, *, is_2018b: bool) -> Element:
+def added_obstacle(plan: DrivePlan, track: TakenOverTrack, step_s: float, *, is_2018b: bool) -> Element:
     """The element of an added vehicle, its type and size those of its class."""
     return _obstacle_element(plan.vehicle_class.commonroad_type, track, step_s, is_2018b=is_2018b)
 
 
-def _obstacle_element(kind: str, track: TouchedTrack, step_s: float, *, is_2018b: bool) -> Element:
+def _obstacle_element(kind: str, track: TakenOverTrack, step_s: float, *, is_2018b: bool) -> Element:
     """The element of a moving road user of a CommonRoad type."""
     obstacle = etree.Element("obstacle" if is_2018b else "dynamicObstacle", id=str(track.vehicle_id))
     if is_2018b:
@@ -203,7 +203,7 @@ def write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> N
     if replay.recording is None:
         motion = replayed_motion(replay, step_s)
         track = replay.track
-        touched = TouchedTrack(
+        touched = TakenOverTrack(
             vehicle_id=track.obstacle_id,
             first_step=track.first_step,
             motion=motion,

@@ -13,7 +13,7 @@ from ...schemas.generation import GenerationRequest, SiteType
 from ..execution import ProgressReporter
 from ..maps import RURAL_CLASSES, Site
 from ..network import LaneletLookup, RoadNetwork, SumoNet
-from ..traffic import WARM_UP_S, Demand, Participant, TripMaker, participants, simulate_traffic, sound
+from ..traffic import WARM_UP_S, Demand, Participant, TripMaker, drop_infeasible, participants, simulate_traffic
 from ..vehicles import vehicle_classes
 from .site_network import Place
 from .sites import middle_of, road_classes
@@ -151,7 +151,7 @@ def lively_traffic(
         part(1.0, "smoothing motion")
         everyone = participants(traffic)
         part(1.0, "looking for overlaps")
-        kept = sound(everyone, needed)
+        kept = drop_infeasible(everyone, needed)
         left_out = len(everyone) - len(kept)
         absent = missing(demand, kept)
         if not absent:

@@ -16,7 +16,7 @@ from ..scene import (
     TURN_RAD,
     EgoLane,
     Scene,
-    along,
+    aligned_lanelets,
     center_line,
     ego_lane,
     ego_route,
@@ -118,7 +118,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     return DescribedEgo(
         problem_id=scene.ego.problem_id,
         speed_mps=round(float(state.velocity), 3),
-        lanelets=along(network, under, point, float(state.orientation)) or under,
+        lanelets=aligned_lanelets(network, under, point, float(state.orientation)) or under,
         lanes=max((lanes_beside(network, key) for key in under), default=0),
         goal=_goal_words(problem, scene.step_s, point, goals),
         goal_lanelets=goals,

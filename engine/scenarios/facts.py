@@ -32,7 +32,7 @@ from ..commonroad import (
 from ..execution import ProgressReporter
 from ..geometry import Points, arc_length, headings, project, project_all
 from ..network import LaneletGraph
-from ..scene import along, ego_route, lanelets_at, path_ahead
+from ..scene import aligned_lanelets, ego_route, lanelets_at, path_ahead
 from .features import features
 
 if TYPE_CHECKING:
@@ -207,7 +207,7 @@ def _ego(scene: _Scene, problem: "PlanningProblem") -> EgoFacts:
     route = ego_route(network, scene.graph, problem)
     point = np.asarray(state.position, dtype=float)
     under = lanelets_at(network, point)
-    ahead = along(network, under, point, float(state.orientation))
+    ahead = aligned_lanelets(network, under, point, float(state.orientation))
     steps = [goal.time_step for goal in problem.goal.state_list if getattr(goal, "time_step", None) is not None]
     first = [int(getattr(step, "start", step)) for step in steps]
     last = [int(getattr(step, "end", step)) for step in steps]

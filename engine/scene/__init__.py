@@ -5,12 +5,12 @@
 ``is_own_recording``: Whether a track begins as the ego does, in place, heading and speed.
 ``leader_and_follower``: The nearest vehicles ahead and behind along the ego's lane.
 ``LaneMatch``: Lanelets of a track.
-``LaneMatcher``: The drivable lanelets of a network, ready for queries by place.
+``MapMatcher``: The drivable lanelets of a network, ready for queries by place.
 ``straightness``: Cosine between the end of one polyline and the beginning of another, rounded to a tenth.
 ``EgoRoute``: Lanelets from the ego's start to its goal, both included, and how the ego has to drive.
 ``Route``: Lanelets in driving order.
 ``TURN_RAD``: A heading change beyond this inside the lanelets of a junction is a turn.
-``along``: Those of the lanelets that lead in the direction of the heading (within 90°), best aligned first.
+``aligned_lanelets``: Those of the lanelets that lead in the direction of the heading (within 90°), best aligned first.
 ``center_line``: The lanelet's centre line without repeated vertices, shape (n, 2).
 ``ego_route``: The ego's way to its goal.
 ``find_route``: The shortest route from a position to any goal lanelet, continued until ``ahead_m`` metres lie behind
@@ -41,12 +41,12 @@ if TYPE_CHECKING:
     from .ego_relations import is_own_recording as is_own_recording
     from .ego_relations import leader_and_follower as leader_and_follower
     from .map_matching import LaneMatch as LaneMatch
-    from .map_matching import LaneMatcher as LaneMatcher
+    from .map_matching import MapMatcher as MapMatcher
     from .map_matching import straightness as straightness
     from .routing import TURN_RAD as TURN_RAD
     from .routing import EgoRoute as EgoRoute
     from .routing import Route as Route
-    from .routing import along as along
+    from .routing import aligned_lanelets as aligned_lanelets
     from .routing import center_line as center_line
     from .routing import ego_route as ego_route
     from .routing import find_route as find_route

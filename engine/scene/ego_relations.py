@@ -15,7 +15,7 @@ import numpy as np
 from ..commonroad import Track
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import LaneletGraph
-from .routing import along, center_line, lanelets_at, path_ahead, stated_goal_lanelets
+from .routing import aligned_lanelets, center_line, lanelets_at, path_ahead, stated_goal_lanelets
 from .scene import NOT_DRIVEN, Ego, Scene
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ def ego_lane(scene: Scene, ego: Ego) -> EgoLane | None:
     """The lane from the ego's start along its way to its goal; None where it starts on no lanelet."""
     network = scene.network
     under = lanelets_at(network, ego.position)
-    starts = along(network, under, ego.position, ego.heading_rad) or under or ego.lanelets
+    starts = aligned_lanelets(network, under, ego.position, ego.heading_rad) or under or ego.lanelets
     if not starts:
         return None
     goals = stated_goal_lanelets(network, scene.loaded.problem(ego.problem_id))

@@ -49,7 +49,7 @@ class LaneMatch:
 
 
 @dataclass(frozen=True)
-class LaneMatcher:
+class MapMatcher:
     """The drivable lanelets of a network, ready for queries by place."""
 
     layout: NetLayout
@@ -59,7 +59,7 @@ class LaneMatcher:
     related: dict[int, frozenset[int]]
 
     @classmethod
-    def of(cls, layout: NetLayout, network: "LaneletNetwork") -> "LaneMatcher":
+    def of(cls, layout: NetLayout, network: "LaneletNetwork") -> "MapMatcher":
         """Index the lanelets of a network."""
         from shapely import STRtree
 

@@ -162,7 +162,7 @@ def lanelets_at(network: "LaneletNetwork", point: Points) -> tuple[int, ...]:
     return tuple(sorted(network.find_lanelet_by_position([np.asarray(point, dtype=float)])[0]))
 
 
-def along(
+def aligned_lanelets(
     network: "LaneletNetwork", lanelet_ids: tuple[int, ...], point: Points, heading_rad: float
 ) -> tuple[int, ...]:
     """Those of the lanelets that lead in the direction of the heading (within 90°), best aligned first."""
@@ -203,7 +203,7 @@ def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "Planning
     """The ego's way to its goal; None where the goal has no place or cannot be reached from the start."""
     point, heading = np.asarray(problem.initial_state.position), float(problem.initial_state.orientation)
     under = lanelets_at(network, point)
-    starts = along(network, under, point, heading) or under
+    starts = aligned_lanelets(network, under, point, heading) or under
     goals = stated_goal_lanelets(network, problem)
     lanelets = graph.shortest_route(starts, goals) if starts and goals else None
     if lanelets is None:

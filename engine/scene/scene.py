@@ -24,7 +24,7 @@ from ..network import (
     sumo_net,
 )
 from .edge_routes import EdgeGraph
-from .map_matching import LaneMatch, LaneMatcher
+from .map_matching import LaneMatch, MapMatcher
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -208,7 +208,7 @@ class Scene:
 
     loaded: LoadedScenario
     layout: NetLayout
-    matcher: LaneMatcher
+    matcher: MapMatcher
     tracks: dict[int, Track]
     standing: dict[int, Track]
     matches: dict[int, LaneMatch]
@@ -228,7 +228,7 @@ class Scene:
         """
         network = loaded.scenario.lanelet_network
         layout = NetLayout.of(network)
-        matcher = LaneMatcher.of(layout, network)
+        matcher = MapMatcher.of(layout, network)
         tracks = recorded_tracks(loaded.scenario) if recorded is None else recorded
         last = last_recorded_step(loaded.scenario)
         standing = _standing(loaded, last)
@@ -324,7 +324,7 @@ class Scene:
         return sumo_net(self.layout, self.driven_speeds_mps, self.signals)
 
 
-def _ego(loaded: LoadedScenario, matcher: LaneMatcher, problem_id: int | None) -> Ego | None:
+def _ego(loaded: LoadedScenario, matcher: MapMatcher, problem_id: int | None) -> Ego | None:
     if problem_id is None and not loaded.planning_problems.planning_problem_dict:
         return None
     problem = loaded.problem(problem_id)
@@ -341,7 +341,7 @@ def _ego(loaded: LoadedScenario, matcher: LaneMatcher, problem_id: int | None) -
     )
 
 
-def _regions(loaded: LoadedScenario, matcher: LaneMatcher) -> tuple[_Region, ...]:
+def _regions(loaded: LoadedScenario, matcher: MapMatcher) -> tuple[_Region, ...]:
     found = occupied_regions(loaded.scenario)
     matches = matcher.match_all({track.obstacle_id: track for tracks in found.values() for track in tracks})
     return tuple(

@@ -6,7 +6,7 @@
 ``DECIMALS``: TODO.
 ``Participant``: A vehicle from step 0 on.
 ``participants``: The recorded vehicles with smoothed, drivable motions.
-``sound``: Those that are left when as few as possible are taken out, so that all can be driven and no two overlap.
+``drop_infeasible``: The vehicles without the fewest whose removal leaves all drivable and no two overlapping.
 ``WARM_UP_S``: TODO.
 ``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 ``Demand``: Vehicles wanted by class.
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from .demand import lane_km_of as lane_km_of
     from .motions import DECIMALS as DECIMALS
     from .motions import Participant as Participant
+    from .motions import drop_infeasible as drop_infeasible
     from .motions import participants as participants
-    from .motions import sound as sound
     from .simulation import WARM_UP_S as WARM_UP_S
     from .simulation import simulate_traffic as simulate_traffic
     from .vehicle_counts import FEWEST as FEWEST

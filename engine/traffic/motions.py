@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry import Body, Points, Values, arc_length, interpolate, overlaps, without_repeats
 from ..vehicles import Motion, VehicleClass, check_kinematics, drivable_motion
-from .simulation import RawTrack, RecordedTraffic
+from .simulation import RawTrack, SimulatedTraffic
 
 # ---------- lane_changes
 # Lane changes of vehicles on wheels: they move aside only as far as they roll.
@@ -87,12 +87,12 @@ class Participant:
         return Body(self.motion.positions, self.motion.headings_rad, self.size_m)
 
 
-def participants(traffic: RecordedTraffic) -> tuple[Participant, ...]:
+def participants(traffic: SimulatedTraffic) -> tuple[Participant, ...]:
     """The recorded vehicles with smoothed, drivable motions."""
     return tuple(_participant(track, traffic.step_s) for track in traffic.tracks)
 
 
-def sound(everyone: Sequence[Participant], needed: Mapping[str, int]) -> tuple[Participant, ...]:
+def drop_infeasible(everyone: Sequence[Participant], needed: Mapping[str, int]) -> tuple[Participant, ...]:
     """Those that are left when as few as possible are taken out, so that all can be driven and no two overlap.
 
     ``needed``: how many of a class must stay, even where their motion cannot be driven.

@@ -39,7 +39,7 @@ class RawTrack:
 
 
 @dataclass(frozen=True)
-class RecordedTraffic:
+class SimulatedTraffic:
     """All vehicles that are there at step 0, in the order of their insertion, until they leave or time is up."""
 
     tracks: tuple[RawTrack, ...]
@@ -57,7 +57,7 @@ def simulate_traffic(
     seed: int,
     scratch: Path,
     report: ProgressReporter,
-) -> RecordedTraffic:
+) -> SimulatedTraffic:
     """Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 
     Vehicles that leave during the warm-up are replaced until shortly before its end; none enters later.
@@ -125,7 +125,7 @@ class _Source:
         return self._classes[key]
 
 
-def _record(sumo: Any, source: _Source, duration_s: float, step_s: float, report: ProgressReporter) -> RecordedTraffic:
+def _record(sumo: Any, source: _Source, duration_s: float, step_s: float, report: ProgressReporter) -> SimulatedTraffic:
     warm_up, last_insertion = round(WARM_UP_S / step_s), round(LAST_INSERTION_S / step_s)
     steps = round(duration_s / step_s)
     seen: dict[str, _Seen] = {}
@@ -145,7 +145,7 @@ def _record(sumo: Any, source: _Source, duration_s: float, step_s: float, report
         if step == warm_up:
             before = {key: len(seen[key].fronts) - 1 for key in sorted(sumo.vehicle.getIDList())}
     tracks = (seen[key].track(key, source.class_of(key), lead_in, step_s) for key, lead_in in before.items())
-    return RecordedTraffic(
+    return SimulatedTraffic(
         tuple(track for track in tracks if len(track.front) - track.lead_in >= 2), step_s, warm_up * step_s
     )
 

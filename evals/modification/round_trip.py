@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...engine.commonroad import Track
-from ...engine.cosimulation import Participant, ShownState, SimulationSetup, replayed_participant, replayed_states
+from ...engine.cosimulation import Actor, ShownState, SimulationSetup, replayed_actor, replayed_states
 from ...engine.network import write_sumo_net
 from ...engine.scene import LaneMatch, Scene
 
@@ -55,11 +55,11 @@ def _errors(track: Track, index: int, shown: ShownState) -> tuple[float, float]:
     return away, abs(shown.speed_mps - float(track.speeds_mps[index]))
 
 
-def _participant(scene: Scene, key: int) -> Participant:
+def _participant(scene: Scene, key: int) -> Actor:
     """A road user as in a re-simulation; one off the lanes is put where it was recorded too."""
     track = (scene.tracks | scene.standing)[key]
     match = scene.matches.get(key)
     if match is not None:
-        return replayed_participant(scene, track, match)
+        return replayed_actor(scene, track, match)
     anywhere = LaneMatch((0,), (next(iter(scene.layout.edges.values()))[0],))
-    return replace(replayed_participant(scene, track, anywhere), hints=(("", -1),) * len(track.positions))
+    return replace(replayed_actor(scene, track, anywhere), hints=(("", -1),) * len(track.positions))

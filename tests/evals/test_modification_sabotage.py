@@ -35,13 +35,13 @@ def test_a_reroute_that_does_nothing_is_seen(base: Path, monkeypatch: pytest.Mon
 
 
 def test_drivers_who_all_drive_as_usual_are_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    everybody = cascade.participants
+    everybody = cascade.all_actors
 
     def usual(scene: Any, changes: Any, plans: Any) -> Any:
         plain = {key: replace(plan, behaviour=usual_behaviour(plan.vehicle_class)) for key, plan in plans.items()}
         return everybody(scene, changes, plain)
 
-    monkeypatch.setattr(cascade, "participants", usual)
+    monkeypatch.setattr(cascade, "all_actors", usual)
     assert not verdicts(carried_out(base, TRUTHS["B"]))["B_preset"]
 
 

@@ -14,19 +14,19 @@ import numpy as np
 from ....schemas.errors import NotPossible, WorkerFailure
 from ...commonroad import LoadedScenario, Track, recorded_tracks
 from ...cosimulation import (
+    Actor,
     Hint,
-    Participant,
     ShownVehicle,
     SimulationSetup,
     SumoVehicles,
+    all_actors,
     not_drivable,
-    participants,
     recorded_plan,
     sumo_running,
 )
 from ...geometry import Points, oriented_rectangle, point_at, project, rectangles_overlap, wrap_angle
 from ...network import NetLayout, write_sumo_net
-from ...scene import LaneMatcher, Scene, find_route
+from ...scene import MapMatcher, Scene, find_route
 from ...vehicles import VehicleParameters
 from ..goal import aimed_at
 from ..interface import EgoState
@@ -87,8 +87,8 @@ class Cast:
     """
 
     scene: Scene
-    driven: tuple[Participant, ...]
-    shown: tuple[Participant, ...]
+    driven: tuple[Actor, ...]
+    shown: tuple[Actor, ...]
     replayed: RecordedTraffic
 
     @classmethod
@@ -102,7 +102,7 @@ class Cast:
         ]
         begin = {key: max(first_step, scene.tracks[key].first_step) for key in keys}
         plans = {key: recorded_plan(scene, key, "edited", begin[key]) for key in keys}
-        cast = participants(scene, plans)
+        cast = all_actors(scene, plans)
         return cls(
             scene,
             driven=tuple(one for one in cast if one.drive_from is not None),
@@ -177,7 +177,7 @@ class Cast:
         return ("", -1) if way is None else (self.scene.layout.internal_edge_of_path[way], 0), direction
 
 
-def _first_index(one: Participant) -> int:
+def _first_index(one: Actor) -> int:
     """Index of the state from which a driven vehicle is driven on."""
     return (one.drive_from or 0) - one.track.first_step
 
@@ -200,7 +200,7 @@ def _scene(loaded: LoadedScenario, everybody: RecordedTraffic) -> Scene:
     """The scenario's lanes and all its obstacles, occupancy sets as tracks of their centres."""
     network = loaded.scenario.lanelet_network
     layout = NetLayout.of(network)
-    matcher = LaneMatcher.of(layout, network)
+    matcher = MapMatcher.of(layout, network)
     tracks = {track.obstacle_id: track for track in everybody.moving}
     standing = {track.obstacle_id: track for track in everybody.standing}
     usable = {key: track for key, track in (tracks | standing).items() if np.isfinite(track.headings_rad).all()}
@@ -233,9 +233,9 @@ class _ReactiveTraffic:
         self._vehicles, self._cast, self._ego_vehicle = vehicles, cast, vehicle
         self._tracks: dict[int, GrowingTrack] = {}
         self._waiting = list(cast.driven)
-        self._at_work: list[Participant] = []
+        self._at_work: list[Actor] = []
         self._shown: dict[str, ShownVehicle] = {}
-        self._lost: list[Participant] = []
+        self._lost: list[Actor] = []
         self._ego = ShownVehicle(vehicles, EGO, ego_edges)
         self._moving: tuple[Track, ...] = ()
         self._first_step = ego.step
@@ -290,7 +290,7 @@ class _ReactiveTraffic:
                 found = min(found or (track.obstacle_id, track.kind), (track.obstacle_id, track.kind))
         return found
 
-    def _may_start(self, one: Participant, ego: EgoState) -> bool:
+    def _may_start(self, one: Actor, ego: EgoState) -> bool:
         """Whether it is time, and the place is free: who would have to hit somebody waits, as at SUMO's departures."""
         if one.drive_from is None or one.drive_from > ego.step:
             return False
@@ -326,7 +326,7 @@ class _ReactiveTraffic:
             if index is not None:
                 self._shown[one.key].settle(float(one.track.speeds_mps[index]), there)
 
-    def _shown_index(self, one: Participant, step: int) -> int | None:
+    def _shown_index(self, one: Actor, step: int) -> int | None:
         if one.track.obstacle_id in self._cast.scene.standing:
             return 0
         return one.track.index_at(step)
@@ -342,7 +342,7 @@ class _ReactiveTraffic:
             if index is not None:
                 grown.add(*_recorded_state(one.track, index))
 
-    def _take_over(self, starting: list[Participant], step: int, there: frozenset[str]) -> None:
+    def _take_over(self, starting: list[Actor], step: int, there: frozenset[str]) -> None:
         for one in starting:
             grown = self._tracks[one.track.obstacle_id] = GrowingTrack(one.track, step)
             grown.add(*_recorded_state(one.track, _first_index(one)))

@@ -6,7 +6,7 @@ import pytest
 from support.builders import Problem, driving, town_road
 from support.edits import Apply
 
-from plannerforge.engine.cosimulation.manoeuvres import least_gap_m
+from plannerforge.engine.cosimulation.manoeuvres import required_gap_m
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 FREE = town_road().with_vehicles(driving(31, (70, 0), 10.0, 101))
@@ -57,7 +57,7 @@ def test_it_lets_pass_who_comes_too_fast_to_brake(apply: Apply) -> None:
 
 @pytest.mark.parametrize(("closing_mps", "gap_m"), [(-10.0, 0.0), (0.0, 0.0), (6.0, 9.9), (12.0, 25.8)])
 def test_the_gap_that_is_needed_grows_with_the_speed_at_which_it_closes(closing_mps: float, gap_m: float) -> None:
-    assert least_gap_m(closing_mps) == pytest.approx(gap_m)
+    assert required_gap_m(closing_mps) == pytest.approx(gap_m)
 
 
 def test_where_there_is_no_room_the_report_says_so(apply: Apply) -> None:

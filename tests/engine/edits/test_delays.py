@@ -10,7 +10,7 @@ from support.builders import town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.cosimulation.handover import TouchedTrack
+from plannerforge.engine.cosimulation.handover import TakenOverTrack
 from plannerforge.engine.edits.explanations import delay, is_red
 from plannerforge.engine.scene.scene import Ego, Scene
 from plannerforge.engine.vehicles.motion import Motion
@@ -31,11 +31,11 @@ def add_light(network: object, key: int, *phases: tuple[str, int]) -> None:
     network.add_traffic_light(lights.TrafficLight(key, np.zeros(2), lights.TrafficLightCycle(elements)), {1})
 
 
-def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> TouchedTrack:
+def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> TakenOverTrack:
     """A driven vehicle of which only its lanes and speeds count."""
     values = np.array(speeds_mps)
     motion = Motion(np.zeros((len(values), 2)), np.zeros(len(values)), values, np.zeros(len(values)))
-    return TouchedTrack(51, first_step, motion, 4.5, 1.8, 2.6, False, tuple(lanes))
+    return TakenOverTrack(51, first_step, motion, 4.5, 1.8, 2.6, False, tuple(lanes))
 
 
 def test_who_stood_at_a_red_light_is_said_to(scene: Scene) -> None:

@@ -7,7 +7,7 @@ import pytest
 from support.builders import Lane, ScenarioBuilder, crossing, driving, line
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.cosimulation.handover import TouchedTrack
+from plannerforge.engine.cosimulation.handover import TakenOverTrack
 from plannerforge.engine.cosimulation.plans import recorded_plan
 from plannerforge.engine.edits.changes import Changes, EditStep
 from plannerforge.engine.edits.explanations import driven_lanelets, driven_since
@@ -24,12 +24,12 @@ def scene_of(builder: ScenarioBuilder, folder: Path) -> Scene:
     return Scene.of(read_scenario(builder.with_vehicles(driving(31, (-50, 0), 10.0, STEPS)).write(folder / "base.xml")))
 
 
-def halting(front_m: float, lanes: tuple[str, ...] = OVER_THE_LINE) -> TouchedTrack:
+def halting(front_m: float, lanes: tuple[str, ...] = OVER_THE_LINE) -> TakenOverTrack:
     """Vehicle 31, eastbound, which halts with its front at some x."""
     x_m = np.minimum(-50.0 + np.arange(STEPS), front_m - 4.5 / 2)
     positions = np.stack([x_m, np.zeros(STEPS)], axis=1)
     speeds = np.gradient(x_m, 0.1)
-    return TouchedTrack(31, 0, Motion(positions, np.zeros(STEPS), speeds, speeds * 0), 4.5, 1.8, 2.6, False, lanes)
+    return TakenOverTrack(31, 0, Motion(positions, np.zeros(STEPS), speeds, speeds * 0), 4.5, 1.8, 2.6, False, lanes)
 
 
 @pytest.mark.parametrize(

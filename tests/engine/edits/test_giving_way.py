@@ -13,7 +13,7 @@ from support.edits import apply_to
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.cosimulation.controllers import next_speed_mps
-from plannerforge.engine.cosimulation.handover import TouchedTrack
+from plannerforge.engine.cosimulation.handover import TakenOverTrack
 from plannerforge.engine.cosimulation.manoeuvres import Halt
 from plannerforge.engine.cosimulation.plans import Cause, DrivePlan, recorded_plan
 from plannerforge.engine.cosimulation.session import ROUTES_FILE
@@ -44,10 +44,10 @@ def told(folder: Path, first: Vehicle, second: Vehicle, causes: tuple[Cause, Cau
     return plans_giving_way(plans, tracks, bodies, [Overlap(31, 32, hit)])
 
 
-def as_driven(track: Track) -> TouchedTrack:
+def as_driven(track: Track) -> TakenOverTrack:
     """A motion like the recording."""
     motion = Motion(track.positions, track.headings_rad, track.speeds_mps, track.speeds_mps * 0.0)
-    return TouchedTrack(
+    return TakenOverTrack(
         track.obstacle_id, track.first_step, motion, track.length_m, track.width_m, 2.6, leaves=False, lanes=()
     )
 

@@ -8,7 +8,7 @@ from support.builders import driving, town_road
 from support.edits import Apply
 
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.cosimulation.handover import touched_track
+from plannerforge.engine.cosimulation.handover import taken_over_track
 from plannerforge.engine.cosimulation.replay import DrivenTrack
 
 EDITS = (
@@ -95,7 +95,7 @@ def test_one_that_brakes_into_a_tight_bend_at_once_changes_speed_step_by_step(br
     times_s = np.minimum(np.arange(60) * 0.1, 9.8 / braking_mps2)
     turned_rad = np.clip((9.8 * times_s - braking_mps2 * times_s**2 / 2) / 6.0, 0.0, np.pi / 2)
     front = np.stack([2.5 + 6.0 * np.sin(turned_rad), 6.0 * (np.cos(turned_rad) - 1)], axis=1)
-    touched = touched_track(start, DrivenTrack(0, front, ("e1_0",) * 60, leaves=False), 0.1, 60)
+    touched = taken_over_track(start, DrivenTrack(0, front, ("e1_0",) * 60, leaves=False), 0.1, 60)
     assert touched is not None
     speeds = touched.motion.speeds_mps
     assert speeds[0] == 10.8

@@ -8,7 +8,7 @@ import pytest
 from support.builders import Vehicle, driving, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.cosimulation.actors import Participant, participants
+from plannerforge.engine.cosimulation.actors import Actor, all_actors
 from plannerforge.engine.cosimulation.plans import recorded_plan
 from plannerforge.engine.cosimulation.replay import front_of, resimulate
 from plannerforge.engine.cosimulation.session import SimulationSetup
@@ -46,7 +46,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
 
 def test_nobody_driven_needs_no_simulation(tmp_path: Path, runs: Runs) -> None:
     scene = _scene(tmp_path)
-    assert resimulate(_setup(scene, tmp_path), participants(scene, {})) == {}
+    assert resimulate(_setup(scene, tmp_path), all_actors(scene, {})) == {}
     assert runs.steps == []
 
 
@@ -70,7 +70,7 @@ def test_it_looks_for_those_astray_until_the_last_hand_over(tmp_path: Path, runs
     scene = _scene(tmp_path, *town_road().vehicles, ASTRAY)
     late = recorded_plan(scene, 33, "edited", 40)
     plans = {36: recorded_plan(scene, 36, "edited", 0), 33: late}
-    resimulate(_setup(scene, tmp_path), participants(scene, plans))
+    resimulate(_setup(scene, tmp_path), all_actors(scene, plans))
     assert runs.steps[0] == 41
 
 
@@ -105,6 +105,6 @@ def _setup(scene: Scene, folder: Path) -> SimulationSetup:
     return SimulationSetup(net, folder, scene.step_s, scene.last_step, seed=0)
 
 
-def _driving(scene: Scene, *keys: int) -> tuple[Participant, ...]:
+def _driving(scene: Scene, *keys: int) -> tuple[Actor, ...]:
     plans = {key: recorded_plan(scene, key, "edited", 0) for key in keys}
-    return participants(scene, plans)
+    return all_actors(scene, plans)

@@ -3,8 +3,8 @@ import math
 import numpy as np
 
 from plannerforge.engine.geometry.polyline import project, segment_lengths
-from plannerforge.engine.traffic.motions import Participant, participants, sound
-from plannerforge.engine.traffic.simulation import RawTrack, RecordedTraffic
+from plannerforge.engine.traffic.motions import Participant, drop_infeasible, participants
+from plannerforge.engine.traffic.simulation import RawTrack, SimulatedTraffic
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
 
@@ -24,17 +24,17 @@ def names(kept: tuple[Participant, ...]) -> set[str]:
 
 def test_of_those_that_overlap_the_one_that_overlaps_most_goes() -> None:
     row = [standing("a", 0), standing("b", 4), standing("c", 8), standing("d", 30)]
-    assert names(sound(row, {})) == {"a", "c", "d"}
+    assert names(drop_infeasible(row, {})) == {"a", "c", "d"}
 
 
 def test_a_class_that_was_asked_for_stays_and_the_car_beside_it_goes() -> None:
     row = [standing("bus", 0, "bus"), standing("one", 7), standing("other", 30)]
-    assert names(sound(row, {"bus": 1})) == {"bus", "other"}
+    assert names(drop_infeasible(row, {"bus": 1})) == {"bus", "other"}
 
 
 def test_what_cannot_be_driven_goes_unless_its_class_was_asked_for() -> None:
     row = [standing("a", 0, feasible=False), standing("b", 20), standing("bus", 50, "bus", feasible=False)]
-    assert names(sound(row, {"bus": 1, "car": 1})) == {"b", "bus"}
+    assert names(drop_infeasible(row, {"bus": 1, "car": 1})) == {"b", "bus"}
 
 
 def test_the_centre_of_a_long_vehicle_keeps_to_the_lane_in_a_bend() -> None:
@@ -46,7 +46,7 @@ def test_the_centre_of_a_long_vehicle_keeps_to_the_lane_in_a_bend() -> None:
     line = np.concatenate([before, bend, after])
     along = np.concatenate([[0.0], segment_lengths(line)])
     track = RawTrack("long", CLASSES["trailer"], line, along, np.zeros(len(line)), 0.0, 20)
-    (made,) = participants(RecordedTraffic((track,), 0.1, 20.0))
+    (made,) = participants(SimulatedTraffic((track,), 0.1, 20.0))
     aside = [abs(project(line, position)[1]) for position in made.motion.positions]
     assert made.feasible
     assert max(aside) < 0.8
@@ -57,6 +57,6 @@ def test_a_vehicle_that_missed_several_lane_changes_counts_as_one_that_cannot_be
     along = np.concatenate([np.full(100, 0.5), np.zeros(100)])
     aside = np.concatenate([np.zeros(110), np.full(60, 0.107), np.zeros(30)])
     track = np.stack([np.cumsum(along), np.cumsum(aside)], axis=1)
-    (made,) = participants(RecordedTraffic((RawTrack("a", CLASSES["car"], track, along, aside, 0.0, 50),), 0.1, 20.0))
+    (made,) = participants(SimulatedTraffic((RawTrack("a", CLASSES["car"], track, along, aside, 0.0, 50),), 0.1, 20.0))
     assert not made.feasible
     assert np.abs(made.motion.headings_rad).max() < math.radians(5)
