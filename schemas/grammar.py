@@ -44,7 +44,7 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Condition:
     """A condition on a named quantity.
 
     ``value`` holds the right-hand side as written where it is no number (``outcome=collision``), else None;
@@ -144,7 +144,7 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     return Interval(value, value, exact=True)
 
 
-def parse_comparison(text: str, unit: BaseUnit = "", *, whole: bool = False) -> Comparison:
+def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False) -> Condition:
     """A condition such as ``truck>=1``, ``car=2..5``, ``!yield``, ``speed_limit=50km/h`` or ``outcome=collision``.
 
     Args:
@@ -164,7 +164,7 @@ def parse_comparison(text: str, unit: BaseUnit = "", *, whole: bool = False) -> 
         )
     negated, name, scope, operator, right = bool(match[1]), match[2], match[3], match[4], match[5]
     if operator is None:
-        return Comparison(name, Interval(1.0, None), negated=negated, scope=scope)
+        return Condition(name, Interval(1.0, None), negated=negated, scope=scope)
     if not re.match(r"[+-]?\.?\d", right):
         if operator not in ("=", "=="):
             raise InvalidRequest(
@@ -172,9 +172,9 @@ def parse_comparison(text: str, unit: BaseUnit = "", *, whole: bool = False) -> 
                 valid=[f"{name}{operator}2"],
                 next_step="compare with a number",
             )
-        return Comparison(name, Interval(None, None), right, negated, scope)
+        return Condition(name, Interval(None, None), right, negated, scope)
     interval = _compared(text, operator, right, unit, whole)
-    return Comparison(name, interval, None, negated, scope)
+    return Condition(name, interval, None, negated, scope)
 
 
 def parse_assignment(text: str) -> Assignment:

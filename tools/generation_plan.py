@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ..engine.maps import Box, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
 from ..schemas.errors import InvalidRequest, NotPossible
 from ..schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioType, SiteCount, VehicleDemand
-from ..schemas.grammar import parse_comparison
+from ..schemas.grammar import parse_condition
 from .call import ToolCall
 
 # ---------- generation_plan
@@ -139,7 +139,7 @@ def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
 
 def _vehicle_demand(text: str) -> VehicleDemand:
     """``truck``: some; ``truck=2``: a least number; ``car=4..4``: bounds on both sides; ``bicycle=0``: none at all."""
-    wish = parse_comparison(text, whole=True)
+    wish = parse_condition(text, whole=True)
     low, high = wish.interval.low, wish.interval.high
     if wish.negated:
         return VehicleDemand(vehicle_class=wish.name, least=0, most=0)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from ...schemas.errors import InvalidRequest, UnknownName, closest
-from ...schemas.grammar import Comparison, parse_comparison
+from ...schemas.grammar import Condition, parse_condition
 from ...schemas.runs import RunRecord
 from .evidence import Evidence, country_of, place_of
 from .outcomes import METRICS, metric_value
@@ -32,13 +32,13 @@ def matching(evidence: Evidence, conditions: Sequence[str]) -> Evidence:
     """
     kept = evidence.sources
     for text in conditions:
-        condition = parse_comparison(text)
+        condition = parse_condition(text)
         wanted = _test(evidence, condition, text)
         kept = tuple(source for source in kept if wanted(source.record) != condition.negated)
     return Evidence(kept, evidence.configs, evidence.scenarios)
 
 
-def _test(evidence: Evidence, condition: Comparison, text: str) -> Callable[[RunRecord], bool]:
+def _test(evidence: Evidence, condition: Condition, text: str) -> Callable[[RunRecord], bool]:
     name = condition.name
     if name in _WORDS:
         if condition.value is None:

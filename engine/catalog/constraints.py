@@ -11,7 +11,7 @@ from itertools import chain
 
 from ...schemas.catalog import FindScenariosArguments, Stage
 from ...schemas.errors import InvalidRequest, UnknownName, closest
-from ...schemas.grammar import Comparison, Interval, parse_comparison, parse_interval
+from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval
 from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
 from ..maps import country_code, place_keys
 
@@ -192,7 +192,7 @@ def _feature(text: str) -> Constraint:
     measure = measure_name(_parse_name(text))
     if measure is None:
         return _word_constraint("feature", text, _feature_name)
-    condition = parse_comparison(text, "" if measure == "density" else "s")
+    condition = parse_condition(text, "" if measure == "density" else "s")
     _scope(condition, ("ego",))
     if not any(mark in text for mark in "<>="):
         raise InvalidRequest(
@@ -209,7 +209,7 @@ def _road_net(text: str) -> Constraint:
         return _lanes(text)
     if name == "speed_limit" and any(mark in text for mark in "<>="):
         return _limit(text)
-    condition = parse_comparison(text)
+    condition = parse_condition(text)
     scope = _scope(condition, ("ego", "map"))
     if condition.interval != Interval(1.0, None):
         raise InvalidRequest(
@@ -227,7 +227,7 @@ def _road_net(text: str) -> Constraint:
 
 
 def _lanes(text: str) -> Constraint:
-    condition = parse_comparison(text, whole=True)
+    condition = parse_condition(text, whole=True)
     _scope(condition, ("ego",))
     query = "SELECT number FROM catalog_scenarios WHERE lanes BETWEEN ? AND ?"
     return Constraint("road_net", text.strip(), query, _bounds(condition.interval, 0.0), condition.negated)
@@ -235,7 +235,7 @@ def _lanes(text: str) -> Constraint:
 
 def _limit(text: str) -> Constraint:
     _refuse_without_unit(text, text.lstrip("!").partition("@")[0], ["speed_limit=50km/h", "speed_limit<=30mph"])
-    condition = parse_comparison(text, "m/s")
+    condition = parse_condition(text, "m/s")
     scope = _scope(condition, ("ego", "map"))
     low, high = _bounds(_scaled(condition.interval, 3.6), LIMIT_TOLERANCE_KMH)
     query = "SELECT DISTINCT number FROM catalog_limits WHERE scope = ? AND kmh BETWEEN ? AND ?"
@@ -243,7 +243,7 @@ def _limit(text: str) -> Constraint:
 
 
 def _obstacles(text: str) -> Constraint:
-    condition = parse_comparison(text, whole=True)
+    condition = parse_condition(text, whole=True)
     name = obstacle_name(condition.name)
     _scope(condition, ("map",))
     low, high = _bounds(condition.interval, 0.0)
@@ -282,7 +282,7 @@ def _refuse_without_unit(text: str, name: str, valid: list[str]) -> None:
         raise InvalidRequest(f"'{text}' gives {name} without a unit", valid=valid, next_step="say km/h, m/s or mph")
 
 
-def _scope(condition: Comparison, allowed: tuple[str, ...]) -> str:
+def _scope(condition: Condition, allowed: tuple[str, ...]) -> str:
     scope = condition.scope or allowed[0]
     if scope not in allowed:
         raise InvalidRequest(
@@ -291,7 +291,7 @@ def _scope(condition: Comparison, allowed: tuple[str, ...]) -> str:
     return scope
 
 
-def _label(condition: Comparison, name: str, scope: str) -> str:
+def _label(condition: Condition, name: str, scope: str) -> str:
     return f"{'!' if condition.negated else ''}{name}{'@map' if scope == 'map' else ''}"
 
 

@@ -13,11 +13,11 @@ from plannerforge.schemas.grammar import (
     ASSIGNMENT_PATTERN,
     COMPARISON_PATTERN,
     Assignment,
-    Comparison,
+    Condition,
     Interval,
     Selector,
     parse_assignment,
-    parse_comparison,
+    parse_condition,
     parse_interval,
     parse_quantity,
     parse_selector,
@@ -108,43 +108,43 @@ def test_interval_holds_its_ends() -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("truck>=1", Comparison("truck", Interval(1, None))),
-        ("truck >= 1", Comparison("truck", Interval(1, None))),
-        ("bus=2", Comparison("bus", Interval(2, 2, exact=True))),
-        ("bus==2", Comparison("bus", Interval(2, 2, exact=True))),
-        ("car=2..5", Comparison("car", Interval(2, 5))),
-        ("bicycle", Comparison("bicycle", Interval(1, None))),
-        ("!yield", Comparison("yield", Interval(1, None), negated=True)),
-        ("traffic_light@map", Comparison("traffic_light", Interval(1, None), scope="map")),
-        ("car@ego<=3", Comparison("car", Interval(None, 3), scope="ego")),
-        ("outcome=collision", Comparison("outcome", Interval(None, None), "collision")),
+        ("truck>=1", Condition("truck", Interval(1, None))),
+        ("truck >= 1", Condition("truck", Interval(1, None))),
+        ("bus=2", Condition("bus", Interval(2, 2, exact=True))),
+        ("bus==2", Condition("bus", Interval(2, 2, exact=True))),
+        ("car=2..5", Condition("car", Interval(2, 5))),
+        ("bicycle", Condition("bicycle", Interval(1, None))),
+        ("!yield", Condition("yield", Interval(1, None), negated=True)),
+        ("traffic_light@map", Condition("traffic_light", Interval(1, None), scope="map")),
+        ("car@ego<=3", Condition("car", Interval(None, 3), scope="ego")),
+        ("outcome=collision", Condition("outcome", Interval(None, None), "collision")),
     ],
 )
-def test_comparison(text: str, expected: Comparison) -> None:
-    assert parse_comparison(text) == expected
+def test_comparison(text: str, expected: Condition) -> None:
+    assert parse_condition(text) == expected
     assert re.match(COMPARISON_PATTERN, text.replace(" ", ""))
 
 
 def test_strict_comparison_of_counts_moves_by_one() -> None:
-    assert parse_comparison("truck>1", whole=True).interval == Interval(2, None)
-    assert parse_comparison("truck<3", whole=True).interval == Interval(None, 2)
-    assert parse_comparison("ttc<3").interval == Interval(None, 3)
+    assert parse_condition("truck>1", whole=True).interval == Interval(2, None)
+    assert parse_condition("truck<3", whole=True).interval == Interval(None, 2)
+    assert parse_condition("ttc<3").interval == Interval(None, 3)
 
 
 @pytest.mark.parametrize("text", ["truck>=1.5", "truck=0.5..2", "truck<0.1"])
 def test_count_with_a_fraction_is_refused(text: str) -> None:
     with pytest.raises(InvalidRequest, match="fraction"):
-        parse_comparison(text, whole=True)
+        parse_condition(text, whole=True)
 
 
 def test_comparison_with_a_unit() -> None:
-    assert parse_comparison("speed_limit=50km/h", "m/s").interval.low == pytest.approx(50 / 3.6)
+    assert parse_condition("speed_limit=50km/h", "m/s").interval.low == pytest.approx(50 / 3.6)
 
 
 @pytest.mark.parametrize("text", ["", " ", "=3", "3>=2", "truck>=", "truck>=many", "a b", "truck>=1 2", "config!=3"])
 def test_malformed_comparison_is_refused_with_its_text(text: str) -> None:
     with pytest.raises(InvalidRequest) as caught:
-        parse_comparison(text)
+        parse_condition(text)
     assert caught.value.valid
 
 
@@ -221,7 +221,7 @@ def test_written_comparison_reads_back(name: str, number: float, operator: str, 
     expected = {">=": Interval(number, None), "<=": Interval(None, number), "=": Interval(number, number, exact=True)}[
         operator
     ]
-    assert parse_comparison(f"{'!' if negated else ''}{name}{operator}{number!r}") == Comparison(
+    assert parse_condition(f"{'!' if negated else ''}{name}{operator}{number!r}") == Condition(
         name, expected, negated=negated
     )
 
@@ -242,7 +242,7 @@ def test_bare_number_is_in_the_base_unit(unit: str, number: float) -> None:
 
 @given(LIKELY_TEXT)
 def test_arbitrary_text_is_read_or_refused_but_never_a_crash(text: str) -> None:
-    for parse in (parse_comparison, parse_assignment, parse_selector, parse_interval, parse_quantity):
+    for parse in (parse_condition, parse_assignment, parse_selector, parse_interval, parse_quantity):
         with suppress(PlannerForgeError):
             parse(text)
 
@@ -265,6 +265,6 @@ def test_number_that_its_unit_makes_infinite_is_refused(text: str) -> None:
 
 @pytest.mark.parametrize("text", ["٣", "nearest:²", "²", "new:٣"])
 def test_digits_of_other_scripts_never_crash(text: str) -> None:
-    for parse in (parse_selector, parse_comparison, parse_quantity, parse_interval, parse_assignment):
+    for parse in (parse_selector, parse_condition, parse_quantity, parse_interval, parse_assignment):
         with suppress(PlannerForgeError):
             parse(text)
