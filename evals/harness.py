@@ -6,33 +6,28 @@ import os
 import statistics
 import sys
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 from mcp import Client
 from rich.console import Console
 from rich.table import Table
 
-from ..engine.execution import silent
-from ..schemas.base import Model
+from ..engine.execution import Operation, Request, Response, silent
 from ..server.settings import Settings
 from ..tools.call import ToolCall
 
 # ---------- in_process
 # A tool's call without server and workers: what a tool plans can be asked for where its work is timed.
 
-Response = TypeVar("Response", bound=Model)
-
 
 class _InProcess:
     """Runs the engine operations of a tool in this process, without a time limit."""
 
-    async def run(self, entry_point: str, request: Model, response_type: type[Response], **limits: object) -> Response:
+    async def run(self, operation: Operation[Request, Response], request: Request, **options: object) -> Response:
         """The operation's response."""
-        del limits
-        module, _, name = entry_point.partition(":")
-        return response_type.model_validate(getattr(import_module(module), name)(request, silent))
+        del options
+        return operation.load()(request, silent)
 
 
 def call_in_process() -> ToolCall:

@@ -10,10 +10,9 @@ import anyio
 
 from ..engine.execution import Claims, JobRunner, JobStore, WorkerPool
 from ..engine.workspace import Workspace
-from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse
+from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import PlannerForgeError
-from ..tools.call import Services
-from ..tools.catalog import FIRST_TEXT_SEARCH_TIMEOUT_S, INDEX_FOLDER
+from ..tools.call import INDEX_FOLDER, Services
 from ..tools.registry import TOOLS, ToolSpec
 from .application import PlannerForgeServer
 from .journal import Journal
@@ -83,16 +82,12 @@ def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
 
 async def _warm_up(workers: WorkerPool, workspace: Workspace, model: str) -> None:
     await anyio.sleep(WARM_UP_DELAY_S)
+    from ..tools.operations import BUILD_INDEX  # its models are not needed before the first answers
+
     await workers.warm_up("compute")
     await workers.warm_up("retrieval")
     request = BuildIndexRequest(database=workspace.database.path, index=workspace.root / INDEX_FOLDER, model=model)
     try:
-        await workers.run(
-            "plannerforge.engine.catalog.ranking:build_index",
-            request,
-            BuildIndexResponse,
-            timeout_s=FIRST_TEXT_SEARCH_TIMEOUT_S,
-            lane="retrieval",
-        )
+        await workers.run(BUILD_INDEX, request)
     except PlannerForgeError as error:  # nobody asked for it yet: whoever searches by text is told
         logger.warning("the text index could not be made ready: %s", error.text)

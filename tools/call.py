@@ -3,15 +3,14 @@
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
-from ..engine.execution import Claims, Executor, JobRunner, Lane, Limits
+from ..engine.execution import Claims, Executor, JobRunner, Limits, Operation, Request, Response
 from ..engine.workspace import Workspace
-from ..schemas.base import Model
 from ..schemas.catalog import PACKAGED_MODEL
 
-Response = TypeVar("Response", bound=Model)
 SendProgress = Callable[[float, str], Awaitable[None]]
+INDEX_FOLDER = "index"
+"""The folder of the text index in the workspace."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +62,7 @@ class ToolCall:
         await self._send_progress(share, message)
 
     async def run(
-        self,
-        entry_point: str,
-        request: Model,
-        response_type: type[Response],
-        *,
-        timeout_s: float | None = None,
-        share: tuple[float, float] = (0.0, 1.0),
-        lane: Lane = "compute",
+        self, operation: Operation[Request, Response], request: Request, *, share: tuple[float, float] = (0.0, 1.0)
     ) -> Response:
         """Run an engine operation in a warm worker; its progress fills ``share`` of the call's.
 
@@ -82,9 +74,7 @@ class ToolCall:
         async def forward(done: float, message: str) -> None:
             await self.progress(begin + (end - begin) * done, message)
 
-        return await self.services.workers.run(
-            entry_point, request, response_type, timeout_s=timeout_s, on_progress=forward, lane=lane
-        )
+        return await self.services.workers.run(operation, request, on_progress=forward)
 
 
 @dataclass(frozen=True)

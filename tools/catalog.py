@@ -15,12 +15,12 @@ from ..schemas.catalog import (
     FindScenariosArguments,
     FindScenariosResult,
     RankRequest,
-    RankResponse,
     SearchRecord,
 )
 from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
-from .call import ToolCall
+from .call import INDEX_FOLDER, ToolCall
 from .maps import maps_seen
+from .operations import RANK
 from .scenarios import one_scenario, searched_within
 
 # ---------- catalog_facets
@@ -61,9 +61,6 @@ def _planners(call: ToolCall) -> FacetCounts:
 
 # ---------- catalog
 # The tools that look into the catalogue.
-
-FIRST_TEXT_SEARCH_TIMEOUT_S = 120.0
-INDEX_FOLDER = "index"
 
 
 async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) -> DescribeCatalogResult:
@@ -130,11 +127,4 @@ async def _ranking(search: Search, call: ToolCall) -> Ranking:
         limit=max(len(candidates), 1),
         model=call.services.embedding_model,
     )
-    response = await call.run(
-        "plannerforge.engine.catalog.ranking:rank",
-        request,
-        RankResponse,
-        timeout_s=FIRST_TEXT_SEARCH_TIMEOUT_S,
-        lane="retrieval",
-    )
-    return Ranking.of(response)
+    return Ranking.of(await call.run(RANK, request))

@@ -9,11 +9,9 @@ from ..schemas.artifacts import (
     ExportArtifactsArguments,
     ExportArtifactsResult,
     ExportedFile,
-    FileWritten,
     RunTableRequest,
     SolutionRequest,
 )
-from ..schemas.base import Model
 from ..schemas.comparison import CompareResultsArguments
 from ..schemas.errors import InvalidRequest
 from ..schemas.planning import PlannerConfiguration
@@ -22,6 +20,7 @@ from ..schemas.results import AnalyzeResultsArguments, RunSource
 from ..schemas.runs import BatchRecord, RunRecord
 from ..schemas.scenarios import ScenarioRecord
 from .call import ToolCall
+from .operations import WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
 from .rendering import draw
 from .results import analyze_results, compare_results, run_sources
 
@@ -55,7 +54,7 @@ async def write_report(call: ToolCall, artifacts: Sequence[Artifact], path: Path
         footer="Made by PlannerForge MCP.",
         path=str(path),
     )
-    return await call.run("plannerforge.engine.rendering.reports:write_report", request, ReportWritten)
+    return await call.run(WRITE_REPORT, request)
 
 
 async def _scenario(call: ToolCall, artifact: Artifact) -> ReportSection:
@@ -100,9 +99,6 @@ async def _run_images(call: ToolCall, runs: Sequence[RunSource]) -> list[ReportI
 # ---------- exporting_kinds
 # Exports that a worker computes: the solution file of a run, the tables of a batch.
 
-SOLUTION = "plannerforge.engine.planners.solution:write_solution"
-RUN_TABLE = "plannerforge.engine.analysis.run_table:write_run_table"
-
 
 async def compute(call: ToolCall, export: Export, target: Path) -> Path:
     """Have a worker write the file of an export to ``target``.
@@ -111,13 +107,13 @@ async def compute(call: ToolCall, export: Export, target: Path) -> Path:
         UnknownName: the export's run, configuration or scenario is not in the workspace any more.
     """
     if export.format == "solution":
-        await call.run(SOLUTION, _solution(call, export, target), FileWritten)
+        await call.run(WRITE_SOLUTION, _solution(call, export, target))
     else:
-        await call.run(RUN_TABLE, _table(call, export, target), FileWritten)
+        await call.run(WRITE_RUN_TABLE, _table(call, export, target))
     return target
 
 
-def _solution(call: ToolCall, export: Export, target: Path) -> Model:
+def _solution(call: ToolCall, export: Export, target: Path) -> SolutionRequest:
     record = export.artifact.read(RunRecord)
     return SolutionRequest(
         record=record,
@@ -128,7 +124,7 @@ def _solution(call: ToolCall, export: Export, target: Path) -> Model:
     )
 
 
-def _table(call: ToolCall, export: Export, target: Path) -> Model:
+def _table(call: ToolCall, export: Export, target: Path) -> RunTableRequest:
     batch = export.artifact.read(BatchRecord)
     return RunTableRequest(
         records=tuple(call.workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs),

@@ -20,6 +20,7 @@ from .configurations import resolve_configuration, store_configuration
 from .generation_plan import Order, Orders, plan_maps, plan_orders, request_for
 from .generation_record import REPORT, summarise
 from .maps import maps_at_hand
+from .operations import GENERATE_SCENARIO
 from .runs import Cell, run_grid
 from .scenario_storage import content_digest, store_scenario
 
@@ -52,8 +53,6 @@ async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSu
 
 # ---------- generation
 # The tool that makes scenarios from maps.
-
-GENERATE_TIMEOUT_S = 180.0
 
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
@@ -145,13 +144,8 @@ async def _make(call: ToolCall, request: GenerationRequest, share: tuple[float, 
         report = GeneratedScenario.model_validate_json(kept.read_bytes())
         return summarise(report, request, stored.artifact_id, reused=True)
     with call.workspace.scratch() as folder:
-        scenario = await call.run(
-            "plannerforge.engine.generation.generator:generate",
-            request.model_copy(update={"folder": str(folder), "benchmark_number": number}),
-            GeneratedScenario,
-            timeout_s=GENERATE_TIMEOUT_S,
-            share=share,
-        )
+        numbered = request.model_copy(update={"folder": str(folder), "benchmark_number": number})
+        scenario = await call.run(GENERATE_SCENARIO, numbered, share=share)
         xml, net, report_path = (folder / name for name in ("scenario.xml", "scenario.net.xml", REPORT))
         report_path.write_text(scenario.model_dump_json(), encoding="utf-8")
         artifact = await store_scenario(

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 from ..engine.maps import Box, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
 from ..schemas.errors import InvalidRequest, NotPossible
-from ..schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioType, SiteCount, VehicleDemand
+from ..schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioType, VehicleDemand
 from ..schemas.grammar import parse_condition
 from .call import ToolCall
+from .operations import COUNT_SITES
 
 # ---------- generation_plan
 # From the arguments of generate_scenarios to the requests for the engine: maps, classes, numbers of vehicles.
@@ -168,7 +169,6 @@ def _box_of(bbox: list[float] | None) -> Box | None:
 # ---------- generation_orders
 # Which site of which map every scenario of a call is made at, and the maps that are left when one fails.
 
-SITES_TIMEOUT_S = 180.0
 MOST_SPARE_MAPS = 3
 """Four extracts meet at a corner; trying more would only make the caller wait for the refusal."""
 
@@ -228,5 +228,4 @@ def share_out(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int) -
 
 async def _site_count(arguments: GenerateScenariosArguments, call: ToolCall, match: MapMatch) -> int:
     request = request_for(arguments, match, 0, 0)
-    entry_point = "plannerforge.engine.generation.sites:count_sites"
-    return (await call.run(entry_point, request, SiteCount, timeout_s=SITES_TIMEOUT_S, share=(0.0, 0.0))).count
+    return (await call.run(COUNT_SITES, request, share=(0.0, 0.0))).count

@@ -20,16 +20,15 @@ from ..engine.planners import known_planner
 from ..engine.tuning import changed_configuration, preset_configuration, read_weight_file, tuning_of
 from ..engine.workspace import Artifact, Recipe
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
-from ..schemas.generation import ConvertedMap, ConvertMapRequest, MapFacts, ReadMapRequest
+from ..schemas.generation import ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.importing import ImportedItem
 from .call import ToolCall
 from .configurations import store_configuration
+from .operations import CONVERT_MAP, READ_MAP
 from .scenario_storage import content_digest
 
 # ---------- importing_kinds
 # How the files go in that are no scenarios: OpenStreetMap maps and cost-weight files.
-
-READ_MAP_TIMEOUT_S = 120.0
 
 
 def known_country(text: str | None) -> str | None:
@@ -66,22 +65,13 @@ async def _plain(call: ToolCall, path: Path, folder: Path) -> Path:
     """The map itself, or unpacked into the folder."""
     if not is_binary(path):
         return await anyio.to_thread.run_sync(unpacked, path, folder)
-    converted = await call.run(
-        "plannerforge.engine.maps.osm:write_as_xml",
-        ConvertMapRequest(path=str(path), folder=str(folder)),
-        ConvertedMap,
-        timeout_s=READ_MAP_TIMEOUT_S,
-    )
+    converted = await call.run(CONVERT_MAP, ConvertMapRequest(path=str(path), folder=str(folder)))
     return Path(converted.path)
 
 
 async def _store_map(call: ToolCall, path: Path, recipe: Recipe, name: str | None, country: str | None) -> Artifact:
-    facts = await call.run(
-        "plannerforge.engine.maps.facts:read_map",
-        ReadMapRequest(path=str(path), map_id=f"map_{recipe.digest}", place=name, country=country),
-        MapFacts,
-        timeout_s=READ_MAP_TIMEOUT_S,
-    )
+    request = ReadMapRequest(path=str(path), map_id=f"map_{recipe.digest}", place=name, country=country)
+    facts = await call.run(READ_MAP, request)
     return call.workspace.put(
         "map", facts.map_id, recipe=recipe, record=facts, files={stored_name(path): path}, name=facts.place
     )

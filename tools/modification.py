@@ -8,7 +8,6 @@ from ..engine.workspace import Artifact, Recipe, versions_of
 from ..schemas.errors import NotPossible
 from ..schemas.modification import (
     Edit,
-    ModificationOutcome,
     ModificationRequest,
     ModifyScenarioArguments,
     ModifyScenarioResult,
@@ -16,11 +15,11 @@ from ..schemas.modification import (
 )
 from ..schemas.scenarios import ScenarioRecord
 from .call import ToolCall
+from .operations import APPLY_EDITS
 from .scenario_storage import store_scenario
 from .scenarios import one_scenario
 
 TOOL = "modify_scenario"
-TIMEOUT_S = 120.0
 
 
 async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
@@ -57,13 +56,7 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
             dry_run=arguments.dry_run,
             seed=seed,
         )
-        outcome = await call.run(
-            "plannerforge.engine.edits.apply:apply_edits",
-            request,
-            ModificationOutcome,
-            timeout_s=TIMEOUT_S,
-            share=(0.0, 0.8),
-        )
+        outcome = await call.run(APPLY_EDITS, request, share=(0.0, 0.8))
         if outcome.xml is not None:
             await store_scenario(call, xml=Path(outcome.xml), net=outcome.net, recipe=recipe, origin="modified")
     return ModifyScenarioResult(

@@ -11,12 +11,12 @@ from ..resources.templates import SCHEME
 from ..schemas.errors import InvalidRequest, ResourceFailure, UnknownName
 from ..schemas.rendering import PictureKind, RenderArguments, Rendered, RenderedImage, RenderRequest
 from .call import Image, ImageAnswer, ToolCall
+from .operations import RENDER
 from .results import WORDS, choose_results, config_weights, run_sources, scenario_sources
 
 # ---------- drawings
 # Drawing with a memory: what was drawn of the same artifacts before is not drawn again.
 
-TIMEOUT_S = 50.0
 FOLDER = "pictures"
 
 
@@ -48,12 +48,7 @@ async def draw(
     if note.is_file():
         return Rendered.model_validate_json(note.read_text(encoding="utf-8"))
     with call.workspace.scratch() as folder:
-        made = await call.run(
-            "plannerforge.engine.rendering.pictures:render",
-            request.model_copy(update={"folder": str(folder)}),
-            Rendered,
-            timeout_s=TIMEOUT_S,
-        )
+        made = await call.run(RENDER, request.model_copy(update={"folder": str(folder)}))
         return _kept(made, note, call.workspace)
 
 

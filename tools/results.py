@@ -19,6 +19,7 @@ from ..schemas.results import (
 from ..schemas.runs import BatchRecord, LostCell, RunRecord
 from ..schemas.scenarios import ScenarioRecord
 from .call import ToolCall
+from .operations import ANALYSE, COMPARE
 
 # ---------- result_choice
 # Which runs the words of a call mean: run and batch ids, and words for the newest ones.
@@ -173,8 +174,6 @@ def _by_config(label: str, members: Sequence[RunSource], *, alone: bool) -> list
 # ---------- results
 # The tools that say what runs show: figures of a set, and one set against another.
 
-TIMEOUT_S = 50.0
-
 
 async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) -> AnalyzeResultsResult:
     """Rates, metrics, costs and findings of runs."""
@@ -191,9 +190,7 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
         where=tuple(arguments.where),
         detail=arguments.detail,
     )
-    return await call.run(
-        "plannerforge.engine.analysis.summary:analyse", request, AnalyzeResultsResult, timeout_s=TIMEOUT_S
-    )
+    return await call.run(ANALYSE, request)
 
 
 async def compare_results(arguments: CompareResultsArguments, call: ToolCall) -> CompareResultsResult:
@@ -209,9 +206,7 @@ async def compare_results(arguments: CompareResultsArguments, call: ToolCall) ->
         metrics=tuple(arguments.metrics),
         limit=arguments.limit,
     )
-    result = await call.run(
-        "plannerforge.engine.analysis.comparison:compare", request, CompareResultsResult, timeout_s=TIMEOUT_S
-    )
+    result = await call.run(COMPARE, request)
     return result.model_copy(update={"notes": (*notes, *result.notes)})
 
 

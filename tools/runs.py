@@ -17,16 +17,14 @@ from ..schemas.planning import (
     RunLine,
     RunPlannerResult,
     RunRequest,
-    RunResponse,
 )
 from ..schemas.runs import BatchRecord, LostCell, Prediction, RunRecord, Traffic
 from .call import ToolCall
+from .operations import RUN_PLANNER
 
 # ---------- run_grid
 # Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored.
 
-RUN = "plannerforge.engine.planners.runs:run_planner"
-RUN_TIMEOUT_S = 120.0
 CLAIM_POLL_S = 0.1
 """How often a run that somebody else makes is looked at."""
 logger = logging.getLogger(__name__)
@@ -151,7 +149,7 @@ async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool
         seed=cell.seed,
     )
     run = call.run if tell_client else call.services.workers.run
-    response = await run(RUN, request, RunResponse, timeout_s=RUN_TIMEOUT_S)
+    response = await run(RUN_PLANNER, request)
     with call.workspace.scratch() as folder:
         files = {"steps.json": response.steps, "timing.json": response.timing}
         for name, content in files.items():

@@ -15,6 +15,7 @@ from ..schemas.errors import NotPossible, PlannerForgeError, WorkerFailure, Work
 from ..schemas.importing import ImportedItem
 from ..schemas.scenarios import Origin, ReadFactsRequest, ScenarioFacts, ScenarioRecord
 from .call import ToolCall
+from .operations import READ_FACTS
 
 # ---------- scenario_intake
 # What becomes of CommonRoad files that were read: a new scenario, a known one, a new version, or a refusal.
@@ -213,8 +214,6 @@ def _net_beside(path: Path) -> Path | None:
 # ---------- storing
 # Storing a scenario: its facts are read, then files, recipe and facts go into the workspace and the catalogue.
 
-READ_TIMEOUT_S = 60.0
-
 
 async def store_scenario(
     call: ToolCall,
@@ -234,12 +233,7 @@ async def store_scenario(
         UnsafeInput: the file is broken or hostile.
         NotPossible: another scenario has this id already.
     """
-    facts = await call.run(
-        "plannerforge.engine.scenarios.facts:read_facts",
-        ReadFactsRequest(path=xml),
-        ScenarioFacts,
-        timeout_s=READ_TIMEOUT_S,
-    )
+    facts = await call.run(READ_FACTS, ReadFactsRequest(path=xml))
     return put_scenario(call, facts, xml=xml, net=net, recipe=recipe, origin=origin, beside=beside)
 
 
@@ -347,12 +341,8 @@ async def _facts(call: ToolCall, path: Path) -> ScenarioFacts:
 
 
 async def _read_once(call: ToolCall, path: Path) -> ScenarioFacts:
-    return await call.services.workers.run(
-        "plannerforge.engine.scenarios.facts:read_facts",
-        ReadFactsRequest(path=path, file_bytes=call.limits.file_bytes),
-        ScenarioFacts,
-        timeout_s=READ_TIMEOUT_S,
-    )
+    request = ReadFactsRequest(path=path, file_bytes=call.limits.file_bytes)
+    return await call.services.workers.run(READ_FACTS, request)
 
 
 async def _store_in_order(

@@ -9,15 +9,10 @@ from ..engine.catalog import MOST_ENTRIES, Search, entries_of, open_catalogue
 from ..engine.workspace import Artifact
 from ..schemas.catalog import SearchRecord
 from ..schemas.errors import InvalidRequest, NotPossible, UnknownName
-from ..schemas.scenarios import (
-    DescribeRequest,
-    DescribeScenarioArguments,
-    DescribeScenarioResult,
-    Description,
-    ScenarioRecord,
-)
+from ..schemas.scenarios import DescribeRequest, DescribeScenarioArguments, DescribeScenarioResult, ScenarioRecord
 from .call import ToolCall
 from .generation_record import described_generation, kept_report, with_classes
+from .operations import DESCRIBE_SCENARIO
 
 # ---------- search_stages
 # What a stage of a stored search left: a search keeps the counts of its stages, the scenarios are looked up again.
@@ -158,7 +153,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
     artifact, problem_id = one_scenario(arguments.scenario_id, call)
     record = artifact.read(ScenarioRecord)
     description = await call.run(
-        "plannerforge.engine.scenarios.description:describe",
+        DESCRIBE_SCENARIO,
         DescribeRequest(
             path=call.workspace.file("scenario", artifact.artifact_id, "scenario.xml"),
             problem_id=problem_id,
@@ -166,7 +161,6 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
             focus=arguments.focus,
             radius_m=arguments.radius_m,
         ),
-        Description,
     )
     facts = record.facts if problem_id is None else record.facts.seen_by(problem_id)
     limits = [f"limit {limit:g} km/h" for limit in facts.roads.limits_ego_kmh]

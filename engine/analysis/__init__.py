@@ -11,6 +11,8 @@
 ``signed_rank``: Wilcoxon's signed-rank test.
 ``wilson_interval``: Score interval of a binomial share (Wilson 1927, "Probable inference"), here in Newcombe's (1998)
     notation.
+``analyse``: An operation: rates, metrics, costs and findings of runs.
+``write_run_table``: An operation: writes the table of a batch, a row a run.
 """
 
 from typing import TYPE_CHECKING
@@ -24,9 +26,11 @@ if TYPE_CHECKING:
     from .evidence import Evidence as Evidence
     from .evidence import driven_tracks as driven_tracks
     from .evidence import read_steps as read_steps
+    from .run_table import write_run_table as write_run_table
     from .statistics import SignedRank as SignedRank
     from .statistics import rate as rate
     from .statistics import signed_rank as signed_rank
     from .statistics import wilson_interval as wilson_interval
+    from .summary import analyse as analyse
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -27,6 +27,7 @@
 ``Vectors``: TODO.
 ``ensure_generation``: The complete generation for these texts, built if it is not there.
 ``query``: The nearest scenarios with their cosine likeness in [−1, 1], best first.
+``build_index``: An operation: loads the embedding model and builds the text index.
 """
 
 from typing import TYPE_CHECKING
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from .archives import download as download
     from .archives import unpack as unpack
     from .facets import scenario_facets as scenario_facets
+    from .ranking import build_index as build_index
     from .ranking import rank as rank
     from .search import Ranking as Ranking
     from .search import Search as Search

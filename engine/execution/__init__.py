@@ -2,10 +2,12 @@
 
 ``Claims``: Claims of this process on recipes.
 ``Executor``: Runs operations somewhere, each apart from the others.
-``Lane``: TODO.
-``OnProgress``: TODO.
+``Lane``: Which workers carry an operation out: ``compute`` or ``retrieval``.
+``OnProgress``: A listener to progress: an async function of the share done in [0, 1] and a few words.
+``Operation``: A function of the engine that runs in a worker, with its request, response and time limit in seconds.
 ``ProgressReporter``: Called by an operation with the share done in [0, 1] and a few words.
-``Response``: TODO.
+``Request``: Type variable of what an operation takes.
+``Response``: Type variable of what an operation returns.
 ``no_progress``: A listener for callers that do not want to know.
 ``silent``: A reporter for callers that do not want to know.
 ``Job``: A piece of work.
@@ -28,7 +30,9 @@ if TYPE_CHECKING:
     from .executor import Executor as Executor
     from .executor import Lane as Lane
     from .executor import OnProgress as OnProgress
+    from .executor import Operation as Operation
     from .executor import ProgressReporter as ProgressReporter
+    from .executor import Request as Request
     from .executor import Response as Response
     from .executor import no_progress as no_progress
     from .executor import silent as silent

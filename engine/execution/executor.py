@@ -1,17 +1,21 @@
-"""Who carries out engine operations, as the tools see it.
+"""Operations of the engine, and who carries them out, as the tools see it.
 
-The local pool of processes is one such; a cluster would be another. What is sent is an entry point ``module:function``
-and a request as JSON, what comes back is a response as JSON; files are named by their paths, which an executor on other
-machines has to make readable there (a shared file system, or copies).
+The local pool of processes is one executor; a cluster would be another. What is sent is an entry point
+``module:function`` and a request as JSON, what comes back is a response as JSON; files are named by their paths, which
+an executor on other machines has to make readable there (a shared file system, or copies).
 """
 
+import importlib
 from collections.abc import Awaitable, Callable
-from typing import Literal, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Generic, Literal, Protocol, TypeVar
 
 from ...schemas.base import Model
 
-# ---------- progress
-# How long work says how far it is: a callable that every operation receives.
+Request = TypeVar("Request", bound=Model)
+Response = TypeVar("Response", bound=Model)
+Lane = Literal["compute", "retrieval"]
+OnProgress = Callable[[float, str], Awaitable[None]]
 
 
 class ProgressReporter(Protocol):
@@ -21,49 +25,60 @@ class ProgressReporter(Protocol):
         """Report the share done, never less than before, and what is being done now."""
 
 
-def silent(share: float, message: str = "") -> None:
-    """A reporter for callers that do not want to know."""
-    del share, message
+@dataclass(frozen=True)
+class Operation(Generic[Request, Response]):
+    """A function of the engine that runs in a worker: ``function(request, report) -> response``.
 
+    Args:
+        entry_point: ``module:function``; the module is a package's face wherever there is one.
+        request_type: what the function takes.
+        response_type: what it returns.
+        timeout_s: time limit in seconds; None is the executor's own.
+        lane: which workers carry it out.
+    """
 
-# ---------- executor
-# Who carries out engine operations, as the tools see it.
-#
-# The local pool of processes is one such; a cluster would be another. What is sent is an entry point
-# ``module:function`` and a request as JSON, what comes back is a response as JSON; files are named by their paths,
-# which an executor on other machines has to make readable there (a shared file system, or copies).
+    entry_point: str
+    request_type: type[Request]
+    response_type: type[Response]
+    timeout_s: float | None = None
+    lane: Lane = "compute"
 
-Response = TypeVar("Response", bound=Model)
-OnProgress = Callable[[float, str], Awaitable[None]]
-Lane = Literal["compute", "retrieval"]
+    @property
+    def name(self) -> str:
+        """The function's name, as errors give it."""
+        return self.entry_point.rpartition(":")[2]
 
-
-async def no_progress(share: float, message: str) -> None:
-    """A listener for callers that do not want to know."""
-    del share, message
+    def load(self) -> Callable[[Request, ProgressReporter], Response]:
+        """The function, imported now: only where heavy libraries may be loaded."""
+        module, _, name = self.entry_point.partition(":")
+        function: Callable[[Request, ProgressReporter], Response] = getattr(importlib.import_module(module), name)
+        return function
 
 
 class Executor(Protocol):
-    """Runs operations somewhere, each apart from the others: one that crashes or hangs costs nobody else anything."""
+    """Runs operations, each apart from the others: one that crashes or hangs disturbs no other."""
 
     @property
     def capacity(self) -> int:
-        """How many operations of the compute lane it carries out at once."""
+        """How many operations of the compute lane run at once."""
 
     async def run(
-        self,
-        entry_point: str,
-        request: Model,
-        response_type: type[Response],
-        *,
-        timeout_s: float | None = None,
-        on_progress: OnProgress = no_progress,
-        lane: Lane = "compute",
+        self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = ...
     ) -> Response:
-        """Run the operation ``module:function`` on a request and give its response; a cancelled caller ends it.
+        """Run the operation and return its response; a cancelled caller ends it.
 
         Raises:
             PlannerForgeError: what the operation raised.
-            WorkerTimeout: it took longer than ``timeout_s``.
-            WorkerFailure: what carried it out died.
+            WorkerTimeout: it took longer than its time limit.
+            WorkerFailure: the process that carried it out died.
         """
+
+
+def silent(share: float, message: str = "") -> None:
+    """A progress reporter that drops what it is given."""
+    del share, message
+
+
+async def no_progress(share: float, message: str) -> None:
+    """A listener to progress that drops what it is given."""
+    del share, message

@@ -20,9 +20,8 @@ import anyio
 import anyio.abc
 from anyio.streams.buffered import BufferedByteReceiveStream
 
-from ...schemas.base import Model
 from ...schemas.errors import UnexpectedFailure, WorkerFailure, WorkerTimeout
-from .executor import Lane, OnProgress, Response, no_progress
+from .executor import Lane, OnProgress, Operation, Request, Response, no_progress
 from .limits import Limits
 from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progress, read_report
 
@@ -176,35 +175,30 @@ class WorkerPool:
         return self._limits.worker_count
 
     async def run(
-        self,
-        entry_point: str,
-        request: Model,
-        response_type: type[Response],
-        *,
-        timeout_s: float | None = None,
-        on_progress: OnProgress = no_progress,
-        lane: Lane = "compute",
+        self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
     ) -> Response:
-        """Run the operation ``module:function`` on a request and give its response.
+        """Run the operation on a request and return its response.
 
         A cancelled caller, a time-out and a dead process all end the worker; the next call gets a fresh one.
 
         Raises:
             PlannerForgeError: what the operation raised.
-            WorkerTimeout: the operation took longer than ``timeout_s``.
+            WorkerTimeout: the operation took longer than its time limit, or that of the pool where it has none.
             WorkerFailure: the process died.
         """
-        limit_s = timeout_s or self._limits.operation_timeout_s
+        lane = operation.lane
+        limit_s = operation.timeout_s or self._limits.operation_timeout_s
         async with self._slots[lane]:
             worker = await self._take(lane)
             finished = False
             try:
+                order = Order(operation.entry_point, request.model_dump_json())
                 with anyio.fail_after(limit_s):
-                    report = await worker.carry_out(Order(entry_point, request.model_dump_json()), on_progress)
+                    report = await worker.carry_out(order, on_progress)
                 finished = True
             except TimeoutError as error:
                 raise WorkerTimeout(
-                    f"{entry_point.rpartition(':')[2]} took longer than {limit_s:g} s and was ended",
+                    f"{operation.name} took longer than {limit_s:g} s and was ended",
                     next_step="ask for less at once, or raise the operation_timeout_s setting",
                 ) from error
             finally:
@@ -213,7 +207,7 @@ class WorkerPool:
                     self._idle[lane].append(worker)
                 else:
                     await worker.kill()
-        return self._response(entry_point, report, response_type)
+        return self._response(operation, report)
 
     async def warm_up(self, lane: Lane = "compute") -> None:
         """Have one idle worker with its heavy imports done, before anybody waits for it."""
@@ -251,11 +245,11 @@ class WorkerPool:
         return await _WorkerProcess.start(memory_bytes=memory, log=self._log, preload=PRELOAD[lane])
 
     @staticmethod
-    def _response(entry_point: str, report: Answer | Failure, response_type: type[Response]) -> Response:
+    def _response(operation: Operation[Request, Response], report: Answer | Failure) -> Response:
         if isinstance(report, Answer):
-            return response_type.model_validate_json(report.response)
+            return operation.response_type.model_validate_json(report.response)
         if report.code == UnexpectedFailure.code:
-            raise UnexpectedFailure(entry_point.rpartition(":")[2], report.unexpected)
+            raise UnexpectedFailure(operation.name, report.unexpected)
         if report.unexpected:
-            logger.error("operation %s failed:\n%s", entry_point, report.unexpected)
+            logger.error("operation %s failed:\n%s", operation.entry_point, report.unexpected)
         raise report.error()

@@ -3,6 +3,7 @@
 ``generate``: Make one scenario in the request's folder.
 ``convert_map``: The net with the mildest settings that give one on which cars can drive, and notes on what had to be
     changed.
+``count_sites``: An operation: the number of different sites of a map that fit a request.
 """
 
 from typing import TYPE_CHECKING
@@ -12,5 +13,6 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .generator import generate as generate
     from .site_network import convert_map as convert_map
+    from .sites import count_sites as count_sites
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

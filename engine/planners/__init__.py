@@ -21,6 +21,7 @@
 ``check_modes``: Refuse to tell a planner the future of vehicles that have none yet.
 ``open_traffic``: The others of a scenario, standing at the ego's first step.
 ``RecordedTraffic``: Dynamic and static obstacles of a scenario, following their recordings.
+``write_solution``: An operation: writes a run's trajectory as a CommonRoad solution file.
 """
 
 from typing import TYPE_CHECKING
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from .runs import run_planner as run_planner
     from .simulation import DrivenRun as DrivenRun
     from .simulation import simulate as simulate
+    from .solution import write_solution as write_solution
     from .traffic.modes import check_modes as check_modes
     from .traffic.modes import open_traffic as open_traffic
     from .traffic.recorded import RecordedTraffic as RecordedTraffic

@@ -1,6 +1,7 @@
 """What is known and said about a scenario: facts, computed features, the description.
 
 ``read_facts``: The facts of one CommonRoad file.
+``describe``: An operation: ego, vehicles and lanelets near the focus of a scenario.
 """
 
 from typing import TYPE_CHECKING
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .description import describe as describe
     from .facts import read_facts as read_facts
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -38,7 +38,7 @@ from ...engine.workspace import Workspace
 from ...schemas.scenarios import ScenarioRecord
 from ...server.assembly import create_server
 from ...server.settings import Settings
-from ...tools.catalog import INDEX_FOLDER
+from ...tools.call import INDEX_FOLDER
 
 MODEL = "hashes"
 MOST = 1_000_000

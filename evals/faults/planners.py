@@ -25,7 +25,7 @@ import time
 from collections import Counter
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import anyio
@@ -36,18 +36,18 @@ from ...engine.execution import (
     Executor,
     JobRunner,
     JobStore,
-    Lane,
     Limits,
     OnProgress,
+    Operation,
+    Request,
     Response,
     WorkerPool,
     no_progress,
 )
 from ...engine.tuning import changed_configuration, named_configuration
 from ...engine.workspace import Workspace
-from ...schemas.base import Model
 from ...schemas.errors import UnexpectedFailure, error_classes
-from ...schemas.planning import RunPlannerArguments, RunPlannerResult, RunRequest
+from ...schemas.planning import RunPlannerArguments, RunPlannerResult, RunRequest, RunResponse
 from ...schemas.runs import BatchRecord
 from ...tools.call import Services, ToolCall
 from ...tools.configurations import store_configuration
@@ -64,12 +64,11 @@ class _Misdirecting:
 
     Args:
         inner: who carries it out.
-        instead: scenario → entry point of the operation for its runs.
-        limit_s: the time limit of such a run.
+        instead: scenario → operation for its runs.
     """
 
-    def __init__(self, inner: Executor, instead: Mapping[str, str], limit_s: float) -> None:
-        self._inner, self._instead, self._limit_s = inner, instead, limit_s
+    def __init__(self, inner: Executor, instead: Mapping[str, Operation[RunRequest, RunResponse]]) -> None:
+        self._inner, self._instead = inner, instead
 
     @property
     def capacity(self) -> int:
@@ -77,21 +76,13 @@ class _Misdirecting:
         return self._inner.capacity
 
     async def run(
-        self,
-        entry_point: str,
-        request: Model,
-        response_type: type[Response],
-        *,
-        timeout_s: float | None = None,
-        on_progress: OnProgress = no_progress,
-        lane: Lane = "compute",
+        self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
     ) -> Response:
         """Run the operation, or the one that misbehaves."""
         if isinstance(request, RunRequest) and request.scenario_id in self._instead:
-            entry_point, timeout_s = self._instead[request.scenario_id], self._limit_s
-        return await self._inner.run(
-            entry_point, request, response_type, timeout_s=timeout_s, on_progress=on_progress, lane=lane
-        )
+            misbehaving = self._instead[request.scenario_id]
+            operation = replace(operation, entry_point=misbehaving.entry_point, timeout_s=misbehaving.timeout_s)
+        return await self._inner.run(operation, request, on_progress=on_progress)
 
 
 # ---------- struck_server
@@ -218,8 +209,11 @@ def _still_runs(process: subprocess.Popen[str], after_s: float) -> bool:
 # (servers that took up a grid of one that was killed), ``worker_killed``, ``server_killed``, ``disk_full``, ``hung``,
 # ``crashed`` (faults that struck), ``minutes``.
 
-HANG, CRASH = "plannerforge.evals.faults.misbehaviour:hang", "plannerforge.evals.faults.misbehaviour:crash"
 HANG_LIMIT_S = 4.0
+HANG, CRASH = (
+    Operation(f"plannerforge.evals.faults.misbehaviour:{name}", RunRequest, RunResponse, timeout_s=HANG_LIMIT_S)
+    for name in ("hang", "crash")
+)
 SCENARIOS, CONFIGS, MISBEHAVING_CONFIGS = 10, 20, 4
 FAULTS_A_GRID = 15
 PLANNERS = {
@@ -230,7 +224,9 @@ PLANNERS = {
 
 
 @asynccontextmanager
-async def _misdirected_call(workspace: Workspace, instead: dict[str, str]) -> AsyncIterator[ToolCall]:
+async def _misdirected_call(
+    workspace: Workspace, instead: Mapping[str, Operation[RunRequest, RunResponse]]
+) -> AsyncIterator[ToolCall]:
     """A tool call in this process, in which the runs of some scenarios misbehave."""
 
     async def ignore(share: float, message: str) -> None:
@@ -242,7 +238,7 @@ async def _misdirected_call(workspace: Workspace, instead: dict[str, str]) -> As
         anyio.create_task_group() as tasks,
     ):
         jobs = JobRunner(JobStore(workspace.database), tasks)
-        executor = _Misdirecting(pool, instead, HANG_LIMIT_S)
+        executor = _Misdirecting(pool, instead)
         yield ToolCall(Services(workspace, executor, jobs, Claims(workspace.database), limits), ignore)
 
 

@@ -5,20 +5,18 @@ import time
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import anyio
 
 from ...engine.commonroad import Track, read_scenario
 from ...engine.edits import SCENARIO_FILE, apply_edits
-from ...engine.execution import no_progress, silent
+from ...engine.execution import Operation, Request, Response, no_progress, silent
 from ...engine.scene import Scene
 from ...engine.vehicles import Motion, check_drivability, nearest_class
 from ...engine.workspace import Recipe, Workspace
-from ...schemas.base import Model
 from ...schemas.errors import PlannerForgeError, WorkerFailure
 from ...schemas.modification import (
     Edit,
@@ -51,19 +49,16 @@ from .written import Written, enter_later_as_asked, is_strictly_valid, is_valid
 # ---------- modification_calls
 # One call with all edits against one call for each of them, both through the tool ``modify_scenario`` itself.
 
-Response = TypeVar("Response", bound=Model)
-
 
 class _HereAndNow:
     """An executor that carries operations out in this process, which is a worker already."""
 
     capacity = 1
 
-    async def run(self, entry_point: str, request: Model, response_type: type[Response], **limits: object) -> Response:
+    async def run(self, operation: Operation[Request, Response], request: Request, **options: object) -> Response:
         """The operation's response."""
-        del limits
-        module, _, name = entry_point.partition(":")
-        return response_type.model_validate(getattr(import_module(module), name)(request, silent))
+        del options
+        return operation.load()(request, silent)
 
 
 def several_calls_equal(path: Path, edits: Sequence[Edit]) -> bool:

@@ -5,11 +5,13 @@ from typing import Any
 
 import pytest
 
+from plannerforge.engine.execution import Operation
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.catalog import BuildIndexRequest, BuildIndexResponse
 from plannerforge.schemas.errors import PlannerForgeError, ResourceFailure
 from plannerforge.server import assembly
+from plannerforge.tools.operations import BUILD_INDEX
 
 pytestmark = pytest.mark.anyio
 
@@ -25,8 +27,8 @@ class NotedPool:
     async def warm_up(self, lane: str) -> None:
         self.warmed.append(lane)
 
-    async def run(self, entry_point: str, request: Model, *_: object, **options: object) -> BuildIndexResponse:
-        assert options["lane"] == "retrieval"
+    async def run(self, operation: Operation[Any, Any], request: Model) -> BuildIndexResponse:
+        assert operation == BUILD_INDEX
         self.asked.append(request)
         if self.failure:
             raise self.failure

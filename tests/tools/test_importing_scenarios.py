@@ -11,12 +11,13 @@ import pytest
 from support.builders import town_road
 from support.catalog import facts
 
-from plannerforge.engine.execution.limits import Limits
+from plannerforge.engine.execution import Limits, Operation
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout
 from plannerforge.schemas.importing import ImportedItem
 from plannerforge.schemas.scenarios import ReadFactsRequest, ScenarioFacts
 from plannerforge.tools.call import ToolCall
+from plannerforge.tools.operations import READ_FACTS
 from plannerforge.tools.scenario_storage import Failure, import_scenarios
 
 pytestmark = pytest.mark.anyio
@@ -29,9 +30,8 @@ class Reader:
     deaths: dict[str, list[WorkerFailure]] = field(default_factory=dict)
     capacity: int = 2
 
-    async def run(
-        self, entry_point: str, request: ReadFactsRequest, answer: type, *, timeout_s: float
-    ) -> ScenarioFacts:
+    async def run(self, operation: Operation[Any, Any], request: ReadFactsRequest) -> ScenarioFacts:
+        assert operation == READ_FACTS
         name = request.path.stem
         if self.deaths.get(name):
             raise self.deaths[name].pop(0)

@@ -10,6 +10,7 @@ import psutil
 import pytest
 
 from plannerforge.engine.execution import pool as pool_module
+from plannerforge.engine.execution.executor import OnProgress, Operation, no_progress
 from plannerforge.engine.execution.limits import Limits
 from plannerforge.engine.execution.pool import WorkerPool
 from plannerforge.schemas.base import Model
@@ -39,9 +40,17 @@ async def pool(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> As
         yield opened
 
 
-async def run(pool: WorkerPool, operation: str, text: str = "", number: int = 0, **options: object) -> Words:
-    request = Words(text=text, number=number)
-    return await pool.run(f"support.worker_operations:{operation}", request, Words, **options)  # type: ignore[arg-type]
+async def run(
+    pool: WorkerPool,
+    name: str,
+    text: str = "",
+    number: int = 0,
+    *,
+    timeout_s: float | None = None,
+    on_progress: OnProgress = no_progress,
+) -> Words:
+    operation = Operation(f"support.worker_operations:{name}", Words, Words, timeout_s)
+    return await pool.run(operation, Words(text=text, number=number), on_progress=on_progress)
 
 
 async def pid_of_worker(pool: WorkerPool) -> int:

@@ -1,0 +1,60 @@
+"""Every operation of the engine that tools have carried out in workers: entry point, request, response, time limit.
+
+The table is what type checkers see of the way between the server's process and its workers: ``call.run(OPERATION,
+request)`` takes the operation's request only and returns its response. Entry points are strings because the server's
+process must not import what they name; a test resolves each one and compares its signature.
+
+Time limits are chosen: many times what the largest files of the test data take, and below 50 s where a client waits for
+the answer to a question.
+"""
+
+from ..engine.execution import Operation
+from ..schemas.artifacts import FileWritten, RunTableRequest, SolutionRequest
+from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
+from ..schemas.comparison import CompareRequest, CompareResultsResult
+from ..schemas.generation import (
+    ConvertedMap,
+    ConvertMapRequest,
+    GeneratedScenario,
+    GenerationRequest,
+    MapFacts,
+    ReadMapRequest,
+    SiteCount,
+)
+from ..schemas.modification import ModificationOutcome, ModificationRequest
+from ..schemas.planning import RunRequest, RunResponse
+from ..schemas.rendering import Rendered, RenderRequest, ReportRequest, ReportWritten
+from ..schemas.results import AnalyseRequest, AnalyzeResultsResult
+from ..schemas.scenarios import DescribeRequest, Description, ReadFactsRequest, ScenarioFacts
+
+# Scenarios
+READ_FACTS = Operation("plannerforge.engine.scenarios:read_facts", ReadFactsRequest, ScenarioFacts, timeout_s=60.0)
+DESCRIBE_SCENARIO = Operation("plannerforge.engine.scenarios:describe", DescribeRequest, Description)
+APPLY_EDITS = Operation(
+    "plannerforge.engine.edits:apply_edits", ModificationRequest, ModificationOutcome, timeout_s=120.0
+)
+
+# Maps and generation
+CONVERT_MAP = Operation("plannerforge.engine.maps:write_as_xml", ConvertMapRequest, ConvertedMap, timeout_s=120.0)
+READ_MAP = Operation("plannerforge.engine.maps:read_map", ReadMapRequest, MapFacts, timeout_s=120.0)
+COUNT_SITES = Operation("plannerforge.engine.generation:count_sites", GenerationRequest, SiteCount, timeout_s=180.0)
+GENERATE_SCENARIO = Operation(
+    "plannerforge.engine.generation:generate", GenerationRequest, GeneratedScenario, timeout_s=180.0
+)
+
+# Text search, in the one process that holds the embedding model; the first request loads it and builds the index
+BUILD_INDEX = Operation(
+    "plannerforge.engine.catalog:build_index", BuildIndexRequest, BuildIndexResponse, timeout_s=120.0, lane="retrieval"
+)
+RANK = Operation("plannerforge.engine.catalog:rank", RankRequest, RankResponse, timeout_s=120.0, lane="retrieval")
+
+# Runs and what they show
+RUN_PLANNER = Operation("plannerforge.engine.planners:run_planner", RunRequest, RunResponse, timeout_s=120.0)
+WRITE_SOLUTION = Operation("plannerforge.engine.planners:write_solution", SolutionRequest, FileWritten)
+WRITE_RUN_TABLE = Operation("plannerforge.engine.analysis:write_run_table", RunTableRequest, FileWritten)
+ANALYSE = Operation("plannerforge.engine.analysis:analyse", AnalyseRequest, AnalyzeResultsResult, timeout_s=50.0)
+COMPARE = Operation("plannerforge.engine.analysis:compare", CompareRequest, CompareResultsResult, timeout_s=50.0)
+
+# Pictures and pages
+RENDER = Operation("plannerforge.engine.rendering:render", RenderRequest, Rendered, timeout_s=50.0)
+WRITE_REPORT = Operation("plannerforge.engine.rendering:write_report", ReportRequest, ReportWritten)
