@@ -8,14 +8,14 @@ import numpy as np
 from ...schemas.generation import Checks
 from ...schemas.network_rules import RuleFinding
 from ..commonroad import LoadedScenario, Track, read_recorded, schema_errors
-from ..geometry import Body, oriented_rectangle, overlaps, rectangles_overlap
+from ..geometry import BoxTrack, first_overlaps, oriented_rectangle, rectangles_overlap
 from ..network import LaneletGraph, told
 from ..vehicles import Motion, check_kinematics, class_by_size
 
 EGO_SIZE_M = (4.508, 1.61)
 
 
-def check_scenario(path: Path, ego: Body, findings: Sequence[RuleFinding]) -> Checks:
+def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -> Checks:
     """Read a written scenario back and check it.
 
     Args:
@@ -30,8 +30,8 @@ def check_scenario(path: Path, ego: Body, findings: Sequence[RuleFinding]) -> Ch
         schema_valid=not schema_errors(path),
         goal_reachable=_goal_reachable(loaded),
         collisions_at_start=_collisions_at_start(loaded, tracks),
-        overlapping_pairs=len(overlaps([_body(track) for track in tracks.values()])),
-        recorded_ego_collision_free=not any(overlaps([ego, _body(track)]) for track in tracks.values()),
+        overlapping_pairs=len(first_overlaps([_body(track) for track in tracks.values()])),
+        recorded_ego_collision_free=not any(first_overlaps([ego, _body(track)]) for track in tracks.values()),
         centers_on_lanelets=_share_on_lanelets(loaded, tracks),
         feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
         infeasible_vehicles=infeasible,
@@ -49,8 +49,8 @@ def _feasible(track: Track, step_s: float) -> bool:
     return check_kinematics(motion, step_s, wheelbase_m=known.wheelbase_m, rear_axle_m=known.rear_axle_m).feasible
 
 
-def _body(track: Track) -> Body:
-    return Body(track.positions, track.headings_rad, (track.length_m, track.width_m))
+def _body(track: Track) -> BoxTrack:
+    return BoxTrack(track.positions, track.headings_rad, (track.length_m, track.width_m))
 
 
 def _goal_reachable(loaded: LoadedScenario) -> bool:

@@ -1,4 +1,8 @@
-"""Polylines as arrays of shape (n, 2) in metres."""
+"""Polylines as arrays of shape (n, 2) in metres: lengths, places along them, projections, headings and curvature.
+
+Every function takes at least two points, if nothing else is said. Arc lengths (*stations*) are in metres from the first
+point, angles in radians, offsets in metres with left positive.
+"""
 
 import math
 
@@ -9,8 +13,11 @@ Points = NDArray[np.float64]
 Values = NDArray[np.float64]
 
 
+# lengths and places along a line
+
+
 def without_repeats(points: Points, tolerance_m: float = 1e-3) -> Points:
-    """The polyline without vertices that lie closer than the tolerance to the one before."""
+    """The polyline without vertices that lie closer than the tolerance to the one before; of any number of points."""
     points = np.asarray(points, dtype=float)
     if len(points) < 2:
         return points
@@ -27,7 +34,7 @@ def segment_lengths(points: Points) -> Values:
 
 
 def arc_length(points: Points) -> Values:
-    """Distance travelled at each vertex, shape (n,), beginning with 0."""
+    """Arc length in m at each vertex, shape (n,), beginning with 0."""
     return np.concatenate([[0.0], np.cumsum(segment_lengths(points))])
 
 
@@ -37,7 +44,7 @@ def length_m(points: Points) -> float:
 
 
 def interpolate(points: Points, stations: Values, wanted: Values) -> Points:
-    """Points at the wanted stations (clamped to the ends), shape (m, 2)."""
+    """Points (m, 2) at the ``wanted`` arc lengths (clamped to the ends); ``stations`` are the vertices'."""
     return np.stack([np.interp(wanted, stations, points[:, 0]), np.interp(wanted, stations, points[:, 1])], axis=1)
 
 
@@ -57,10 +64,14 @@ def point_at(points: Points, station_m: float) -> tuple[Points, float]:
     return point, math.atan2(direction[1], direction[0])
 
 
+_LEAST_SQUARED_M2 = 1e-12
+"""Stands for the squared length of a segment between equal points, so that no projection divides by zero."""
+
+
 def project(points: Points, point: Points) -> tuple[float, float]:
-    """Arc length of the nearest point and signed lateral offset (left positive), both in metres."""
+    """Arc length of the point of the line nearest to ``point`` (2,), and the signed offset from it, in metres."""
     start, step = points[:-1], np.diff(points, axis=0)
-    squared = np.maximum((step**2).sum(axis=1), 1e-12)
+    squared = np.maximum((step**2).sum(axis=1), _LEAST_SQUARED_M2)
     along = np.clip(((point - start) * step).sum(axis=1) / squared, 0.0, 1.0)
     nearest = start + step * along[:, None]
     distance = np.linalg.norm(nearest - point, axis=1)
@@ -74,7 +85,7 @@ def project(points: Points, point: Points) -> tuple[float, float]:
 def project_all(points: Points, others: Points) -> tuple[Values, Values]:
     """As :func:`project` for many points of shape (m, 2) at once: stations (m,) and signed offsets (m,) in metres."""
     start, step = points[:-1], np.diff(points, axis=0)
-    squared = np.maximum((step**2).sum(axis=1), 1e-12)
+    squared = np.maximum((step**2).sum(axis=1), _LEAST_SQUARED_M2)
     away = others[:, None, :] - start
     along = np.clip((away * step).sum(axis=2) / squared, 0.0, 1.0)
     distance = np.linalg.norm(away - step * along[:, :, None], axis=2)
@@ -82,6 +93,9 @@ def project_all(points: Points, others: Points) -> tuple[Values, Values]:
     cross = step[index, 0] * away[rows, index, 1] - step[index, 1] * away[rows, index, 0]
     stations = arc_length(points)[index] + along[rows, index] * np.sqrt(squared[index])
     return stations, np.copysign(distance[rows, index], cross)
+
+
+# headings, smoothing and curvature
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -101,7 +115,10 @@ def headings(points: Points) -> Values:
 
 
 def gaussian(values: NDArray[np.float64], sigma_samples: float) -> NDArray[np.float64]:
-    """Gaussian filter along axis 0 with point reflection at the ends, so that the end values stay."""
+    """Values (n,) or (n, m) smoothed along axis 0; points are reflected at both ends, so that the end values stay.
+
+    The kernel ends at three sigma, or where the values are fewer.
+    """
     count = len(values)
     radius = min(int(3 * sigma_samples + 0.5), count - 1)
     if radius < 1:
@@ -116,15 +133,14 @@ def gaussian(values: NDArray[np.float64], sigma_samples: float) -> NDArray[np.fl
     return smooth.reshape(values.shape)
 
 
-def maximum_curvature(points: Points, sigma_m: float = 4.0, spacing_m: float = 1.0) -> float:
-    """Largest curvature in 1/m after smoothing over ``sigma_m``; 0 for a straight or very short line."""
-    return float(np.max(curvatures(points, sigma_m, spacing_m)[1], initial=0.0))
+_SMOOTHING_M = 4.0
+"""Chosen: as long as a car. Kinks of coarsely drawn lanes within it are no curves that a car would follow."""
 
 
-def curvatures(points: Points, sigma_m: float = 4.0, spacing_m: float = 1.0) -> tuple[Values, Values]:
-    """Arc lengths in m about ``spacing_m`` apart, and the size of the curvature there in 1/m, both (n,).
+def curvatures(points: Points, sigma_m: float = _SMOOTHING_M, spacing_m: float = 1.0) -> tuple[Values, Values]:
+    """Arc lengths in m about ``spacing_m`` apart, and the absolute curvature there in 1/m, both (n,).
 
-    The line is smoothed over ``sigma_m``. A line of fewer than three points has none.
+    The line is smoothed over ``sigma_m``. A line of fewer than three points has no curvature: both are empty.
     """
     points = without_repeats(points)
     if len(points) < 3:
@@ -138,26 +154,6 @@ def curvatures(points: Points, sigma_m: float = 4.0, spacing_m: float = 1.0) -> 
     return at[1:-1], turn / np.maximum((step[1:] + step[:-1]) / 2, 1e-3)
 
 
-def oriented_rectangle(center: Points, heading_rad: float, size_m: tuple[float, float]) -> Points:
-    """Corners of a rectangle (length, width), shape (4, 2), counter-clockwise from the front left."""
-    length, width = size_m
-    along = np.array([math.cos(heading_rad), math.sin(heading_rad)]) * length / 2
-    across = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * width / 2
-    return np.stack(
-        [center + along + across, center - along + across, center - along - across, center + along - across]
-    )
-
-
-def rectangles_overlap(first: Points, second: Points, shrink_m: float = 0.0) -> bool:
-    """Whether two convex quadrilaterals overlap (separating axes), touching by less than ``shrink_m`` not counted."""
-    for corners in (first, second):
-        edges = np.roll(corners, -1, axis=0) - corners
-        for edge in edges[:2]:
-            norm = math.hypot(edge[0], edge[1])
-            if norm < 1e-9:
-                continue
-            axis = np.array([-edge[1], edge[0]]) / norm
-            one, two = first @ axis, second @ axis
-            if one.max() - shrink_m <= two.min() or two.max() - shrink_m <= one.min():
-                return False
-    return True
+def maximum_curvature(points: Points, sigma_m: float = _SMOOTHING_M, spacing_m: float = 1.0) -> float:
+    """Largest curvature in 1/m after smoothing over ``sigma_m``; 0 for a straight or very short line."""
+    return float(np.max(curvatures(points, sigma_m, spacing_m)[1], initial=0.0))

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..geometry import Points, Values, arc_length, interpolate, resample
+from ..geometry import Points, Values, arc_length, hermite, interpolate, resample, unit
 from .net_parser import LaneGraph, NetLane, SumoNet
 
 # ---------- ribbons
@@ -105,12 +105,14 @@ def repaired(center: Points, left: Points, right: Points) -> tuple[Points, Point
 def _redrawings(center: Points, left: Points, right: Points) -> Iterator[tuple[Points, Points]]:
     yield from _narrowings(left, right)
     count = len(center)
-    start, end = center[1] - center[0], center[-1] - center[-2]
+    start, end = unit(center[1] - center[0]), unit(center[-1] - center[-2])
     for tension in (1.0, 0.5, 0.1, 0.0):
-        yield (
-            _hermite(left[0], left[-1], start, end, tension, count),
-            _hermite(right[0], right[-1], start, end, tension, count),
+        reaches_m = [float(np.linalg.norm(bound[-1] - bound[0])) * tension for bound in (left, right)]
+        left_curve, right_curve = (
+            hermite(bound[0], start, bound[-1], end, np.linspace(0, 1, count), (reach_m, reach_m))
+            for bound, reach_m in zip((left, right), reaches_m, strict=True)
         )
+        yield left_curve, right_curve
     share = np.linspace(0, 1, count)[:, None]
     yield left[0] * (1 - share) + left[-1] * share, right[0] * (1 - share) + right[-1] * share
     half_width = float(np.linalg.norm(left[0] - right[0])) / 2
@@ -151,21 +153,6 @@ def _self_crossings(line: Points) -> list[tuple[int, int]]:
         hit = (np.abs(cross) > 1e-12) & (here >= 0) & (here <= 1) & (there >= 0) & (there <= 1)
         found.extend((first, first + 2 + int(index)) for index in np.flatnonzero(hit))
     return found
-
-
-def _hermite(start: Points, end: Points, before: Points, after: Points, tension: float, count: int) -> Points:
-    """Cubic Hermite curve of ``count`` points between two points with the given end directions."""
-    reach = float(np.linalg.norm(end - start)) * tension
-    before = before / max(float(np.linalg.norm(before)), 1e-9) * reach
-    after = after / max(float(np.linalg.norm(after)), 1e-9) * reach
-    u = np.linspace(0, 1, count)[:, None]
-    curve: Points = (
-        (2 * u**3 - 3 * u**2 + 1) * start
-        + (u**3 - 2 * u**2 + u) * before
-        + (3 * u**2 - 2 * u**3) * end
-        + (u**3 - u**2) * after
-    )
-    return curve
 
 
 # ---------- lane_geometry

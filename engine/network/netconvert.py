@@ -21,6 +21,7 @@ from ..geometry import (
     Values,
     arc_length,
     headings,
+    hermite,
     interpolate,
     length_m,
     maximum_curvature,
@@ -142,9 +143,9 @@ def mildest_curve(ahead: Points, way: Points, onward: Points) -> Points | None:
 
 
 def _least_bent(ahead: Points, start: Points, end: Points, onward: Points) -> Points:
-    span = float(np.linalg.norm(end - start))
+    span, shares = float(np.linalg.norm(end - start)), np.linspace(0.0, 1.0, SAMPLES)
     curves = [
-        _cubic(start, start + ahead * span * first, end - onward * span * last, end)
+        hermite(start, ahead, end, onward, shares, (3 * span * first, 3 * span * last))
         for first, last in product(REACHES, REACHES)
     ]
     best = min(curves, key=_sharpest_bend)
@@ -164,12 +165,6 @@ def _sharpest_bend(curve: Points) -> float:
     steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
     turns = np.abs(np.diff(headings(curve)))
     return float(np.max(turns / np.maximum((steps[1:] + steps[:-1]) / 2, 1e-6)))
-
-
-def _cubic(start: Points, first: Points, last: Points, end: Points) -> Points:
-    u = np.linspace(0.0, 1.0, SAMPLES)[:, None]
-    curve: Points = (1 - u) ** 3 * start + 3 * u * (1 - u) ** 2 * first + 3 * u**2 * (1 - u) * last + u**3 * end
-    return curve
 
 
 def _ways(root: etree._Element) -> Iterator[tuple[str, list[str], str]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import Body, Points, Values, arc_length, interpolate, overlaps, without_repeats
+from ..geometry import BoxTrack, Points, Values, arc_length, first_overlaps, interpolate, without_repeats
 from ..vehicles import Motion, VehicleClass, check_kinematics, drivable_motion
 from .simulation import RawTrack, SimulatedTraffic
 
@@ -82,9 +82,9 @@ class Participant:
         return len(self.motion.positions)
 
     @property
-    def body(self) -> Body:
+    def body(self) -> BoxTrack:
         """What takes up room."""
-        return Body(self.motion.positions, self.motion.headings_rad, self.size_m)
+        return BoxTrack(self.motion.positions, self.motion.headings_rad, self.size_m)
 
 
 def participants(traffic: SimulatedTraffic) -> tuple[Participant, ...]:
@@ -110,7 +110,7 @@ def drop_infeasible(everyone: Sequence[Participant], needed: Mapping[str, int]) 
 
 def _apart(kept: list[Participant], counts: Counter[str], needed: Mapping[str, int]) -> tuple[Participant, ...]:
     """Without overlaps at any step: those go first whose class can spare them, then those that overlap most others."""
-    pairs = [(kept[found.one], kept[found.other]) for found in overlaps([vehicle.body for vehicle in kept])]
+    pairs = [(kept[pair.first], kept[pair.second]) for pair in first_overlaps([vehicle.body for vehicle in kept])]
     gone: set[str] = set()
     while pairs:
         involved = Counter(vehicle.vehicle_id for pair in pairs for vehicle in pair)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.criticality import MovingRectangles, corners_of, times_to_collision_s
-from plannerforge.engine.geometry.polyline import oriented_rectangle, rectangles_overlap
+from plannerforge.engine.geometry.rectangles import oriented_rectangle, rectangles_overlap
 
 SIZE = (4.5, 1.8)
 

@@ -10,10 +10,10 @@ from lxml import etree
 from plannerforge.engine.catalog import starter
 from plannerforge.engine.generation.checks import check_scenario
 from plannerforge.engine.generation.generator import _faults
-from plannerforge.engine.geometry.rectangles import Body
+from plannerforge.engine.geometry.rectangles import BoxTrack
 from plannerforge.engine.network.rules.check import check_file
 
-FAR_AWAY = Body(np.full((2, 2), 1e6), np.zeros(2), (4.5, 1.8))
+FAR_AWAY = BoxTrack(np.full((2, 2), 1e6), np.zeros(2), (4.5, 1.8))
 
 
 @pytest.fixture
