@@ -6,8 +6,6 @@
 ``all_actors``: All road users near a lane, by ascending id.
 ``replayed_actor``: A road user that moves by its track and that the driven ones see.
 ``pedestrian_of``: The id of the walker for whom a standing track stands.
-``HARDEST_BRAKING_MPS2``: TODO.
-``HARDEST_LATERAL_MPS2``: What tyres hold on a dry road.
 ``check_curves``: Refuse a way with a bend that the vehicle comes to too fast, even if it brakes as hard as it can.
 ``first_curve_too_tight``: What is wrong with the first bend of a way that somebody at a position (2,) cannot brake
     enough for.
@@ -60,8 +58,6 @@ if TYPE_CHECKING:
     from .actors import driven_actor as driven_actor
     from .actors import pedestrian_of as pedestrian_of
     from .actors import replayed_actor as replayed_actor
-    from .controllers import HARDEST_BRAKING_MPS2 as HARDEST_BRAKING_MPS2
-    from .controllers import HARDEST_LATERAL_MPS2 as HARDEST_LATERAL_MPS2
     from .controllers import check_curves as check_curves
     from .controllers import first_curve_too_tight as first_curve_too_tight
     from .controllers import highest_entry_speed as highest_entry_speed

@@ -13,6 +13,7 @@ from ..commonroad import Track
 from ..geometry import point_at, project
 from ..network import SlowPlaces
 from ..scene import LaneMatch, Scene
+from ..vehicles import HARDEST_BRAKING_MPS2
 from .driver import Behaviour, usual_behaviour
 from .manoeuvres import Halt, Manoeuvre
 from .plans import DrivePlan, Replay, class_of, placed_over
@@ -65,7 +66,6 @@ def _shadow(scene: Scene, walker: Track, lanelet_id: int, span: tuple[int, int],
 # ---------- all_actors
 # Everybody in a hybrid re-simulation: who is replayed, who is driven, and from when on.
 
-EMERGENCY_DECELERATION_MPS2 = 8.0
 SIDEWAYS_SHARE = 0.25
 """Speed across a lane to speed along it, at most: a car steers over at 14°, and does not slide over while it stands."""
 NO_LIMIT_MPS = 70.0
@@ -138,7 +138,7 @@ class Actor:
             "speedDev": "0",
             "lcMaxSpeedLatStanding": "0",
             "lcMaxSpeedLatFactor": f"{SIDEWAYS_SHARE:g}",
-            "emergencyDecel": f"{max(EMERGENCY_DECELERATION_MPS2, self.behaviour.values['decel']):g}",
+            "emergencyDecel": f"{max(HARDEST_BRAKING_MPS2, self.behaviour.values['decel']):g}",
             "apparentDecel": f"{self.behaviour.values['decel']:g}",
         }
         attributes |= {name: f"{value:g}" for name, value in self.behaviour.values.items()}

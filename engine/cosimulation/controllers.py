@@ -9,6 +9,7 @@ import numpy as np
 from ...schemas.errors import NotPossible
 from ..geometry import Points, Values, arc_length, curvatures, interpolate, project
 from ..scene import Scene
+from ..vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
 from .actors import Actor
 from .manoeuvres import LANE_CHANGE_S
 from .plans import DrivePlan
@@ -16,11 +17,6 @@ from .plans import DrivePlan
 # ---------- turn_speed
 # Whether a vehicle can still slow down enough for the bends of a new way.
 
-HARDEST_BRAKING_MPS2 = 8.0
-HARDEST_LATERAL_MPS2 = 8.0
-"""What tyres hold on a dry road; comfort is half of it."""
-EASY_MPS2 = 4.0
-"""Braking and lateral acceleration of a driver who is in no trouble."""
 SMOOTHING_M = 4.0
 SAME_PLACE_M = 0.1
 PIECE_M = 20.0
@@ -75,7 +71,10 @@ def highest_entry_speed(scene: Scene, way: tuple[int, ...], station_m: float) ->
     while len(successors[onwards[-1]]) == 1 and successors[onwards[-1]][0] not in onwards:
         onwards.append(successors[onwards[-1]][0])
     bends = _bends_ahead(scene, onwards, station_m)
-    return min((math.sqrt(EASY_MPS2 / bend + 2 * EASY_MPS2 * ahead_m) for _, ahead_m, bend in bends), default=math.inf)
+    return min(
+        (math.sqrt(COMFORTABLE_MPS2 / bend + 2 * COMFORTABLE_MPS2 * ahead_m) for _, ahead_m, bend in bends),
+        default=math.inf,
+    )
 
 
 def _bends_ahead(scene: Scene, way: Sequence[int], here_m: float) -> Iterator[tuple[int, float, float]]:

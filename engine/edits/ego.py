@@ -14,8 +14,8 @@ from ..commonroad import Track, center_of, size_of
 from ..cosimulation import DrivePlan, first_curve_too_tight, usual_behaviour
 from ..geometry import point_at, project
 from ..network import station_m
-from ..scene import EGO_SIZE_M, Ego, Scene, stated_goal_lanelets
-from ..vehicles import LARGEST_SPEED_MPS, can_be_there, latest_passing_s, least_time_s, vehicle_classes
+from ..scene import Ego, Scene, stated_goal_lanelets
+from ..vehicles import EGO_SIZE_M, LARGEST_SPEED_MPS, can_be_there, latest_passing_s, least_time_s, vehicle_classes
 from .changes import Changes, EditStep, GoalChange
 from .placement import Place, first_place, free_places, occupant
 from .references import reach, reachable_lanelets, select, target_lanelets

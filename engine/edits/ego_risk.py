@@ -21,8 +21,8 @@ from ..cosimulation import (
 )
 from ..criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores, times_to_collision_s
 from ..geometry import wrap_angle
-from ..scene import EGO_SIZE_M, Ego, Scene, goal_lanelets, obstacle_of
-from ..vehicles import BMW_320I, vehicle_classes
+from ..scene import Ego, Scene, goal_lanelets, obstacle_of
+from ..vehicles import EGO_SIZE_M, vehicle_classes
 from .changes import Changes
 from .simulation import REACTION_S, Resimulated, tracks_after
 
@@ -109,7 +109,7 @@ def _replayed(track: Track, scene: Scene, changes: Changes, result: Resimulated)
 
 
 def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> Danger:
-    ego = replace(drive, length_m=BMW_320I.length_m, width_m=BMW_320I.width_m)
+    ego = replace(drive, length_m=EGO_SIZE_M[0], width_m=EGO_SIZE_M[1])
     figures = _figures(ego, (*others, *(one.track for one in replayed)), step_s)
     if figures.minimum_distance_m != 0.0:
         return Danger(figures)

@@ -13,7 +13,8 @@ from ...schemas.modification import Edit
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay
 from ..geometry import project
-from ..scene import EGO_SIZE_M, Scene
+from ..scene import Scene
+from ..vehicles import EGO_SIZE_M
 from .changes import Changes, EditStep
 from .placement import CLEARANCE_M, Place, free_places, gets_onto, occupant_at
 from .simulation import (

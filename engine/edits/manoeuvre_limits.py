@@ -3,17 +3,10 @@
 import math
 
 from ...schemas.errors import NotPossible
-from ..cosimulation import (
-    HARDEST_BRAKING_MPS2,
-    HARDEST_LATERAL_MPS2,
-    LANE_CHANGE_S,
-    PROGRESS_ACROSS,
-    DrivePlan,
-    JunctionLaneChange,
-    front_of,
-)
+from ..cosimulation import LANE_CHANGE_S, PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, front_of
 from ..geometry import project
 from ..scene import Scene
+from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
 from .references import nearest_driven
 
 # ---------- last_lane_change

@@ -10,11 +10,11 @@ from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.grammar import SELECTORS, parse_selector
 from ...schemas.modification import Edit
 from ..commonroad import Track
-from ..cosimulation import HARDEST_BRAKING_MPS2, highest_entry_speed
+from ..cosimulation import highest_entry_speed
 from ..geometry import Points, arc_length, oriented_rectangle, point_at, project, rectangles_overlap, wrap_angle
 from ..network import station_m
-from ..scene import EGO_SIZE_M, Scene, straightness
-from ..vehicles import VehicleClass, vehicle_classes
+from ..scene import Scene, straightness
+from ..vehicles import EGO_SIZE_M, HARDEST_BRAKING_MPS2, VehicleClass, vehicle_classes
 from .changes import Changes, populated
 from .references import EGO_WORDS, known_lanelet, select
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..commonroad import Track
 from ..cosimulation import (
-    HARDEST_BRAKING_MPS2,
     Actor,
     DrivenTrack,
     DrivePlan,
@@ -26,6 +25,7 @@ from ..cosimulation import (
 )
 from ..geometry import Points, Values, arc_length, oriented_rectangle, project, rectangles_overlap
 from ..scene import Scene
+from ..vehicles import HARDEST_BRAKING_MPS2
 from .changes import Changes
 
 # ---------- collisions

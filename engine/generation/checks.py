@@ -10,9 +10,7 @@ from ...schemas.network_rules import RuleFinding
 from ..commonroad import LoadedScenario, Track, read_recorded, schema_errors
 from ..geometry import BoxTrack, first_overlaps, oriented_rectangle, rectangles_overlap
 from ..network import LaneletGraph, told
-from ..vehicles import Motion, check_kinematics, class_by_size
-
-EGO_SIZE_M = (4.508, 1.61)
+from ..vehicles import EGO_SIZE_M, Motion, check_kinematics, class_by_size
 
 
 def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -> Checks:

@@ -11,7 +11,6 @@ from ...schemas.runs import RunRecord
 from ..analysis import driven_tracks, read_steps
 from ..commonroad import Track, last_recorded_step, recorded_tracks, size_of
 from ..geometry import Points, Values, oriented_rectangle
-from ..vehicles import BMW_320I
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -83,8 +82,6 @@ def short_names(runs: Sequence[RunSource]) -> dict[str, str]:
 
 # ---------- scene_content
 # What a scenario shows, as plain arrays: read once, drawn as often as there are frames.
-
-EGO_SIZE_M = (BMW_320I.length_m, BMW_320I.width_m)
 
 
 @dataclass(frozen=True)

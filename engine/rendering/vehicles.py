@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..geometry import Points, oriented_rectangle
+from ..vehicles import EGO_SIZE_M
 from .canvas import EGO_COLOUR, INK, SMALL_PT, class_colour, series_style
-from .content import EGO_SIZE_M, DrivenPath, SceneContent, Viewport
+from .content import DrivenPath, SceneContent, Viewport
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,6 @@ from ..edits import Changes, scene_of, select
 from ..execution import ProgressReporter
 from ..geometry import Points, arc_length, oriented_rectangle, point_at, rectangles_overlap, wrap_angle
 from ..scene import (
-    EGO_SIZE_M,
     TURN_RAD,
     EgoLane,
     Scene,
@@ -26,6 +25,7 @@ from ..scene import (
     leader_and_follower,
     stated_goal_lanelets,
 )
+from ..vehicles import EGO_SIZE_M
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem

@@ -23,7 +23,6 @@
 ``stated_goal_lanelets``: Lanelets that the goal names, or that lie under the centre of its region.
 ``straight_on``: The route with the straightest successors behind it, until they are ``ahead_m`` long or the network
     ends.
-``EGO_SIZE_M``: Length and width of CommonRoad's vehicle 2 (BMW 320i), which stands for the ego.
 ``Ego``: A planning problem's start, the middle of an uncertain one.
 ``NOT_DRIVEN``: Obstacle types that SUMO's vehicles cannot stand for.
 ``Scene``: The base scenario of an edit.
@@ -57,7 +56,6 @@ if TYPE_CHECKING:
     from .routing import start_lanelets as start_lanelets
     from .routing import stated_goal_lanelets as stated_goal_lanelets
     from .routing import straight_on as straight_on
-    from .scene import EGO_SIZE_M as EGO_SIZE_M
     from .scene import NOT_DRIVEN as NOT_DRIVEN
     from .scene import Ego as Ego
     from .scene import Scene as Scene

@@ -15,6 +15,7 @@ import numpy as np
 from ..commonroad import Track
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import LaneletGraph
+from ..vehicles import EGO_SIZE_M
 from .routing import aligned_lanelets, center_line, lanelets_at, path_ahead, stated_goal_lanelets
 from .scene import NOT_DRIVEN, Ego, Scene
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 AHEAD_M = 300.0
 BEHIND_M = 150.0
-EGO_LENGTH_M = 4.508
 LANE_HALF_WIDTH_M = 1.75
 ROUND_ABOUT = 2.0
 """A place that is so many times farther along the lane than straight across is told by both distances."""
@@ -91,7 +91,7 @@ class EgoLane:
             return Where(self._elsewhere(point, heading), None, None)
         if round_about:
             return Where(f"{self._elsewhere(point, heading)}, {_along(ahead)} along the lane", round(ahead, 1), None)
-        gap = abs(ahead) - (track.length_m + EGO_LENGTH_M) / 2 if lane == OWN else None
+        gap = abs(ahead) - (track.length_m + EGO_SIZE_M[0]) / 2 if lane == OWN else None
         return Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
 
     def _lane(self, track: Track, index: int, lanelet: int | None, at: tuple[float, float]) -> str | None:

@@ -169,8 +169,6 @@ def _speeds(piece: list[_Box], following: _Box | None, step_s: float) -> Values:
 
 NOT_DRIVEN = ("pedestrian",)
 """Obstacle types that SUMO's vehicles cannot stand for: they are replayed, never driven."""
-EGO_SIZE_M = (4.508, 1.61)
-"""Length and width of CommonRoad's vehicle 2 (BMW 320i), which stands for the ego."""
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,20 @@
 ``class_by_size``: The class that a recorded obstacle of a CommonRoad type and this length can be.
 ``nearest_class``: The class of a CommonRoad type whose length is nearest to a recorded one.
 ``vehicle_classes``: All classes by the word used for them in requests.
-``LARGEST_SPEED_MPS``: TODO.
 ``can_be_there``: Whether a car can be between two distances ahead after each of n times at each of m speeds, shape
     (n, m).
 ``centers``: Positions of the centre, shape (n, 2), for positions of the rear axle and headings of shape (n,).
 ``latest_passing_s``: The time in s by which a car has driven a distance however hard it brakes.
 ``least_time_s``: The time in s that a car needs at least for a distance, from a speed.
 ``rear_axle``: Position of the rear axle, shape (2,), for a centre and heading.
-``BMW_320I``: TODO.
-``VEHICLES``: TODO.
+``BMW_320I``: CommonRoad's vehicle 2, the ego where nothing states another.
+``COMFORTABLE_MPS2``: Braking and lateral acceleration of a driver who is in no trouble, in m/s².
+``EGO_SIZE_M``: Length and width of the ego where no configuration states a vehicle, in m.
+``HARDEST_BRAKING_MPS2``: The deceleration that tyres hold on a dry road, in m/s².
+``HARDEST_LATERAL_MPS2``: The lateral acceleration that tyres hold on a dry road, in m/s².
+``LARGEST_ACCELERATION_MPS2``: The largest acceleration and braking of vehicle 2, taken as a bound of every car.
+``LARGEST_SPEED_MPS``: The top speed of vehicle 2, taken as a bound of every car.
+``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: Size and limits of the ego.
 ``commonroad_vehicle``: The id of CommonRoad's vehicle.
 ``parameter_names``: The names of a vehicle's parameters, in their order.
@@ -36,13 +41,18 @@ if TYPE_CHECKING:
     from .classes import class_by_size as class_by_size
     from .classes import nearest_class as nearest_class
     from .classes import vehicle_classes as vehicle_classes
-    from .kinematics import LARGEST_SPEED_MPS as LARGEST_SPEED_MPS
     from .kinematics import can_be_there as can_be_there
     from .kinematics import centers as centers
     from .kinematics import latest_passing_s as latest_passing_s
     from .kinematics import least_time_s as least_time_s
     from .kinematics import rear_axle as rear_axle
     from .models import BMW_320I as BMW_320I
+    from .models import COMFORTABLE_MPS2 as COMFORTABLE_MPS2
+    from .models import EGO_SIZE_M as EGO_SIZE_M
+    from .models import HARDEST_BRAKING_MPS2 as HARDEST_BRAKING_MPS2
+    from .models import HARDEST_LATERAL_MPS2 as HARDEST_LATERAL_MPS2
+    from .models import LARGEST_ACCELERATION_MPS2 as LARGEST_ACCELERATION_MPS2
+    from .models import LARGEST_SPEED_MPS as LARGEST_SPEED_MPS
     from .models import VEHICLES as VEHICLES
     from .models import VehicleParameters as VehicleParameters
     from .models import commonroad_vehicle as commonroad_vehicle

@@ -6,16 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Points, Values
-from .models import VehicleParameters
+from .models import LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS, VehicleParameters
 
 # ---------- car_limits
 # Where a car can be after a time, and how fast: bounds that no car beats, from CommonRoad's vehicle 2 (BMW 320i).
 #
 # Its largest acceleration (11.5 m/s²) is taken at every speed, forwards and braking, and its top speed (50.8 m/s); the
 # extreme motions between two speeds are one phase of braking and one of accelerating, in either order.
-
-LARGEST_ACCELERATION_MPS2 = 11.5
-LARGEST_SPEED_MPS = 50.8
 
 
 def can_be_there(

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry import Points, Values, arc_length, gaussian, interpolate, wrap_angle, wrap_angles
+from .models import BMW_320I, LARGEST_ACCELERATION_MPS2
 
 # ---------- smoothing
 # From SUMO's front-bumper track to a drivable motion of the vehicle's centre.
@@ -20,9 +21,6 @@ from ..geometry import Points, Values, arc_length, gaussian, interpolate, wrap_a
 # SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39 % of raw tracks pass the
 # drivability checker's kinematic single-track model. The path is smoothed over arc length, the progress over time, and
 # the heading follows as a tractrix: the rear axle is dragged behind the front bumper as a real one is.
-
-REAR_AXLE_BEHIND_CENTER_M = 1.4227
-"""Distance from the centre back to the rear axle of CommonRoad's vehicle 2 (BMW 320i)."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ def drivable_motion(
     *,
     sigma_steps: float = 3.0,
     sigma_m: float = 2.0,
-    rear_axle_m: float = REAR_AXLE_BEHIND_CENTER_M,
+    rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Motion:
     """The motion of the centre for a track of the front bumper, shape (n, 2), one point a step."""
     front = np.asarray(front, dtype=float)
@@ -98,8 +96,6 @@ def tractrix(guide: Points, first_heading_rad: float, drag_m: float) -> Values:
 # it; accept with the checker.
 
 WHEELBASE_M = 2.5789
-MAXIMUM_ACCELERATION_MPS2 = 11.5
-MAXIMUM_STEERING_RAD = 1.066
 POSITION_TOLERANCE_M = 2e-2
 HEADING_TOLERANCE_RAD = 3e-2
 
@@ -121,12 +117,18 @@ def steering_angles(motion: Motion, step_s: float, wheelbase_m: float = WHEELBAS
     speed = np.maximum((motion.speeds_mps[:-1] + motion.speeds_mps[1:]) / 2, 1e-3)
     angle = np.arctan(wheelbase_m * turn / (speed * step_s))
     angle[speed < 0.05] = 0.0
-    limited: Values = np.clip(np.append(angle, angle[-1]), -MAXIMUM_STEERING_RAD, MAXIMUM_STEERING_RAD)
+    limited: Values = np.clip(
+        np.append(angle, angle[-1]), -BMW_320I.maximum_steering_rad, BMW_320I.maximum_steering_rad
+    )
     return limited
 
 
 def check_kinematics(
-    motion: Motion, step_s: float, *, wheelbase_m: float = WHEELBASE_M, rear_axle_m: float = REAR_AXLE_BEHIND_CENTER_M
+    motion: Motion,
+    step_s: float,
+    *,
+    wheelbase_m: float = WHEELBASE_M,
+    rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Feasibility:
     """Judge a motion of the centre, by default with the dimensions of CommonRoad's vehicle 2 (BMW 320i)."""
     if len(motion.speeds_mps) < 2:
@@ -140,8 +142,8 @@ def check_kinematics(
     speed = motion.speeds_mps[:-1]
     steering = np.tan(steering_angles(motion, step_s, wheelbase_m)[:-1])
     lateral = np.abs(speed**2 / wheelbase_m * steering)
-    within_friction = lateral <= MAXIMUM_ACCELERATION_MPS2
-    limit = np.sqrt(np.maximum(MAXIMUM_ACCELERATION_MPS2**2 - lateral**2, 0.0))
+    within_friction = lateral <= LARGEST_ACCELERATION_MPS2
+    limit = np.sqrt(np.maximum(LARGEST_ACCELERATION_MPS2**2 - lateral**2, 0.0))
     acceleration = np.clip(2 * (along - speed * step_s) / step_s**2, -limit, limit)
     reachable = speed * step_s + acceleration * step_s**2 / 2
     reachable_turn = reachable / wheelbase_m * steering
@@ -168,7 +170,11 @@ def check_kinematics(
 
 
 def check_drivability(
-    motion: Motion, step_s: float, *, wheelbase_m: float = WHEELBASE_M, rear_axle_m: float = REAR_AXLE_BEHIND_CENTER_M
+    motion: Motion,
+    step_s: float,
+    *,
+    wheelbase_m: float = WHEELBASE_M,
+    rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Feasibility:
     """Judge a motion of the centre; every step is looked at, so that the share and the first bad one are known."""
     from commonroad.common.solution import VehicleType

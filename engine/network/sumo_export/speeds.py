@@ -14,15 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...geometry import Points, Values, curvatures, maximum_curvature
+from ...vehicles import COMFORTABLE_MPS2, HARDEST_LATERAL_MPS2
 from .layout import NetLayout
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 USUAL_SPEED_MPS = 13.89
-COMFORTABLE_LATERAL_ACCELERATION_MPS2 = 4.0
-HARDEST_LATERAL_ACCELERATION_MPS2 = 8.0
-"""What tyres hold on a dry road."""
 SLOWEST_BEND_MPS = 3.0
 LONG_M = 60.0
 """On a lanelet no longer than this, slowing down for its bend alone gains little."""
@@ -95,7 +93,7 @@ def bend_speed(shape: Points, sigma_m: float = SMOOTHING_M) -> float:
     curvature = maximum_curvature(shape, sigma_m)
     if curvature <= 0.0:
         return math.inf
-    return max(SLOWEST_BEND_MPS, math.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature))
+    return max(SLOWEST_BEND_MPS, math.sqrt(COMFORTABLE_MPS2 / curvature))
 
 
 def slow_places(shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = ()) -> SlowPlaces:
@@ -105,10 +103,10 @@ def slow_places(shape: Points, straight_mps: float, recorded: Sequence[tuple[flo
     coarse line. ``recorded``: arc lengths in m on the polyline and speeds there.
     """
     stations, curvature = curvatures(shape, SMOOTHING_M)
-    bends = curvature * straight_mps**2 > COMFORTABLE_LATERAL_ACCELERATION_MPS2
+    bends = curvature * straight_mps**2 > COMFORTABLE_MPS2
     at = stations[bends]
-    easy = np.maximum(np.sqrt(COMFORTABLE_LATERAL_ACCELERATION_MPS2 / curvature[bends]), SLOWEST_BEND_MPS)
-    hardest = easy * math.sqrt(HARDEST_LATERAL_ACCELERATION_MPS2 / COMFORTABLE_LATERAL_ACCELERATION_MPS2)
+    easy = np.maximum(np.sqrt(COMFORTABLE_MPS2 / curvature[bends]), SLOWEST_BEND_MPS)
+    hardest = easy * math.sqrt(HARDEST_LATERAL_MPS2 / COMFORTABLE_MPS2)
     fastest = np.zeros(len(at))
     for station_m, speed_mps in recorded:
         near = np.abs(at - station_m) <= RECORDED_NEAR_M
