@@ -1,7 +1,7 @@
 """Names the packages: those below the top-level folders, each as ``plannerforge.<folder>``.
 
-All else is in ``pyproject.toml``. Setuptools finds packages by the names of their folders, and these folders bear common
-names that must not be installed as such.
+All else is in ``pyproject.toml``. Setuptools finds packages by the names of their folders, and these folders bear
+common names that must not be installed as such.
 """
 
 import tomllib
