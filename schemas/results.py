@@ -1,12 +1,12 @@
 """Analysis of planner runs: arguments, results and the figures they are made of."""
 
 from collections.abc import Iterable
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
 from .base import Arguments, Model, Result
-from .runs import LostCell, Outcome, RunRecord
+from .runs import LostCell, Outcome, RunMetrics, RunRecord
 
 # ---------- results
 # Analysis of planner runs: arguments, results and the figures they are made of.
@@ -15,19 +15,11 @@ Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
 ]
 AnalysisDetail = Literal["summary", "findings", "costs", "rows", "timeline"]
-MetricName = Literal[
-    "duration_s",
-    "distance_m",
-    "mean_speed_mps",
-    "minimum_distance_m",
-    "minimum_time_to_collision_s",
-    "minimum_time_headway_s",
-    "risk_score",
-    "maximum_jerk_mps3",
-    "mean_squared_jerk",
-    "maximum_lateral_acceleration_mps2",
-    "mean_total_cost",
-]
+if TYPE_CHECKING:
+    MetricName = str
+else:
+    MetricName = Literal[tuple(RunMetrics.model_fields)]
+"""The name of a metric: a field of ``RunMetrics``. Type checkers know it as a string only."""
 
 
 class ScenarioSource(Model):

@@ -51,16 +51,24 @@ class RunMetrics(Model):
     """Figures of one run; None where the figure is not defined (no obstacle met, standing all the time)."""
 
     duration_s: float
+    """From the first to the last driven state."""
     distance_m: float
+    """Length of the driven path."""
     mean_speed_mps: float
+    """Distance by duration."""
     minimum_distance_m: float | None = Field(description="smallest gap between the ego's and any obstacle's rectangle")
     minimum_time_to_collision_s: float | None
+    """Smallest time to collision with any obstacle."""
     minimum_time_headway_s: float | None = Field(None, description="to the vehicle ahead in the ego's path")
     risk_score: int | None = Field(None, description="0 collision … 5 negligible; the most dangerous moment counts")
     maximum_jerk_mps3: float
+    """Largest absolute change of the acceleration from step to step; the initial acceleration is left out."""
     mean_squared_jerk: float
+    """Mean of its square over the steps, in m²/s⁶."""
     maximum_lateral_acceleration_mps2: float
+    """Largest product of speed and yaw rate."""
     mean_total_cost: float | None
+    """Mean weighted cost of the chosen candidates; None for planners without costs."""
 
 
 class DrivenObstacle(Model):

@@ -1,4 +1,8 @@
-"""A against B, paired per scenario, problem, prediction, traffic and seed."""
+"""A against B, paired per scenario, problem, prediction, traffic and seed.
+
+Success is tested by McNemar's exact test, each metric by Wilcoxon's signed-rank test, all p values of one comparison
+adjusted by Holm; the verdict states in words what these figures allow to say.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,126 +23,15 @@ from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.results import ConfigWeights
 from ...schemas.runs import RunRecord
 from ..execution import ProgressReporter
-from .outcomes import METRICS, MetricSpec, metric_value
+from .outcomes import METRICS, MetricSpec
 from .statistics import FEWEST_PAIRS, holm, mcnemar_exact, paired_difference, signed_rank
 
-# ---------- verdict
-# What the figures of a comparison allow to say, and what they do not.
-
-LEVEL = 0.05
-
-
-def verdict(success: SuccessTest, metrics: Sequence[MetricTest]) -> str:
-    """One or two sentences: success first, then the metrics that differ after Holm's adjustment."""
-    return " ".join([_about_success(success), *_about_metrics(success, metrics)])
-
-
-def _about_success(test: SuccessTest) -> str:
-    if test.pairs == 0 or test.p is None:
-        return "No valid pair: nothing can be compared."
-    flips = test.only_before + test.only_after
-    if test.pairs < FEWEST_PAIRS:
-        same = "none flipped" if flips == 0 else f"{flips} flipped"
-        plural = "pair" if test.pairs == 1 else "pairs"
-        needed = f"at least {FEWEST_PAIRS} differing pairs are needed"
-        return f"{test.pairs} {plural}, {same}: no test can be significant ({needed})."
-    if flips == 0:
-        return f"No difference in success: none of {test.pairs} pairs flipped."
-    if flips < FEWEST_PAIRS:
-        return (
-            f"No difference in success can be shown: only {flips} of {test.pairs} pairs flipped, "
-            f"and fewer than {FEWEST_PAIRS} flips never reach 5 %."
-        )
-    p = test.p if test.p_holm is None else test.p_holm
-    side = "after" if test.only_after > test.only_before else "before"
-    if p < LEVEL:
-        return (
-            f"'{side}' reaches the goal more often: {test.only_after} flips to success, {test.only_before} to failure."
-        )
-    return f"No difference in success shown ({test.only_after} flips to success, {test.only_before} to failure)."
-
-
-def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
-    differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
-    if differing:
-        words = [
-            f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {abs(test.shift or 0):.3g} {test.unit}"
-            for test in differing
-        ]
-        return [f"Differs after Holm's adjustment: {'; '.join(words)}."]
-    tested = [test for test in metrics if test.p is not None]
-    return ["No metric differs significantly."] if tested and success.pairs >= FEWEST_PAIRS else []
-
-
-# ---------- pairing
-# Which runs belong together: the same problem under the same conditions on both sides.
-
-Key = tuple[object, ...]
-CONDITIONS = ("prediction", "traffic", "seed")
-
-
-@dataclass(frozen=True)
-class _Pairing:
-    """Pairs (before, after) in the order of their scenarios; what could not be paired is counted.
-
-    ``invalid``: pairs in which a run could not be attempted; ``differing``: conditions in which the sides as a whole
-    differ, such as ``prediction: constant_velocity → ground_truth``.
-    """
-
-    pairs: tuple[tuple[RunRecord, RunRecord], ...]
-    unpaired: int
-    invalid: int
-    differing: tuple[str, ...]
-
-
-def pair(before: Side, after: Side, records: dict[str, RunRecord]) -> _Pairing:
-    """Pair runs on the same scenario and planning problem under the same prediction, traffic mode and seed.
-
-    A condition that is one value on all of a side and another on all of the other is what is being compared: it is
-    left out of the key and named.
-
-    Raises:
-        InvalidRequest: a side holds two runs of the same problem under the same conditions.
-    """
-    sides = [[records[run_id] for run_id in side.run_ids] for side in (before, after)]
-    differing = tuple(name for name in CONDITIONS if _differ_as_a_whole(name, *sides))
-    shared_conditions = tuple(name for name in CONDITIONS if name not in differing)
-    first, second = (
-        _by_key(side.label, found, shared_conditions) for side, found in zip((before, after), sides, strict=True)
-    )
-    shared = sorted(first.keys() & second.keys(), key=repr)
-    both = [(first[key], second[key]) for key in shared]
-    valid = tuple(found for found in both if "invalid" not in (found[0].outcome, found[1].outcome))
-    return _Pairing(
-        pairs=valid,
-        unpaired=len(first) + len(second) - 2 * len(shared),
-        invalid=len(both) - len(valid),
-        differing=tuple(f"{name}: {getattr(sides[0][0], name)} → {getattr(sides[1][0], name)}" for name in differing),
-    )
-
-
-def _differ_as_a_whole(condition: str, first: list[RunRecord], second: list[RunRecord]) -> bool:
-    before, after = ({getattr(record, condition) for record in side} for side in (first, second))
-    return len(before) == 1 and len(after) == 1 and before != after
-
-
-def _by_key(label: str, side: list[RunRecord], conditions: tuple[str, ...]) -> dict[Key, RunRecord]:
-    found: dict[Key, RunRecord] = {}
-    for record in side:
-        key = (record.scenario_id, record.problem_id, *(getattr(record, name) for name in conditions))
-        other = found.setdefault(key, record)
-        if other.run_id != record.run_id:
-            raise InvalidRequest(
-                f"{label} holds {other.run_id} and {record.run_id}, both on {record.scenario_id}: which one is meant",
-                next_step="compare batches, or name single runs",
-            )
-    return found
-
-
-# ---------- compare
-# A against B, paired per scenario, problem, prediction, traffic and seed.
-
-Pairs = Sequence[tuple[RunRecord, RunRecord]]
+_CONDITIONS = ("prediction", "traffic", "seed")
+"""What runs that are paired have in common besides scenario and problem."""
+_LEVEL = 0.05
+"""The usual level of significance."""
+_Pairs = Sequence[tuple[RunRecord, RunRecord]]
+"""(before, after) of each pair."""
 
 
 def compare(request: CompareRequest, report: ProgressReporter) -> CompareResultsResult:
@@ -163,7 +56,7 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
 
 
 def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: CompareRequest) -> Comparison:
-    pairing = pair(before, after, records)
+    pairing = _pair(before, after, records)
     if not pairing.pairs and not pairing.invalid:
         raise NotPossible(
             f"{before.label} and {after.label} have no scenario and planning problem in common",
@@ -188,7 +81,7 @@ def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: 
         conditions=pairing.differing,
         unpaired=pairing.unpaired,
         invalid_pairs=pairing.invalid,
-        verdict=verdict(success, metrics),
+        verdict=_verdict(success, metrics),
     )
 
 
@@ -217,7 +110,7 @@ def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -
     )
 
 
-def _success(pairs: Pairs) -> SuccessTest:
+def _success(pairs: _Pairs) -> SuccessTest:
     mastered = [_mastered(pair) for pair in pairs]
     only_before, only_after = mastered.count((True, False)), mastered.count((False, True))
     difference: tuple[float | None, float | None, float | None] = (None, None, None)
@@ -237,9 +130,9 @@ def _success(pairs: Pairs) -> SuccessTest:
     )
 
 
-def _metric(spec: MetricSpec, pairs: Pairs) -> MetricTest:
+def _metric(spec: MetricSpec, pairs: _Pairs) -> MetricTest:
     kept = [pair for pair in pairs if spec.basis == "valid" or _mastered(pair) == (True, True)]
-    values = [(metric_value(first, spec.name), metric_value(second, spec.name)) for first, second in kept]
+    values = [(spec.value(first), spec.value(second)) for first, second in kept]
     defined = [(first, second) for first, second in values if first is not None and second is not None]
     test = signed_rank([second - first for first, second in defined]) if defined else None
     # A one-sided look at a shift that the interval does not separate from 0 would be a guess.
@@ -280,6 +173,7 @@ def _wanted(spec: MetricSpec, request: CompareRequest, *, weights_differ: bool) 
 
 
 def _mastered(pair: tuple[RunRecord, RunRecord]) -> tuple[bool, bool]:
+    """Whether the run before and the run after reached the goal."""
     return pair[0].outcome == "goal_reached", pair[1].outcome == "goal_reached"
 
 
@@ -299,3 +193,104 @@ def _conditions(side: Side, records: dict[str, RunRecord]) -> str:
     scenarios = sorted({record.scenario_id for record in chosen})
     words = sorted({f"{record.prediction}/{record.traffic}/seed {record.seed}" for record in chosen})
     return f"{side.label}: {len(scenarios)} scenarios ({', '.join(scenarios[:2])}…), {', '.join(words)}"
+
+
+@dataclass(frozen=True)
+class _Pairing:
+    """Pairs (before, after) in the order of their scenarios; what could not be paired is counted.
+
+    ``invalid``: pairs in which a run could not be attempted; ``differing``: conditions in which the sides as a whole
+    differ, such as ``prediction: constant_velocity → ground_truth``.
+    """
+
+    pairs: tuple[tuple[RunRecord, RunRecord], ...]
+    unpaired: int
+    invalid: int
+    differing: tuple[str, ...]
+
+
+def _pair(before: Side, after: Side, records: dict[str, RunRecord]) -> _Pairing:
+    """Pair runs on the same scenario and planning problem under the same prediction, traffic mode and seed.
+
+    A condition that is one value on all of a side and another on all of the other is what is being compared: it is
+    left out of the key and named.
+
+    Raises:
+        InvalidRequest: a side holds two runs of the same problem under the same conditions.
+    """
+    sides = [[records[run_id] for run_id in side.run_ids] for side in (before, after)]
+    differing = tuple(name for name in _CONDITIONS if _differ_as_a_whole(name, *sides))
+    shared_conditions = tuple(name for name in _CONDITIONS if name not in differing)
+    first, second = (
+        _by_key(side.label, side_records, shared_conditions)
+        for side, side_records in zip((before, after), sides, strict=True)
+    )
+    shared = sorted(first.keys() & second.keys(), key=repr)
+    both = [(first[key], second[key]) for key in shared]
+    valid = tuple(pair for pair in both if "invalid" not in (pair[0].outcome, pair[1].outcome))
+    return _Pairing(
+        pairs=valid,
+        unpaired=len(first) + len(second) - 2 * len(shared),
+        invalid=len(both) - len(valid),
+        differing=tuple(f"{name}: {getattr(sides[0][0], name)} → {getattr(sides[1][0], name)}" for name in differing),
+    )
+
+
+def _differ_as_a_whole(condition: str, first: list[RunRecord], second: list[RunRecord]) -> bool:
+    before, after = ({getattr(record, condition) for record in side} for side in (first, second))
+    return len(before) == 1 and len(after) == 1 and before != after
+
+
+def _by_key(label: str, side: list[RunRecord], conditions: tuple[str, ...]) -> dict[tuple[object, ...], RunRecord]:
+    by_key: dict[tuple[object, ...], RunRecord] = {}
+    for record in side:
+        key = (record.scenario_id, record.problem_id, *(getattr(record, name) for name in conditions))
+        other = by_key.setdefault(key, record)
+        if other.run_id != record.run_id:
+            raise InvalidRequest(
+                f"{label} holds {other.run_id} and {record.run_id}, both on {record.scenario_id}: which one is meant",
+                next_step="compare batches, or name single runs",
+            )
+    return by_key
+
+
+def _verdict(success: SuccessTest, metrics: Sequence[MetricTest]) -> str:
+    """One or two sentences: success first, then the metrics that differ after Holm's adjustment."""
+    return " ".join([_about_success(success), *_about_metrics(success, metrics)])
+
+
+def _about_success(test: SuccessTest) -> str:
+    if test.pairs == 0 or test.p is None:
+        return "No valid pair: nothing can be compared."
+    flips = test.only_before + test.only_after
+    if test.pairs < FEWEST_PAIRS:
+        same = "none flipped" if flips == 0 else f"{flips} flipped"
+        plural = "pair" if test.pairs == 1 else "pairs"
+        needed = f"at least {FEWEST_PAIRS} differing pairs are needed"
+        return f"{test.pairs} {plural}, {same}: no test can be significant ({needed})."
+    if flips == 0:
+        return f"No difference in success: none of {test.pairs} pairs flipped."
+    if flips < FEWEST_PAIRS:
+        return (
+            f"No difference in success can be shown: only {flips} of {test.pairs} pairs flipped, "
+            f"and fewer than {FEWEST_PAIRS} flips never reach 5 %."
+        )
+    p = test.p if test.p_holm is None else test.p_holm
+    side = "after" if test.only_after > test.only_before else "before"
+    if p < _LEVEL:
+        return (
+            f"'{side}' reaches the goal more often: {test.only_after} flips to success, {test.only_before} to failure."
+        )
+    return f"No difference in success shown ({test.only_after} flips to success, {test.only_before} to failure)."
+
+
+def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
+    differing = [test for test in metrics if test.p_holm is not None and test.p_holm < _LEVEL]
+    if differing:
+        words = [
+            f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {abs(test.shift or 0):.3g} {test.unit}"
+            for test in differing
+        ]
+        return [f"Differs after Holm's adjustment: {'; '.join(words)}."]
+    tested = [test for test in metrics if test.p is not None]
+    return ["No metric differs significantly."] if tested and success.pairs >= FEWEST_PAIRS else []

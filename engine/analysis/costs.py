@@ -1,87 +1,39 @@
-"""What the chosen candidates' cost is made of."""
+"""What the chosen candidates' cost is made of: weighted cost by term, of one run or of all runs of a configuration."""
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from ...schemas.results import Correlation, CostShare
+from ...schemas.results import CostShare
 from ...schemas.runs import RunRecord, RunSteps
-from .evidence import Evidence
-from .statistics import holm, mean_ranks
-
-# ---------- correlations
-# Which features go with success: Spearman's rank correlation, only where there are enough runs.
-
-FEWEST_RUNS = 12
-"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5 %: too coarse to report."""
+from .run_set import RunSet
 
 
-def correlations(evidence: Evidence) -> tuple[tuple[Correlation, ...], str]:
-    """Correlations of scenario features with success, the strongest first, and a note where there are none.
-
-    Features are known before a run (traffic, speed at the start), never results of it.
-    """
-    valid = evidence.valid
-    if len(valid) < FEWEST_RUNS:
-        return (), f"no correlations: {len(valid)} valid runs, at least {FEWEST_RUNS} are needed"
-    if not evidence.failures or not evidence.successes:
-        return (), "no correlations: all valid runs ended alike"
-    found = []
-    for name, feature in _FEATURES.items():
-        pairs = [
-            (value, float(r.outcome == "goal_reached")) for r in valid if (value := feature(evidence, r)) is not None
+def cost_shares(runs: RunSet) -> tuple[CostShare, ...]:
+    """Terms by configuration, the largest first; terms that are always 0 are left out."""
+    shares: list[CostShare] = []
+    for config_id, records in runs.by_config(runs.valid).items():
+        terms = config_terms(runs, records)
+        shares += [
+            CostShare(
+                config_id=config_id,
+                config_name=records[0].config_name,
+                term=term,
+                mean_weighted=mean,
+                share=share_of(terms, [term]),
+                runs=sum(record.run_id in runs.steps for record in records),
+            )
+            for term, mean in sorted(terms.items(), key=lambda item: (-item[1], item[0]))
+            if mean != 0
         ]
-        tested = _spearman(pairs)
-        if tested is not None:
-            found.append((name, len(pairs), *tested))
-    adjusted = holm([p for *_, p in found])
-    listed = [
-        Correlation(feature=name, n=n, rho=rho, p=p, p_holm=p_holm)
-        for (name, n, rho, p), p_holm in zip(found, adjusted, strict=True)
-    ]
-    return tuple(sorted(listed, key=lambda item: (-abs(item.rho), item.feature))), ""
+    return tuple(shares)
 
 
-def _spearman(pairs: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
-    """ρ and its two-sided p by the t distribution with n − 2 degrees of freedom; None where a side is constant."""
-    from scipy import stats
-
-    if len(pairs) < FEWEST_RUNS:
-        return None
-    first, second = (mean_ranks(np.array(side)) for side in zip(*pairs, strict=True))
-    if np.ptp(first) == 0 or np.ptp(second) == 0:
-        return None
-    rho = float(np.clip(np.corrcoef(first, second)[0, 1], -1, 1))
-    freedom = len(pairs) - 2
-    t = rho * math.sqrt(freedom / max(1 - rho * rho, 1e-12))
-    return rho, float(2 * stats.t.sf(abs(t), freedom))
-
-
-def _obstacles(evidence: Evidence, record: RunRecord) -> float | None:
-    found = evidence.obstacles.get(record.scenario_id)
-    return None if found is None else float(sum(found.values()))
-
-
-def _large_vehicles(evidence: Evidence, record: RunRecord) -> float | None:
-    found = evidence.obstacles.get(record.scenario_id)
-    return None if found is None else float(found.get("truck", 0) + found.get("bus", 0))
-
-
-def _initial_speed(evidence: Evidence, record: RunRecord) -> float | None:
-    steps = evidence.steps.get(record.run_id)
-    return steps.speed_mps[0] if steps is not None and steps.speed_mps else None
-
-
-_FEATURES: dict[str, Callable[[Evidence, RunRecord], float | None]] = {
-    "obstacles": _obstacles,
-    "trucks_and_buses": _large_vehicles,
-    "initial_speed_mps": _initial_speed,
-}
-
-
-# ---------- cost_shares
-# What the chosen candidates' cost is made of.
+def config_terms(runs: RunSet, records: Sequence[RunRecord]) -> dict[str, float]:
+    """Mean over the runs of each term's mean; every run counts the same, however long it is."""
+    means = [mean_terms(runs.steps[record.run_id]) for record in records if record.run_id in runs.steps]
+    terms = sorted({term for mean in means for term in mean})
+    return {term: float(np.mean([mean.get(term, 0.0) for mean in means])) for term in terms}
 
 
 def mean_terms(steps: RunSteps, since_step: int | None = None) -> dict[str, float]:
@@ -94,35 +46,7 @@ def mean_terms(steps: RunSteps, since_step: int | None = None) -> dict[str, floa
     }
 
 
-def config_terms(evidence: Evidence, records: Sequence[RunRecord]) -> dict[str, float]:
-    """Mean over the runs of each term's mean; every run counts the same, however long it is."""
-    means = [mean_terms(evidence.steps[record.run_id]) for record in records if record.run_id in evidence.steps]
-    terms = sorted({term for mean in means for term in mean})
-    return {term: float(np.mean([mean.get(term, 0.0) for mean in means])) for term in terms}
-
-
 def share_of(terms: dict[str, float], wanted: Sequence[str]) -> float | None:
     """Share of some terms in the total; None where the total is 0."""
     total = sum(terms.values())
     return sum(terms.get(term, 0.0) for term in wanted) / total if total > 0 else None
-
-
-def cost_shares(evidence: Evidence) -> tuple[CostShare, ...]:
-    """Terms by configuration, the largest first; terms that are always 0 are left out."""
-    found: list[CostShare] = []
-    for config_id, records in evidence.by_config(evidence.valid).items():
-        terms = config_terms(evidence, records)
-        runs = sum(record.run_id in evidence.steps for record in records)
-        found += [
-            CostShare(
-                config_id=config_id,
-                config_name=records[0].config_name,
-                term=term,
-                mean_weighted=mean,
-                share=share_of(terms, [term]),
-                runs=runs,
-            )
-            for term, mean in sorted(terms.items(), key=lambda item: (-item[1], item[0]))
-            if mean != 0
-        ]
-    return tuple(found)

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, parse_condition
 from ...schemas.runs import RunRecord
-from .evidence import Evidence, country_of, place_of
-from .outcomes import METRICS, metric_value
+from .outcomes import METRICS, MetricSpec
+from .run_set import RunSet, country_of, place_of
 
 _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
     "outcome": lambda record: [record.outcome],
@@ -19,58 +19,57 @@ _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
     "prediction": lambda record: [record.prediction],
     "traffic": lambda record: [record.traffic],
 }
-_METRIC_NAMES = {spec.name for spec in METRICS}
-_NUMBERS = sorted({"seed", "problem", "obstacles", *_METRIC_NAMES})
 
 
-def matching(evidence: Evidence, conditions: Sequence[str]) -> Evidence:
+def _number_of(spec: MetricSpec) -> Callable[[RunSet, RunRecord], float | None]:
+    return lambda _, record: spec.value(record)
+
+
+_NUMBERS: dict[str, Callable[[RunSet, RunRecord], float | None]] = {
+    "seed": lambda _, record: record.seed,
+    "problem": lambda _, record: record.problem_id,
+    "obstacles": RunSet.obstacle_count,
+    **{spec.name: _number_of(spec) for spec in METRICS},
+}
+
+
+def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
     """The runs that meet all conditions.
 
     Raises:
         UnknownName: a field or a value that no run has; the nearest are named.
         InvalidRequest: a condition that cannot be read.
     """
-    kept = evidence.sources
+    kept = runs.sources
     for text in conditions:
         condition = parse_condition(text)
-        wanted = _test(evidence, condition, text)
-        kept = tuple(source for source in kept if wanted(source.record) != condition.negated)
-    return Evidence(kept, evidence.configs, evidence.scenarios)
+        holds = _test(runs, condition, text)
+        kept = tuple(source for source in kept if holds(source.record) != condition.negated)
+    return RunSet(kept, runs.configs, runs.scenarios)
 
 
-def _test(evidence: Evidence, condition: Condition, text: str) -> Callable[[RunRecord], bool]:
+def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord], bool]:
     name = condition.name
     if name in _WORDS:
         if condition.value is None:
             raise InvalidRequest(f"'{text}' compares {name}, which is a word", valid=[f"{name}=…"])
-        return _word_test(evidence, name, condition.value)
+        return _word_test(runs, name, condition.value)
     if name not in _NUMBERS:
-        valid = closest(name, [*_WORDS, *_NUMBERS])
+        valid = closest(name, [*_WORDS, *sorted(_NUMBERS)])
         raise UnknownName(f"'{text}' names '{name}', which runs do not have", valid=valid)
     if condition.value is not None:
         raise InvalidRequest(f"'{text}' compares {name} with a word", valid=[f"{name}>=1", f"{name}=1..2"])
 
     def holds(record: RunRecord) -> bool:
-        value = _number(evidence, record, name)
+        value = _NUMBERS[name](runs, record)
         return value is not None and condition.interval.contains(value)
 
     return holds
 
 
-def _word_test(evidence: Evidence, name: str, value: str) -> Callable[[RunRecord], bool]:
+def _word_test(runs: RunSet, name: str, value: str) -> Callable[[RunRecord], bool]:
     wanted = value.casefold()
-    there = {word for record in evidence.runs for word in _WORDS[name](record)}
-    if wanted not in {word.casefold() for word in there}:
-        raise UnknownName(f"no run here has {name} '{value}'", valid=closest(value, sorted(there)))
+    words = {word for record in runs.records for word in _WORDS[name](record)}
+    if wanted not in {word.casefold() for word in words}:
+        raise UnknownName(f"no run here has {name} '{value}'", valid=closest(value, sorted(words)))
     return lambda record: wanted in {word.casefold() for word in _WORDS[name](record)}
-
-
-def _number(evidence: Evidence, record: RunRecord, name: str) -> float | None:
-    if name == "seed":
-        return float(record.seed)
-    if name == "problem":
-        return float(record.problem_id)
-    if name == "obstacles":
-        found = evidence.obstacles.get(record.scenario_id)
-        return None if found is None else float(sum(found.values()))
-    return next(metric_value(record, metric.name) for metric in METRICS if metric.name == name)

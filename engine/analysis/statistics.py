@@ -1,4 +1,9 @@
-"""Tests on paired runs: McNemar's exact test, Wilcoxon's signed-rank test, and Holm's adjustment."""
+"""Statistics on shares and on paired runs: intervals, exact tests, Holm's adjustment.
+
+scipy has no Holm adjustment, no interval for paired shares and, with ties, no exact signed-rank test; these are written
+here. So is the Wilson interval: every analysis needs it, one of a few runs nothing else of scipy, whose ``scipy.stats``
+takes a new worker a second to import. The tests hold it against scipy's.
+"""
 
 import math
 from collections.abc import Sequence
@@ -9,23 +14,33 @@ from numpy.typing import NDArray
 
 from ...schemas.results import Rate
 
-# ---------- intervals
-# Shares with their uncertainty.
+FEWEST_PAIRS = 6
+"""With fewer differing pairs no two-sided test on signs or ranks can go below 5 %: 2 · 0.5⁵ = 6.25 %."""
+_Z_95 = 1.959963984540054
+"""The 97.5 % quantile of the standard normal distribution."""
+_MOST_EXACT = 60
+"""Pairs up to which p is exact (chosen): above, the normal approximation is as good and the distribution long."""
 
-Z_95 = 1.959963984540054
+
+def rate(count: int, of: int) -> Rate:
+    """The share with its 95 % Wilson interval; without trials there is neither."""
+    if of == 0:
+        return Rate(count=0, of=0, share=None, low=None, high=None)
+    low, high = wilson_interval(count, of)
+    return Rate(count=count, of=of, share=count / of, low=low, high=high)
 
 
-def wilson_interval(count: int, of: int, z: float = Z_95) -> tuple[float, float]:
-    """Score interval of a binomial share (Wilson 1927, "Probable inference"), here in Newcombe's (1998) notation.
+def wilson_interval(count: int, of: int) -> tuple[float, float]:
+    """95 % score interval of a binomial share (Wilson 1927, "Probable inference"), in Newcombe's (1998) notation.
 
     Raises:
         ValueError: no trials, or a count outside them.
     """
     if of < 1 or not 0 <= count <= of:
         raise ValueError(f"{count} of {of} is no share")
-    share, squared = count / of, z * z
+    share, squared = count / of, _Z_95 * _Z_95
     middle = share + squared / (2 * of)
-    half = z * math.sqrt(share * (1 - share) / of + squared / (4 * of * of))
+    half = _Z_95 * math.sqrt(share * (1 - share) / of + squared / (4 * of * of))
     scale = 1 + squared / of
     # At the ends the formula gives 0 and 1 but for rounding.
     low = 0.0 if count == 0 else (middle - half) / scale
@@ -33,16 +48,8 @@ def wilson_interval(count: int, of: int, z: float = Z_95) -> tuple[float, float]
     return low, high
 
 
-def rate(count: int, of: int) -> Rate:
-    """The share with its interval; without trials there is neither."""
-    if of == 0:
-        return Rate(count=0, of=0, share=None, low=None, high=None)
-    low, high = wilson_interval(count, of)
-    return Rate(count=count, of=of, share=count / of, low=low, high=high)
-
-
-def paired_difference(only_after: int, only_before: int, pairs: int, z: float = Z_95) -> tuple[float, float, float]:
-    """Difference of two paired shares (after − before) with an adjusted Wald interval.
+def paired_difference(only_after: int, only_before: int, pairs: int) -> tuple[float, float, float]:
+    """Difference of two paired shares (after − before) with an adjusted Wald 95 % interval.
 
     Half a pair is added to each of the four cells (Agresti and Min 2005, "Simple improved confidence intervals for
     comparing matched proportions"); the difference itself is the plain one.
@@ -56,16 +63,16 @@ def paired_difference(only_after: int, only_before: int, pairs: int, z: float = 
     total = pairs + 2
     after, before = (only_after + 0.5) / total, (only_before + 0.5) / total
     center = after - before
-    half = z * math.sqrt(max(after + before - center * center, 0.0) / total)
+    half = _Z_95 * math.sqrt(max(after + before - center * center, 0.0) / total)
     return difference, max(center - half, -1.0), min(center + half, 1.0)
 
 
-# ---------- paired_tests
-# Tests on paired runs: McNemar's exact test, Wilcoxon's signed-rank test, and Holm's adjustment.
+def mcnemar_exact(only_before: int, only_after: int) -> float:
+    """Two-sided p of the exact (binomial) McNemar test on the discordant pairs; 1 without any."""
+    from scipy.stats import binomtest
 
-FEWEST_PAIRS = 6
-"""With fewer differing pairs no two-sided test on signs or ranks can go below 5 %: 2 · 0.5⁵ = 6.25 %."""
-_MOST_EXACT = 60
+    discordant = only_before + only_after
+    return float(binomtest(only_before, discordant).pvalue) if discordant else 1.0
 
 
 @dataclass(frozen=True)
@@ -85,16 +92,6 @@ class SignedRank:
     p: float
 
 
-def mcnemar_exact(only_before: int, only_after: int) -> float:
-    """Two-sided p of the exact (binomial) McNemar test on the discordant pairs; 1 without any."""
-    discordant = only_before + only_after
-    if discordant == 0:
-        return 1.0
-    fewer = min(only_before, only_after)
-    tail = sum(math.comb(discordant, k) for k in range(fewer + 1))
-    return min(1.0, float(2 * tail / 2**discordant))
-
-
 def signed_rank(differences: Sequence[float]) -> SignedRank:
     """Wilcoxon's signed-rank test; zero differences keep their ranks (Pratt 1959), ties share the mean rank.
 
@@ -104,38 +101,66 @@ def signed_rank(differences: Sequence[float]) -> SignedRank:
     Raises:
         ValueError: no differences.
     """
+    from scipy.stats import rankdata
+
     values = np.asarray(differences, dtype=float)
     if len(values) == 0:
         raise ValueError("no pairs, no test")
-    ranks = mean_ranks(np.abs(values))
-    moved = values != 0
+    ranks = rankdata(np.abs(values))
     positive, negative = float(ranks[values > 0].sum()), float(ranks[values < 0].sum())
     total = positive + negative
-    low, high = _interval(values)
+    averages = walsh_averages(values)
+    low, high = _interval(averages, len(values))
     return SignedRank(
         pairs=len(values),
-        shift=float(np.median(walsh_averages(values))),
+        shift=float(np.median(averages)),
         low=low,
         high=high,
         effect=(positive - negative) / total if total else 0.0,
-        p=_two_sided(ranks[moved], positive) if total else 1.0,
+        p=_two_sided(ranks[values != 0], positive) if total else 1.0,
     )
-
-
-def mean_ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ranks from 1, equal values sharing their mean rank."""
-    order = np.argsort(values, kind="stable")
-    ranks = np.empty(len(values))
-    ranks[order] = np.arange(1, len(values) + 1)
-    _, group = np.unique(values, return_inverse=True)
-    means = np.bincount(group, weights=ranks) / np.bincount(group)
-    return np.asarray(means[group])
 
 
 def walsh_averages(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """All n(n + 1)/2 pairwise means, each value with itself included, in ascending order."""
     first, second = np.triu_indices(len(values))
     return np.sort((values[first] + values[second]) / 2)
+
+
+def _interval(averages: NDArray[np.float64], count: int) -> tuple[float | None, float | None]:
+    """Distribution-free 95 % interval from the ordered Walsh averages (Hollander and Wolfe, chapter 3)."""
+    if count < FEWEST_PAIRS:
+        return None, None
+    if count <= _MOST_EXACT:
+        cumulated = np.cumsum(_rank_sum_chances(2 * np.arange(1, count + 1)))[::2]
+        cut = int(np.searchsorted(cumulated, 0.025, side="right"))
+    else:
+        spread = math.sqrt(count * (count + 1) * (2 * count + 1) / 24)
+        cut = int(count * (count + 1) / 4 - _Z_95 * spread)
+    cut = max(cut, 1)
+    return float(averages[cut - 1]), float(averages[-cut])
+
+
+def _two_sided(ranks: NDArray[np.float64], positive: float) -> float:
+    """Two-sided p of a sum of positive ranks, given all ranks of differences other than 0."""
+    if len(ranks) <= _MOST_EXACT:
+        chances = _rank_sum_chances(np.rint(2 * ranks).astype(np.int64))
+        at = round(2 * positive)
+        return float(min(1.0, 2 * min(chances[: at + 1].sum(), chances[at:].sum())))
+    spread = 0.5 * math.sqrt(float((ranks**2).sum()))
+    distance = max(abs(positive - float(ranks.sum()) / 2) - 0.5, 0.0)
+    return math.erfc(distance / spread / math.sqrt(2))
+
+
+def _rank_sum_chances(doubled_ranks: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Probability of every sum of doubled ranks (mean ranks end in .5) when each sign is a fair coin."""
+    chances = np.ones(1)
+    for rank in doubled_ranks:
+        longer = np.zeros(len(chances) + int(rank))
+        longer[: len(chances)] += 0.5 * chances
+        longer[int(rank) :] += 0.5 * chances
+        chances = longer
+    return chances
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -147,40 +172,3 @@ def holm(p_values: Sequence[float]) -> list[float]:
         highest = max(highest, min(1.0, (count - position) * p_values[index]))
         adjusted[index] = highest
     return adjusted
-
-
-def _rank_sum_counts(doubled_ranks: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Probability of every sum of doubled ranks when each sign is a fair coin."""
-    chances = np.ones(1)
-    for rank in doubled_ranks:
-        longer = np.zeros(len(chances) + int(rank))
-        longer[: len(chances)] += 0.5 * chances
-        longer[int(rank) :] += 0.5 * chances
-        chances = longer
-    return chances
-
-
-def _two_sided(ranks: NDArray[np.float64], positive: float) -> float:
-    if len(ranks) <= _MOST_EXACT:
-        chances = _rank_sum_counts(np.rint(2 * ranks).astype(np.int64))
-        at = round(2 * positive)
-        return float(min(1.0, 2 * min(chances[: at + 1].sum(), chances[at:].sum())))
-    spread = 0.5 * math.sqrt(float((ranks**2).sum()))
-    distance = max(abs(positive - float(ranks.sum()) / 2) - 0.5, 0.0)
-    return math.erfc(distance / spread / math.sqrt(2))
-
-
-def _interval(values: NDArray[np.float64]) -> tuple[float | None, float | None]:
-    """Distribution-free 95 % interval from the ordered Walsh averages (Hollander and Wolfe, chapter 3)."""
-    count = len(values)
-    if count < FEWEST_PAIRS:
-        return None, None
-    averages = walsh_averages(values)
-    if count <= _MOST_EXACT:
-        cumulated = np.cumsum(_rank_sum_counts(2 * np.arange(1, count + 1)))[::2]
-        cut = int(np.searchsorted(cumulated, 0.025, side="right"))
-    else:
-        spread = math.sqrt(count * (count + 1) * (2 * count + 1) / 24)
-        cut = int(count * (count + 1) / 4 - 1.959963984540054 * spread)
-    cut = max(cut, 1)
-    return float(averages[cut - 1]), float(averages[-cut])

@@ -8,26 +8,26 @@ from ...schemas.results import TimelineStep
 from ...schemas.runs import RunRecord, RunSteps
 from ..commonroad import Track, read_scenario, recorded_tracks
 from ..geometry import oriented_rectangle
-from .evidence import Evidence, driven_tracks
+from .run_set import RunSet, driven_tracks
 
-MOMENTS = 10
-LAST_S = 3.0
+_MOMENTS, _LAST_S = 10, 3.0
+"""Entries of a timeline and the span that they cover (chosen): a collision is decided in its last seconds."""
 
 
-def timeline(evidence: Evidence, record: RunRecord) -> tuple[TimelineStep, ...]:
+def timeline(runs: RunSet, record: RunRecord) -> tuple[TimelineStep, ...]:
     """At most ten moments of the last three seconds, the last one being the end; empty without steps."""
-    steps = evidence.steps.get(record.run_id)
+    steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return ()
-    tracks = _tracks(evidence, record) | driven_tracks(steps)
+    tracks = _tracks(runs, record) | driven_tracks(steps)
     last = len(steps.x_m) - 1
-    first = max(last - round(LAST_S / record.step_s), 0)
-    chosen = sorted({round(float(index)) for index in np.linspace(first, last, min(MOMENTS, last - first + 1))})
+    first = max(last - round(_LAST_S / record.step_s), 0)
+    chosen = sorted({round(float(index)) for index in np.linspace(first, last, min(_MOMENTS, last - first + 1))})
     return tuple(_moment(record, steps, index, tracks) for index in chosen)
 
 
-def _tracks(evidence: Evidence, record: RunRecord) -> dict[int, Track]:
-    path = next((source.path for source in evidence.scenarios if source.scenario_id == record.scenario_id), None)
+def _tracks(runs: RunSet, record: RunRecord) -> dict[int, Track]:
+    path = next((source.path for source in runs.scenarios if source.scenario_id == record.scenario_id), None)
     return recorded_tracks(read_scenario(Path(path)).scenario) if path is not None else {}
 
 

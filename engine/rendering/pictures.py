@@ -7,7 +7,7 @@ from pathlib import Path
 from ...schemas.comparison import CompareRequest, Side
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.rendering import PictureKind, Rendered, RenderedImage, RenderRequest
-from ..analysis import Evidence, compare, cost_shares
+from ..analysis import RunSet, compare, cost_shares
 from ..commonroad import read_scenario
 from ..execution import ProgressReporter, silent
 from .animation import animate
@@ -108,7 +108,7 @@ def _outcomes(request: RenderRequest, report: ProgressReporter) -> tuple[Drawn, 
     evidence = _evidence(request, "outcomes")
     path = Path(request.folder) / "outcomes.png"
     names = short_names(request.runs)
-    groups = [(names[config_id], records) for config_id, records in evidence.by_config(evidence.runs).items()]
+    groups = [(names[config_id], records) for config_id, records in evidence.by_config(evidence.records).items()]
     return (path, *draw_outcomes(groups, path)), []
 
 
@@ -131,7 +131,7 @@ def _flips(request: RenderRequest, report: ProgressReporter) -> tuple[Drawn, lis
             config_name=records[0].config_name,
             run_ids=tuple(record.run_id for record in records),
         )
-        for config_id, records in evidence.by_config(evidence.runs).items()
+        for config_id, records in evidence.by_config(evidence.records).items()
     )
     request_for_two = CompareRequest(sides=sides[:2], runs=request.runs, configs=request.configs, limit=12)
     found = compare(request_for_two, silent)
@@ -143,7 +143,7 @@ def _flips(request: RenderRequest, report: ProgressReporter) -> tuple[Drawn, lis
 def _profile(request: RenderRequest, report: ProgressReporter) -> tuple[Drawn, list[str]]:
     del report
     evidence = _evidence(request, "profile")
-    runs = [(record, evidence.steps[record.run_id]) for record in evidence.runs if record.run_id in evidence.steps]
+    runs = [(record, evidence.steps[record.run_id]) for record in evidence.records if record.run_id in evidence.steps]
     runs = [(record, steps) for record, steps in runs if steps.speed_mps]
     if not runs:
         raise NotPossible("these runs have no recorded steps", next_step="run them again with run_planner")
@@ -152,10 +152,10 @@ def _profile(request: RenderRequest, report: ProgressReporter) -> tuple[Drawn, l
     return (path, *draw_profile(runs, path)), notes
 
 
-def _evidence(request: RenderRequest, kind: str) -> Evidence:
+def _evidence(request: RenderRequest, kind: str) -> RunSet:
     if not request.runs:
         raise NotPossible(f"kind {kind} draws runs, and no run was named", next_step="name run or batch ids in ids")
-    return Evidence(request.runs, request.configs, request.scenarios)
+    return RunSet(request.runs, request.configs, request.scenarios)
 
 
 _DRAW: dict[PictureKind, Draw] = {

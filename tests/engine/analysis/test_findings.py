@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 from support.runs import DEFAULT, SAFE, metrics, record, source
 
-from plannerforge.engine.analysis.evidence import Evidence
 from plannerforge.engine.analysis.findings import FINDINGS, find_all
+from plannerforge.engine.analysis.run_set import RunSet
 from plannerforge.schemas.results import Finding, RunSource
 
 
 def found(*runs: RunSource) -> dict[str, Finding]:
-    return {finding.name: finding for finding in find_all(Evidence(runs, (DEFAULT, SAFE)))}
+    return {finding.name: finding for finding in find_all(RunSet(runs, (DEFAULT, SAFE)))}
 
 
 def test_unremarkable_runs_give_no_finding(tmp_path: Path) -> None:
@@ -20,7 +20,7 @@ def test_unremarkable_runs_give_no_finding(tmp_path: Path) -> None:
 
 
 def test_names_are_those_of_the_registry() -> None:
-    assert len({entry.split(":")[1] for entry in FINDINGS}) == len(FINDINGS)
+    assert len({find.__name__ for find in FINDINGS}) == len(FINDINGS)
 
 
 def test_main_failure_has_both_denominators() -> None:
@@ -94,4 +94,4 @@ def test_a_scenario_is_hard_only_if_every_configuration_failed() -> None:
 
 def test_a_suggestion_needs_a_known_weight() -> None:
     close = source(record(figures=metrics(minimum_distance_m=0.1)))
-    assert find_all(Evidence((close,)))[0].suggestion is None
+    assert find_all(RunSet((close,)))[0].suggestion is None
