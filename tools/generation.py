@@ -5,7 +5,7 @@ from pathlib import Path
 from ..engine.catalog import open_catalogue
 from ..engine.maps import MapMatch
 from ..engine.tuning import DEFAULT_CONFIGURATION
-from ..engine.workspace import Recipe, versions_of
+from ..engine.workspace import Recipe, content_digest, versions_of
 from ..schemas.errors import NotPossible, UnknownName, WorkerFailure
 from ..schemas.generation import (
     GeneratedScenario,
@@ -22,7 +22,7 @@ from .generation_record import REPORT, summarise
 from .maps import maps_at_hand
 from .operations import GENERATE_SCENARIO
 from .runs import Cell, run_grid
-from .scenario_storage import content_digest, store_scenario
+from .scenario_storage import store_scenario
 
 # ---------- trial_run
 # A run of the default planner on a scenario that was just made, before it is handed out.

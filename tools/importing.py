@@ -7,7 +7,7 @@ from typing import Literal
 
 import anyio
 
-from ..engine.catalog import open_catalogue
+from ..engine.catalog import FileFailure, open_catalogue
 from ..engine.execution import Job, JobProgress, JobState
 from ..engine.maps import MAP_ENDINGS, is_net
 from ..engine.workspace import Recipe
@@ -21,7 +21,6 @@ from .scenario_storage import import_scenarios
 # Taking in a list of files of any kind: what went in, what was refused, and how far it is.
 
 ImportKind = Literal["scenario", "map", "config"]
-Failure = PlannerForgeError | OSError
 Tell = Callable[[float, str], Awaitable[None]]
 SHOWN = 20
 TELL_EVERY_S = 0.5
@@ -34,9 +33,9 @@ class Tally:
     total: int
     items: list[ImportedItem] = field(default_factory=list)
     refusals: list[RefusedItem] = field(default_factory=list)
-    failures: list[Failure] = field(default_factory=list)
+    failures: list[FileFailure] = field(default_factory=list)
 
-    def note(self, path: Path, outcome: ImportedItem | Failure) -> None:
+    def note(self, path: Path, outcome: ImportedItem | FileFailure) -> None:
         """Count a file that is done with."""
         if isinstance(outcome, ImportedItem):
             self.items.append(outcome)
@@ -96,7 +95,7 @@ async def _import_other(
         tally.note(path, error)
 
 
-def _reason(error: Failure) -> str:
+def _reason(error: FileFailure) -> str:
     return error.text if isinstance(error, PlannerForgeError) else str(error.strerror or error)
 
 

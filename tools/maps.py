@@ -18,14 +18,13 @@ from ..engine.maps import (
 )
 from ..engine.planners import known_planner
 from ..engine.tuning import changed_configuration, preset_configuration, read_weight_file, tuning_of
-from ..engine.workspace import Artifact, Recipe
+from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.importing import ImportedItem
 from .call import ToolCall
 from .configurations import store_configuration
 from .operations import CONVERT_MAP, READ_MAP
-from .scenario_storage import content_digest
 
 # ---------- importing_kinds
 # How the files go in that are no scenarios: OpenStreetMap maps and cost-weight files.

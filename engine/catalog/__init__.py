@@ -8,6 +8,10 @@
 ``Ranking``: Scenario ids by likeness of their text, best first, with their scores.
 ``Search``: A search against the catalogue's tables.
 ``entries_of``: These entries in the alphabetical order of their ids.
+``FileFailure``: Why a file was not taken in: an error of ours or of the operating system.
+``ReadFile``: A file with its SHA-256 and, where its content is new, its facts.
+``ScenarioIntake``: Decides on the files of an import and stores them: new, known, or new versions of a scenario.
+``put_scenario``: The stored artifact of a scenario whose facts are known.
 ``ARCHIVE``: TODO.
 ``open_catalogue``: Make the catalogue ready.
 ``MOST_ENTRIES``: Planning problems of one file that are entered, and the step of the numbers between two artifacts.
@@ -38,6 +42,10 @@ if TYPE_CHECKING:
     from .archives import download as download
     from .archives import unpack as unpack
     from .facets import scenario_facets as scenario_facets
+    from .intake import FileFailure as FileFailure
+    from .intake import ReadFile as ReadFile
+    from .intake import ScenarioIntake as ScenarioIntake
+    from .intake import put_scenario as put_scenario
     from .ranking import build_index as build_index
     from .ranking import rank as rank
     from .search import Ranking as Ranking

@@ -15,6 +15,7 @@
 ``plan_exports``: What has to be written.
 ``refuse_taken``: Raise before anything is written where a file is there already.
 ``write_export``: Write one file whole.
+``content_digest``: SHA-256 of a file, hexadecimal.
 ``Recipe``: The tool, its resolved arguments, the artifacts it started from, the seed, and the versions that matter.
 ``versions_of``: The installed versions of packages, and our own, for a recipe.
 """
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from .export import refuse_taken as refuse_taken
     from .export import write_export as write_export
     from .recipe import Recipe as Recipe
+    from .recipe import content_digest as content_digest
     from .recipe import versions_of as versions_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from pathlib import Path
 from typing import Any
 
 from pydantic import Field
@@ -26,6 +27,15 @@ class Recipe(Model):
         """Twelve hexadecimal characters that name this recipe."""
         content = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
+
+
+def content_digest(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal, for recipes that start from a file."""
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 def versions_of(*packages: str) -> dict[str, str]:

@@ -11,6 +11,7 @@ import pytest
 from support.builders import town_road
 from support.catalog import facts
 
+from plannerforge.engine.catalog import FileFailure
 from plannerforge.engine.execution import Limits, Operation
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout
@@ -18,7 +19,7 @@ from plannerforge.schemas.importing import ImportedItem
 from plannerforge.schemas.scenarios import ReadFactsRequest, ScenarioFacts
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.operations import READ_FACTS
-from plannerforge.tools.scenario_storage import Failure, import_scenarios
+from plannerforge.tools.scenario_storage import import_scenarios
 
 pytestmark = pytest.mark.anyio
 
@@ -46,7 +47,7 @@ def workspace(tmp_path: Path) -> Iterator[Workspace]:
     made.close()
 
 
-async def imported(workspace: Workspace, folder: Path, reader: Reader, files: int) -> list[ImportedItem | Failure]:
+async def imported(workspace: Workspace, folder: Path, reader: Reader, files: int) -> list[ImportedItem | FileFailure]:
     paths = []
     for index in range(1, files + 1):
         paths.append(folder / f"{index}.xml")
@@ -57,7 +58,7 @@ async def imported(workspace: Workspace, folder: Path, reader: Reader, files: in
     call: Any = SimpleNamespace(
         workspace=workspace, services=SimpleNamespace(workers=reader), limits=limits, allowed_path=limits.allowed_path
     )
-    heard: list[tuple[Path, ImportedItem | Failure]] = []
+    heard: list[tuple[Path, ImportedItem | FileFailure]] = []
     await import_scenarios(cast("ToolCall", call), paths, lambda path, outcome: heard.append((path, outcome)))
     assert [path for path, _ in heard] == paths
     return [outcome for _, outcome in heard]

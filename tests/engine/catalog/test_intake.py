@@ -8,10 +8,10 @@ import pytest
 from support.builders import town_road
 from support.catalog import facts
 
-from plannerforge.engine.workspace.artifacts import Workspace
+from plannerforge.engine.catalog import FileFailure, ReadFile, ScenarioIntake
+from plannerforge.engine.workspace import Workspace, content_digest
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.importing import ImportedItem
-from plannerforge.tools.scenario_storage import Failure, ReadFile, ScenarioIntake, content_digest
 
 pytestmark = pytest.mark.anyio
 ID = "ZAM_Builder-1_1_T-1"
@@ -39,7 +39,7 @@ async def test_two_imports_at_once_of_other_content_under_one_id_give_two_versio
     workspace: Workspace, tmp_path: Path
 ) -> None:
     files = [read(tmp_path / f"{count}.xml", count) for count in (1, 2)]
-    outcomes: list[ImportedItem | Failure] = []
+    outcomes: list[ImportedItem | FileFailure] = []
 
     async def store(file: ReadFile) -> None:
         outcomes.extend(await ScenarioIntake(workspace).store([file]))

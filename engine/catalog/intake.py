@@ -1,0 +1,265 @@
+"""Taking scenarios into the workspace and the catalogue: made ones as they are, imported files as new, known, or a new
+version of a scenario.
+
+A file is known by the SHA-256 of its content, so that an import that was cut off goes on where it ended. A file with a
+known id and another content is a *version*: it is stored under an id of its own, which stands in the stored copy, and
+the catalogue lists it in place of the one before. Several servers may import into one workspace at the same time.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import anyio
+
+from ...schemas.errors import NotPossible, PlannerForgeError
+from ...schemas.importing import ImportedItem
+from ...schemas.scenarios import Origin, ScenarioFacts, ScenarioRecord
+from ..commonroad import derived_benchmark_id
+from ..workspace import Artifact, NewArtifact, Recipe, Staged, Workspace, content_digest, stage
+from .tables import summary
+from .updates import family, list_again, listed_version, refresh
+
+FileFailure = PlannerForgeError | OSError
+"""Why a file was not taken in."""
+
+
+def put_scenario(
+    workspace: Workspace,
+    facts: ScenarioFacts,
+    *,
+    xml: Path,
+    net: Path | None,
+    recipe: Recipe,
+    origin: Origin,
+    beside: Mapping[str, Path] | None = None,
+) -> Artifact:
+    """Store a scenario whose facts are known, and enter it in the catalogue.
+
+    Args:
+        net: the SUMO network that the file came from, where there is one.
+        beside: further files of the artifact by name, such as the report of how it was made.
+
+    Raises:
+        NotPossible: another scenario has this id already, or this recipe made another file before.
+    """
+    content = content_digest(xml)
+    stored = workspace.find("scenario", facts.scenario_id)
+    if stored is not None and stored.read(ScenarioRecord).content != content:
+        raise _id_taken(stored, recipe)
+    files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {}) | dict(beside or {})
+    record = ScenarioRecord(facts=facts, origin=origin, content=content)
+    artifact = workspace.put("scenario", facts.scenario_id, recipe=recipe, record=record, files=files)
+    refresh(workspace.database)
+    return artifact
+
+
+def _id_taken(stored: Artifact, recipe: Recipe) -> NotPossible:
+    """A recipe holds the versions of programs: two builds of one version, or two machines, may make different files."""
+    if stored.recipe.digest != recipe.digest:
+        return _other_content(stored.artifact_id)
+    return NotPossible(
+        f"{stored.artifact_id} was stored by the same call with other content: by another build of this version, or on "
+        "another machine",
+        valid=[stored.artifact_id],
+        next_step=f"use the stored one, or make a new one with another seed than {recipe.seed}",
+    )
+
+
+def _other_content(scenario_id: str) -> NotPossible:
+    return NotPossible(
+        f"another scenario with other content has the id {scenario_id} already",
+        next_step="give the file another benchmarkID",
+    )
+
+
+@dataclass(frozen=True)
+class ReadFile:
+    """A file, its SHA-256, and its facts; None where a file with this content was imported before."""
+
+    path: Path
+    content: str
+    facts: ScenarioFacts | None
+
+    @property
+    def known_facts(self) -> ScenarioFacts:
+        """The facts.
+
+        Raises:
+            NotPossible: they were not read, because the content was known then.
+        """
+        if self.facts is None:
+            raise NotPossible(f"{self.path.name} was imported before, and is not there any more")
+        return self.facts
+
+
+@dataclass(frozen=True)
+class _New:
+    """What is to be stored for a file; ``version_of`` is the scenario whose id the file has."""
+
+    file: ReadFile
+    artifact: NewArtifact
+    version_of: str | None = None
+
+
+_Decision = ImportedItem | FileFailure | _New
+
+
+class ScenarioIntake:
+    """Decides on the files of one import, in their order, and stores them."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        self._workspace = workspace
+        self._first_with_content: dict[str, Path] = {}
+        self._first_with_id: dict[str, Path] = {}
+
+    def knows(self, content: str) -> bool:
+        """Whether a file with this SHA-256 was imported before."""
+        return self._workspace.find_by_recipe("scenario", _import_recipe(content)) is not None
+
+    async def store(self, batch: Sequence[ReadFile | FileFailure]) -> list[ImportedItem | FileFailure]:
+        """Store what is new among these files in one transaction; returns what became of each."""
+        with self._workspace.scratch() as folder:
+            decided = await self._put([self._first_decision(file, folder) for file in batch], folder)
+            if any(isinstance(decision, _New) for decision in decided):  # another server was faster with the same id
+                again = [self._decide(new.file, folder) if isinstance(new, _New) else new for new in decided]
+                decided = await self._put(again, folder)
+        return [NotPossible(f"{new.file.path.name} lost its id") if isinstance(new, _New) else new for new in decided]
+
+    def _first_decision(self, file: ReadFile | FileFailure, folder: Path) -> _Decision:
+        if not isinstance(file, ReadFile):
+            return file
+        try:
+            self._refuse_duplicates(file)
+            return self._decide(file, folder)
+        except (PlannerForgeError, OSError) as error:
+            return error
+
+    def _refuse_duplicates(self, file: ReadFile) -> None:
+        first = self._first_with_content.setdefault(file.content, file.path)
+        if first != file.path:
+            raise NotPossible(f"a duplicate: the same content as {first.name}")
+        known = self._known(file)
+        declared = self._versions(known.artifact_id)[0] if known else file.known_facts.scenario_id
+        first = self._first_with_id.setdefault(declared, file.path)
+        if first != file.path:
+            raise NotPossible(
+                f"a duplicate: {first.name} has the id {declared} too", next_step="give one of them another benchmarkID"
+            )
+
+    def _decide(self, file: ReadFile, folder: Path) -> _Decision:
+        known = self._known(file)
+        if known is not None:
+            return self._known_item(file, known)
+        facts, net = file.known_facts, _net_beside(file.path)
+        beside = {"scenario.net.xml": net} if net is not None else {}
+        if self._workspace.find("scenario", facts.scenario_id) is None:
+            record = ScenarioRecord(facts=facts, origin="imported", content=file.content)
+            return _New(file, _artifact(file, record, {"scenario.xml": file.path} | beside))
+        renamed = folder / f"{file.content}.xml"
+        record = _renamed(file, renamed).model_copy(update={"supersedes": self._versions(facts.scenario_id)[-1]})
+        return _New(file, _artifact(file, record, {"scenario.xml": renamed} | beside), facts.scenario_id)
+
+    def _known(self, file: ReadFile) -> Artifact | None:
+        """What is stored with this content, however it came in."""
+        imported = self._workspace.find_by_recipe("scenario", _import_recipe(file.content))
+        if imported is None and file.facts is not None:
+            same_id = self._workspace.find("scenario", file.facts.scenario_id)
+            if same_id is not None and same_id.read(ScenarioRecord).content == file.content:
+                return same_id
+        return imported
+
+    def _known_item(self, file: ReadFile, known: Artifact) -> ImportedItem:
+        listed = listed_version(self._workspace.database.connection(), known.artifact_id)
+        if listed == known.artifact_id:
+            return _item(file, known, reused=True)
+        list_again(self._workspace.database, known.artifact_id)
+        return _item(file, known, reused=True, note=f"listed again in place of {listed}")
+
+    def _versions(self, scenario_id: str) -> tuple[str, ...]:
+        return family(self._workspace.database.connection(), scenario_id)
+
+    async def _put(self, decided: Sequence[_Decision], folder: Path) -> list[_Decision]:
+        """Store what is new; what stays new has lost its id to another server."""
+        new = [decision for decision in decided if isinstance(decision, _New)]
+        failures: dict[str, PlannerForgeError] = {}
+        if new:
+            staged, failures = await anyio.to_thread.run_sync(_staged, new, folder)
+            self._workspace.put_staged(staged)
+        refresh(self._workspace.database)
+        return [
+            self._stored(decision, failures.get(decision.file.content)) if isinstance(decision, _New) else decision
+            for decision in decided
+        ]
+
+    def _stored(self, new: _New, failure: PlannerForgeError | None) -> _Decision:
+        if failure is not None:
+            return failure
+        artifact = self._workspace.get(new.artifact.artifact_id, "scenario")
+        if artifact.recipe.digest != new.artifact.recipe.digest:
+            return new
+        return _item(new.file, artifact, note=f"new version of {new.version_of}" if new.version_of else "")
+
+
+def _import_recipe(content: str) -> Recipe:
+    """The recipe of an imported scenario file by the SHA-256 of its content."""
+    return Recipe(tool="import_files", arguments={"content": content})
+
+
+def _staged(all_new: Sequence[_New], folder: Path) -> tuple[list[Staged], dict[str, PlannerForgeError]]:
+    """Copy the files; of those that cannot be copied, the reason by content."""
+    staged: list[Staged] = []
+    failures: dict[str, PlannerForgeError] = {}
+    for new in all_new:
+        place = folder / new.artifact.artifact_id
+        try:
+            place.mkdir()
+            staged += stage([new.artifact], place)
+        except PlannerForgeError as error:
+            failures[new.file.content] = error
+    return staged, failures
+
+
+def _renamed(file: ReadFile, target: Path) -> ScenarioRecord:
+    """Write a copy of a changed file under an id of its own, which stands in the copy; the file itself stays.
+
+    Raises:
+        NotPossible: the id does not stand in the file as it was read.
+    """
+    facts = file.known_facts
+    new_id = derived_benchmark_id(facts.scenario_id, file.content[:12])
+    original = file.path.read_bytes()
+    copy = original
+    for mark in (b'"', b"'"):
+        old, new = (b"benchmarkID=" + mark + key.encode() + mark for key in (facts.scenario_id, new_id))
+        copy = copy.replace(old, new, 1)
+    if copy == original:
+        raise _other_content(facts.scenario_id)
+    target.write_bytes(copy)
+    return ScenarioRecord(
+        facts=facts.model_copy(update={"scenario_id": new_id}),
+        origin="imported",
+        content=hashlib.sha256(copy).hexdigest(),
+    )
+
+
+def _artifact(file: ReadFile, record: ScenarioRecord, files: dict[str, Path]) -> NewArtifact:
+    return NewArtifact("scenario", record.facts.scenario_id, _import_recipe(file.content), record, files)
+
+
+def _item(file: ReadFile, artifact: Artifact, *, reused: bool = False, note: str = "") -> ImportedItem:
+    text = summary(artifact.read(ScenarioRecord).facts)
+    return ImportedItem(
+        file=file.path.name,
+        kind="scenario",
+        artifact_id=artifact.artifact_id,
+        summary=f"{note}: {text}" if note else text,
+        reused=reused,
+    )
+
+
+def _net_beside(path: Path) -> Path | None:
+    """SUMO's network that was exported with the scenario, where it lies beside it."""
+    net = path.with_suffix(".net.xml")
+    return net if net.is_file() and not net.is_symlink() else None
