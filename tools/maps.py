@@ -16,8 +16,7 @@ from ..engine.maps import (
     stored_name,
     unpacked,
 )
-from ..engine.planners import known_planner
-from ..engine.tuning import changed_configuration, preset_configuration, read_weight_file, tuning_of
+from ..engine.tuning import changed_configuration, preset_configuration, read_weight_file
 from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import ConvertMapRequest, MapFacts, ReadMapRequest
@@ -79,9 +78,7 @@ async def _store_map(call: ToolCall, path: Path, recipe: Recipe, name: str | Non
 async def import_configuration(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
     """Store a cost-weight file of the Frenetix reference's form, or one that we exported, as a configuration."""
     content = read_weight_file(path)
-    planner = known_planner(content.planner)
-    tuning = tuning_of(planner)
-    base = preset_configuration(planner, tuning.presets[tuning.first_preset])
+    base = preset_configuration(content.planner)
     configuration, _ = changed_configuration(base, None, content.weights, content.settings)
     before = call.workspace.find("config", configuration.config_id)
     store_configuration(call, configuration, _recipe(path, name), name)

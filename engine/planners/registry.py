@@ -1,7 +1,10 @@
-"""The planners by name. Nothing is imported until a planner is made."""
+"""The planners by name. A planner's module, and with it numpy and the C++ core, is imported when one is made.
 
-from dataclasses import dataclass
-from importlib import import_module
+To add a planner, add a function that makes it to ``PLANNERS``, and its ``PlannerTuning`` under the same name to
+``engine/tuning/tunings.py``.
+"""
+
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ...schemas.errors import UnknownName, closest
@@ -10,22 +13,19 @@ if TYPE_CHECKING:
     from .interface import Planner
 
 
-@dataclass(frozen=True)
-class _RegisteredPlanner:
-    """Where a planner's class is and, in a module that imports nothing heavy, what can be set in it."""
+def _frenetix() -> "Planner":
+    from .frenetix.planner import Frenetix
 
-    planner: str
-    tuning: str
+    return Frenetix()
 
 
-PLANNERS: dict[str, _RegisteredPlanner] = {
-    "frenetix": _RegisteredPlanner(
-        "plannerforge.engine.planners.frenetix.planner:Frenetix", "plannerforge.engine.tuning:frenetix_tuning"
-    ),
-    "idm": _RegisteredPlanner(
-        "plannerforge.engine.planners.idm:IntelligentDriver", "plannerforge.engine.tuning:idm_tuning"
-    ),
-}
+def _intelligent_driver() -> "Planner":
+    from .idm import IntelligentDriver
+
+    return IntelligentDriver()
+
+
+PLANNERS: dict[str, "Callable[[], Planner]"] = {"frenetix": _frenetix, "idm": _intelligent_driver}
 
 
 def known_planner(name: str) -> str:
@@ -50,6 +50,4 @@ def make_planner(name: str) -> "Planner":
     Raises:
         UnknownName: no such planner.
     """
-    module, _, attribute = PLANNERS[known_planner(name)].planner.partition(":")
-    planner: Planner = getattr(import_module(module), attribute)()
-    return planner
+    return PLANNERS[known_planner(name)]()

@@ -1,18 +1,18 @@
-"""Configurations of planners: weights, presets, settings.
+"""Configurations of planners: what can be set in each, presets, changes, and the files that hold them.
 
-``DEFAULT_CONFIGURATION``: TODO.
-``PlannerTuning``: Weights by name in their order.
-``changed_configuration``: A base with all weights replaced by a preset's (where one is named), then changed.
+``DEFAULT_CONFIGURATION``: The name of the configuration in force while none is named.
+``changed_configuration``: A base with a preset's weights (where one is named) and changes, and remarks on them.
 ``differences``: The weights and settings in which two configurations of a planner differ, in their order.
-``named_configuration``: The configuration that ``PLANNER:PRESET`` or ``PLANNER`` (its Default) means.
+``named_configuration``: The configuration that ``PLANNER:PRESET`` or ``PLANNER`` means; None for other texts.
 ``preset_configuration``: The configuration of a preset as it stands, with the default settings.
-``to_yaml``: The cost-weight file in the form of the Frenetix reference, every weight in its order.
-``tuning_of``: What can be set in a planner.
-``frenetix_tuning``: The tuning of Frenetix.
-``idm_tuning``: The tuning of the Intelligent Driver Model.
+``Setting``: One setting: its unit, range and meaning.
 ``known_settings``: All settings by name, in their order.
 ``setting_values``: Every setting with the value in force, in their order.
-``read_weight_file``: What a file holds.
+``PlannerTuning``: What can be set in one planner: weights, presets, and settings that do nothing in it.
+``tuning_of``: The tuning of a planner by its name.
+``WeightFile``: The planner of a weight file, and its weights and settings as assignments.
+``read_weight_file``: What a cost-weight file holds; ``UnsafeInput`` where it is not of that form.
+``to_yaml``: A configuration as the text of a cost-weight file.
 """
 
 from typing import TYPE_CHECKING
@@ -21,17 +21,17 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .configurations import DEFAULT_CONFIGURATION as DEFAULT_CONFIGURATION
-    from .configurations import PlannerTuning as PlannerTuning
     from .configurations import changed_configuration as changed_configuration
     from .configurations import differences as differences
     from .configurations import named_configuration as named_configuration
     from .configurations import preset_configuration as preset_configuration
-    from .configurations import to_yaml as to_yaml
-    from .configurations import tuning_of as tuning_of
-    from .planners import frenetix_tuning as frenetix_tuning
-    from .planners import idm_tuning as idm_tuning
+    from .settings import Setting as Setting
     from .settings import known_settings as known_settings
     from .settings import setting_values as setting_values
+    from .tunings import PlannerTuning as PlannerTuning
+    from .tunings import tuning_of as tuning_of
+    from .weight_file import WeightFile as WeightFile
     from .weight_file import read_weight_file as read_weight_file
+    from .weight_file import to_yaml as to_yaml
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -2,70 +2,27 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from importlib import import_module
+from collections.abc import Sequence
 
 from ...schemas.planning import PlannerConfiguration, PlannerSettings, WeightChange
 from ..planners import PLANNERS, known_planner
-from .settings import apply_changes, changed_settings, known_settings, setting_values, stated_settings
-from .weights import CostWeight, Preset, find_preset
-
-# ---------- planner_tuning
-# What can be set in a planner: its weights, presets, and the settings that act in it.
-
-
-@dataclass(frozen=True)
-class PlannerTuning:
-    """Weights by name in their order; ``external`` ones are kept but act on nothing; presets by name.
-
-    ``first_preset`` is what the bare name of the planner means; ``idle_settings`` do nothing in this planner.
-    """
-
-    summary: str
-    weights: Mapping[str, CostWeight]
-    external: Mapping[str, CostWeight]
-    presets: Mapping[str, Preset]
-    first_preset: str = "Default"
-    idle_settings: tuple[str, ...] = ()
-
-    @property
-    def limits(self) -> dict[str, tuple[float, float]]:
-        """Ranges of the weights that do not go from 0 to 1e6."""
-        narrow = (weight for weight in self.weights.values() if (weight.lowest, weight.highest) != (0.0, 1e6))
-        return {weight.name: (weight.lowest, weight.highest) for weight in narrow}
-
-
-def tuning_of(planner: str) -> PlannerTuning:
-    """What can be set in a planner.
-
-    Raises:
-        UnknownName: no such planner.
-    """
-    module, _, function = PLANNERS[known_planner(planner)].tuning.partition(":")
-    found: PlannerTuning = getattr(import_module(module), function)()
-    return found
-
-
-def _names_elsewhere(planner: str) -> dict[str, str]:
-    """Names that are no weights of this planner → what they are: weights of others, and settings."""
-    found: dict[str, str] = {}
-    for other in PLANNERS:
-        tuning = tuning_of(other)
-        found |= dict.fromkeys((*tuning.weights, *tuning.external), f"it is a weight of {other}, not of {planner}")
-    return found | dict.fromkeys(known_settings(), "it is a setting; give it in settings")
-
-
-# ---------- configurations
-# Planner configurations: made from a preset or another configuration, named by their content.
+from .settings import apply_assignments, changed_settings, known_settings, setting_values
+from .tunings import tuning_of
 
 DEFAULT_CONFIGURATION = "frenetix:Default"
+"""The configuration in force while none is named: the reference's own tuning of Frenetix."""
 
 
-def preset_configuration(planner: str, preset: Preset) -> PlannerConfiguration:
-    """The configuration of a preset as it stands, with the default settings."""
-    external = dict.fromkeys(tuning_of(planner).external, 0.0)
-    return _named(planner, preset.name, dict(preset.weights), external, PlannerSettings())
+def preset_configuration(planner: str, preset: str | None = None) -> PlannerConfiguration:
+    """The configuration of a preset as it stands, by default the planner's first, with the default settings.
+
+    Raises:
+        UnknownName: no such planner or preset.
+    """
+    name, tuning = known_planner(planner), tuning_of(planner)
+    chosen = tuning.presets[tuning.first_preset] if preset is None else tuning.preset(preset)
+    external = dict.fromkeys(tuning.external, 0.0)
+    return _configuration(name, chosen.name, dict(chosen.weights), external, PlannerSettings())
 
 
 def named_configuration(text: str) -> PlannerConfiguration | None:
@@ -77,10 +34,7 @@ def named_configuration(text: str) -> PlannerConfiguration | None:
     planner, colon, preset = text.partition(":")
     if not colon and text.lower().startswith("cfg_"):
         return None
-    name = known_planner(planner)
-    tuning = tuning_of(name)
-    found = find_preset(preset, tuning.presets) if colon else tuning.presets[tuning.first_preset]
-    return preset_configuration(name, found)
+    return preset_configuration(planner, preset if colon else None)
 
 
 def changed_configuration(
@@ -95,14 +49,17 @@ def changed_configuration(
         InvalidRequest: a change that is malformed or leads out of the range.
     """
     tuning = tuning_of(base.planner)
-    start = base if preset is None else _replaced(base, find_preset(preset, tuning.presets))
-    changed = apply_changes(
+    start = base
+    if preset is not None:
+        chosen = tuning.preset(preset)
+        start = base.model_copy(update={"weights": dict(chosen.weights), "preset": chosen.name})
+    changed = apply_assignments(
         start.weights | start.external_weights, changes, limits=tuning.limits, elsewhere=_names_elsewhere(base.planner)
     )
-    weights = {name: changed.weights[name] for name in tuning.weights}
-    external = {name: changed.weights[name] for name in tuning.external}
+    weights = {name: changed.values[name] for name in tuning.weights}
+    external = {name: changed.values[name] for name in tuning.external}
     after, setting_notes = changed_settings(base.settings, settings)
-    made = _named(base.planner, start.preset, weights, external, after)
+    made = _configuration(base.planner, start.preset, weights, external, after)
     if made.config_id != base.config_id:
         made = made.model_copy(update={"base": base.config_id, "assignments": (*changes, *settings)})
     return made, (*changed.notes, *setting_notes, *_idle_notes(base, made))
@@ -115,16 +72,13 @@ def differences(before: PlannerConfiguration, after: PlannerConfiguration) -> tu
     return tuple(WeightChange(name=name, before=old[name], after=new[name]) for name in old if old[name] != new[name])
 
 
-def to_yaml(configuration: PlannerConfiguration) -> str:
-    """The cost-weight file in the form of the Frenetix reference, every weight in its order; planner and settings."""
-    lines = [f"# {configuration.name} ({configuration.config_id})", "cost_weights:"]
-    lines += [f"  {name}: {_number(value)}" for name, value in configuration.weights.items()]
-    if configuration.external_weights:
-        lines += [f"external_cost_weights:  # not acting in {configuration.planner}"]
-        lines += [f"  {name}: {_number(value)}" for name, value in configuration.external_weights.items()]
-    lines += [f"planner: {configuration.planner}", "settings:"]
-    lines += [f"  {name}: {value:.12g}" for name, value in stated_settings(configuration.settings).items()]
-    return "\n".join(lines) + "\n"
+def _names_elsewhere(planner: str) -> dict[str, str]:
+    """Names that are no weights of this planner → what they are: weights of others, and settings."""
+    names: dict[str, str] = {}
+    for other in PLANNERS:
+        tuning = tuning_of(other)
+        names |= dict.fromkeys((*tuning.weights, *tuning.external), f"it is a weight of {other}, not of {planner}")
+    return names | dict.fromkeys(known_settings(), "it is a setting; give it in settings")
 
 
 def _idle_notes(base: PlannerConfiguration, made: PlannerConfiguration) -> list[str]:
@@ -140,11 +94,7 @@ def _idle_notes(base: PlannerConfiguration, made: PlannerConfiguration) -> list[
     return notes
 
 
-def _replaced(base: PlannerConfiguration, preset: Preset) -> PlannerConfiguration:
-    return base.model_copy(update={"weights": dict(preset.weights), "preset": preset.name})
-
-
-def _named(
+def _configuration(
     planner: str, preset: str, weights: dict[str, float], external: dict[str, float], settings: PlannerSettings
 ) -> PlannerConfiguration:
     """The configuration with its id; its name is ``planner:preset`` while it equals one, else with a ``+`` part.
@@ -167,7 +117,3 @@ def _named(
         external_weights=external,
         settings=settings,
     )
-
-
-def _number(value: float) -> str:
-    return f"{value:.12g}" if value != int(value) else f"{value:.1f}"

@@ -1,4 +1,7 @@
-"""The settings of a configuration beside its weights, changed by the same assignments as weights."""
+"""Named numbers of a configuration, its weights and settings, and their changes by assignments.
+
+An assignment reads ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
+"""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -8,31 +11,25 @@ from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Assignment, parse_assignment
 from ...schemas.planning import PlannerSettings
 from ..vehicles import VEHICLES, parameter_names
-
-# ---------- changes
-# Changes of named numbers: ``jerk=0.5``, ``jerk*2``, ``jerk+0.1``, ``jerk=lateral_jerk``.
-
-LARGEST_WEIGHT = 1e6
-NO_NAMES: Mapping[str, str] = {}
-NO_LIMITS: Mapping[str, tuple[float, float]] = {}
+from .tunings import LARGEST_WEIGHT
 
 
 @dataclass(frozen=True)
-class _ChangedWeights:
+class ChangedValues:
     """All values after the changes, and remarks on changes that changed nothing."""
 
-    weights: dict[str, float]
+    values: dict[str, float]
     notes: tuple[str, ...]
 
 
-def apply_changes(
-    weights: Mapping[str, float],
+def apply_assignments(
+    values: Mapping[str, float],
     changes: Iterable[str],
     *,
-    limits: Mapping[str, tuple[float, float]] = NO_LIMITS,
+    limits: Mapping[str, tuple[float, float]] | None = None,
     kind: str = "cost weight",
-    elsewhere: Mapping[str, str] = NO_NAMES,
-) -> _ChangedWeights:
+    elsewhere: Mapping[str, str] | None = None,
+) -> ChangedValues:
     """The weights (or settings) after all changes in their order; all are applied or none.
 
     ``jerk=lateral_jerk`` copies the value that the other weight has at that point. ``limits``: ranges of single names,
@@ -42,7 +39,8 @@ def apply_changes(
         UnknownName: a weight that does not exist, with the nearest.
         InvalidRequest: malformed, or a result outside its range or not finite.
     """
-    result = dict(weights)
+    limits, elsewhere = limits or {}, elsewhere or {}
+    result = dict(values)
     notes: list[str] = []
     for text in changes:
         change = parse_assignment(text)
@@ -60,7 +58,7 @@ def apply_changes(
         if after == before:
             zero = " (0 times anything stays 0; set a value instead)" if before == 0 and change.operator == "*" else ""
             notes.append(f"'{text}' leaves {name} at {before:g}{zero}")
-    return _ChangedWeights(result, tuple(notes))
+    return ChangedValues(result, tuple(notes))
 
 
 def _value(change: Assignment, before: float, text: str) -> float:
@@ -87,12 +85,8 @@ def _known(name: str, values: Mapping[str, float], kind: str, elsewhere: Mapping
     )
 
 
-# ---------- settings
-# The settings of a configuration beside its weights, changed by the same assignments as weights.
-
-
 @dataclass(frozen=True)
-class _Setting:
+class Setting:
     """One setting: its unit, range (ends included), and meaning; ``whole`` for counts and ids."""
 
     name: str
@@ -110,23 +104,23 @@ class _Setting:
 
 
 _SETTINGS = (
-    _Setting("vehicle", "", 1, 4, "CommonRoad vehicle; replaces all parameters of the vehicle", whole=True),
-    _Setting("length_m", "m", 1.0, 20.0, "length of the ego"),
-    _Setting("width_m", "m", 0.5, 3.0, "width of the ego"),
-    _Setting("wheelbase_m", "m", 0.8, 12.0, "distance of the axles"),
-    _Setting("rear_axle_behind_center_m", "m", 0.2, 8.0, "rear axle to centre"),
-    _Setting("maximum_acceleration_mps2", "m/s²", 1.0, 15.0, "limit of acceleration and braking"),
-    _Setting("maximum_speed_mps", "m/s", 1.0, 70.0, "top speed"),
-    _Setting("switching_speed_mps", "m/s", 1.0, 30.0, "above it the power limits the acceleration"),
-    _Setting("maximum_steering_rad", "rad", 0.1, 1.4, "largest steering angle"),
-    _Setting("maximum_steering_rate_radps", "rad/s", 0.05, 2.0, "how fast it can change"),
-    _Setting("horizon_s", "s", 1.5, 6.0, "how far a plan and the prediction reach"),
-    _Setting("replan_steps", "steps", 1, 10, "time steps driven before the next plan", whole=True),
-    _Setting("sampling_level", "", 0, 3, "candidates of Frenetix: 3, 5, 9 or 17 speeds and offsets", whole=True),
+    Setting("vehicle", "", 1, 4, "CommonRoad vehicle; replaces all parameters of the vehicle", whole=True),
+    Setting("length_m", "m", 1.0, 20.0, "length of the ego"),
+    Setting("width_m", "m", 0.5, 3.0, "width of the ego"),
+    Setting("wheelbase_m", "m", 0.8, 12.0, "distance of the axles"),
+    Setting("rear_axle_behind_center_m", "m", 0.2, 8.0, "rear axle to centre"),
+    Setting("maximum_acceleration_mps2", "m/s²", 1.0, 15.0, "limit of acceleration and braking"),
+    Setting("maximum_speed_mps", "m/s", 1.0, 70.0, "top speed"),
+    Setting("switching_speed_mps", "m/s", 1.0, 30.0, "above it the power limits the acceleration"),
+    Setting("maximum_steering_rad", "rad", 0.1, 1.4, "largest steering angle"),
+    Setting("maximum_steering_rate_radps", "rad/s", 0.05, 2.0, "how fast it can change"),
+    Setting("horizon_s", "s", 1.5, 6.0, "how far a plan and the prediction reach"),
+    Setting("replan_steps", "steps", 1, 10, "time steps driven before the next plan", whole=True),
+    Setting("sampling_level", "", 0, 3, "candidates of Frenetix: 3, 5, 9 or 17 speeds and offsets", whole=True),
 )
 
 
-def known_settings() -> dict[str, _Setting]:
+def known_settings() -> dict[str, Setting]:
     """All settings by name, in their order."""
     return {setting.name: setting for setting in _SETTINGS}
 
@@ -147,8 +141,8 @@ def changed_settings(settings: PlannerSettings, changes: Iterable[str]) -> tuple
     """
     values, notes = setting_values(settings), list[str]()
     for text in changes:
-        changed = apply_changes(values, [text], limits=_limits(), kind="setting")
-        values, notes = changed.weights, [*notes, *changed.notes]
+        changed = apply_assignments(values, [text], limits=_limits(), kind="setting")
+        values, notes = changed.values, [*notes, *changed.notes]
         name = parse_assignment(text).name.lower()
         if known_settings()[name].whole and values[name] != int(values[name]):
             raise InvalidRequest(f"'{text}': {name} is a whole number", valid=[known_settings()[name].range_text])
@@ -156,11 +150,6 @@ def changed_settings(settings: PlannerSettings, changes: Iterable[str]) -> tuple
             values |= asdict(VEHICLES[int(values[name])])
     _fits_together(values)
     return _settings_of(values), tuple(notes)
-
-
-def stated_settings(settings: PlannerSettings) -> dict[str, float]:
-    """The settings that a file states: vehicle, horizon, rate and sampling, and the vehicle's own parameters."""
-    return {name: value for name, value in settings.model_dump().items() if value is not None}
 
 
 def _limits() -> dict[str, tuple[float, float]]:

@@ -10,7 +10,7 @@ from support.planning import configuration
 
 from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
 from plannerforge.engine.planners.frenetix import planner as frenetix
-from plannerforge.engine.tuning.weights import cost_weights, external_weights
+from plannerforge.engine.tuning import tuning_of
 from plannerforge.evals.planners.acting_weights import acting_weights
 
 
@@ -36,8 +36,8 @@ def test_the_thirteen_weights_act_and_those_of_absent_modules_do_not(
     aside: LoadedScenario, crowded: LoadedScenario
 ) -> None:
     acting = acting_weights(configuration(), [aside, crowded])
-    assert acting == set(cost_weights())
-    assert not acting & set(external_weights())
+    assert acting == set(tuning_of("frenetix").weights)
+    assert not acting & set(tuning_of("frenetix").external)
 
 
 def test_a_weight_whose_term_nobody_computes_does_not_act(

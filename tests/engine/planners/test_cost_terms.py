@@ -21,7 +21,7 @@ from plannerforge.engine.planners.frenetix.costs import (
     velocity,
 )
 from plannerforge.engine.planners.lanes import OUTSIDE_M, LaneCenters, LaneCorridors
-from plannerforge.engine.tuning.weights import cost_weights, external_weights
+from plannerforge.engine.tuning import tuning_of
 
 STEPS = 31
 
@@ -62,11 +62,12 @@ def test_lane_center_offset_is_that_of_the_lane_under_the_point(offset: float, c
 
 
 def test_all_thirteen_weights_act_and_the_three_external_ones_do_not() -> None:
-    assert [weight.name for weight in cost_weights().values() if not weight.acts] == []
-    assert len(cost_weights()) == 13
-    assert {name for name, weight in cost_weights().items() if weight.computed_by == "ours"} == set(own_terms())
-    assert sorted(external_weights()) == ["occ_pm", "occ_um", "occ_ve"]
-    assert not any(weight.acts for weight in external_weights().values())
+    tuning = tuning_of("frenetix")
+    assert [weight.name for weight in tuning.weights.values() if not weight.acts] == []
+    assert len(tuning.weights) == 13
+    assert {name for name, weight in tuning.weights.items() if weight.computed_by == "ours"} == set(own_terms())
+    assert sorted(tuning.external) == ["occ_pm", "occ_um", "occ_ve"]
+    assert not any(weight.acts for weight in tuning.external.values())
 
 
 def test_external_weights_change_nothing_that_is_driven() -> None:

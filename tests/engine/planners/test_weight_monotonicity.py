@@ -18,9 +18,9 @@ from support.planning import straight_road as road
 
 from plannerforge.engine.planners.frenetix.core import copied_trajectory
 from plannerforge.engine.planners.frenetix.planner import Frenetix, SafetyCheck, cheapest_first, first_without_objection
-from plannerforge.engine.tuning.weights import cost_weights
+from plannerforge.engine.tuning import tuning_of
 
-WEIGHTS = sorted(cost_weights())
+WEIGHTS = sorted(tuning_of("frenetix").weights)
 SCALE = 2**1100  # every finite float times this is an integer
 
 

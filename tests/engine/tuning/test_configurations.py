@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.planners.frenetix.costs import own_terms
-from plannerforge.engine.tuning.configurations import changed_configuration, differences, named_configuration, to_yaml
-from plannerforge.engine.tuning.settings import apply_changes
-from plannerforge.engine.tuning.weights import cost_weights, external_weights, find_preset, presets
+from plannerforge.engine.tuning import changed_configuration, differences, named_configuration, to_yaml, tuning_of
+from plannerforge.engine.tuning.settings import apply_assignments
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.schemas.planning import PlannerConfiguration
 
@@ -32,7 +31,8 @@ distance_to_obstacles       0       0.3     0.8      0.6    1
 prediction                  0.2     0.2     0.3      0.2    0.5
 responsibility              0       0.1     0.2      0.1    0.3
 """
-NAMES = st.sampled_from(sorted(cost_weights()))
+FRENETIX = tuning_of("frenetix")
+NAMES = st.sampled_from(sorted(FRENETIX.weights))
 VALUES = st.floats(0.0, 1e6, allow_nan=False)
 
 
@@ -46,63 +46,65 @@ def test_the_five_presets_have_exactly_these_values() -> None:
     head, *rows = [line.split() for line in TABLE.strip().splitlines()]
     for index, short_name in enumerate(head):
         wanted = {row[0]: float(row[index + 1]) for row in rows}
-        assert find_preset(short_name).weights == wanted
-    assert [preset.short_name for preset in presets().values()] == head
+        assert FRENETIX.preset(short_name).weights == wanted
+    assert [preset.short_name for preset in FRENETIX.presets.values()] == head
 
 
 @pytest.mark.shared_data
 def test_the_presets_agree_with_the_published_facts(shared_data: Path) -> None:
     facts = json.loads((shared_data / "facts" / "presets.json").read_text(encoding="utf-8"))["frenetix"]
     assert {entry["name"]: entry["values"] for entry in facts["presets"]} == {
-        name: preset.weights for name, preset in presets().items()
+        name: preset.weights for name, preset in FRENETIX.presets.items()
     }
-    assert [entry["name"] for entry in facts["weights"]] == list(cost_weights())
-    assert [entry["name"] for entry in facts["external_weights"]] == list(external_weights())
+    assert [entry["name"] for entry in facts["weights"]] == list(FRENETIX.weights)
+    assert [entry["name"] for entry in facts["external_weights"]] == list(FRENETIX.external)
 
 
 def test_every_weight_says_who_computes_it_and_ours_are_ours() -> None:
-    ours = {name for name, weight in cost_weights().items() if weight.computed_by == "ours"}
+    ours = {name for name, weight in FRENETIX.weights.items() if weight.computed_by == "ours"}
     assert ours == set(own_terms())
-    assert all(weight.acts for weight in cost_weights().values())
-    assert not any(weight.acts for weight in external_weights().values())
+    assert all(weight.acts for weight in FRENETIX.weights.values())
+    assert not any(weight.acts for weight in FRENETIX.external.values())
 
 
 @pytest.mark.parametrize("word", ["safety-conservative", "SAFETY", " Safety ", "Efficiency-Sporty", "sporty"])
 def test_presets_are_found_by_both_names_whatever_the_case(word: str) -> None:
-    assert find_preset(word).short_name in ("Safety", "Sporty")
+    assert FRENETIX.preset(word).short_name in ("Safety", "Sporty")
 
 
 def test_an_unknown_preset_is_refused_with_all_of_them() -> None:
     with pytest.raises(UnknownName) as caught:
-        find_preset("agressive")
-    assert set(caught.value.valid) == set(presets())
+        FRENETIX.preset("agressive")
+    assert set(caught.value.valid) == set(FRENETIX.presets)
 
 
 def test_the_four_kinds_of_changes() -> None:
-    changed = apply_changes(base().weights, ["jerk=0.5", "prediction*2", "lateral_jerk+0.1", "velocity=lateral_jerk"])
-    assert changed.weights["jerk"] == 0.5
-    assert changed.weights["prediction"] == pytest.approx(0.4)
-    assert changed.weights["lateral_jerk"] == pytest.approx(0.3)
-    assert changed.weights["velocity"] == pytest.approx(0.3)
+    changed = apply_assignments(
+        base().weights, ["jerk=0.5", "prediction*2", "lateral_jerk+0.1", "velocity=lateral_jerk"]
+    )
+    assert changed.values["jerk"] == 0.5
+    assert changed.values["prediction"] == pytest.approx(0.4)
+    assert changed.values["lateral_jerk"] == pytest.approx(0.3)
+    assert changed.values["velocity"] == pytest.approx(0.3)
     assert changed.notes == ()
 
 
 def test_zero_times_two_stays_zero_and_is_said() -> None:
-    changed = apply_changes(base().weights, ["jerk*2"])
-    assert changed.weights["jerk"] == 0.0
+    changed = apply_assignments(base().weights, ["jerk*2"])
+    assert changed.values["jerk"] == 0.0
     assert "stays 0" in changed.notes[0]
 
 
 @pytest.mark.parametrize("text", ["jerk=-1", "lateral_jerk-0.3", "prediction*-1", "jerk=1e9"])
 def test_weights_outside_their_range_are_refused(text: str) -> None:
     with pytest.raises(InvalidRequest):
-        apply_changes(base().weights, [text])
+        apply_assignments(base().weights, [text])
 
 
 @pytest.mark.parametrize("text", ["jerk=nan", "jerk=inf", "jerk", "jerk==1", "jerk=1;prediction=2", "jerk=1e999"])
 def test_what_is_no_change_is_refused(text: str) -> None:
     with pytest.raises(InvalidRequest):
-        apply_changes(base().weights, [text])
+        apply_assignments(base().weights, [text])
 
 
 def test_an_unknown_weight_is_refused_with_the_nearest_first_and_nothing_is_changed() -> None:
@@ -110,13 +112,13 @@ def test_an_unknown_weight_is_refused_with_the_nearest_first_and_nothing_is_chan
         changed_configuration(base(), None, ["jerk=0.5", "colision=1"])
     assert caught.value.valid
     with pytest.raises(UnknownName) as caught:
-        apply_changes(base().weights, ["lateral_jrk=1"])
+        apply_assignments(base().weights, ["lateral_jrk=1"])
     assert caught.value.valid[0] == "lateral_jerk"
 
 
 @given(NAMES, VALUES)
 def test_setting_changes_that_weight_only(name: str, value: float) -> None:
-    changed = apply_changes(base().weights, [f"{name}={value!r}"]).weights
+    changed = apply_assignments(base().weights, [f"{name}={value!r}"]).values
     assert changed[name] == value
     assert {key: v for key, v in changed.items() if key != name} == {
         key: v for key, v in base().weights.items() if key != name
@@ -127,7 +129,7 @@ def test_setting_changes_that_weight_only(name: str, value: float) -> None:
 def test_a_change_gives_a_valid_weight_or_is_refused(name: str, start: float, operator: str, operand: float) -> None:
     weights = dict(base().weights) | {name: start}
     try:
-        value = apply_changes(weights, [f"{name}{operator}{operand!r}"]).weights[name]
+        value = apply_assignments(weights, [f"{name}{operator}{operand!r}"]).values[name]
     except InvalidRequest:
         return
     assert value >= 0
@@ -145,7 +147,7 @@ def test_the_id_is_made_from_the_content(values: dict[str, float]) -> None:
 
 def test_a_preset_replaces_all_weights_before_the_changes() -> None:
     made, _ = changed_configuration(base("frenetix:Comfort"), "Safety", ["jerk=0.1"])
-    assert made.weights == presets()["Safety-Conservative"].weights | {"jerk": 0.1}
+    assert made.weights == FRENETIX.presets["Safety-Conservative"].weights | {"jerk": 0.1}
     assert made.base == base("frenetix:Comfort").config_id
     assert made.preset == "Safety-Conservative"
 

@@ -7,13 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.tuning.configurations import (
-    changed_configuration,
-    differences,
-    named_configuration,
-    to_yaml,
-    tuning_of,
-)
+from plannerforge.engine.planners import PLANNERS
+from plannerforge.engine.tuning import changed_configuration, differences, named_configuration, to_yaml, tuning_of
 from plannerforge.engine.tuning.settings import changed_settings, known_settings, setting_values
 from plannerforge.engine.tuning.weight_file import read_weight_file
 from plannerforge.engine.vehicles.models import VEHICLES
@@ -126,7 +121,7 @@ def test_every_setting_takes_its_range_and_nothing_outside(data: st.DataObject) 
 
 
 def test_every_planner_has_a_tuning_that_fits_its_presets() -> None:
-    for planner in ("frenetix", "idm"):
+    for planner in PLANNERS:
         tuning = tuning_of(planner)
         assert tuning.first_preset in tuning.presets
         assert set(tuning.idle_settings) <= set(known_settings())

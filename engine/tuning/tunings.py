@@ -1,0 +1,208 @@
+"""What can be set in each planner: weights, presets, and the settings that do nothing in it.
+
+Nothing heavy is imported here: the server reads the tables without loading a planner. To add a planner, add a
+``PlannerTuning`` to ``_TUNINGS`` under the name that ``engine/planners/registry.py`` has.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+from ...schemas.errors import UnknownName, closest
+from ..planners import known_planner
+
+LARGEST_WEIGHT = 1e6
+"""Chosen: 200,000 times the largest weight of a preset, and far from where sums of costs lose digits."""
+
+
+@dataclass(frozen=True)
+class Weight:
+    """One weight: a factor ≥ 0 on the raw value of a cost term; or a parameter of a planner that has no such terms.
+
+    ``raising`` says what a larger value does. ``computed_by``: the C++ core, this program, or nothing.
+    """
+
+    name: str
+    meaning: str
+    raising: str
+    computed_by: Literal["core", "ours", "nobody"]
+    lowest: float = 0.0
+    highest: float = LARGEST_WEIGHT
+
+    @property
+    def acts(self) -> bool:
+        """Whether the weight changes what is driven."""
+        return self.computed_by != "nobody"
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A full set of weights by name, in their order.
+
+    ``short_name`` is the one in the paper's comparison figure.
+    """
+
+    name: str
+    short_name: str
+    intent: str
+    weights: dict[str, float]
+
+
+@dataclass(frozen=True)
+class PlannerTuning:
+    """Weights by name in their order; ``external`` ones are kept but act on nothing; presets by name.
+
+    ``first_preset`` is what the bare name of the planner means; ``idle_settings`` do nothing in this planner.
+    """
+
+    summary: str
+    weights: Mapping[str, Weight]
+    external: Mapping[str, Weight]
+    presets: Mapping[str, Preset]
+    first_preset: str = "Default"
+    idle_settings: tuple[str, ...] = ()
+
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Ranges of the weights that do not go from 0 to 1e6."""
+        narrow = (
+            weight for weight in self.weights.values() if (weight.lowest, weight.highest) != (0.0, LARGEST_WEIGHT)
+        )
+        return {weight.name: (weight.lowest, weight.highest) for weight in narrow}
+
+    def preset(self, word: str) -> Preset:
+        """The preset of a name or short name, whatever the case.
+
+        Raises:
+            UnknownName: with the names, the likeliest first.
+        """
+        folded = word.strip().lower()
+        for preset in self.presets.values():
+            if folded in (preset.name.lower(), preset.short_name.lower()):
+                return preset
+        likely = closest(word, self.presets)
+        raise UnknownName(
+            f"there is no preset '{word}'",
+            valid=[*likely, *(name for name in self.presets if name not in likely)],
+            next_step="name one of them, or set single weights with name=value",
+        )
+
+
+_Named = TypeVar("_Named", Weight, Preset)
+
+
+def tuning_of(planner: str) -> PlannerTuning:
+    """What can be set in a planner.
+
+    Raises:
+        UnknownName: no such planner.
+    """
+    return _TUNINGS[known_planner(planner)]
+
+
+def _preset(weights: tuple[Weight, ...], name: str, short_name: str, intent: str, values: tuple[float, ...]) -> Preset:
+    by_name = {weight.name: value for weight, value in zip(weights, values, strict=True)}
+    return Preset(name, short_name, intent, by_name)
+
+
+def _by_name(entries: tuple[_Named, ...]) -> dict[str, _Named]:
+    return {entry.name: entry for entry in entries}
+
+
+_COST_WEIGHTS = (
+    Weight("acceleration", "integral of acceleration² (Simpson)", "gentler speed changes", "core"),
+    Weight("jerk", "integral of total jerk²", "smoother acceleration", "core"),
+    Weight("lateral_jerk", "root of lateral jerk² over the first 0.1 s", "smoother steering", "core"),
+    Weight("longitudinal_jerk", "root of longitudinal jerk² over the first 0.1 s", "smoother pedals", "core"),
+    Weight("orientation_offset", "heading against the path, second half and end", "straighter along the path", "core"),
+    Weight("path_length", "length of the candidate in m", "shorter, slower candidates", "ours"),
+    Weight(
+        "lane_center_offset", "mean distance to the lane's centre, 5 m off it", "keeps to the lane's centre", "ours"
+    ),
+    Weight("velocity_offset", "norm of speed − desired speed", "keeps the desired speed", "core"),
+    Weight("velocity", "|mean speed − speed that reaches the goal in time|", "arrives on time", "ours"),
+    Weight("distance_to_reference_path", "norm of the offset over the second half", "keeps to the path", "core"),
+    Weight("distance_to_obstacles", "Σ 1 / smallest distance², others standing", "keeps away from others", "core"),
+    Weight("prediction", "collision probability with predicted others × 1000", "avoids predicted motion", "core"),
+    Weight("responsibility", "nearness the ego would answer for", "keeps lane, distance, right of way", "ours"),
+)
+"""The thirteen weights of Frenetix in the order of the paper, with the meanings of its released code.
+
+The C++ core computes nine of the terms; those that are ours stand in ``engine/planners/frenetix/costs.py``."""
+_EXTERNAL_WEIGHTS = (
+    Weight("occ_pm", "occlusion phantom module: harm to an unseen pedestrian", "module absent", "nobody"),
+    Weight("occ_um", "occlusion uncertainty module: distance to its map", "module absent", "nobody"),
+    Weight("occ_ve", "occlusion visibility estimator: shift to see more", "module absent", "nobody"),
+)
+"""Weights of modules for occlusion that are not part of this planner: kept and written, but they act on nothing."""
+_FRENETIX_PRESETS = (
+    _preset(
+        _COST_WEIGHTS,
+        "Default",
+        "Default",
+        "the reference's tuning: follow the path, keep the speed",
+        (0.0, 0.0, 0.2, 0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0, 0.0, 0.2, 0.0),
+    ),
+    _preset(
+        _COST_WEIGHTS,
+        "Comfort",
+        "Comfort",
+        "gentle: jerk and acceleration count most",
+        (0.2, 0.2, 0.8, 0.8, 0.0, 0.0, 0.5, 0.3, 0.0, 1.0, 0.3, 0.2, 0.1),
+    ),
+    _preset(
+        _COST_WEIGHTS,
+        "Balanced",
+        "Balanced",
+        "between the others",
+        (0.3, 0.3, 0.5, 0.5, 0.1, 0.2, 0.7, 0.6, 0.2, 2.0, 0.8, 0.3, 0.2),
+    ),
+    _preset(
+        _COST_WEIGHTS,
+        "Efficiency-Sporty",
+        "Sporty",
+        "brisk: speed and progress count, comfort less",
+        (0.2, 0.15, 0.25, 0.25, 0.2, 0.6, 0.6, 1.0, 0.4, 2.0, 0.6, 0.2, 0.1),
+    ),
+    _preset(
+        _COST_WEIGHTS,
+        "Safety-Conservative",
+        "Safety",
+        "Default with distance to others, prediction and responsibility",
+        (0.0, 0.0, 0.2, 0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0, 1.0, 0.5, 0.3),
+    ),
+)
+"""The paper names the presets; the values are those of its released code."""
+
+_IDM_PARAMETERS = (
+    Weight("time_headway_s", "desired time gap T to the leader, s", "follows farther away", "ours", 0.1, 10.0),
+    Weight("minimum_gap_m", "gap s0 at standstill, m", "stops earlier behind others", "ours", 0.1, 30.0),
+    Weight("acceleration_mps2", "maximum acceleration a, m/s²", "brisker, closer to its speed", "ours", 0.1, 10.0),
+    Weight("deceleration_mps2", "comfortable deceleration b, m/s²", "brakes later and harder", "ours", 0.1, 10.0),
+    Weight("lateral_acceleration_mps2", "largest in bends, m/s²", "faster through bends", "ours", 0.5, 10.0),
+)
+_IDM_PRESETS = (
+    _preset(_IDM_PARAMETERS, "Default", "Default", "the values of its source", (1.6, 2.0, 0.73, 1.67, 3.0)),
+    _preset(_IDM_PARAMETERS, "Cautious", "Cautious", "large gaps, gentle", (2.4, 4.0, 0.6, 1.2, 2.0)),
+    _preset(_IDM_PARAMETERS, "Sporty", "Sporty", "small gaps, brisk", (1.0, 1.5, 2.0, 3.0, 4.0)),
+)
+"""Default holds the values of the model's source (Treiber, Hennecke, Helbing: Congested traffic states in empirical
+observations and microscopic simulations, Physical Review E 62, 2000, table I); Cautious and Sporty are ours. The three
+lateral accelerations are those that passengers judged on a test track (Optimal Lateral Acceleration for Different
+Levels of Automated Driving, preprint 10.31234/osf.io/kcw2d): 2 m/s² often too slow, 3 balanced, 4 often too fast."""
+
+_TUNINGS = {
+    "frenetix": PlannerTuning(
+        summary="sampling planner of TUM",
+        weights=_by_name(_COST_WEIGHTS),
+        external=_by_name(_EXTERNAL_WEIGHTS),
+        presets=_by_name(_FRENETIX_PRESETS),
+    ),
+    "idm": PlannerTuning(
+        summary="lane-following Intelligent Driver Model, a baseline; no cost terms",
+        weights=_by_name(_IDM_PARAMETERS),
+        external={},
+        presets=_by_name(_IDM_PRESETS),
+        idle_settings=("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps"),
+    ),
+}
