@@ -41,10 +41,15 @@ def call_in_process() -> ToolCall:
 POLL_S = 50
 
 
-def shared_scenarios() -> Path:
-    """The folder of public CommonRoad scenarios: in ``PLANNERFORGE_SHARED``, or in ``shared`` beside the checkout."""
+def shared_folder() -> Path:
+    """The folder of public scenarios, maps and corpora: ``PLANNERFORGE_SHARED``, or ``shared`` beside the checkout."""
     beside = Path(__file__).resolve().parent.parent.parent / "shared"
-    return Path(os.environ.get("PLANNERFORGE_SHARED", beside)) / "data" / "commonroad"
+    return Path(os.environ.get("PLANNERFORGE_SHARED", beside))
+
+
+def shared_scenarios() -> Path:
+    """The folder of public CommonRoad scenarios in the shared folder."""
+    return shared_folder() / "data" / "commonroad"
 
 
 def drawn(names: Sequence[str], limit: int | None) -> list[str]:

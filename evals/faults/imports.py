@@ -4,14 +4,13 @@ Keys: ``blows``, ``disagreements`` (database, files, catalogue and text index af
 missing in the end). Needs the real scenarios: ``PLANNERFORGE_SHARED``, else ``../shared``.
 """
 
-import os
 import random
 import shutil
 import sys
 import tempfile
 from pathlib import Path
 
-from ..harness import print_figures
+from ..harness import print_figures, shared_folder
 from .killed_import import strike_imports
 
 BLOWS, FILES, SEED = 30, 40, 20261121
@@ -35,7 +34,7 @@ def measure(source: Path, scratch: Path) -> int:
 
 
 if __name__ == "__main__":
-    shared = Path(os.environ.get("PLANNERFORGE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+    shared = shared_folder()
     if not (shared / "data/commonroad").is_dir():
         sys.exit("the real scenarios are not here; name their folder in PLANNERFORGE_SHARED")
     with tempfile.TemporaryDirectory() as name:

@@ -14,7 +14,6 @@ on the machine lengthens).
 """
 
 import argparse
-import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -23,6 +22,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TypeVar
 
+from ..harness import shared_folder
 from .cases import convert_whole, make_group, refused_right
 from .figures import Made, print_generation
 from .maps import BenchMaps, read_maps
@@ -43,10 +43,8 @@ SEEDS_APART = 100
 
 def main() -> None:
     """Read the command line and measure."""
-    beside = Path(__file__).resolve().parent.parent.parent / "shared"
-    shared = Path(os.environ.get("PLANNERFORGE_SHARED", beside))
     parser = argparse.ArgumentParser(description="Measure the generator on real maps.")
-    parser.add_argument("--shared", type=Path, default=shared, help="folder with data/osm and corpora/dev")
+    parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
     parser.add_argument("--limit", type=int, default=None, help="only so many requests, refusals and maps")
     parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample so many further on")
     parser.add_argument("--workers", type=int, default=2, help="processes that make and judge (default: 2)")

@@ -9,6 +9,7 @@ import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...engine.catalog import ARCHIVE
 from ...engine.commonroad import read_scenario
 from ...engine.planners import CandidateBatch, Frenetix, Observation, Plan, PlanningTask, responsibility, simulate
 from ...engine.tuning import named_configuration
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
 
 FILES = 15
 ALL_PLANS = sys.maxsize
-STARTER = Path(__file__).resolve().parent.parent / "engine" / "catalog" / "starter.zip"
 
 
 @dataclass
@@ -97,7 +98,7 @@ class _ListeningFrenetix(Frenetix):
 
 def scenario_files(folder: Path | None, count: int, scratch: Path) -> Iterator[Path]:
     """All starter scenarios, then ``count`` files spread evenly over the folder."""
-    with zipfile.ZipFile(STARTER) as archive:
+    with (files("plannerforge.engine.catalog") / ARCHIVE).open("rb") as stream, zipfile.ZipFile(stream) as archive:
         for name in sorted(archive.namelist()):
             if name.endswith(".xml") and not name.endswith(".net.xml"):
                 yield Path(archive.extract(name, scratch))

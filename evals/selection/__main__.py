@@ -10,7 +10,6 @@ that nothing satisfies: no match, and the right stage named), ``sat_top1_spoiled
 """
 
 import argparse
-import os
 import statistics
 import sys
 import tempfile
@@ -26,7 +25,7 @@ from ...engine.catalog import entries_of, facts_of
 from ...engine.workspace import Database
 from ...server.assembly import create_server
 from ...server.settings import Settings
-from ..harness import print_figures
+from ..harness import print_figures, shared_folder
 from .corpus import Request, read_requests
 from .pages import Answered, answer_all
 from .quality import SEEDS, SelectionQuality
@@ -137,7 +136,7 @@ def _arguments() -> argparse.Namespace:
 
 if __name__ == "__main__":
     asked = _arguments()
-    found = Path(os.environ.get("PLANNERFORGE_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+    found = shared_folder()
     if not (found / "data/commonroad").is_dir():
         sys.exit("the real scenarios and the corpus are not here; name their folder in PLANNERFORGE_SHARED")
     with tempfile.TemporaryDirectory() as name:

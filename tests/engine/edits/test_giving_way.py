@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import plannerforge.engine.edits.cascade
 import pytest
 from support.builders import Vehicle, crossing, driving
 from support.edits import apply_to
@@ -24,6 +23,7 @@ from plannerforge.engine.vehicles.motion import Motion
 EAST = driving(31, (-50, 0), 10.0, 101)
 """Reaches the middle of the crossing at step 50."""
 
+GIVING_WAY = "plannerforge.engine.edits.simulation.plans_giving_way"
 SPEEDS_UP = {"op": "set_behaviour", "vehicles": ["20026"], "preset": "speeder"}
 
 
@@ -99,18 +99,15 @@ def test_no_two_collide_where_one_can_wait(shared_data: Path, tmp_path: Path, na
 def test_a_halt_that_cures_nothing_leaves_the_motion_as_it_was(
     shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    base, module = (
-        shared_data / "data" / "commonroad" / "DEU_Arnstadt-46_1_T-1.xml",
-        plannerforge.engine.edits.simulation,
-    )
-    monkeypatch.setattr(module, "plans_giving_way", lambda *_: {})
+    base = shared_data / "data" / "commonroad" / "DEU_Arnstadt-46_1_T-1.xml"
+    monkeypatch.setattr(GIVING_WAY, lambda *_: {})
     without = apply_to(base, tmp_path / "without", SPEEDS_UP, keep_simulation=True)
     assert len(without.outcome.collisions) == 1
 
     def halt_too_late(plans: dict[int, DrivePlan], *_: Any) -> dict[int, DrivePlan]:
         return {key: replace(plan, halts=(*plan.halts, Halt(0, 100, 10.0))) for key, plan in plans.items()}
 
-    monkeypatch.setattr(module, "plans_giving_way", halt_too_late)
+    monkeypatch.setattr(GIVING_WAY, halt_too_late)
     applied = apply_to(base, tmp_path / "with", SPEEDS_UP, keep_simulation=True)
     assert applied.xml.read_bytes() == without.xml.read_bytes()
     kept = [(tmp_path / name / ROUTES_FILE).read_text(encoding="utf-8") for name in ("with", "without")]

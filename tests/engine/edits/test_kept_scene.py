@@ -31,7 +31,7 @@ def test_a_scenario_that_was_described_is_not_read_for_an_edit(tmp_path: Path, m
     def read_again(path: Path) -> RecordedScenario:
         raise AssertionError(f"{path.name} is read again")
 
-    monkeypatch.setattr("plannerforge.engine.commonroad.reader.read_recorded", read_again)
+    monkeypatch.setattr("plannerforge.engine.edits.apply.read_recorded", read_again)
     assert apply_to(path, tmp_path / "out", EDIT).outcome.touched
 
 
@@ -58,7 +58,7 @@ def test_the_ego_drives_before_the_edits_once_for_a_scene_and_a_seed(
         seeds.append(setup.seed)
         return base_drive(base, setup)
 
-    monkeypatch.setattr("plannerforge.engine.edits.ego_risk.base_drive", counted)
+    monkeypatch.setattr("plannerforge.engine.edits.apply.base_drive", counted)
     path = town_road().write(tmp_path / "base.xml")
     goal = {"op": "set_goal", "to": ["11"]}
     dangers = [apply_to(path, tmp_path / "out", EDIT, seed=seed).outcome.ego_before for seed in (5, 5, 6)]
