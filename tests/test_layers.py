@@ -1,15 +1,15 @@
-"""The structure holds: imports run one way, files stay small, start-up stays light, no common name is taken."""
+"""Imports: they run one way and through faces, start-up stays light, no common name is taken."""
 
+import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+from support.tree import CHECKOUT, LAYERS, dotted_name, engine_packages, face_names, imports_of, source_files
 
-CHECKOUT = Path(__file__).resolve().parent.parent
-LAYERS = ("schemas", "engine", "tools", "resources", "prompts", "server", "agent", "evals")
-MOST_SOURCE_LINES, MOST_TEST_LINES = 300, 400
-HEAVY = (
+HEAVY = {
     "chromadb",
     "commonroad",
     "commonroad_clcs",
@@ -19,27 +19,56 @@ HEAVY = (
     "lxml",
     "matplotlib",
     "numpy",
-    "osmnx",
+    "osmium",
     "PIL",
+    "pyarrow",
     "pyproj",
     "scipy",
     "sentence_transformers",
     "shapely",
     "torch",
-)
+}
+LIGHT = [
+    ("catalog", "Search", {"maps"}),
+    ("commonroad", "derived_benchmark_id", set()),
+    ("cosimulation", "presets", {"vehicles"}),
+    ("execution", "Executor", set()),
+    ("maps", "MAP_ENDINGS", set()),
+    ("network", "POSITION_WORDS", set()),
+    ("planners", "PLANNERS", set()),
+    ("rendering", "report_image", {"execution", "workspace"}),
+    ("traffic", "plan_counts", {"vehicles"}),
+    ("tuning", "DEFAULT_CONFIGURATION", {"planners", "vehicles"}),
+    ("vehicles", "vehicle_classes", set()),
+    ("workspace", "Recipe", set()),
+]
+"""A name on each face that the server's process may ask for, and the engine's other packages of which it may load modules."""
 
 
 def run(program: str, folder: Path = CHECKOUT) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=False)
 
 
-def python_files(*folders: str) -> list[Path]:
-    return [path for folder in folders for path in sorted((CHECKOUT / folder).rglob("*.py"))]
+def loaded_after(program: str) -> set[str]:
+    """The names of all modules that a program leaves loaded in a process of its own."""
+    done = run(f"{program}\nimport sys\nprint(*sys.modules)")
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.split())
 
 
-def too_long(files: list[Path], most: int) -> dict[str, int]:
-    lengths = {str(path.relative_to(CHECKOUT)): len(path.read_text(encoding="utf-8").splitlines()) for path in files}
-    return {path: lines for path, lines in lengths.items() if lines > most}
+def heavy(modules: set[str]) -> set[str]:
+    return {module.partition(".")[0] for module in modules} & HEAVY
+
+
+def beside_the_face(module: str, source: str, faces: Mapping[str, list[str]]) -> list[str]:
+    """What a module imports of engine packages that it is not part of, other than a name on the package's face."""
+    wrong = []
+    for origin, name in imports_of(module, source):
+        package = ".".join(origin.split(".")[:3])
+        elsewhere = package in faces and not module.startswith(f"{package}.")
+        if elsewhere and (origin != package or name not in faces[package]):
+            wrong.append(f"{module} imports {name or 'all'} of {origin}")
+    return wrong
 
 
 def test_imports_run_one_way() -> None:
@@ -49,27 +78,55 @@ def test_imports_run_one_way() -> None:
     assert "0 broken" in done.stdout
 
 
-def test_source_files_are_short() -> None:
-    files = python_files(*LAYERS)
-    assert len(files) > 100
-    assert too_long(files, MOST_SOURCE_LINES) == {}
+def test_an_engine_package_is_imported_through_its_face_only() -> None:
+    faces = {f"plannerforge.engine.{package}": face_names(package) for package in engine_packages()}
+    sources = {dotted_name(path): path.read_text(encoding="utf-8") for path in source_files()}
+    assert len(sources) > 100
+    assert [wrong for module, source in sources.items() for wrong in beside_the_face(module, source, faces)] == []
 
 
-def test_test_files_are_short() -> None:
-    assert too_long(python_files("tests"), MOST_TEST_LINES) == {}
+@pytest.mark.parametrize(
+    ("statement", "wrong"),
+    [
+        ("from ..engine.edits import apply_edits", False),
+        ("from ..engine.edits.apply import apply_edits", True),
+        ("from ..engine.edits import apply", True),
+        ("import plannerforge.engine.edits", True),
+        ("from ..engine.criticality import gaps_m", False),
+    ],
+)
+def test_an_import_beside_the_face_is_seen(statement: str, wrong: bool) -> None:
+    faces = {"plannerforge.engine.edits": ["apply_edits"]}
+    assert bool(beside_the_face("plannerforge.tools.made_up", statement, faces)) is wrong
+    assert beside_the_face("plannerforge.engine.edits.made_up", statement.replace("..engine.edits", ".."), faces) == []
 
 
-def test_every_package_is_installed() -> None:
-    import tomllib
+@pytest.mark.parametrize("package", engine_packages())
+def test_a_face_explains_each_name_and_none_is_called_like_a_module(package: str) -> None:
+    folder = CHECKOUT / "engine" / package
+    text = (folder / "__init__.py").read_text(encoding="utf-8").split('"""')[1]
+    explained = dict(re.findall(r"^``(\w+)``: (.+?\.)$(?=\n``|\n*\Z)", text, re.MULTILINE | re.DOTALL))
+    names = face_names(package)
+    assert {name for name in names if explained.get(name, "TODO.") == "TODO."} == set()
+    assert set(explained) == set(names)
+    assert set(names) & {path.stem for path in folder.iterdir()} == set()
 
-    settings = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
-    found = {"plannerforge." + ".".join(path.parent.relative_to(CHECKOUT).parts) for path in python_files(*LAYERS)}
-    assert found | {"plannerforge"} == set(settings["packages"])
+
+def test_the_faces_load_no_module_behind_them() -> None:
+    faces = {f"plannerforge.engine.{package}" for package in engine_packages()}
+    loaded = loaded_after("\n".join(f"import {face}" for face in sorted(faces)))
+    ours = {name for name in loaded if name.startswith("plannerforge")}
+    assert ours == {"plannerforge", "plannerforge.engine", *faces}
+    assert heavy(loaded) == set()
 
 
-def test_every_folder_of_source_is_a_package() -> None:
-    missing = {path.parent for path in python_files(*LAYERS) if not (path.parent / "__init__.py").is_file()}
-    assert missing == set()
+@pytest.mark.parametrize(("package", "name", "others"), LIGHT, ids=[f"{package}.{name}" for package, name, _ in LIGHT])
+def test_a_light_name_on_a_face_loads_no_other_package(package: str, name: str, others: set[str]) -> None:
+    loaded = loaded_after(f"from plannerforge.engine.{package} import {name}")
+    parts = [module.split(".") for module in loaded if module.startswith("plannerforge.engine.")]
+    behind = {other for _, _, other, *module in parts if module}
+    assert behind <= {package, *others}
+    assert heavy(loaded) == set()
 
 
 @pytest.mark.parametrize(
@@ -77,30 +134,26 @@ def test_every_folder_of_source_is_a_package() -> None:
     ["plannerforge.server.command_line", "plannerforge.server.assembly", "plannerforge.engine.execution.worker"],
 )
 def test_start_loads_nothing_heavy(module: str) -> None:
-    done = run(f"import sys, {module}; print(sorted({{name.partition('.')[0] for name in sys.modules}}))")
-    assert done.returncode == 0, done.stderr
-    loaded = {name.strip(" '") for name in done.stdout.strip("[]\n").split(",")}
-    assert "plannerforge" in loaded
-    assert loaded & set(HEAVY) == set()
+    loaded = loaded_after(f"import {module}")
+    assert module in loaded
+    assert heavy(loaded) == set()
 
 
 def test_all_schemas_and_tools_load_nothing_heavy() -> None:
-    done = run(
-        "import sys\n"
+    loaded = loaded_after(
         "from plannerforge.tools.registry import TOOLS\n"
         "from plannerforge.server.tool_schema import tool_description\n"
         "for spec in TOOLS:\n"
         "    tool_description(spec), spec.load_function()\n"
-        "print(sorted({name.partition('.')[0] for name in sys.modules}))\n"
     )
-    assert done.returncode == 0, done.stderr
-    assert {name.strip(" '") for name in done.stdout.strip("[]\n").split(",")} & set(HEAVY) == set()
+    assert heavy(loaded) == set()
 
 
 @pytest.mark.parametrize("name", LAYERS)
 def test_common_names_are_not_taken_in_other_folders(name: str, tmp_path: Path) -> None:
     done = run(
-        f"import plannerforge.{name}, importlib.util\n"
+        f"import importlib.util, sys, plannerforge.{name}\n"
+        f"sys.path = [folder for folder in sys.path if folder != {str(CHECKOUT)!r}]\n"  # where PYTHONPATH names it
         f"found = importlib.util.find_spec('{name}')\n"
         "print(list(found.submodule_search_locations or [found.origin]) if found else [])",
         tmp_path,

@@ -1,0 +1,48 @@
+"""The source tree as tests of its layout see it: files, imports, engine packages and the names on their faces."""
+
+import ast
+from collections.abc import Iterator
+from importlib.util import resolve_name
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+LAYERS = ("schemas", "engine", "tools", "resources", "prompts", "server", "agent", "evals")
+"""The folders that are packages of ``plannerforge``."""
+
+
+def source_files() -> list[Path]:
+    """All Python files of the package, in the order of their paths."""
+    return [path for folder in LAYERS for path in sorted((CHECKOUT / folder).rglob("*.py"))]
+
+
+def dotted_name(path: Path) -> str:
+    """The name by which a source file is imported, with ``__init__`` as its last part for a package's."""
+    return ".".join(("plannerforge", *path.relative_to(CHECKOUT).with_suffix("").parts))
+
+
+def imports_of(module: str, source: str) -> Iterator[tuple[str, str]]:
+    """Every import in a module's source: the absolute module, and the name taken from it (empty for a whole module).
+
+    Args:
+        module: as ``dotted_name`` gives it.
+        source: the text of the module.
+    """
+    package = module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, "") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            origin = resolve_name("." * node.level + (node.module or ""), package) if node.level else str(node.module)
+            yield from ((origin, alias.name) for alias in node.names)
+
+
+def engine_packages() -> list[str]:
+    """The names of the engine's packages; modules beside them are their own face."""
+    return sorted(init.parent.name for init in (CHECKOUT / "engine").glob("*/__init__.py"))
+
+
+def face_names(package: str) -> list[str]:
+    """The names that an engine package shows to others: what its ``__init__`` imports for type checkers."""
+    tree = ast.parse((CHECKOUT / "engine" / package / "__init__.py").read_bytes())
+    checked = [node for block in tree.body if isinstance(block, ast.If) for node in block.body]
+    return sorted(alias.name for node in checked if isinstance(node, ast.ImportFrom) for alias in node.names)

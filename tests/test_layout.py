@@ -1,0 +1,108 @@
+"""The tree stays easy to find one's way in: few entries a folder, all of it installed, tests that keep to rules."""
+
+import ast
+import re
+import tomllib
+from collections.abc import Iterator
+from fnmatch import fnmatch
+from pathlib import Path
+
+import pytest
+from setuptools import find_packages
+from support.tree import CHECKOUT, LAYERS, source_files
+
+MOST_ENTRIES, MOST_MODULES, LONGEST_NAME = 20, 260, 79
+
+
+def setuptools_settings() -> dict[str, dict[str, dict[str, list[str]]]]:
+    settings: dict[str, dict[str, dict[str, list[str]]]] = tomllib.loads(
+        (CHECKOUT / "pyproject.toml").read_text(encoding="utf-8")
+    )["tool"]["setuptools"]
+    return settings
+
+
+def packages() -> set[Path]:
+    return {path.parent for path in source_files()}
+
+
+def test_no_folder_of_source_has_more_entries_than_a_screen_shows() -> None:
+    entries = {
+        str(folder.relative_to(CHECKOUT)): len([path for path in folder.iterdir() if path.name != "__pycache__"])
+        for folder in packages()
+    }
+    assert {folder: count for folder, count in entries.items() if count > MOST_ENTRIES} == {}
+
+
+def test_the_number_of_modules_is_bounded() -> None:
+    modules = [path for path in source_files() if path.name != "__init__.py"]
+    assert 100 < len(modules) <= MOST_MODULES
+
+
+def test_every_folder_of_source_is_a_package() -> None:
+    assert {folder for folder in packages() if not (folder / "__init__.py").is_file()} == set()
+
+
+def test_every_package_of_the_tree_is_installed() -> None:
+    found = find_packages(str(CHECKOUT), include=setuptools_settings()["packages"]["find"]["include"])
+    names = {".".join(("plannerforge", *folder.relative_to(CHECKOUT).parts)) for folder in packages()}
+    assert set(found) == {"plannerforge", *names}
+    assert set(setuptools_settings()["package-dir"]) == {"plannerforge", *(f"plannerforge.{name}" for name in LAYERS)}
+
+
+def test_every_data_file_of_the_tree_is_installed() -> None:
+    patterns = [
+        f"{package.removeprefix('plannerforge.').replace('.', '/')}/{pattern}"
+        for package, patterns in setuptools_settings()["package-data"].items()
+        for pattern in patterns
+    ]
+    data = [
+        path.relative_to(CHECKOUT).as_posix()
+        for folder in LAYERS
+        for path in (CHECKOUT / folder).rglob("*")
+        if path.is_file() and path.suffix not in {".py", ".pyc"}
+    ]
+    assert data
+    assert [name for name in data if not any(fnmatch(name, pattern) for pattern in patterns)] == []
+
+
+def trees_of_tests() -> Iterator[tuple[str, ast.Module]]:
+    for path in sorted((CHECKOUT / "tests").rglob("*.py")):
+        yield path.relative_to(CHECKOUT).as_posix(), ast.parse(path.read_bytes())
+
+
+def patched_private_names(tree: ast.AST) -> list[str]:
+    """The names of ours that begin with an underscore and that a test sets on an object or in a module."""
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)]
+    setters = [node for node in calls if node.func.attr in {"setattr", "delattr", "patch", "object"}]  # type: ignore[attr-defined]
+    targets = [target for node in setters for target in node.args[:2]]
+    words = [target.value for target in targets if isinstance(target, ast.Constant)]
+    return [word for word in words if isinstance(word, str) and re.search(r"(^|\.)_(?!_)", word)]
+
+
+def test_no_test_replaces_a_private_name() -> None:
+    found = {name: words for name, tree in trees_of_tests() if (words := patched_private_names(tree))}
+    assert found == {}
+
+
+@pytest.mark.parametrize(
+    ("statement", "count"),
+    [
+        ("monkeypatch.setattr(module, '_private', None)", 1),
+        ("monkeypatch.setattr('plannerforge.engine.edits.apply._scene', None)", 1),
+        ("mock.patch.object(module, '_private')", 1),
+        ("monkeypatch.setattr(module, 'public', None)", 0),
+    ],
+)
+def test_a_replaced_private_name_is_seen(statement: str, count: int) -> None:
+    assert len(patched_private_names(ast.parse(statement))) == count
+
+
+def test_names_of_tests_are_short_enough_to_read() -> None:
+    names = [
+        f"{file}::{node.name}"
+        for file, tree in trees_of_tests()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name.startswith("test_")
+    ]
+    assert len(names) > 1000
+    assert [name for name in names if len(name.rpartition("::")[2]) > LONGEST_NAME] == []
