@@ -42,7 +42,7 @@ LIGHT = [
     ("vehicles", "vehicle_classes", set()),
     ("workspace", "Recipe", set()),
 ]
-"""A name on each face that the server's process may ask for, and the engine's other packages of which it may load modules."""
+"""A name on each face that the server's process may ask for, and other packages of which it may load modules."""
 
 
 def run(program: str, folder: Path = CHECKOUT) -> subprocess.CompletedProcess[str]:

@@ -40,7 +40,7 @@ def test_the_thirteen_weights_act_and_those_of_absent_modules_do_not(
     assert not acting & set(tuning_of("frenetix").external)
 
 
-def test_a_weight_whose_term_nobody_computes_does_not_act(
+def test_a_weight_of_a_term_that_is_not_computed_does_not_act(
     aside: LoadedScenario, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     remaining = {name: term for name, term in frenetix.own_terms().items() if name != "path_length"}

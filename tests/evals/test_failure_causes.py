@@ -72,7 +72,7 @@ def other(x_m: float, y_m: float, heading_rad: float, speed_mps: float) -> Track
         (0.0, (0.0, -3.0, math.pi / 2, 5.0), "car 7 (5.0 m/s) ran into the standing ego"),
     ],
 )
-def test_a_meeting_tells_who_ran_into_whom(
+def test_a_meeting_tells_which_vehicle_ran_into_which(
     speed_mps: float, place: tuple[float, float, float, float], told: str
 ) -> None:
     assert meeting(run(), ego(speed_mps), other(*place)) == told

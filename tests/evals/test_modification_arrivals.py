@@ -34,29 +34,29 @@ def slowing(one: Journey, final_mps: float) -> Journey:
     return replace(one, track=replace(one.track, positions=places, speeds_mps=speeds))
 
 
-def test_one_who_has_no_time_is_late_with_reason(folder: Path) -> None:
+def test_an_arrival_without_enough_time_is_late_with_reason(folder: Path) -> None:
     assert journey(folder, {13}, driving(51, (20, 0), 10.0, 60)).is_late_with_reason()
 
 
-def test_one_who_had_time_and_a_free_road_is_not(folder: Path) -> None:
+def test_an_arrival_with_time_and_a_free_road_is_not(folder: Path) -> None:
     dawdling = slowing(journey(folder, {12}, driving(51, (150, 0), 10.0, 150)), 1.0)
     assert not dawdling.is_late_with_reason()
 
 
 @pytest.mark.parametrize(("spare_m", "is_late"), [(-0.3, True), (0.3, True), (0.7, False)])
-def test_one_who_gets_to_the_line_and_no_farther_had_no_time(folder: Path, spare_m: float, is_late: bool) -> None:
+def test_reaching_the_line_and_no_farther_means_there_was_no_time(folder: Path, spare_m: float, is_late: bool) -> None:
     reach_m = 8.0 * (4.0 / 1.5) + 6.0 * (5.9 - 4.0 / 1.5)
     begin_m = 200.0 - 4.5 / 2 - (reach_m - spare_m)
     short = slowing(journey(folder, {12}, driving(51, (begin_m, 0), 10.0, 60)), 3.5)
     assert short.is_late_with_reason() is is_late
 
 
-def test_one_who_drove_past_or_another_way_is_not(folder: Path) -> None:
+def test_driving_past_or_another_way_is_not_late_with_reason(folder: Path) -> None:
     assert not journey(folder, {12}, driving(51, (150, 0), 10.0, 100)).is_late_with_reason()
     assert not journey(folder, {12}, driving(51, (150, 3.5), 10.0, 100)).is_late_with_reason()
 
 
-def test_one_who_drives_a_little_beside_its_lanelet_is_on_its_way(folder: Path) -> None:
+def test_driving_a_little_beside_the_lanelet_is_on_the_way(folder: Path) -> None:
     aside = journey(folder, {11}, driving(51, (20, -2.2), 10.0, 60))
     assert aside.is_late_with_reason()
     assert not replace(aside, targets=frozenset({3})).is_late_with_reason()
@@ -80,7 +80,7 @@ def test_one_stands_at_the_end_of_its_lane_with_its_bumper_on_the_line_not_past_
 
 
 @pytest.mark.parametrize(("start_m", "limit_mps", "is_late"), [(150, 3.0, True), (150, 30.0, False), (170, 3.0, False)])
-def test_one_who_is_slow_is_late_with_reason_where_signs_allow_no_more(
+def test_slow_driving_is_late_with_reason_where_signs_allow_no_more(
     folder: Path, start_m: float, limit_mps: float, is_late: bool
 ) -> None:
     slow = slowing(journey(folder, {12}, driving(51, (start_m, 0), 3.0, 150)), 1.5 if start_m > 150 else 3.0)

@@ -116,7 +116,7 @@ def test_a_fixture_wrong_in_one_respect_fails_that_check(
     assert not verdicts(spoil(cases[task]))[check]
 
 
-def test_a_goal_velocity_that_nobody_named_is_kept(cases: dict[str, Written], tmp_path: Path) -> None:
+def test_a_goal_velocity_that_no_edit_names_is_kept(cases: dict[str, Written], tmp_path: Path) -> None:
     interval = "<velocity><intervalStart>0</intervalStart><intervalEnd>9</intervalEnd></velocity>"
     text = town_road().cut(100).xml().replace("</goalState>", f"{interval}</goalState>")
     base = tmp_path / "base.xml"
@@ -139,7 +139,7 @@ def test_a_vehicle_that_enters_as_soon_as_its_place_is_free_departs_right(cases:
     assert verdicts(replace(late, new={**late.new, 7: standing}))["P_departure"]
 
 
-def test_a_changed_byte_of_somebody_untouched_is_seen(cases: dict[str, Written], tmp_path: Path) -> None:
+def test_a_changed_byte_of_an_untouched_vehicle_is_seen(cases: dict[str, Written], tmp_path: Path) -> None:
     spoiled = tmp_path / "spoiled.xml"
     spoiled.write_text(cases["G"].xml.read_text(encoding="utf-8").replace("<type>car</type>", "<type>bus</type>", 1))
     assert is_untouched_identical(cases["G"])

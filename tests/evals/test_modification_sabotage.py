@@ -34,7 +34,7 @@ def test_a_reroute_that_does_nothing_is_seen(base: Path, monkeypatch: pytest.Mon
     assert not verdicts(carried_out(base, TRUTHS["T"]))["T_ends"]
 
 
-def test_drivers_who_all_drive_as_usual_are_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_drivers_that_all_drive_as_usual_are_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     everybody = cascade.all_actors
 
     def usual(scene: Any, changes: Any, plans: Any) -> Any:
@@ -80,7 +80,7 @@ def test_a_later_call_with_another_seed_or_id_is_seen(base: Path, monkeypatch: p
     assert not several_calls_equal(base, edits)
 
 
-def test_several_calls_name_those_who_are_added_by_their_ids(base: Path) -> None:
+def test_several_calls_name_added_vehicles_by_their_ids(base: Path) -> None:
     added = edit_of(TRUTHS["P"])
     named = edit_of(TRUTHS["B"] | {"selector": {"by": "new", "edit": 0}})
     assert several_calls_equal(base, [added, named])
@@ -100,7 +100,7 @@ def test_a_product_that_refuses_every_composite_lowers_a_key(base: Path, monkeyp
 @pytest.mark.parametrize(
     ("error", "wrong"), [(NotPossible("no room"), 1), (WorkerFailure("SUMO stopped"), 1)], ids=["refused", "failed"]
 )
-def test_a_refused_reroute_of_somebody_who_can_be_sent_there_counts_as_failed(
+def test_a_refused_reroute_that_is_possible_counts_as_failed(
     base: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, wrong: int
 ) -> None:
     row = {"id": "t", "task": "modification_T", "expect": "ok", "scenario": base.name}
@@ -116,7 +116,7 @@ def test_a_refused_reroute_of_somebody_who_can_be_sent_there_counts_as_failed(
     assert figures_of([done, refused])["T_ends"] == 0.5
 
 
-def test_tries_that_were_refused_before_one_that_was_done_are_counted_with_their_reasons() -> None:
+def test_refused_tries_before_a_successful_one_are_counted_with_their_reasons() -> None:
     wrong, right = Refusal("T", "vehicle 5 would drive past 12", False), Refusal("T", "vehicle 6 is too fast", True)
     open_ = Refusal("P", "[not_possible] lanelet 1 at 2.5 m is taken. Valid: at=3. Next: choose another", None)
     done = Case("T", "a", tries=(wrong, right), checks={"T_ends": True}, edit_s=0.1)
@@ -155,7 +155,7 @@ def _counted_ids() -> Any:
     ],
     ids=["taken", "free", "right before somebody", "far before somebody", "in the lane beside"],
 )
-def test_a_place_that_is_said_to_be_taken_or_to_be_hit_has_somebody_on_it_or_right_behind(
+def test_a_place_refused_as_taken_or_hit_has_a_vehicle_on_it_or_right_behind(
     base: Path, monkeypatch: pytest.MonkeyPatch, said: str, lanelet: int, station_m: float, is_right: bool
 ) -> None:
     row = {"id": "p", "task": "modification_P", "expect": "ok", "scenario": base.name}

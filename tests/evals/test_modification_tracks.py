@@ -60,7 +60,7 @@ def test_a_vehicle_that_stands_with_its_bumper_over_the_line_has_not_arrived(
 
 
 @pytest.mark.parametrize(("leads_there_too", "is_there"), [((), True), ((2,), False)])
-def test_one_that_grazes_its_target_has_been_there_if_it_drives_on_where_the_target_alone_leads_to(
+def test_grazing_the_target_counts_where_the_way_driven_on_leads_from_it_alone(
     tmp_path: Path, leads_there_too: tuple[int, ...], is_there: bool
 ) -> None:
     lanes = [
@@ -203,7 +203,7 @@ def test_one_that_leaves_a_lane_that_ends_for_the_one_beside_has_arrived_on_it(t
     assert not arrives_on(ending.network, over(*goes_on), 0, {2})
 
 
-def test_one_that_leaves_a_lane_that_goes_on_for_the_branch_of_the_one_beside_has_not_arrived(tmp_path: Path) -> None:
+def test_the_branch_of_the_lane_beside_is_no_arrival_where_the_own_lane_goes_on(tmp_path: Path) -> None:
     lanes = lane_that_ends_beside_one_that_goes_on().lanes
     goes_on = (lanes[0], replace(lanes[1], successors=(5,)), *lanes[2:4], replace(lanes[4], predecessors=(2,)))
     both = Scene.of(read_scenario(ScenarioBuilder(goes_on).write(tmp_path / "base.xml")))

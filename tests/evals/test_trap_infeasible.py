@@ -60,7 +60,7 @@ def test_the_bench_counts_a_heading_wrap_only_where_its_cure_is_off(
     assert outcome_and_trap(uncured) == ("infeasible", True)
 
 
-def test_a_corner_that_nobody_can_take_at_such_a_speed_is_no_trap(tmp_path: Path) -> None:
+def test_a_corner_that_cannot_be_taken_at_such_a_speed_is_no_trap(tmp_path: Path) -> None:
     """Infeasible for a reason: from 25 m/s into a bend of 6 m, 10 m ahead."""
     lanes = (
         Lane(1, line((0.0, 0.0), (40.0, 0.0)), successors=(2,)),

@@ -58,7 +58,7 @@ def route(vehicle_id: int, *lanelets: int, arrives: bool | None = None) -> Vehic
     return VehicleRoute(vehicle_id=vehicle_id, lanelets=lanelets, arrives=arrives, reason=reason)
 
 
-def test_the_line_of_danger_says_whom_the_ego_meets_when_and_that_it_does_not_see_the_edits() -> None:
+def test_the_line_of_danger_names_vehicle_and_time_and_that_edits_are_not_seen() -> None:
     assert (
         "to an ego that drives ordinarily, blind to edited traffic: minimum distance 1.49 m → 0 m, time to collision "
         "none → 0 s, risk score 4 → 0 (0 collision … 5 negligible); collision with 39 at 6.5 s"
@@ -73,7 +73,7 @@ def test_the_verdict_on_a_motion_that_was_only_moved_in_time_is_its_recording_s(
     assert "0.0% of the steps feasible, as" not in text(driven)
 
 
-def test_an_answer_to_fifty_edits_of_a_hundred_vehicles_stays_short_and_keeps_what_counts() -> None:
+def test_an_answer_to_fifty_edits_of_a_hundred_vehicles_stays_short_and_useful() -> None:
     routes = [route(key, *range(key, key + 20)) for key in range(70_000, 70_100)]
     edits = [edit(index, *routes, what=f"{'long words ' * 60}; {WHY}", done=index != 30) for index in range(50)]
     touched = [SHIFTED.model_copy(update={"vehicle_id": one.vehicle_id}) for one in routes]
@@ -109,6 +109,6 @@ def test_of_a_long_way_the_beginning_and_the_end_are_told() -> None:
     assert "31: lanelets 1 → 2 → 3 → 4 → 5 → 6 → 7 → … → 20" in text(edits=(edit(0, route(31, *range(1, 21))),))
 
 
-def test_who_does_not_arrive_is_told_of_before_those_who_do() -> None:
+def test_vehicles_that_do_not_arrive_are_listed_before_those_that_do() -> None:
     routes = [route(key, 1, arrives=key != 29) for key in range(30)]
     assert "29: lanelets 1, does not arrive: the scenario ends at 10.0 s" in text(edits=(edit(0, *routes),))

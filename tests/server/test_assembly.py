@@ -49,7 +49,7 @@ async def test_both_lanes_and_the_text_index_are_made_ready(tmp_path: Path, monk
     ]
 
 
-async def test_an_index_that_cannot_be_made_ready_is_logged_and_harms_nobody(
+async def test_an_index_that_cannot_be_made_ready_is_logged_and_does_no_harm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     await warmed(NotedPool(ResourceFailure("no model of that name")), tmp_path, monkeypatch)

@@ -87,7 +87,7 @@ def test_a_generation_that_a_crash_left_is_built_anew(tmp_path: Path) -> None:
     assert len(query(again, embed(["bus"])[0], None, 5)) == 3
 
 
-def test_old_generations_go_when_nobody_used_them_for_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_old_generations_are_removed_when_unused_for_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     embed = CountingEmbedding()
     first, _ = ensure_generation(tmp_path, TEXTS, "letters", embed)
     monkeypatch.setattr(vector_index, "GRACE_S", -1.0)

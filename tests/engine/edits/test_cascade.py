@@ -37,7 +37,7 @@ def test_a_collision_that_nothing_cures_is_reported_or_refused(apply: Apply) -> 
     assert "on_conflict=report" in caught.value.next_step
 
 
-def test_overlaps_of_the_recording_are_nobody_s_fault(apply: Apply) -> None:
+def test_overlaps_of_the_recording_are_blamed_on_no_edit(apply: Apply) -> None:
     overlapping = town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), driving(32, (58, 0), 10.0, 101))
     applied = apply({"op": "set_behaviour", "vehicles": ["31"], "preset": "balanced"}, builder=overlapping)
     assert applied.outcome.collisions == ()
@@ -62,7 +62,7 @@ def test_a_queue_that_builds_up_behind_is_handed_over_to_its_end(apply: Apply) -
     assert applied.outcome.collisions == ()
 
 
-def test_who_keeps_a_recording_where_everybody_should_react_is_named(apply: Apply) -> None:
+def test_a_vehicle_that_keeps_its_recording_where_all_should_react_is_named(apply: Apply) -> None:
     walker = driving(36, (75, 5), 0.5, 101, kind="pedestrian", size_m=(0.6, 0.6))
     last = driving(37, (20, 3.5), 8.0, 2, first_step=99)
     applied = apply(
@@ -74,7 +74,7 @@ def test_who_keeps_a_recording_where_everybody_should_react_is_named(apply: Appl
     assert any(text.startswith("vehicle 37 keeps its recording") for text in applied.outcome.warnings)
 
 
-def test_nobody_runs_into_a_queue_that_the_ego_would_pass_through(apply: Apply) -> None:
+def test_no_vehicle_runs_into_a_queue_that_the_ego_would_pass_through(apply: Apply) -> None:
     """The ego of the recording drives on where a slow bicycle is now, through it and the queue behind it."""
     road = (Lane(1, line((0, 0), (600, 0))),)
     ahead_and_behind = (driving(31, (60, 0), 12.0, 151), driving(32, (20, 0), 12.0, 151))

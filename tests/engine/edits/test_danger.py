@@ -111,7 +111,7 @@ def test_a_hit_from_behind_that_a_shift_brings_about_counts(apply: Apply) -> Non
     assert outcome.ego_after.risk_score == 0
 
 
-def test_who_is_left_out_is_named_for_before_and_after_the_edits(apply: Apply) -> None:
+def test_vehicles_left_out_are_named_for_before_and_after_the_edits(apply: Apply) -> None:
     warnings = apply({"op": "remove_vehicle", "vehicles": ["31"]}, builder=RAMMED).outcome.warnings
     assert any("before 31, after nobody" in one for one in warnings)
 
@@ -135,7 +135,7 @@ def moving(key: int, x_m: float, speed_mps: float, *, y_m: float = 0.0, heading_
     ],
     ids=["from behind", "ahead", "oncoming", "across", "passing by"],
 )
-def test_only_who_hits_from_behind_is_left_out(other: Track, counts: bool) -> None:
+def test_only_a_hit_from_behind_is_left_out(other: Track, counts: bool) -> None:
     ego = moving(1, 0.0, 10.0)
     found = danger_to(ego, (), (other,), step_s=0.1)
     assert found.left_out == (() if counts else (2,))
@@ -143,7 +143,7 @@ def test_only_who_hits_from_behind_is_left_out(other: Track, counts: bool) -> No
         assert found.figures == danger_to(ego, (other,), step_s=0.1).figures
 
 
-def test_who_is_left_out_counts_until_a_driver_would_have_reacted() -> None:
+def test_a_vehicle_left_out_counts_until_a_driver_would_have_reacted() -> None:
     ego, follower = moving(1, 0.0, 10.0), moving(2, -64.5, 20.0)
     figures = danger_to(ego, (), (follower,), step_s=0.1).figures
     assert figures.minimum_time_to_collision_s == pytest.approx(4.0, abs=0.15)
@@ -156,7 +156,7 @@ def test_a_collision_more_than_a_minute_away_is_none() -> None:
     assert creeping.minimum_distance_m is not None
 
 
-def test_the_first_collision_is_the_most_critical_moment_and_else_the_shortest_time_to_one() -> None:
+def test_the_most_critical_moment_is_the_first_collision_or_the_least_time_to_it() -> None:
     ego, ahead, passing = moving(1, 0.0, 10.0), moving(2, 40.0, 5.0), moving(3, -20.0, 15.0, y_m=3.5)
     figures = danger_to(ego, (passing, ahead), step_s=0.1).figures
     assert (figures.most_critical_id, figures.most_critical_time_s) == (2, pytest.approx(7.1, abs=0.1))
@@ -175,7 +175,7 @@ def test_both_checks_are_asked_for_with_detail(apply: Apply) -> None:
     assert outcome.checkers_agree == len(outcome.touched) == 1
 
 
-def test_reactive_traffic_drives_everybody(apply: Apply) -> None:
+def test_reactive_traffic_drives_every_vehicle(apply: Apply) -> None:
     edit = {"op": "set_behaviour", "vehicles": ["31"], "params": ["speedFactor=0.5"]}
     outcome = apply(edit, traffic="reactive").outcome
     assert outcome.untouched == 0

@@ -38,13 +38,13 @@ def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> Ta
     return TakenOverTrack(51, first_step, motion, 4.5, 1.8, 2.6, False, tuple(lanes))
 
 
-def test_who_stood_at_a_red_light_is_said_to(scene: Scene) -> None:
+def test_standing_at_a_red_light_is_reported(scene: Scene) -> None:
     assert (
         delay(scene, driven(["e1_0"] * 30, [0.0] * 20 + [5.0] * 10), {}) == ", after 2.0 s at a red light on lanelet 1"
     )
 
 
-def test_who_stood_while_the_light_was_green_only_stood(scene: Scene) -> None:
+def test_standing_while_the_light_was_green_is_no_waiting_for_it(scene: Scene) -> None:
     late = driven(["e1_0"] * 30, [0.0] * 20 + [5.0] * 10, first_step=35)
     assert delay(scene, late, {}) == ", after 2.0 s standing on lanelet 1"
 
@@ -55,19 +55,19 @@ def test_a_light_for_another_turn_that_is_green_leaves_the_red_one_open_to_doubt
     assert not is_red(Scene.of(scene.loaded), 1, 0)
 
 
-def test_who_drove_as_fast_as_a_slow_lanelet_allows_was_held_to_it(scene: Scene) -> None:
+def test_driving_as_fast_as_a_slow_lanelet_allows_is_a_reason(scene: Scene) -> None:
     scene.driven_speeds_mps[1] = 3.0
     crawling = driven(["e1_0"] * 30, [3.0] * 30)
     assert delay(scene, crawling, {}) == ", on lanelets that allow no more than 3.0 m/s (1)"
     assert delay(scene, driven(["e1_0"] * 30, [2.0] * 30), {}) == ""
 
 
-def test_who_drove_freely_has_nothing_to_say(scene: Scene) -> None:
+def test_driving_freely_gives_no_reason(scene: Scene) -> None:
     assert delay(scene, driven(["e1_0"] * 30, [0.0] * 5 + [12.0] * 25), {}) == ""
 
 
 @pytest.mark.parametrize(("speed_mps", "first_step"), [(0.0, 35), (9.0, 0)])
-def test_who_was_behind_somebody_for_most_of_the_time_is_said_to(
+def test_a_vehicle_behind_another_for_most_of_the_time_is_reported_so(
     scene: Scene, speed_mps: float, first_step: int
 ) -> None:
     late = driven(["e1_0"] * 30, [speed_mps] * 30, first_step)

@@ -52,9 +52,7 @@ def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
     assert driven_lanelets(scene, halting(-9.75, over), plan) == (1,)
 
 
-def test_one_that_stands_with_its_bumper_over_the_line_has_not_arrived_and_waits_at_the_junction(
-    tmp_path: Path,
-) -> None:
+def test_a_bumper_over_the_line_is_no_arrival_but_a_wait_at_the_junction(tmp_path: Path) -> None:
     scene = scene_of(crossing(), tmp_path)
     plan = recorded_plan(scene, 31, "edited", 0)
     step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({2}),)})

@@ -41,7 +41,7 @@ def test_a_speed_that_was_named_is_kept_and_the_collision_reported(apply: Apply)
     assert applied.outcome.warnings == ()
 
 
-def test_a_place_that_somebody_who_crosses_cannot_brake_for_is_refused_with_the_time_that_works(apply: Apply) -> None:
+def test_a_place_too_close_for_crossing_traffic_is_refused_with_the_time_that_works(apply: Apply) -> None:
     added = BICYCLE | {"position": "9m"}
     with pytest.raises(NotPossible, match=r"is hit by vehicle 31, which comes there with 20\.0 m/s") as caught:
         apply(added, builder=CROSSES)
@@ -51,7 +51,7 @@ def test_a_place_that_somebody_who_crosses_cannot_brake_for_is_refused_with_the_
     assert f"from {time_s:.1f} s on" in applied.outcome.edits[0].what
 
 
-def test_a_place_that_somebody_who_crosses_can_brake_for_is_not_refused(apply: Apply) -> None:
+def test_a_place_that_crossing_traffic_can_brake_for_is_not_refused(apply: Apply) -> None:
     slow = crossing().with_vehicles(driving(31, (-8.0, 0.0), 3.0, 40))
     assert apply(BICYCLE | {"position": "9m"}, builder=slow).outcome.edits[0].done
 

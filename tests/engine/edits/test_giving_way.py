@@ -52,7 +52,7 @@ def as_driven(track: Track) -> TakenOverTrack:
     )
 
 
-def test_who_was_handed_over_waits_for_who_is_edited_until_the_way_is_free(tmp_path: Path) -> None:
+def test_a_handed_over_vehicle_waits_for_an_edited_one_until_the_way_is_free(tmp_path: Path) -> None:
     (plan,) = told(tmp_path, EAST, north(49.0), ("handed_over", "edited"), 48).values()
     assert plan.start.obstacle_id == 31
     (halt,) = plan.halts
@@ -74,7 +74,7 @@ def test_one_that_comes_too_fast_to_stop_does_not_wait(tmp_path: Path) -> None:
     assert told(tmp_path, rushing, replace(near, poses=near.poses[2:]), ("handed_over", "edited"), 5) == {}
 
 
-def test_nobody_brakes_for_one_who_has_not_entered_yet(tmp_path: Path) -> None:
+def test_no_vehicle_brakes_for_one_that_has_not_entered_yet(tmp_path: Path) -> None:
     entering = replace(north(4.0, 1.0), first_step=44)
     assert told(tmp_path, EAST, entering, ("handed_over", "added"), 46) == {}
     (plan,) = told(tmp_path, EAST, replace(entering, first_step=36), ("handed_over", "added"), 48).values()
@@ -114,7 +114,7 @@ def test_a_halt_that_cures_nothing_leaves_the_motion_as_it_was(
     assert kept[0].partition("<routes")[2] == kept[1].partition("<routes")[2]
 
 
-def test_one_brakes_with_its_own_deceleration_and_harder_only_where_that_comes_too_late() -> None:
+def test_braking_exceeds_the_vehicles_own_deceleration_only_where_that_is_too_late() -> None:
     def stopped(speed_mps: float, room_m: float) -> tuple[float, float]:
         hardest, rolled_m = 0.0, 0.0
         for _ in range(200):

@@ -61,7 +61,7 @@ def test_a_time_by_which_every_car_has_passed_is_refused_with_the_latest_beginni
     assert apply({**NEAR, "goal_time": f"{latest}..4s"}, builder=FAST).outcome.edits[0].done
 
 
-def test_whom_the_way_leads_back_may_pass_first(apply: Apply) -> None:
+def test_a_goal_on_a_circular_road_may_be_passed_first(apply: Apply) -> None:
     ring = (
         Lane(1, arc((0.0, 20.0), 20.0, -math.pi / 2, math.pi / 2), successors=(2,), predecessors=(2,)),
         Lane(2, arc((0.0, 20.0), 20.0, math.pi / 2, 3 * math.pi / 2), successors=(1,), predecessors=(1,)),

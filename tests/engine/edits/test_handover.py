@@ -44,7 +44,7 @@ def test_positions_and_speeds_agree_all_along(apply: Apply, edit: dict[str, obje
         assert vehicle.feasible
 
 
-def test_nobody_is_driven_beyond_the_scenario(apply: Apply) -> None:
+def test_no_vehicle_is_driven_beyond_the_scenario(apply: Apply) -> None:
     applied = apply({"op": "set_behaviour", "vehicles": ["all"], "preset": "balanced"})
     assert max(track.last_step for track in applied.tracks().values()) <= 150
 

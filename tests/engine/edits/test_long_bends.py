@@ -49,9 +49,7 @@ def test_a_speed_that_it_is_told_to_keep_is_kept_before_the_bend_and_given_up_in
 
 
 @pytest.mark.parametrize(("recorded_mps", "expected_mps"), [(5.0, 8.9), (11.0, 11.0), (20.0, 12.6)])
-def test_a_bend_that_somebody_was_recorded_in_is_driven_as_fast_as_tyres_hold(
-    recorded_mps: float, expected_mps: float
-) -> None:
+def test_a_bend_with_a_recording_is_driven_as_fast_as_tyres_hold(recorded_mps: float, expected_mps: float) -> None:
     center = np.array(whole()[0].center)
     places = slow_places(center, 25.0, [(214.0, recorded_mps)])
     in_bend = (places.stations_m > 212) & (places.stations_m < 218)
@@ -59,7 +57,7 @@ def test_a_bend_that_somebody_was_recorded_in_is_driven_as_fast_as_tyres_hold(
     assert (places.speeds_mps <= places.hardest_mps).all()
 
 
-def test_a_kink_through_which_somebody_drove_fast_slows_nobody(apply: Apply) -> None:
+def test_a_kink_that_was_recorded_at_speed_slows_no_vehicle(apply: Apply) -> None:
     kinked = Lane(1, (*line((0, 0), (200, 0)), *line((202, 0.15), (400, 15.0))), successors=())
     fast = ScenarioBuilder((kinked,), (driving(31, (120, 0), 30.0, 31), driving(32, (60, 0), 30.0, 61)))
     track = apply({"op": "set_behaviour", "vehicles": ["32"], "params": ["sigma=0"]}, builder=fast).tracks()[32]

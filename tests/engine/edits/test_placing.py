@@ -14,7 +14,7 @@ CAR = {"op": "add_vehicle", "vehicle_class": "car"}
 
 
 @pytest.mark.parametrize(("x_m", "is_held"), [(180.0, False), (137.0, True)])
-def test_a_parked_vehicle_slows_down_whom_it_stands_ahead_of_only(apply: Apply, x_m: float, is_held: bool) -> None:
+def test_a_parked_vehicle_slows_down_only_those_behind_it(apply: Apply, x_m: float, is_held: bool) -> None:
     empty = replace(SHORT, vehicles=(driving(31, (70, 0), 10.0, 31),))
     parked = replace(empty, parked=(driving(50, (x_m, 7.0), 0.0, 1, heading_rad=np.pi),))
     middle = CAR | {"at": "3", "position": "middle"}
@@ -23,7 +23,7 @@ def test_a_parked_vehicle_slows_down_whom_it_stands_ahead_of_only(apply: Apply, 
     assert (beside < free) is is_held
 
 
-def test_the_oncoming_lane_is_the_one_that_the_map_puts_beside_not_a_nearer_one_across(apply: Apply) -> None:
+def test_the_oncoming_lane_is_the_one_beside_on_the_map_not_a_nearer_one_across(apply: Apply) -> None:
     lanes = (
         Lane(1, line((0, 0), (100, 0)), left=(2, False)),
         Lane(2, line((100, 3.5), (0, 3.5)), left=(1, False)),
@@ -45,7 +45,7 @@ def test_several_on_one_lanelet_are_said_to_be(apply: Apply) -> None:
     assert edit.what.startswith("car 101, 102, 103 on lanelet 13 from 20.0 to 44.0 m, 12 m apart")
 
 
-def test_several_that_stand_in_one_another_are_refused_with_the_least_spacing_which_works(apply: Apply) -> None:
+def test_vehicles_that_would_overlap_are_refused_with_the_least_spacing_that_works(apply: Apply) -> None:
     row = CAR | {"at": "3", "position": "60m", "count": 3}
     with pytest.raises(NotPossible, match="1 of 3 vehicles have a place, 3 m apart") as caught:
         apply(row | {"spacing_m": 3})

@@ -211,7 +211,7 @@ def test_it_enters_with_the_traffic_around_it_above_the_usual_speed_too(apply: A
     assert applied.outcome.collisions == ()
 
 
-def test_a_place_that_the_vehicle_behind_cannot_brake_for_is_refused_unless_a_speed_is_named(apply: Apply) -> None:
+def test_a_place_too_close_for_the_one_behind_is_refused_unless_a_speed_is_named(apply: Apply) -> None:
     between = SHORT.with_vehicles(driving(31, (100, 0), 25.0, 31), driving(32, (121, 0), 0.0, 31))
     place = CAR | {"at": "1", "position": "114m"}
     with pytest.raises(NotPossible, match=r"hit by vehicle 31, which comes 9.5 m behind with 25.0 m/s"):
@@ -272,7 +272,7 @@ def test_a_place_that_an_edited_vehicle_has_left_by_then_is_free(apply: Apply) -
     assert applied.outcome.collisions == ()
 
 
-def test_who_walks_later_is_refused_where_an_edited_vehicle_stands(apply: Apply) -> None:
+def test_a_later_pedestrian_is_refused_where_an_edited_vehicle_stands(apply: Apply) -> None:
     alone = SHORT.with_vehicles(driving(31, (10, 0), 5.0, 61))
     walker = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "3", "position": "200m", "speed": "0m/s"}
     with pytest.raises(NotPossible, match="so that pedestrian 102 cannot enter then"):

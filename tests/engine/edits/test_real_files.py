@@ -61,7 +61,7 @@ def test_an_obstacle_may_have_the_number_of_the_planning_problem(shared_data: Pa
 
 
 @pytest.mark.shared_data
-def test_who_stands_behind_an_ego_inside_the_junction_is_said_to(shared_data: Path, tmp_path: Path) -> None:
+def test_standing_behind_an_ego_inside_the_junction_is_reported(shared_data: Path, tmp_path: Path) -> None:
     source = shared_data / "data" / "commonroad" / "CHN_Qingdao-33_4_T-1.xml"
     applied = apply_to(source, tmp_path, {"op": "reroute", "vehicles": ["30693"], "to": ["859"]})
     (route,) = applied.outcome.edits[0].routes

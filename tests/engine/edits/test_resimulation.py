@@ -44,7 +44,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
     return counted
 
 
-def test_nobody_driven_needs_no_simulation(tmp_path: Path, runs: Runs) -> None:
+def test_without_a_driven_vehicle_no_simulation_runs(tmp_path: Path, runs: Runs) -> None:
     scene = _scene(tmp_path)
     assert resimulate(_setup(scene, tmp_path), all_actors(scene, {})) == {}
     assert runs.steps == []
@@ -59,7 +59,7 @@ def test_a_run_ends_when_the_last_driven_vehicle_has_left(tmp_path: Path, runs: 
     assert runs.steps == [last + 2]
 
 
-def test_a_run_ends_once_those_are_known_who_are_astray(tmp_path: Path, runs: Runs) -> None:
+def test_a_run_ends_once_all_astray_vehicles_are_known(tmp_path: Path, runs: Runs) -> None:
     scene = _scene(tmp_path, ASTRAY)
     seen = resimulate(_setup(scene, tmp_path), _driving(scene, 36))
     assert runs.steps[0] == 1

@@ -50,7 +50,9 @@ def put(folder: Path, name: str, kind: str, users: tuple[str, ...] = (), tags: t
         ("pedestrian", "busLane", ()),
     ],
 )
-def test_who_is_named_or_meant_may_use_a_lanelet(tmp_path: Path, name: str, kind: str, users: tuple[str, ...]) -> None:
+def test_a_lanelet_may_be_used_by_users_that_are_named_or_meant(
+    tmp_path: Path, name: str, kind: str, users: tuple[str, ...]
+) -> None:
     assert put(tmp_path, name, kind, users).outcome.edits[0].done
 
 

@@ -38,7 +38,7 @@ def test_selectors(apply: Apply, selectors: list[str], expected: tuple[int, ...]
     assert meant(apply, *selectors) == expected
 
 
-def test_who_comes_later_is_in_no_outer_lane_at_the_start(apply: Apply) -> None:
+def test_a_vehicle_that_comes_later_is_in_no_outer_lane_at_the_start(apply: Apply) -> None:
     late = driving(36, (20, 3.5), 8.0, 20, first_step=5)
     assert meant(apply, "leftmost", builder=town_road().cut(11).with_vehicles(*town_road().vehicles, late)) == (33,)
 
@@ -49,14 +49,14 @@ def test_the_lead_may_be_on_another_branch_than_the_ego_s_way(apply: Apply) -> N
     assert meant(apply, "lead", builder=builder) == (36,)
 
 
-def test_whose_lanelet_leaves_the_ego_s_lane_later_follows_where_it_still_is_in_it(apply: Apply) -> None:
+def test_a_vehicle_follows_while_its_lanelet_is_still_in_the_ego_s_lane(apply: Apply) -> None:
     lanes = (Lane(1, line((0, 0), (200, 0))), Lane(3, ((0.0, -0.3), (40.0, -0.3), (80.0, -40.0))))
     way = tuple((30.0 + s, -0.3 - max(s - 10.0, 0.0), 0.0 if s < 10 else -math.pi / 4, 10.0) for s in range(40))
     builder = ScenarioBuilder(lanes, (Vehicle(36, way),), problems=(Problem(start=(60.0, 0.0, 0.0, 10.0)),))
     assert meant(apply, "follow", builder=builder) == (36,)
 
 
-def test_who_overtakes_beside_the_lane_does_not_follow(apply: Apply) -> None:
+def test_a_vehicle_overtaking_beside_the_lane_does_not_follow(apply: Apply) -> None:
     lanes = (Lane(1, line((0, 0), (300, 0)), left=(2, False)), Lane(2, line((300, 3.5), (0, 3.5)), left=(1, False)))
     others = (driving(36, (25, 3.6), 12.0, 11), driving(37, (10, 0), 10.0, 11))
     assert meant(apply, "follow", builder=ScenarioBuilder(lanes, others)) == (37,)
@@ -119,7 +119,7 @@ def test_an_unknown_word_is_refused(apply: Apply) -> None:
         meant(apply, "leader")
 
 
-def test_nobody_named_and_only_exclusions_are_refused(apply: Apply) -> None:
+def test_naming_no_vehicle_and_only_exclusions_are_refused(apply: Apply) -> None:
     with pytest.raises(InvalidRequest, match="no vehicle is named"):
         meant(apply)
     with pytest.raises(InvalidRequest, match="only exclusions"):

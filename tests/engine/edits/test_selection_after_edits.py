@@ -55,7 +55,7 @@ def test_words_mean_the_same_after_edits_as_in_the_edited_file(apply: Apply, tmp
             assert meant(apply, *before, words=[word]) == expected.outcome.edits[0].vehicles, word
 
 
-def test_who_is_described_as_ahead_is_the_lead(apply: Apply, tmp_path: Path) -> None:
+def test_the_vehicle_described_as_ahead_is_the_lead(apply: Apply, tmp_path: Path) -> None:
     edited = apply(AHEAD, builder=SHORT).xml
     described = describe(DescribeRequest(path=edited, focus=None, detail="vehicles", radius_m=300.0), silent).vehicles
     ahead = min((one for one in described if one.gap_m and (one.ahead_m or 0) > 0), key=lambda one: one.ahead_m or 0.0)
@@ -69,7 +69,7 @@ MERGING = (Lane(4, line((-80, -60), (0, 0)), successors=(1,)), Lane(5, line((-10
 
 
 @pytest.mark.parametrize("word", ["lead", "follow"])
-def test_a_description_says_whom_lead_and_follow_mean_beside_the_ego_s_lane(
+def test_a_description_names_the_lead_and_follow_vehicles_beside_the_ego_s_lane(
     apply: Apply, tmp_path: Path, word: str
 ) -> None:
     """On another branch than the ego's way, or on a lane that joins it."""

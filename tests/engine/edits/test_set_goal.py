@@ -154,7 +154,7 @@ def test_a_time_that_goes_on_after_the_recording_is_told(apply: Apply, goal_time
     assert apply(edit, builder=town_road().cut(101)).outcome.edits[0].what.endswith(told)
 
 
-def test_a_goal_too_far_for_the_time_that_it_keeps_is_refused_with_the_shortest_time(apply: Apply) -> None:
+def test_a_goal_too_far_for_the_time_it_keeps_is_refused_with_the_shortest_time(apply: Apply) -> None:
     hurried = replace(town_road(), problems=(Problem(steps=(10, 20)),))
     with pytest.raises(NotPossible, match="out of reach of any car") as caught:
         apply({"op": "set_goal", "to": ["11"]}, builder=hurried)

@@ -31,7 +31,7 @@ def test_the_file_keeps_to_the_schema(apply: Apply) -> None:
     assert schema_errors(applied.xml) <= schema_errors(applied.base)
 
 
-def test_an_entry_after_time_0_is_written_as_it_is_and_said_because_the_schema_has_no_form_for_it(apply: Apply) -> None:
+def test_an_entry_after_time_0_has_no_form_in_the_schema_and_is_written_with_a_note(apply: Apply) -> None:
     added = {"op": "add_vehicle", "vehicle_class": "car", "at": "3", "position": "middle", "time_s": 2.0}
     applied = apply(ONCOMING | {"time_s": 1}, added)
     assert [applied.tracks()[key].first_step for key in (34, 101)] == [10, 20]
@@ -72,7 +72,7 @@ def shifted(vehicle: str, time_s: float) -> dict[str, Any]:
     return {"op": "shift_time", "vehicles": [vehicle], "time_s": time_s}
 
 
-def test_who_would_run_into_somebody_is_driven_from_then_on_and_it_is_said(apply: Apply) -> None:
+def test_a_vehicle_about_to_collide_is_driven_from_then_on_with_a_note(apply: Apply) -> None:
     outcome = apply(shifted("33", -1), builder=follower_and_leader(12.0)).outcome
     assert outcome.collisions == ()
     assert outcome.handed_over == (32,)
@@ -92,7 +92,7 @@ def test_who_would_run_into_somebody_is_driven_from_then_on_and_it_is_said(apply
         ([shifted("32", 2), {"op": "set_speed", "vehicles": ["32"], "speed": "3m/s"}], 32, 33, 2.0),
     ],
 )
-def test_a_shift_onto_somebody_is_refused_with_the_nearest_ones_that_fit(
+def test_a_shift_onto_a_vehicle_is_refused_with_the_nearest_ones_that_fit(
     apply: Apply, edits: list[dict[str, Any]], moved: int, other: int, begins_s: float
 ) -> None:
     road = follower_and_leader(10.0)

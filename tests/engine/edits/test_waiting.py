@@ -85,7 +85,7 @@ def test_a_lane_change_that_only_a_short_lanelet_is_left_for_is_refused(apply: A
         apply({"op": "reroute", "vehicles": ["36"], "to": ["4"]}, builder=builder)
 
 
-def test_one_whose_own_deceleration_comes_too_late_for_a_bend_brakes_harder_before_it(apply: Apply) -> None:
+def test_before_a_bend_a_vehicle_too_fast_brakes_harder_than_its_own_deceleration(apply: Apply) -> None:
     fast = town_road().with_vehicles(driving(36, (165, 0), 20.0, 101))
     applied = apply({"op": "reroute", "vehicles": ["36"], "to": ["12"]}, builder=fast, detail="checks")
     assert applied.outcome.edits[0].routes[0].arrives

@@ -67,7 +67,7 @@ def test_an_impossible_pace_is_refused(apply: Apply) -> None:
         apply(WALKER | {"at": "1", "speed": "30km/h"}, builder=QUIET)
 
 
-def test_nobody_drives_a_pedestrian(apply: Apply) -> None:
+def test_a_pedestrian_is_never_driven(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="cannot be driven as a vehicle"):
         apply(WALKER | {"at": "1"}, {"op": "set_behaviour", "vehicles": ["new:0"], "preset": "eco"}, builder=QUIET)
 

@@ -26,7 +26,7 @@ def enter(workspace: Workspace, pid: int, made_at: float) -> None:
         connection.execute("INSERT INTO claims VALUES ('abc', ?, ?)", (pid, made_at))
 
 
-def test_what_is_claimed_is_nobody_elses_until_it_is_released(workspace: Workspace) -> None:
+def test_a_claim_excludes_all_others_until_it_is_released(workspace: Workspace) -> None:
     claims = Claims(workspace.database)
     with claims.claimed("abc") as first, claims.claimed("abc") as second, claims.claimed("def") as other:
         assert (first, second, other) == (True, False, True)

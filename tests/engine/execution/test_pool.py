@@ -170,7 +170,7 @@ async def test_cancelled_call_ends_the_worker_and_all_that_it_started(pool: Work
     assert (await run(pool, "echo", "next")).text == "next"
 
 
-async def test_call_that_is_cancelled_while_it_waits_for_a_worker_disturbs_nobody(pool: WorkerPool) -> None:
+async def test_a_call_cancelled_while_it_waits_for_a_worker_disturbs_no_other(pool: WorkerPool) -> None:
     hanging = Hanging()
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(lambda: run(pool, "hang", on_progress=hanging))

@@ -46,9 +46,7 @@ def test_a_ramp_is_called_after_the_road_that_it_lies_at(tmp_path: Path) -> None
     assert finder(tmp_path, sketch).find("ramp")[0].streets == ("A 1", "Bridge Road")
 
 
-def test_an_urban_site_lies_at_a_motorway_only_where_there_is_neither_another_junction_nor_street(
-    tmp_path: Path,
-) -> None:
+def test_an_urban_site_lies_at_a_motorway_only_without_other_junctions_and_streets(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-500, 0), (500, 0)], "motorway", "", ref="A 1", oneway="yes")
     sketch.road([(-200, 60), (0, 60), (200, 60)], "residential", "Motorway Road")

@@ -79,7 +79,7 @@ def test_a_light_that_is_off_or_has_no_cycle_is_none(network: Any) -> None:
     assert signals_of(network, STEP_S) == ()
 
 
-def test_a_posted_speed_counts_until_somebody_was_recorded_faster(network: Any) -> None:
+def test_a_posted_speed_counts_until_a_faster_recording(network: Any) -> None:
     from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement, TrafficSignIDZamunda
 
     element = TrafficSignElement(TrafficSignIDZamunda.MAX_SPEED, ["8.5"])

@@ -20,7 +20,7 @@ def written(builder: ScenarioBuilder, folder: Path) -> tuple[NetLayout, Path]:
     return write_network(scenario.lanelet_network, net), net
 
 
-def test_neighbouring_lanelets_of_one_direction_are_lanes_of_one_edge_from_right_to_left(tmp_path: Path) -> None:
+def test_lanelets_side_by_side_in_one_direction_are_lanes_of_an_edge_from_the_right(tmp_path: Path) -> None:
     layout, _ = written(town_road(), tmp_path)
     assert layout.edges["e1"] == (1, 2)
     assert layout.edges["e11"] == (11, 21)
@@ -42,7 +42,7 @@ def test_lanes_have_the_centre_lines_of_the_lanelets_as_shapes(tmp_path: Path) -
     assert points[-1] == pytest.approx((220, -100), abs=1e-3)
 
 
-def test_lanelets_that_cross_are_inside_a_junction_where_the_left_yields_to_the_right(tmp_path: Path) -> None:
+def test_crossing_lanelets_lie_in_a_junction_where_the_left_yields_to_the_right(tmp_path: Path) -> None:
     layout, net = written(crossing(), tmp_path)
     assert layout.interior.lanelets == {2, 5}
     states = {

@@ -59,7 +59,7 @@ def test_candidates_that_cannot_be_next_are_not_completed() -> None:
     assert sum(candidate.completed for candidate in candidates) == 8
 
 
-def test_equal_costs_come_by_their_number_even_if_the_lower_number_is_completed_later() -> None:
+def test_equal_costs_come_by_number_even_if_the_lower_number_is_completed_later() -> None:
     candidates = [Priced(1, 2.0, 1.0), Priced(0, 3.0, 0.0)]
     assert [candidate.uniqueId for candidate in cheapest_first(candidates, complete, at_once=1)] == [0, 1]
 

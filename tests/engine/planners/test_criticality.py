@@ -69,7 +69,7 @@ def test_a_lead_behind_a_bend_is_ahead_on_the_driven_path_not_on_the_heading() -
     assert measured(bend, lead)[2] == pytest.approx((arc + 0.5) / 10.0, abs=0.01)
 
 
-def test_nobody_near_leaves_every_figure_undefined() -> None:
+def test_without_others_near_every_figure_is_undefined() -> None:
     assert measured(straight()) == (None,) * 4
     assert measured(straight(), track(200.0, 0.0, 0.0)) == (None,) * 4
     assert measured(straight(), track(20.0, 0.0, 0.0, first_step=50)) == (None,) * 4

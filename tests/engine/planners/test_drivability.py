@@ -100,7 +100,7 @@ def test_a_fast_ego_slows_down_for_a_corner_as_far_as_its_tyres_demand() -> None
     assert strongest(run) <= BMW_320I.maximum_acceleration_mps2
 
 
-def test_the_lane_follower_brakes_harder_than_it_likes_where_it_would_slide_out_of_a_corner() -> None:
+def test_the_lane_follower_exceeds_its_comfortable_braking_before_a_corner_too_fast() -> None:
     run = around_the_corner(8.0, 17.0, name="idm")
     assert run.final.outcome == "goal_reached"
     assert strongest(run) <= BMW_320I.maximum_acceleration_mps2

@@ -221,7 +221,7 @@ def test_the_core_is_given_the_smallest_angle_of_a_heading() -> None:
 
 
 @pytest.mark.parametrize("prediction", ["constant_velocity", "ground_truth"])
-def test_the_ego_stops_before_a_set_based_prediction_and_passes_an_obstacle_without_one(prediction: Any) -> None:
+def test_the_ego_stops_before_a_set_based_prediction_and_passes_without_one(prediction: Any) -> None:
     initial = moving_car(4, (60.0, 0.0), (0.1, 0.0)).initial_state
     regions = [Occupancy(step, Rectangle(6.0, 2.5, center=np.array([60.0, 0.0]))) for step in range(1, 150)]
     region = DynamicObstacle(3, ObstacleType.UNKNOWN, Rectangle(4.5, 1.8), initial, SetBasedPrediction(1, regions))
@@ -234,7 +234,7 @@ def test_the_ego_stops_before_a_set_based_prediction_and_passes_an_obstacle_with
     assert 45.0 < run.states[-1].position[0] < 57.0 - BMW_320I.length_m / 2
 
 
-def test_the_cores_costs_of_acceleration_are_a_quarter_as_the_weights_of_the_presets_expect() -> None:
+def test_the_cores_acceleration_costs_are_a_quarter_as_the_presets_weights_expect() -> None:
     """Halved accelerations, squared. The presets' weights were found with them, so the terms stay as they are."""
     state = CurvilinearState(np.array([50.0, 10.0, 0.0]), np.zeros(3), low_speed=False)
     frame = FrenetFrame.of(np.stack([np.arange(0.0, 200.0), np.zeros(200)], axis=1), 0.0)

@@ -119,7 +119,7 @@ def at_start_of(*goals: object, **changes: object) -> DrivenRun:
         (lambda: at_start_of(goal_state((2, 4), speed=(0.0, 1.0))), "goal_out_of_time", "0.0 to 1.0 m/s"),
     ],
 )
-def test_what_nobody_can_solve_is_said_before_the_run(
+def test_an_unsolvable_problem_is_reported_before_the_run(
     run: Callable[[], DrivenRun], code: InvalidReason, said: str
 ) -> None:
     driven = run()
@@ -195,7 +195,7 @@ def test_the_order_of_goal_states_does_not_count_and_one_within_reach_is_aimed_a
     assert [state.speed_mps for state in runs[0].states] == [state.speed_mps for state in runs[1].states]
 
 
-def test_of_two_reachable_goal_states_the_one_that_fits_the_present_speed_is_aimed_at() -> None:
+def test_of_two_reachable_goal_states_the_one_that_fits_the_present_speed_is_chosen() -> None:
     hasty = goal_state((35, 45), rectangle_at(120.0, 0.0))
     for order in ((hasty, NEAR_IN_TIME), (NEAR_IN_TIME, hasty)):
         assert drive(scenario_on(ROAD), problem_for(*order)).states[-1].position[0] < 60.0

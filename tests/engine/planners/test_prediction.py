@@ -72,7 +72,7 @@ def distance_to_centre(network: LaneletNetwork, point: Any) -> float:
     return min(abs(project(line, point)[1]) for line in lines)
 
 
-def test_in_a_bend_the_lane_prediction_stays_on_the_road_and_constant_velocity_leaves_it() -> None:
+def test_in_a_bend_a_lane_prediction_keeps_the_road_constant_velocity_leaves_it() -> None:
     network, track = bend(), car((15.0, 0.3), 0.0, 10.0)
     lane = LanePrediction(network)(track, 0, 30, 0.1)
     straight = constant_velocity(track, 0, 30, 0.1)

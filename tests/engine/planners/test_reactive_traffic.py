@@ -95,7 +95,7 @@ def test_an_ego_across_the_line_is_seen_from_both_lanes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("width_m", [2.5, 3.0])
-def test_who_passes_an_ego_near_the_line_leaves_room_beside_it(width_m: float, tmp_path: Path) -> None:
+def test_passing_an_ego_near_the_line_leaves_room_beside_it(width_m: float, tmp_path: Path) -> None:
     near_the_line = replace(FAR, start=(60.0, 1.2, 0.0, 10.0))
     truck = driving(33, (28.0, 3.5), 10.0, 100, kind="truck", size_m=(8.0, width_m))
     run = braked(loaded(road(truck, problem=near_the_line), tmp_path), "reactive")
@@ -163,7 +163,7 @@ def test_a_driven_vehicle_begins_at_its_recorded_state(tmp_path: Path) -> None:
     assert first[33].speeds_mps[0] == pytest.approx(9.0)
 
 
-def test_a_parked_car_is_seen_by_those_who_drive(tmp_path: Path) -> None:
+def test_a_parked_car_is_seen_by_driven_vehicles(tmp_path: Path) -> None:
     parked = Vehicle(50, ((120.0, 0.0, 0.0, 0.0),))
     ego_elsewhere = replace(FAR, start=(20.0, 3.5, 0.0, 3.0), goal=(25.0, 3.5, 2.0, 3.0), steps=(100, 110))
     builder = road(driving(32, (70.0, 0.0), 12.0, 100), parked=(replace(parked, kind="parkedVehicle"),))

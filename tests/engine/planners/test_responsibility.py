@@ -107,7 +107,7 @@ def test_when_both_change_into_the_lane_between_them_the_ego_answers_too() -> No
     assert cost(change_lane(10.0), stays) == 0.0
 
 
-def test_somebody_off_the_road_counts_where_the_ego_drives_up_to_it() -> None:
+def test_a_pedestrian_off_the_road_counts_where_the_ego_drives_up_to_it() -> None:
     walker = other((18.0, -2.4), (0.0, 0.3))
     assert cost((5.0 * TIME, 0.0), walker) > 0.1
     behind = other((-6.0, -2.4), (0.0, 0.3))
@@ -197,7 +197,7 @@ def test_the_cost_of_one_obstacle_lies_between_0_and_1(speed: float, x: float, y
     assert 0.0 <= value <= 1.0
 
 
-def test_far_away_and_nobody_cost_nothing() -> None:
+def test_far_obstacles_and_none_cost_nothing() -> None:
     assert cost((5.0 * TIME, 0.0), other((100.0, 0.0), (0.0, 0.0))) == 0.0
     assert cost((5.0 * TIME, 0.0)) == 0.0
 

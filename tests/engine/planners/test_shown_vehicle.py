@@ -50,24 +50,24 @@ def driven(asides_m: list[float], lanes: list[str] | None = None) -> OneLane:
     return road
 
 
-def test_who_stays_between_its_lines_keeps_its_entry() -> None:
+def test_staying_between_the_lines_keeps_the_entry() -> None:
     """In a junction a new entry would be the last to have come, and a follower would not wait for it."""
     assert driven([0.0, 0.3, -0.5, 0.8]).entries == ["ego:0"]
 
 
 @pytest.mark.parametrize("asides_m", [[0.0, 1.2, 1.3, 1.3], [1.2, 0.0, 0.1, 0.1], [1.2, -1.2, -1.2, -1.2]])
-def test_who_comes_over_a_line_or_back_enters_anew_once(asides_m: list[float]) -> None:
+def test_coming_over_a_line_or_back_enters_anew_once(asides_m: list[float]) -> None:
     road = driven(asides_m)
     assert road.entries == ["ego:0", "ego:1"]
     assert road.removed == ["ego:0"]
 
 
-def test_who_changes_the_lane_needs_no_new_entry() -> None:
+def test_changing_the_lane_needs_no_new_entry() -> None:
     assert driven([0.0, 1.2, 0.0, 0.0], ["e1_0", "e1_1", "e1_1", "e1_1"]).entries == ["ego:0", "ego:1"]
     assert driven([0.0, 1.2, 1.2, 1.2], ["e1_0", "e1_1", "e1_1", "e1_1"]).entries == ["ego:0"]
 
 
-def test_who_got_lost_enters_anew() -> None:
+def test_a_lost_vehicle_enters_anew() -> None:
     road = OneLane()
     ego = ShownVehicle(road, "ego", ("e1",))
     for _ in range(2):

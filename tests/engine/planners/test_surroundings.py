@@ -139,7 +139,7 @@ def test_ground_truth_is_the_recording_and_ends_with_it() -> None:
     assert ground_truth(track, 15, 30, 0.1).positions.shape == (6, 2)
 
 
-def test_who_is_seen() -> None:
+def test_obstacles_within_sight_are_observed() -> None:
     cars = [moving_car(11, (60.0, 0.0), (1.0, 0.0)), moving_car(12, (90.0, 0.0), (1.0, 0.0))]
     cars += [moving_car(13, (-20.0, 0.0), (1.0, 0.0)), moving_car(14, (-5.0, 0.0), (1.0, 0.0))]
     traffic = RecordedTraffic(scenario_on(straight_road(), *cars, parked_car(16, (20.0, 5.0))))

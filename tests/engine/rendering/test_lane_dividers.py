@@ -32,7 +32,7 @@ def test_a_border_of_two_lanelets_is_one_line(oncoming: bool) -> None:
     assert len(list(dividers(lanelets[::-1]))) == 1
 
 
-def test_a_border_is_not_lost_where_one_of_the_two_is_not_there_or_does_not_name_the_other() -> None:
+def test_a_border_is_kept_where_its_neighbour_is_missing_or_does_not_name_it() -> None:
     first, second = beside_one_another(oncoming=False)
     assert [len(list(dividers([one]))) for one in (first, second)] == [1, 1]
     assert len(list(dividers(beside_one_another(oncoming=False, named_back=False)))) == 1

@@ -39,7 +39,7 @@ def test_the_gap_is_bumper_to_bumper(town: Path) -> None:
     assert lead.gap_m == pytest.approx(30.0 - (4.5 + 4.508) / 2, abs=0.1)
 
 
-def test_who_overtakes_on_the_oncoming_lane_is_not_in_the_same_lane(tmp_path: Path) -> None:
+def test_a_vehicle_overtaking_on_the_oncoming_lane_is_not_in_the_same_lane(tmp_path: Path) -> None:
     lanes = (Lane(1, line((0, 0), (300, 0)), left=(2, False)), Lane(2, line((300, 3.5), (0, 3.5)), left=(1, False)))
     beside = driving(36, (20, 3.6), 12.0, 20)
     path = ScenarioBuilder(lanes, (beside,)).write(tmp_path / "overtaking.xml")

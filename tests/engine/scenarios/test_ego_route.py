@@ -42,7 +42,7 @@ def test_a_way_turns_at_each_junction_and_forks_close_together_are_one(
     assert route.turns == turns
 
 
-def test_who_turns_left_and_later_right_does_not_go_straight_on(tmp_path: Path) -> None:
+def test_turning_left_and_later_right_is_not_going_straight_on(tmp_path: Path) -> None:
     path = left_then_right(80.0).write(tmp_path / "scenario.xml")
     ego = describe(DescribeRequest(path=path, detail="brief", focus=None, radius_m=300.0), silent).ego
     assert ego is not None

@@ -27,9 +27,7 @@ def test_more_than_find_room_are_refused_with_the_number_that_does(tmp_path: Pat
     assert 0 < int(count) < 120
 
 
-def test_a_car_finds_its_way_through_a_crowd_of_trucks_because_spare_cars_may_become_the_ego(
-    shared_data: Path, tmp_path: Path
-) -> None:
+def test_an_ego_is_found_in_a_crowd_of_trucks_as_spare_cars_may_become_it(shared_data: Path, tmp_path: Path) -> None:
     path = shared_data / "data" / "osm" / "o2s_tempe_light_rail.osm"
     crowd = [VehicleDemand(vehicle_class="truck", least=100)]
     made = make("Fahrhausen", tmp_path, map_path=str(path), country="USA", vehicles=crowd, duration_s=20.0, seed=0)

@@ -116,7 +116,7 @@ def test_a_site_without_another_gets_all_the_rounds(tmp_path: Path, monkeypatch:
     assert rounds == list(range(generate.MOST_TRIES))
 
 
-def test_a_site_where_nobody_but_the_ego_drives_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_site_without_traffic_besides_the_ego_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(generate, "without_spares", lambda ranked, demand: ranked[:1])
     error = refused(tmp_path, duration_s=6.0)
     assert error.message == "no vehicle but the ego found room on the roads of this site"

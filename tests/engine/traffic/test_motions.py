@@ -52,7 +52,7 @@ def test_the_centre_of_a_long_vehicle_keeps_to_the_lane_in_a_bend() -> None:
     assert max(aside) < 0.8
 
 
-def test_a_vehicle_that_missed_several_lane_changes_counts_as_one_that_cannot_be_driven() -> None:
+def test_a_vehicle_that_missed_several_lane_changes_counts_as_not_drivable() -> None:
     """It stands while SUMO slides it over two lanes: others drive as if it were there."""
     along = np.concatenate([np.full(100, 0.5), np.zeros(100)])
     aside = np.concatenate([np.zeros(110), np.full(60, 0.107), np.zeros(30)])

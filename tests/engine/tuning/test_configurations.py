@@ -60,7 +60,7 @@ def test_the_presets_agree_with_the_published_facts(shared_data: Path) -> None:
     assert [entry["name"] for entry in facts["external_weights"]] == list(FRENETIX.external)
 
 
-def test_every_weight_says_who_computes_it_and_ours_are_ours() -> None:
+def test_every_weight_names_the_code_that_computes_it_and_ours_are_ours() -> None:
     ours = {name for name, weight in FRENETIX.weights.items() if weight.computed_by == "ours"}
     assert ours == set(own_terms())
     assert all(weight.acts for weight in FRENETIX.weights.values())

@@ -45,7 +45,7 @@ def test_a_stored_configuration_without_settings_has_the_default_ones() -> None:
     assert PlannerConfiguration.model_validate(old) == base()
 
 
-def test_a_vehicle_replaces_the_parameters_before_it_and_a_preset_keeps_the_settings() -> None:
+def test_a_vehicle_replaces_earlier_parameters_and_a_preset_keeps_the_settings() -> None:
     assert changed("length_m=6", "vehicle=3").settings == PlannerSettings(vehicle=3)
     own = changed("vehicle=3", "length_m*2").settings
     assert own.length_m == pytest.approx(2 * VEHICLES[3].length_m)
