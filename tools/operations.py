@@ -39,7 +39,7 @@ CONVERT_MAP = Operation("plannerforge.engine.maps:write_as_xml", ConvertMapReque
 READ_MAP = Operation("plannerforge.engine.maps:read_map", ReadMapRequest, MapFacts, timeout_s=120.0)
 COUNT_SITES = Operation("plannerforge.engine.generation:count_sites", GenerationRequest, SiteCount, timeout_s=180.0)
 GENERATE_SCENARIO = Operation(
-    "plannerforge.engine.generation:generate", GenerationRequest, GeneratedScenario, timeout_s=180.0
+    "plannerforge.engine.generation:generate_scenario", GenerationRequest, GeneratedScenario, timeout_s=180.0
 )
 
 # Text search, in the one process that holds the embedding model; the first request loads it and builds the index

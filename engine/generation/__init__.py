@@ -1,6 +1,6 @@
 """Scenarios made from maps: site, network, traffic, ego and goal, file, checks.
 
-``generate``: Make one scenario in the request's folder.
+``generate_scenario``: Make one scenario in the request's folder.
 ``convert_map``: The net with the mildest settings that give one on which cars can drive, and notes on what had to be
     changed.
 ``count_sites``: An operation: the number of different sites of a map that fit a request.
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .generator import generate as generate
+    from .generator import generate_scenario as generate_scenario
     from .site_network import convert_map as convert_map
     from .sites import count_sites as count_sites
 

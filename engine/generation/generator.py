@@ -191,7 +191,7 @@ class _Try:
     unusable: bool
 
 
-def generate(request: GenerationRequest, report: ProgressReporter) -> GeneratedScenario:
+def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> GeneratedScenario:
     """Make one scenario in the request's folder: ``scenario.xml`` and ``scenario.net.xml``.
 
     A scenario that fails its checks is made again with other traffic, then at other sites; the notes say so. The same

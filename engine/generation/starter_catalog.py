@@ -16,7 +16,7 @@ from ..catalog import ARCHIVE
 from ..execution import silent
 from ..maps import MapEntry, built_in_maps
 from ..scenarios import read_facts
-from .generator import generate
+from .generator import generate_scenario
 
 FIXED_TIME = (2025, 1, 1, 0, 0, 0)
 
@@ -82,7 +82,7 @@ def build(target: Path) -> list[str]:
     for number, plan in enumerate(PLANS, start=1):
         with tempfile.TemporaryDirectory() as folder:
             request = _request(plan, maps[plan.place], number, folder)
-            made = generate(request, silent)
+            made = generate_scenario(request, silent)
             xml, net = Path(folder) / "scenario.xml", Path(folder) / "scenario.net.xml"
             members[f"scenarios/{made.benchmark_id}.xml"] = xml.read_bytes()
             members[f"scenarios/{made.benchmark_id}.net.xml"] = net.read_bytes()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...engine.commonroad import LoadedScenario, read_scenario, schema_errors
 from ...engine.execution import silent
-from ...engine.generation import convert_map, generate
+from ...engine.generation import convert_map, generate_scenario
 from ...engine.maps import MapEntry, MapMatch
 from ...engine.network import build_road_network, read_net
 from ...engine.planners import make_planner, simulate
@@ -139,7 +139,7 @@ def make(request: BenchRequest, wish: GenerationRequest, session: Session, seed:
     """
     with tempfile.TemporaryDirectory() as text:
         folder, stages = Path(text), Stages(first_read=session.reads(wish.map_path))
-        report = generate(wish.model_copy(update={"folder": text}), stages)
+        report = generate_scenario(wish.model_copy(update={"folder": text}), stages)
         stages(1.0)
         faults = schema_errors(folder / "scenario.xml")
         if faults:
@@ -206,7 +206,7 @@ def refused_right(refusal: Refusal, maps: Sequence[MapEntry]) -> str:
         order = _orders(arguments, maps).planned[0]
         wish = request_for(arguments, order.match, order.site_index, 0, order.site_step)
         with tempfile.TemporaryDirectory() as folder:
-            generate(wish.model_copy(update={"folder": folder}), silent)
+            generate_scenario(wish.model_copy(update={"folder": folder}), silent)
     except PlannerForgeError as error:
         return "" if is_right_reason(refusal, error) else error.text
     return f"was made in {wish.map_id}"

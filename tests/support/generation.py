@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.generation.generator import generate
+from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.schemas.generation import GeneratedScenario, GenerationRequest
 
@@ -28,4 +28,4 @@ def request_for(place: str, folder: Path, **changes: object) -> GenerationReques
 
 def make(place: str, folder: Path, **changes: object) -> GeneratedScenario:
     """The scenario of such a request."""
-    return generate(request_for(place, folder, **changes), silent)
+    return generate_scenario(request_for(place, folder, **changes), silent)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.generation.generator import generate
+from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.generation.sites import count_sites
 from plannerforge.engine.maps import map_file
 from plannerforge.engine.maps.drawn_library import LIBRARY
@@ -46,8 +46,8 @@ def test_a_call_of_several_scenarios_reads_its_map_once_and_leaves_it_as_it_is(
         folder=str(tmp_path / "made"),
     )
     count_sites(request, silent)
-    generate(request, silent)
-    generate(request.model_copy(update={"site_index": 1}), silent)
+    generate_scenario(request, silent)
+    generate_scenario(request.model_copy(update={"site_index": 1}), silent)
     assert read == [path]
     assert read_map_file(path) == read_osm(path)
 

@@ -14,7 +14,7 @@ from plannerforge.engine.commonroad.reader import read_scenario, schema_errors
 from plannerforge.engine.commonroad.tracks import recorded_tracks
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import site_network as generate_ground
-from plannerforge.engine.generation.generator import generate
+from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.generation.site_network import Place, build_place
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import VehicleDemand
@@ -115,9 +115,9 @@ def test_the_same_request_gives_the_same_bytes_under_another_hash_seed(tmp_path:
         code = (
             "import sys\n"
             "from plannerforge.engine.execution.executor import silent\n"
-            "from plannerforge.engine.generation.generator import generate\n"
+            "from plannerforge.engine.generation.generator import generate_scenario\n"
             "from plannerforge.schemas.generation import GenerationRequest\n"
-            "generate(GenerationRequest.model_validate_json(sys.argv[1]), silent)\n"
+            "generate_scenario(GenerationRequest.model_validate_json(sys.argv[1]), silent)\n"
         )
         environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
         subprocess.run([sys.executable, "-c", code, wish.model_dump_json()], check=True, env=environment)
@@ -175,7 +175,7 @@ def test_an_index_beyond_the_cars_is_refused(tmp_path: Path) -> None:
 def test_a_real_extract_on_the_left_side(shared_data: Path, tmp_path: Path) -> None:
     path = shared_data / "data" / "osm" / "o2s_bristol_sausage_links.osm"
     wish = request_for("Fahrhausen", tmp_path, map_path=str(path), country="GBR", scenario_type="intersection")
-    made = generate(wish, silent)
+    made = generate_scenario(wish, silent)
     assert made.checks.schema_valid
     assert made.checks.centers_on_lanelets > 0.97
 
@@ -183,7 +183,7 @@ def test_a_real_extract_on_the_left_side(shared_data: Path, tmp_path: Path) -> N
 def test_a_junction_too_large_to_be_drawn_is_made_of_smaller_ones(shared_data: Path, tmp_path: Path) -> None:
     path = shared_data / "data" / "osm" / "o2s_leeds_cycleway.osm"
     wish = request_for("Fahrhausen", tmp_path, map_path=str(path), country="GBR", scenario_type="urban", seed=0)
-    made = generate(wish, silent)
+    made = generate_scenario(wish, silent)
     assert any("were not joined" in note for note in made.notes)
     assert made.checks.schema_valid
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.generation import generator as generate
+from plannerforge.engine.generation import generator
 from plannerforge.engine.generation import site_network as generate_ground
 from plannerforge.engine.generation.site_network import UNKNOWN_SIDE, Ground, Place, prepare_ground
 from plannerforge.engine.generation.sites import fitting_sites
@@ -90,7 +90,7 @@ def test_a_type_that_the_road_classes_leave_out_is_refused_with_what_they_leave(
 def refused(folder: Path, **changes: object) -> NotPossible:
     request = request_for_fahrhausen().model_copy(update={"folder": str(folder), **changes})
     with pytest.raises(NotPossible) as caught:
-        generate.generate(request, silent)
+        generator.generate_scenario(request, silent)
     return caught.value
 
 
@@ -109,14 +109,14 @@ def test_a_site_without_another_gets_all_the_rounds(tmp_path: Path, monkeypatch:
         rounds.append(round_number)
         raise NotPossible("no room")
 
-    first = generate.fitting_sites
-    monkeypatch.setattr(generate, "_attempt", attempt)
-    monkeypatch.setattr(generate, "fitting_sites", lambda osm, request: first(osm, request)[:1])
+    first = generator.fitting_sites
+    monkeypatch.setattr(generator, "_attempt", attempt)
+    monkeypatch.setattr(generator, "fitting_sites", lambda osm, request: first(osm, request)[:1])
     refused(tmp_path)
-    assert rounds == list(range(generate.MOST_TRIES))
+    assert rounds == list(range(generator.MOST_TRIES))
 
 
 def test_a_site_without_traffic_besides_the_ego_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(generate, "without_spares", lambda ranked, demand: ranked[:1])
+    monkeypatch.setattr(generator, "without_spares", lambda ranked, demand: ranked[:1])
     error = refused(tmp_path, duration_s=6.0)
     assert error.message == "no vehicle but the ego found room on the roads of this site"

@@ -4,7 +4,7 @@ import pytest
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.generation.generator import generate
+from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.schemas.generation import GenerationRequest
 
@@ -26,7 +26,7 @@ def test_where_no_sign_stands_for_a_limit_the_answer_says_so_and_keeps_it(
         seed=1,
         folder=str(tmp_path),
     )
-    made = generate(wish, silent)
+    made = generate_scenario(wish, silent)
     network = read_scenario(tmp_path / "scenario.xml").scenario.lanelet_network
     assert bool(network.traffic_signs) is signed
     assert any("no speed-limit signs" in note for note in made.notes) is not signed

@@ -7,7 +7,7 @@ from shapely import LineString, Point
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.generation.generator import generate
+from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.generation.sites import road_classes
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.maps.index import built_in_maps
@@ -37,7 +37,7 @@ def test_the_ego_of_a_ramp_leaves_or_joins_the_motorway(tmp_path: Path) -> None:
         seed=3,
         folder=str(tmp_path),
     )
-    generate(wish, silent)
+    generate_scenario(wish, silent)
     problem = read_scenario(tmp_path / "scenario.xml").problem()
     net = read_net(tmp_path / "scenario.net.xml")
     start = classes_at(net, np.asarray(problem.initial_state.position))

@@ -7,7 +7,7 @@ import pytest
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.generation.generator import generate
+from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.engine.network.lanelet_graph import LaneletGraph
 from plannerforge.engine.network.net_parser import read_net
@@ -30,7 +30,7 @@ def generated(folder: Path, place: str, kind: SiteType, *, seed: int = 0, ego: s
         seed=seed,
         folder=str(folder),
     )
-    return generate(wish, silent)
+    return generate_scenario(wish, silent)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
