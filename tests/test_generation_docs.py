@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.generation.generator import LEAST_FEASIBLE, LEAST_ON_LANELETS
+from plannerforge.engine.generation.checks import LEAST_FEASIBLE, LEAST_ON_LANELETS
 from plannerforge.engine.generation.sites import RADIUS_M
 from plannerforge.engine.generation.traffic import MOST_STATES
 from plannerforge.engine.maps.osm import LIMITS

@@ -1,9 +1,8 @@
 """Scenarios made from maps: site, network, traffic, ego and goal, file, checks.
 
-``generate_scenario``: Make one scenario in the request's folder.
-``convert_map``: The net with the mildest settings that give one on which cars can drive, and notes on what had to be
-    changed.
-``count_sites``: An operation: the number of different sites of a map that fit a request.
+``generate_scenario``: Make one scenario in the request's folder; an operation for a worker.
+``convert_map``: Convert an OpenStreetMap extract to a SUMO net on which cars can drive, with notes on the settings.
+``count_sites``: The number of different sites of a map that fit a request; an operation for a worker.
 """
 
 from typing import TYPE_CHECKING

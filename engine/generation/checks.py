@@ -1,4 +1,4 @@
-"""Checks on a written scenario, made on the file as others will read it."""
+"""Checks on a written scenario, made on the file as others will read it, and which of them make it unusable."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,13 +12,20 @@ from ..geometry import BoxTrack, first_overlaps, oriented_rectangle, rectangles_
 from ..network import LaneletGraph, told
 from ..vehicles import EGO_SIZE_M, Motion, check_kinematics, class_by_size
 
+LEAST_FEASIBLE = 0.97
+"""Share of the tracks that have to be drivable (chosen; docs/generation.md states it)."""
+LEAST_ON_LANELETS = 0.985
+"""Share of the recorded centres that have to lie on lanelets (chosen; docs/generation.md states it)."""
+EDGE_M = 0.02
+"""By how much lanelets are widened for that: neighbours share their bound only up to rounding."""
+
 
 def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -> Checks:
     """Read a written scenario back and check it.
 
     Args:
         path: the CommonRoad file.
-        ego: the ego's recorded way, which the file does not hold.
+        ego: the ego's recorded motion, which the file does not hold.
         findings: what the rules found in its road network.
     """
     recorded = read_recorded(path)
@@ -36,6 +43,24 @@ def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -
         network_errors=told(findings, "error"),
         network_warnings=told(findings, "warning"),
     )
+
+
+def faults_of(checks: Checks) -> tuple[list[str], list[str]]:
+    """In words, what makes a scenario unusable, and what only makes it worse than it should be."""
+    broken = {
+        "the file breaks CommonRoad's schema": not checks.schema_valid,
+        "the goal cannot be reached": not checks.goal_reachable,
+        "vehicles overlap": checks.overlapping_pairs > 0 or checks.collisions_at_start > 0,
+        "the ego's recorded way meets another vehicle": not checks.recorded_ego_collision_free,
+        f"the road network is wrong: {'; '.join(checks.network_errors)}": bool(checks.network_errors),
+    }
+    weak = {
+        f"{checks.feasible_share:.1%} of the tracks can be driven": checks.feasible_share < LEAST_FEASIBLE,
+        f"{checks.centers_on_lanelets:.1%} of the centres lie on lanelets": (
+            checks.centers_on_lanelets < LEAST_ON_LANELETS
+        ),
+    }
+    return [text for text, wrong in broken.items() if wrong], [text for text, wrong in weak.items() if wrong]
 
 
 def _feasible(track: Track, step_s: float) -> bool:
@@ -81,7 +106,7 @@ def _share_on_lanelets(loaded: LoadedScenario, tracks: dict[int, Track]) -> floa
     if not tracks:
         return 1.0
     union = union_all(
-        [lanelet.polygon.shapely_object.buffer(0.02) for lanelet in loaded.scenario.lanelet_network.lanelets]
+        [lanelet.polygon.shapely_object.buffer(EDGE_M) for lanelet in loaded.scenario.lanelet_network.lanelets]
     )
     prepare(union)
     points = np.concatenate([track.positions for track in tracks.values()])

@@ -1,13 +1,15 @@
-"""Name and head of a generated scenario: benchmark id, place on the globe, tags."""
+"""What a generated scenario's file states before the lanelets: benchmark id, authorship, position on Earth, tags."""
 
 import unicodedata
+from dataclasses import dataclass
 from importlib.metadata import version
 
 from ...schemas.generation import GenerationRequest, SiteType
 from ..maps import Site
 from ..network import RoadNetwork, SumoNet
-from .writer import ScenarioHead
 
+STEP_S = 0.1
+"""Time step of all generated scenarios: that of nearly all scenarios of CommonRoad's collection."""
 NO_COUNTRY = "ZAM"
 """Zamunda: CommonRoad's country for places that are in none."""
 TAGS: dict[SiteType, tuple[str, ...]] = {
@@ -28,10 +30,41 @@ COUNTRIES_WITHOUT_SIGN = frozenset({"AUS"})
 """CommonRoad knows signs of these countries, but none for a speed limit; its reader fails on one."""
 
 
-def benchmark_id(request: GenerationRequest) -> str:
-    """The CommonRoad benchmark id by the 2020a naming: COUNTRY_Place-number_index_T-1."""
+@dataclass(frozen=True)
+class ScenarioMetadata:
+    """The attributes of a file's root, its location and its tags.
+
+    ``latitude`` and ``longitude`` in degrees, ``offset_m`` of the projected coordinates. ``speed_sign``: the country's
+    sign for a speed limit, None where CommonRoad has none.
+    """
+
+    benchmark_id: str
+    affiliation: str
+    source: str
+    latitude: float
+    longitude: float
+    projection: str
+    offset_m: tuple[float, float]
+    tags: tuple[str, ...]
+    step_s: float
+    speed_sign: str | None
+
+
+def metadata_of(request: GenerationRequest, site: Site, net: SumoNet) -> ScenarioMetadata:
+    """The metadata of a scenario at a site; the benchmark id is COUNTRY_Place-number_index_T-1, as in format 2020a."""
     country = request.country or NO_COUNTRY
-    return f"{country}_{_plain_name(request.place)}-{request.benchmark_number}_{request.index + 1}_T-1"
+    return ScenarioMetadata(
+        benchmark_id=f"{country}_{_plain_name(request.place)}-{request.benchmark_number}_{request.index + 1}_T-1",
+        affiliation=f"PlannerForge; map data: {request.attribution}",
+        source=f"PlannerForge MCP, SUMO {version('libsumo')}",
+        latitude=site.latitude,
+        longitude=site.longitude,
+        projection=net.projection,
+        offset_m=net.offset_m,
+        tags=("simulated", *TAGS[site.kind]),
+        step_s=STEP_S,
+        speed_sign=None if country in COUNTRIES_WITHOUT_SIGN else SPEED_SIGNS.get(country, "274"),
+    )
 
 
 def _plain_name(place: str) -> str:
@@ -42,28 +75,8 @@ def _plain_name(place: str) -> str:
     return "".join(word[0].upper() + word[1:] for word in words)[:40] or "Site"
 
 
-def head_of(request: GenerationRequest, site: Site, net: SumoNet, step_s: float) -> ScenarioHead:
-    """Everything that stands in the file before the lanelets."""
-    return ScenarioHead(
-        benchmark_id=benchmark_id(request),
-        affiliation=f"PlannerForge; map data: {request.attribution}",
-        source=f"PlannerForge MCP, SUMO {version('libsumo')}",
-        latitude=site.latitude,
-        longitude=site.longitude,
-        projection=net.projection,
-        offset_m=net.offset_m,
-        tags=("simulated", *TAGS[site.kind]),
-        step_s=step_s,
-        speed_sign=_speed_sign(request.country or NO_COUNTRY),
-    )
-
-
-def limits_without_sign(country: str | None, network: RoadNetwork) -> dict[int, float]:
-    """Posted limits in km/h by lanelet where CommonRoad has no sign for them in that country; otherwise empty."""
-    if _speed_sign(country or NO_COUNTRY) is not None:
+def limits_without_sign(metadata: ScenarioMetadata, network: RoadNetwork) -> dict[int, float]:
+    """Posted limits in km/h by lanelet where the file cannot state them, for want of a sign; otherwise empty."""
+    if metadata.speed_sign is not None:
         return {}
     return {key: round(sign.speed_mps * 3.6, 1) for sign in network.signs for key in sign.lanelet_ids}
-
-
-def _speed_sign(country: str) -> str | None:
-    return None if country in COUNTRIES_WITHOUT_SIGN else SPEED_SIGNS.get(country, "274")

@@ -1,4 +1,11 @@
-"""The ego and its goal: one of the recorded cars becomes the planning problem, its recorded way shows the goal."""
+"""The ego and its goal: one of the recorded cars becomes the planning problem, its recorded path shows the goal.
+
+A request names the ego and the goal in words (``first``, ``index:2``; ``steps:50``, ``distance_m:40``,
+``lanelet:7:middle``), which become a :class:`TaskSpec`. Of the cars that can have such a goal, the one is chosen whose
+recorded path can be driven, passes what the site is about, and runs along lanes that a planner with a reference path
+can follow: maps have corners, and sideways jogs where netconvert joins lanes that do not face each other. Recorded cars
+cut them; a planner that follows the lanes' centre lines may find no trajectory there.
+"""
 
 import itertools
 import math
@@ -9,45 +16,341 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
+from ...schemas.generation import GenerationRequest
 from ..geometry import Points, Values, arc_length, gaussian, point_at, project, resample, without_repeats, wrap_angle
 from ..network import WIDEST_TURN_RAD, LaneletLookup, RoadLanelet, RoadNetwork, station_m
 from ..traffic import Participant
-from .sites import SiteHeart
+from .sites import SiteFocus
 
-# ---------- ego_way
-# Whether the lanes under a car's way can be followed at its speed: what a planner with a reference path needs.
-#
-# Maps have corners, and sideways jogs where netconvert joins lanes that do not face each other. Recorded cars cut them;
-# a planner that follows the lanes' centre lines may find no trajectory there.
+
+@dataclass(frozen=True)
+class EgoSpec:
+    """The ego as asked: the n-th car (None: any); ``other_class`` is a class that was asked for instead of a car."""
+
+    index: int | None = None
+    other_class: str | None = None
+
+
+@dataclass(frozen=True)
+class _LaneletGoal:
+    """A goal on a lanelet: a position word, fraction or metres along it, and the rectangle (length, width) in m."""
+
+    lanelet_id: int
+    position: str
+    size_m: tuple[float, float] | None
+
+
+MIDDLE = "middle"
+GOAL_FORMS = (
+    "steps:N (10 to 1000)",
+    "distance_m:X (5 to 2000)",
+    "lanelet:ID:POSITION, also lanelet:ID:POSITION:LENGTHxWIDTH",
+)
+SHORTEST_PATH_M = 10.0
+"""To a goal after a number of steps, a car has to drive this far at least (chosen): one that waits has no task."""
+SHORTEST_ASKED_PATH_M = 4.0
+"""The same for a goal that was asked for by distance, of 5 m at least, or by lanelet (chosen)."""
+
+
+@dataclass(frozen=True)
+class GoalSpec:
+    """The goal as asked: after a number of steps, after a distance in m on the ego's own path, or on a lanelet."""
+
+    steps: int | None = None
+    distance_m: float | None = None
+    lanelet: _LaneletGoal | None = None
+
+    @property
+    def shortest_path_m(self) -> float:
+        """The least distance that a car has to drive to the goal."""
+        return SHORTEST_PATH_M if self.steps is not None else SHORTEST_ASKED_PATH_M
+
+    def __str__(self) -> str:
+        if self.lanelet is not None:
+            return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
+        return f"{self.steps} steps ahead" if self.steps is not None else f"{self.distance_m:g} m ahead"
+
+
+@dataclass(frozen=True)
+class TaskSpec:
+    """Ego and goal as asked."""
+
+    ego: EgoSpec
+    goal: GoalSpec
+
+    @classmethod
+    def of(cls, request: GenerationRequest) -> "TaskSpec":
+        """Read the words of a request.
+
+        Raises:
+            InvalidRequest: ego or goal in none of the valid forms.
+        """
+        return cls(_parse_ego(request.ego), parse_goal(request.goal))
+
+
+def _parse_ego(text: str) -> EgoSpec:
+    """Read ``first``, ``index:N`` or ``type:CLASS``."""
+    if text == "first":
+        return EgoSpec()
+    if match := re.fullmatch(r"index:(\d{1,3})", text):
+        return EgoSpec(index=int(match[1]))
+    if match := re.fullmatch(r"type:([a-z_]{1,30})", text):
+        return EgoSpec(other_class=None if match[1] == "car" else match[1])
+    raise InvalidRequest(f"ego {text!r} cannot be read", valid=["first", "index:N (cars, from 0)", "type:CLASS"])
+
+
+def parse_goal(text: str) -> GoalSpec:
+    """Read ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``; the usual position is the middle.
+
+    Raises:
+        InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
+    """
+    if (match := re.fullmatch(r"steps:(\d{1,5})", text)) and 10 <= int(match[1]) <= 1000:
+        return GoalSpec(steps=int(match[1]))
+    if (match := re.fullmatch(r"distance_m:(\d{1,5}(?:\.\d+)?)", text)) and 5 <= float(match[1]) <= 2000:
+        return GoalSpec(distance_m=float(match[1]))
+    if match := re.fullmatch(r"lanelet:(\d{1,9})(?::([a-z_]+|[\d.]+m?))?(?::([\d.]+)x([\d.]+))?", text):
+        try:
+            size = (float(match[3]), float(match[4])) if match[3] else None
+        except ValueError:
+            size = (0.0, 0.0)
+        if size is None or all(0.5 <= side <= 500 for side in size):
+            return GoalSpec(lanelet=_LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
+    raise InvalidRequest(f"goal {text!r} cannot be read", valid=GOAL_FORMS)
+
+
+TIME_MARGIN_S = 1.5
+"""The goal may be reached this much before and after the recorded car is there (chosen)."""
+HEADING_MARGIN_RAD = 0.25
+"""Deviation from the recorded heading at the goal, to either side (chosen)."""
+
+
+@dataclass(frozen=True)
+class PlanningTask:
+    """Initial state and goal of the ego.
+
+    The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, to be reached within
+    the steps of ``time_steps`` and headings within ``heading_margin_rad``. ``focus_passed``: how many areas of the
+    site's focus the recorded path to it passes.
+    """
+
+    ego: Participant
+    goal_step: int
+    goal_distance_m: float
+    lanelet_id: int
+    center: Points
+    heading_rad: float
+    size_m: tuple[float, float]
+    time_steps: tuple[int, int]
+    heading_margin_rad: float
+    focus_passed: int = 1
+
+
+def choose_task(
+    spec: TaskSpec, vehicles: Sequence[Participant], network: RoadNetwork, focus: SiteFocus, step_s: float
+) -> PlanningTask:
+    """The planning task of the asked car, or of the best car that can have the asked goal.
+
+    Cars whose recorded path can be driven come before others, of those the ones that pass on it what the site is about,
+    of those the ones whose lanes can be followed, and of equal ones the first.
+
+    Raises:
+        NotPossible: no car, fewer cars than the asked index, or none that reaches such a goal.
+        UnknownName: the goal is on a lanelet that the site does not have.
+        InvalidRequest: the goal lies beyond its lanelet.
+    """
+    ego, goal = spec.ego, spec.goal
+    cars = [vehicle for vehicle in vehicles if vehicle.vehicle_class.name == "car"]
+    if ego.index is not None and ego.index >= len(cars):
+        raise NotPossible(
+            f"ego index:{ego.index} asks for car number {ego.index}; the traffic holds {len(cars)}",
+            valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
+            next_step="choose a smaller index or a higher density",
+        )
+    choice = [cars[ego.index]] if ego.index is not None else cars
+    _check_lanelet(goal, network)
+    lookup = LaneletLookup(network)
+    best: tuple[tuple[bool, int, bool], PlanningTask] | None = None
+    for car in choice:
+        task = _task(car, goal, network, lookup, step_s)
+        if task is None:
+            continue
+        task = replace(task, focus_passed=focus.parts_passed(car, task.goal_step))
+        if best is not None and (car.feasible, task.focus_passed, True) <= best[0]:
+            continue
+        smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup)
+        merit = (car.feasible, task.focus_passed, smooth)
+        if best is None or merit > best[0]:
+            best = merit, task
+        if merit == (True, focus.parts, True):
+            break
+    if best is not None:
+        return best[1]
+    raise NotPossible(
+        f"none of the {len(choice)} car(s) to choose from has a goal {goal} on its way (at least "
+        f"{goal.shortest_path_m:g} m within the recording, and not around its start)",
+        valid=_driven_lanelets(choice, lookup) if goal.lanelet else [],
+        next_step="choose another goal, a longer duration_s, another ego or another seed",
+    )
+
+
+def _check_lanelet(goal: GoalSpec, network: RoadNetwork) -> None:
+    """Refuse a lanelet that the network does not have, or a position beyond it."""
+    if goal.lanelet is None:
+        return
+    key = goal.lanelet.lanelet_id
+    if key not in network.lanelets:
+        raise UnknownName(
+            f"the site has no lanelet {key}: ids are known once a scenario of it is made",
+            valid=closest(str(key), [str(known) for known in sorted(network.lanelets)]),
+            next_step="generate with another goal and ask describe_scenario first, or use modify_scenario afterwards",
+        )
+    station_m(goal.lanelet.position, key, float(arc_length(network.lanelets[key].center)[-1]))
+
+
+def _driven_lanelets(cars: Sequence[Participant], lookup: LaneletLookup) -> list[int]:
+    """The lanelets that the cars drive over, seen twice a second."""
+    passed = (_under(lookup, car, step) for car in cars for step in range(0, len(car.motion.positions), 5))
+    return sorted({lanelet.lanelet_id for lanelet in passed if lanelet is not None})
+
+
+def _under(lookup: LaneletLookup, vehicle: Participant, step: int) -> RoadLanelet | None:
+    return lookup.under(vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step]))
+
+
+def _task(
+    car: Participant, goal: GoalSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
+) -> PlanningTask | None:
+    """The task of a car; None where it is not at such a goal, or lanelets do not lead there."""
+    at_goal = passage(goal, car, network)
+    if at_goal is None:
+        return None
+    start = _under(lookup, car, 0)
+    if goal.lanelet is not None:
+        end: RoadLanelet | None = network.lanelets[goal.lanelet.lanelet_id]
+    else:
+        end = lookup.under(at_goal.center, at_goal.heading_rad)
+    if start is None or end is None or not _is_reachable(network, start.lanelet_id, end.lanelet_id):
+        return None
+    margin = round(TIME_MARGIN_S / step_s)
+    asked = goal.lanelet.size_m if goal.lanelet else None
+    return PlanningTask(
+        ego=car,
+        goal_step=at_goal.step,
+        goal_distance_m=float(arc_length(car.motion.positions)[at_goal.step]),
+        lanelet_id=end.lanelet_id,
+        center=at_goal.center,
+        heading_rad=at_goal.heading_rad,
+        size_m=asked or _usual_size(end, at_goal.center, float(car.motion.speeds_mps[at_goal.step])),
+        time_steps=(max(1, at_goal.step - margin), at_goal.step + margin),
+        heading_margin_rad=HEADING_MARGIN_RAD,
+    )
+
+
+def _is_reachable(network: RoadNetwork, start: int, goal: int) -> bool:
+    """Whether one lanelet can be reached from another by successors and lane changes."""
+    reached, waiting = {start}, [start]
+    while waiting:
+        lanelet = network.lanelets[waiting.pop()]
+        for key in (*lanelet.successors, *lanelet.neighbours()):
+            if key not in reached:
+                reached.add(key)
+                waiting.append(key)
+    return goal in reached
+
+
+def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple[float, float]:
+    """A rectangle as wide as the lanelet, 2 to 3.5 m, and as long as the car drives in 0.8 s, 6 to 20 m."""
+    station, _ = project(lanelet.center, center)
+    width = float(np.interp(station, arc_length(lanelet.center), np.linalg.norm(lanelet.left - lanelet.right, axis=1)))
+    length = min(max(6.0, 0.8 * speed_mps), 20.0)
+    return round(length, 2), round(min(max(width, 2.0), 3.5), 2)
+
+
+LARGEST_GAP_M = 3.0
+"""How far before or behind a point a car that drives over it is recorded at most: half its path between two steps."""
+FARTHEST_ASIDE_M = 1.5
+"""A car that passes a point farther beside it drives on another lane (chosen)."""
+
+
+@dataclass(frozen=True)
+class _Passage:
+    """A car at the goal: the step, the goal's middle (2,) in m and heading."""
+
+    step: int
+    center: Points
+    heading_rad: float
+
+
+def passage(goal: GoalSpec, car: Participant, network: RoadNetwork) -> _Passage | None:
+    """Where and when a car is at the goal; None if it is not there within its recording, or too near to its start."""
+    driven = arc_length(car.motion.positions)
+    if goal.lanelet is not None:
+        return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], driven)
+    step = _ahead(goal, driven)
+    if step is None or driven[step] < goal.shortest_path_m:
+        return None
+    return _Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))
+
+
+def _ahead(goal: GoalSpec, driven: Values) -> int | None:
+    """The step at which the asked steps or metres are behind the car; None beyond its recording."""
+    if goal.steps is not None:
+        return goal.steps if goal.steps < len(driven) else None
+    reached = np.flatnonzero(driven >= (goal.distance_m or 0.0))
+    return int(reached[0]) if len(reached) else None
+
+
+def _on_lanelet(goal: _LaneletGoal, car: Participant, lanelet: RoadLanelet, driven: Values) -> _Passage | None:
+    """The step at which the car is nearest to the position, if it drives over it along the lanelet.
+
+    A rectangle that already holds the car at its start is no goal.
+    """
+    station = station_m(goal.position, lanelet.lanelet_id, float(arc_length(lanelet.center)[-1]))
+    center, heading = point_at(lanelet.center, station)
+    offsets = car.motion.positions - center
+    step = int(np.argmin(np.linalg.norm(offsets, axis=1)))
+    forward = np.array([math.cos(heading), math.sin(heading)])
+    leftward = np.array([-forward[1], forward[0]])
+    ahead, aside = offsets[step] @ forward, offsets[step] @ leftward
+    length, width = goal.size_m or (0.0, 0.0)
+    if abs(offsets[0] @ forward) <= length / 2 and abs(offsets[0] @ leftward) <= width / 2:
+        return None
+    turned = wrap_angle(float(car.motion.headings_rad[step]) - heading)
+    passes = abs(ahead) < LARGEST_GAP_M and abs(aside) < FARTHEST_ASIDE_M and abs(turned) < WIDEST_TURN_RAD
+    return _Passage(step, center, heading) if passes and driven[step] >= SHORTEST_ASKED_PATH_M else None
+
 
 LARGEST_CURVATURE_PER_M = 0.2
-"""Just below that of CommonRoad's vehicle 2 (BMW 320i) with its wheels turned fully."""
+"""A radius of 5 m (chosen); CommonRoad's vehicle 2 (BMW 320i) can turn more tightly, with 0.7 1/m at full lock."""
 LARGEST_CURVATURE_RATE_PER_MS = 0.4
 """What the Frenetix core allows."""
 SMOOTHING_M = 2.0
+"""Standard deviation of the smoothing before curvature is measured: corners of a polyline have none (chosen)."""
 BEFORE_M, BEYOND_M = 2.0, 20.0
-LOOKED_AT_EVERY = 5
+"""Lanes are looked at from before the start to beyond the goal, where a planner's horizon ends (chosen)."""
+SAMPLED_EVERY = 5
+"""Steps (0.5 s) between two looks at the lanelet under a car and at its speed."""
 
 
 def follows_smooth_lanes(car: Participant, last_step: int, network: RoadNetwork, lookup: LaneletLookup) -> bool:
-    """Whether the centre lines under the car up to a step, and 20 m beyond, bend no more than it can steer."""
-    steps = range(0, last_step + 1, LOOKED_AT_EVERY)
-    under = [lookup.under(car.motion.positions[step], float(car.motion.headings_rad[step])) for step in steps]
-    way = [lanelet for lanelet, _ in itertools.groupby(lanelet for lanelet in under if lanelet is not None)]
-    return all(_is_smooth(line, car, last_step) for line in _lines(way, network))
+    """Whether the centre lines under the car up to a step, and 20 m beyond, curve no more than it can steer."""
+    under = [_under(lookup, car, step) for step in range(0, last_step + 1, SAMPLED_EVERY)]
+    route = [lanelet for lanelet, _ in itertools.groupby(lanelet for lanelet in under if lanelet is not None)]
+    return all(_is_smooth(line, car, last_step) for line in _lines(route, network))
 
 
-def _lines(way: Sequence[RoadLanelet], network: RoadNetwork) -> list[Points]:
+def _lines(route: Sequence[RoadLanelet], network: RoadNetwork) -> list[Points]:
     """The centre lines joined where one lanelet follows on another, apart where the car changes the lane."""
     lines: list[list[Points]] = []
-    for before, lanelet in itertools.pairwise([None, *way]):
+    for before, lanelet in itertools.pairwise([None, *route]):
         if lanelet is None:
             continue
         if before is None or lanelet.lanelet_id not in before.successors:
             lines.append([])
         lines[-1].append(lanelet.center)
-    if way and len(way[-1].successors) == 1:
-        lines[-1].append(network.lanelets[way[-1].successors[0]].center)
+    if route and len(route[-1].successors) == 1:
+        lines[-1].append(network.lanelets[route[-1].successors[0]].center)
     return [without_repeats(np.concatenate(parts)) for parts in lines]
 
 
@@ -70,294 +373,8 @@ def _is_smooth(line: Points, car: Participant, last_step: int) -> bool:
 
 def _speeds_along(line: Points, stations: Points, car: Participant, last_step: int) -> Points:
     """The car's recorded speed at every station, that at either end beyond."""
-    steps = np.arange(0, last_step + 1, LOOKED_AT_EVERY)
-    there = np.array([project(line, car.motion.positions[step])[0] for step in steps])
-    order = np.argsort(there, kind="stable")
-    speeds: Points = np.interp(stations, there[order], car.motion.speeds_mps[steps][order])
+    steps = np.arange(0, last_step + 1, SAMPLED_EVERY)
+    at = np.array([project(line, car.motion.positions[step])[0] for step in steps])
+    order = np.argsort(at, kind="stable")
+    speeds: Points = np.interp(stations, at[order], car.motion.speeds_mps[steps][order])
     return speeds
-
-
-# ---------- goal_wish
-# The goal as asked, and the step of a recorded car at which it is there.
-
-SHORTEST_WAY_M = 10.0
-SHORTEST_ASKED_WAY_M = 4.0
-LARGEST_GAP_M = 3.0
-"""Half the way of a car between two steps, at most: one that is recorded farther before or behind stops short of it."""
-FARTHEST_ASIDE_M = 1.5
-MIDDLE = "middle"
-FORMS = (
-    "steps:N (10 to 1000)",
-    "distance_m:X (5 to 2000)",
-    "lanelet:ID:POSITION, also lanelet:ID:POSITION:LENGTHxWIDTH",
-)
-
-
-@dataclass(frozen=True)
-class _LaneletGoal:
-    """A goal on a lanelet: a position word, fraction or metres along it, and the rectangle (length, width) in m."""
-
-    lanelet_id: int
-    position: str
-    size_m: tuple[float, float] | None
-
-
-@dataclass(frozen=True)
-class GoalWish:
-    """The goal as asked: after a number of steps, after a distance in m on the ego's own way, or on a lanelet."""
-
-    steps: int | None = None
-    distance_m: float | None = None
-    lanelet: _LaneletGoal | None = None
-
-    @property
-    def shortest_way_m(self) -> float:
-        """So far a car has to drive to the goal at least."""
-        return SHORTEST_WAY_M if self.steps is not None else SHORTEST_ASKED_WAY_M
-
-    def __str__(self) -> str:
-        if self.lanelet is not None:
-            return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
-        return f"{self.steps} steps ahead" if self.steps is not None else f"{self.distance_m:g} m ahead"
-
-
-@dataclass(frozen=True)
-class _Passage:
-    """Where a car is when it is at the goal: the step, the goal's middle (2,) in m and heading."""
-
-    step: int
-    center: Points
-    heading_rad: float
-
-
-def parse_goal(text: str) -> GoalWish:
-    """Read ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``; the usual position is the middle.
-
-    Raises:
-        InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
-    """
-    if (match := re.fullmatch(r"steps:(\d{1,5})", text)) and 10 <= int(match[1]) <= 1000:
-        return GoalWish(steps=int(match[1]))
-    if (match := re.fullmatch(r"distance_m:(\d{1,5}(?:\.\d+)?)", text)) and 5 <= float(match[1]) <= 2000:
-        return GoalWish(distance_m=float(match[1]))
-    if match := re.fullmatch(r"lanelet:(\d{1,9})(?::([a-z_]+|[\d.]+m?))?(?::([\d.]+)x([\d.]+))?", text):
-        try:
-            size = (float(match[3]), float(match[4])) if match[3] else None
-        except ValueError:
-            size = (0.0, 0.0)
-        if size is None or all(0.5 <= side <= 500 for side in size):
-            return GoalWish(lanelet=_LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
-    raise InvalidRequest(f"goal {text!r} cannot be read", valid=FORMS)
-
-
-def _check_lanelet(goal: GoalWish, network: RoadNetwork) -> None:
-    """Refuse a lanelet that the network does not have, or a place beyond it.
-
-    Raises:
-        UnknownName: there is no such lanelet; ids are known only once a scenario of the site is made.
-        InvalidRequest: the position is none, or lies beyond the lanelet.
-    """
-    if goal.lanelet is None:
-        return
-    key = goal.lanelet.lanelet_id
-    if key not in network.lanelets:
-        raise UnknownName(
-            f"the site has no lanelet {key}: ids are known once a scenario of it is made",
-            valid=closest(str(key), [str(one) for one in sorted(network.lanelets)]),
-            next_step="generate with another goal and ask describe_scenario first, or use modify_scenario afterwards",
-        )
-    station_m(goal.lanelet.position, key, float(arc_length(network.lanelets[key].center)[-1]))
-
-
-def passage(goal: GoalWish, car: Participant, network: RoadNetwork) -> _Passage | None:
-    """Where and when a car is at the goal; None if it is not there within its recording, or too near to its start."""
-    gone = arc_length(car.motion.positions)
-    if goal.lanelet is not None:
-        return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], gone)
-    step = _ahead(goal, gone)
-    if step is None or gone[step] < goal.shortest_way_m:
-        return None
-    return _Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))
-
-
-def _ahead(goal: GoalWish, gone: Values) -> int | None:
-    if goal.steps is not None:
-        return goal.steps if goal.steps < len(gone) else None
-    reached = np.flatnonzero(gone >= (goal.distance_m or 0.0))
-    return int(reached[0]) if len(reached) else None
-
-
-def _on_lanelet(goal: _LaneletGoal, car: Participant, lanelet: RoadLanelet, gone: Values) -> _Passage | None:
-    """The step at which the car is nearest to the place, if it drives over it along the lanelet.
-
-    A rectangle that already holds the car at its start is no goal.
-    """
-    station = station_m(goal.position, lanelet.lanelet_id, float(arc_length(lanelet.center)[-1]))
-    center, heading = point_at(lanelet.center, station)
-    offsets = car.motion.positions - center
-    step = int(np.argmin(np.linalg.norm(offsets, axis=1)))
-    forward = np.array([math.cos(heading), math.sin(heading)])
-    leftward = np.array([-forward[1], forward[0]])
-    ahead, aside = offsets[step] @ forward, offsets[step] @ leftward
-    length, width = goal.size_m or (0.0, 0.0)
-    if abs(offsets[0] @ forward) <= length / 2 and abs(offsets[0] @ leftward) <= width / 2:
-        return None
-    turned = wrap_angle(float(car.motion.headings_rad[step]) - heading)
-    passes = abs(ahead) < LARGEST_GAP_M and abs(aside) < FARTHEST_ASIDE_M and abs(turned) < WIDEST_TURN_RAD
-    return _Passage(step, center, heading) if passes and gone[step] >= SHORTEST_ASKED_WAY_M else None
-
-
-# ---------- planning_problem
-# The ego and its goal: one of the recorded cars becomes the planning problem, its recorded way shows the goal.
-
-TIME_MARGIN_S = 1.5
-HEADING_MARGIN_RAD = 0.25
-
-
-@dataclass(frozen=True)
-class EgoWish:
-    """The ego as asked: the n-th car; ``other_class`` is what was asked for instead of a car."""
-
-    index: int | None
-    other_class: str | None
-
-
-@dataclass(frozen=True)
-class PlanningTask:
-    """Initial state and goal of the ego.
-
-    The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, to be reached within
-    the steps of ``time_steps`` and headings within ``heading_margin_rad``. ``heart_passed``: how many parts of
-    what the site is about the recorded way to it passes.
-    """
-
-    ego: Participant
-    goal_step: int
-    goal_distance_m: float
-    lanelet_id: int
-    center: Points
-    heading_rad: float
-    size_m: tuple[float, float]
-    time_steps: tuple[int, int]
-    heading_margin_rad: float
-    heart_passed: int = 1
-
-
-def parse_ego(text: str) -> EgoWish:
-    """Read ``first``, ``index:N`` or ``type:CLASS``.
-
-    Raises:
-        InvalidRequest: none of these.
-    """
-    if text == "first":
-        return EgoWish(None, None)
-    if match := re.fullmatch(r"index:(\d{1,3})", text):
-        return EgoWish(int(match[1]), None)
-    if match := re.fullmatch(r"type:([a-z_]{1,30})", text):
-        return EgoWish(None, None if match[1] == "car" else match[1])
-    raise InvalidRequest(f"ego {text!r} cannot be read", valid=["first", "index:N (cars, from 0)", "type:CLASS"])
-
-
-def choose_task(
-    ego: EgoWish, goal: GoalWish, everyone: Sequence[Participant], network: RoadNetwork, heart: SiteHeart, step_s: float
-) -> PlanningTask:
-    """The planning task of the wished car, or of the first car that can have the wished goal.
-
-    Cars whose recorded way can be driven come before others, of those the ones that pass on it what the site is about,
-    and of those the ones whose lanes can be followed.
-
-    Raises:
-        NotPossible: no car, not so many cars, or none that reaches such a goal.
-    """
-    cars = [vehicle for vehicle in everyone if vehicle.vehicle_class.name == "car"]
-    if ego.index is not None and ego.index >= len(cars):
-        raise NotPossible(
-            f"ego index:{ego.index} asks for car number {ego.index}; the traffic holds {len(cars)}",
-            valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
-            next_step="choose a smaller index or a higher density",
-        )
-    choice = [cars[ego.index]] if ego.index is not None else cars
-    _check_lanelet(goal, network)
-    lookup = LaneletLookup(network)
-    best: tuple[tuple[bool, int, bool], PlanningTask] | None = None
-    for car in choice:
-        task = _task(car, goal, network, lookup, step_s)
-        if task is None:
-            continue
-        task = replace(task, heart_passed=heart.parts_passed(car, task.goal_step))
-        if best is not None and (car.feasible, task.heart_passed, True) <= best[0]:
-            continue
-        smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup)
-        merit = (car.feasible, task.heart_passed, smooth)
-        if best is None or merit > best[0]:
-            best = merit, task
-        if merit == (True, heart.parts, True):
-            break
-    if best is not None:
-        return best[1]
-    raise NotPossible(
-        f"none of the {len(choice)} car(s) to choose from has a goal {goal} on its way (at least "
-        f"{goal.shortest_way_m:g} m within the recording, and not around its start)",
-        valid=_driven_lanelets(choice, lookup) if goal.lanelet else [],
-        next_step="choose another goal, a longer duration_s, another ego or another seed",
-    )
-
-
-def _driven_lanelets(cars: Sequence[Participant], lookup: LaneletLookup) -> list[int]:
-    """The lanelets that the cars drive over, seen twice a second."""
-    passed = (_under(lookup, car, step) for car in cars for step in range(0, len(car.motion.positions), 5))
-    return sorted({lanelet.lanelet_id for lanelet in passed if lanelet is not None})
-
-
-def _task(
-    car: Participant, goal: GoalWish, network: RoadNetwork, lookup: LaneletLookup, step_s: float
-) -> PlanningTask | None:
-    there = passage(goal, car, network)
-    if there is None:
-        return None
-    start, end = _under(lookup, car, 0), _goal_lanelet(goal, there, network, lookup)
-    if start is None or end is None or not _is_reachable(network, start.lanelet_id, end.lanelet_id):
-        return None
-    margin = round(TIME_MARGIN_S / step_s)
-    asked = goal.lanelet.size_m if goal.lanelet else None
-    return PlanningTask(
-        ego=car,
-        goal_step=there.step,
-        goal_distance_m=float(arc_length(car.motion.positions)[there.step]),
-        lanelet_id=end.lanelet_id,
-        center=there.center,
-        heading_rad=there.heading_rad,
-        size_m=asked or _usual_size(end, there.center, float(car.motion.speeds_mps[there.step])),
-        time_steps=(max(1, there.step - margin), there.step + margin),
-        heading_margin_rad=HEADING_MARGIN_RAD,
-    )
-
-
-def _goal_lanelet(goal: GoalWish, there: _Passage, network: RoadNetwork, lookup: LaneletLookup) -> RoadLanelet | None:
-    if goal.lanelet is not None:
-        return network.lanelets[goal.lanelet.lanelet_id]
-    return lookup.under(there.center, there.heading_rad)
-
-
-def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple[float, float]:
-    """A rectangle as wide as the lanelet, 2 to 3.5 m, and as long as the car drives in 0.8 s, 6 to 20 m."""
-    station, _ = project(lanelet.center, center)
-    width = float(np.interp(station, arc_length(lanelet.center), np.linalg.norm(lanelet.left - lanelet.right, axis=1)))
-    length = min(max(6.0, 0.8 * speed_mps), 20.0)
-    return round(length, 2), round(min(max(width, 2.0), 3.5), 2)
-
-
-def _under(lookup: LaneletLookup, vehicle: Participant, step: int) -> RoadLanelet | None:
-    return lookup.under(vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step]))
-
-
-def _is_reachable(network: RoadNetwork, start: int, goal: int) -> bool:
-    """Whether one lanelet can be reached from another by successors and lane changes."""
-    found, waiting = {start}, [start]
-    while waiting:
-        lanelet = network.lanelets[waiting.pop()]
-        for key in (*lanelet.successors, *lanelet.neighbours()):
-            if key not in found:
-                found.add(key)
-                waiting.append(key)
-    return goal in found

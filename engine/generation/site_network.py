@@ -1,6 +1,10 @@
-"""From a map to a place where traffic can drive: site, SUMO net and lanelets."""
+"""From a map to a site where traffic can drive: its SUMO net, its lanelets, and what the road rules find in them.
 
-from dataclasses import dataclass
+A site's network is judged before traffic is made for it, so that an unfit site costs little.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from lxml import etree
@@ -24,12 +28,9 @@ from ..network import (
     told,
 )
 from ..traffic import WARM_UP_S
-from .metadata import head_of
-from .sites import classes_for, radius_for, why_not_realised
-from .writer import ScenarioHead, write_network
-
-# ---------- generate_place
-# From a map to a place where traffic can drive: site, SUMO net and lanelets.
+from .metadata import STEP_S, ScenarioMetadata, metadata_of
+from .sites import SiteFocus, classes_for, radius_for, why_not_realised
+from .writer import write_network
 
 _LEFT = """
 AIA ATG AUS BGD BHS BMU BRB BRN BTN BWA CCK COK CXR CYM CYP DMA FJI FLK GBR GGY GRD GUY HKG IDN IMN IND IRL JAM JEY
@@ -40,134 +41,129 @@ LEFT_HAND_COUNTRIES = frozenset(_LEFT.split())
 """Countries (ISO 3166-1 alpha-3) where traffic keeps to the left."""
 UNKNOWN_SIDE = "the country of the map is unknown, so traffic keeps to the right; where it does not, name the country"
 MANY_HAIRPINS = 10
-"""So many turns that cannot be drawn mean that netconvert made one huge junction of several."""
+"""More turns than this that cannot be drawn mean that netconvert made one huge junction of several (chosen)."""
+SITE_LOST = "site_lost"
+"""Reason of the refusal of a site whose type the net does not show."""
 
 
 @dataclass(frozen=True)
-class Place:
-    """A site as a SUMO net and as lanelets; ``notes`` are for the answer, ``warnings`` are netconvert's."""
+class SiteNetwork:
+    """A site as a SUMO net (in the file at ``net_path``) and as lanelets, ready for traffic.
+
+    ``notes`` are for the answer, ``warnings`` are netconvert's, ``findings`` those of the road rules.
+    """
 
     site: Site
     radius_m: float
+    net_path: Path
     net: SumoNet
     network: RoadNetwork
+    metadata: ScenarioMetadata
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
+    findings: tuple[RuleFinding, ...] = ()
+
+    @cached_property
+    def focus(self) -> SiteFocus:
+        """The areas that the site is about."""
+        return SiteFocus(self.site, self.net, self.network)
 
 
-def build_place(
-    osm: OsmMap,
-    site: Site,
-    request: GenerationRequest,
-    net_path: Path,
-    scratch: Path,
-    step_s: float,
-    report: ProgressReporter,
-) -> Place:
-    """Cut a site out of the map and build its net (written to ``net_path``) and its lanelets.
-
-    Raises:
-        NotPossible: no road there is open to cars.
-    """
-    radius = radius_for(site, request)
-    center, classes = (site.latitude, site.longitude), classes_for(site, request)
-    cut = scratch / "site.osm"
-    notes: list[str] = []
-    report(0.05, "cutting out the site")
-    if isinstance(osm, NetMap):
-        conversion = _checked(cut_net(osm, center, radius, classes, net_path, scratch))
-    else:
-        cut_map(osm, center, radius, classes, cut)
-        report(0.1, "running netconvert")
-        conversion, notes = convert_map(cut, net_path, lefthand=request.country in LEFT_HAND_COUNTRIES)
-    report(0.15, "building the lanelets")
-    network = _network(net_path, step_s)
-    if len(network.dropped_lanes) > MANY_HAIRPINS and not isinstance(osm, NetMap):
-        service = bool(notes)
-        lefthand = request.country in LEFT_HAND_COUNTRIES
-        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
-        notes.append("junctions close together were not joined, because one of them became too large to be drawn")
-        network = _network(net_path, step_s)
-    warnings = conversion.warnings
-    if network.dropped_lanes:
-        removed, later = remove_hairpins(net_path, scratch)
-        warnings += later
-        notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
-        network = _network(net_path, step_s)
-    if request.country is None and not isinstance(osm, NetMap):  # a network says itself on which side it drives
-        notes.append(UNKNOWN_SIDE)
-    cap_speeds(net_path)
-    return Place(site, radius, read_net(net_path), network, warnings, tuple(notes))
-
-
-def _network(net_path: Path, step_s: float) -> RoadNetwork:
-    """The lanelets of a net, with the limits as posted: speeds are capped for bends afterwards."""
-    return build_road_network(read_net(net_path), step_s=step_s, elapsed_s=WARM_UP_S)
-
-
-def _checked(conversion: Conversion) -> Conversion:
-    """A network that the user made, if cars can drive on it."""
-    if not read_net(conversion.net_path).drivable_edges("passenger"):
-        raise NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
-    return conversion
-
-
-def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversion, list[str]]:
-    """The net with the mildest settings that give one on which cars can drive, and notes on what had to be changed."""
-    conversion = convert_osm(cut, net_path, lefthand=lefthand)
-    if read_net(net_path).drivable_edges("passenger"):
-        return conversion, []
-    conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
-    if not read_net(net_path).drivable_edges("passenger"):
-        raise NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
-    return conversion, ["only service roads lie here; they were opened to all vehicles"]
-
-
-# ---------- generate_ground
-# The ground of a scenario: a place that shows what was asked for, with a road network that passes the rules.
-#
-# Judged before traffic is made for it, so that a site that is not fit costs little.
-
-ANOTHER_TYPE = "choose another scenario_type, or another place"
-"""What to do about a site that is lost: the types that the map holds besides are looked for only where all are."""
-
-
-@dataclass(frozen=True)
-class Ground:
-    """A place with its net file, the head of scenarios there, and what the rules remark on its network."""
-
-    place: Place
-    net_path: Path
-    head: ScenarioHead
-    findings: tuple[RuleFinding, ...]
-
-
-def prepare_ground(
-    request: GenerationRequest, osm: OsmMap, site: Site, folder: Path, step_s: float, report: ProgressReporter
-) -> Ground:
-    """Build a site's network and judge it.
+def prepare_site(
+    request: GenerationRequest, osm: OsmMap, site: Site, folder: Path, report: ProgressReporter
+) -> SiteNetwork:
+    """Build a site's network in a folder and judge it.
 
     Raises:
         NotPossible: the network does not show the site's type, breaks a rule, or no road there is open to cars.
     """
-    net_path = folder / "scenario.net.xml"
-    place = build_place(osm, site, request, net_path, folder, step_s, report)
-    if (reason := why_not_realised(site, place.net)) is not None:
-        raise NotPossible(reason, next_step=ANOTHER_TYPE)
+    built = build_network(request, osm, site, folder, report)
+    if (reason := why_not_realised(site, built.net)) is not None:
+        raise NotPossible(reason, next_step="choose another scenario_type, or another place", reason=SITE_LOST)
     report(0.25, "checking the network")
-    head = head_of(request, site, place.net, step_s)
-    findings = _network_findings(place.network, head)
+    findings = _network_findings(built.network, built.metadata)
     if errors := told(findings, "error"):
         where = f"{site.latitude:.5f}, {site.longitude:.5f}"
         raise NotPossible(
             f"the road network at {where} is wrong: {'; '.join(errors)}",
             next_step="choose another place, scenario_type or seed",
         )
-    return Ground(place, net_path, head, findings)
+    return replace(built, findings=findings)
 
 
-def _network_findings(network: RoadNetwork, head: ScenarioHead) -> tuple[RuleFinding, ...]:
+def build_network(
+    request: GenerationRequest, osm: OsmMap, site: Site, folder: Path, report: ProgressReporter
+) -> SiteNetwork:
+    """Cut a site out of the map and build its net and its lanelets, not judged yet.
+
+    Raises:
+        NotPossible: no road there is open to cars.
+    """
+    net_path = folder / "scenario.net.xml"
+    radius, lefthand = radius_for(site, request), request.country in LEFT_HAND_COUNTRIES
+    center, classes = (site.latitude, site.longitude), classes_for(site, request)
+    cut = folder / "site.osm"
+    notes: list[str] = []
+    report(0.05, "cutting out the site")
+    if isinstance(osm, NetMap):
+        conversion = cut_net(osm, center, radius, classes, net_path, folder)
+        if not _is_drivable(net_path):
+            raise _closed_to_cars()
+    else:
+        cut_map(osm, center, radius, classes, cut)
+        report(0.1, "running netconvert")
+        conversion, notes = convert_map(cut, net_path, lefthand=lefthand)
+    report(0.15, "building the lanelets")
+    network = _lanelets(net_path)
+    if len(network.dropped_lanes) > MANY_HAIRPINS and not isinstance(osm, NetMap):
+        service = bool(notes)
+        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
+        notes.append("junctions close together were not joined, because one of them became too large to be drawn")
+        network = _lanelets(net_path)
+    warnings = conversion.warnings
+    if network.dropped_lanes:
+        removed, later = remove_hairpins(net_path, folder)
+        warnings += later
+        notes.append(f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net")
+        network = _lanelets(net_path)
+    if request.country is None and not isinstance(osm, NetMap):  # a network itself says on which side it drives
+        notes.append(UNKNOWN_SIDE)
+    cap_speeds(net_path)
+    net = read_net(net_path)
+    metadata = metadata_of(request, site, net)
+    return SiteNetwork(site, radius, net_path, net, network, metadata, warnings, tuple(notes))
+
+
+def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversion, list[str]]:
+    """The net with the mildest settings that give one on which cars can drive, and notes on what had to be changed.
+
+    Raises:
+        NotPossible: no road of the extract is open to cars, however it is converted.
+    """
+    conversion = convert_osm(cut, net_path, lefthand=lefthand)
+    if _is_drivable(net_path):
+        return conversion, []
+    conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
+    if not _is_drivable(net_path):
+        raise _closed_to_cars()
+    return conversion, ["only service roads lie here; they were opened to all vehicles"]
+
+
+def _is_drivable(net_path: Path) -> bool:
+    return bool(read_net(net_path).drivable_edges("passenger"))
+
+
+def _closed_to_cars() -> NotPossible:
+    return NotPossible("no road here is open to cars", next_step="choose other road_classes or another place")
+
+
+def _lanelets(net_path: Path) -> RoadNetwork:
+    """The lanelets of a net, with the limits as posted: speeds are capped for curves afterwards."""
+    return build_road_network(read_net(net_path), step_s=STEP_S, elapsed_s=WARM_UP_S)
+
+
+def _network_findings(network: RoadNetwork, metadata: ScenarioMetadata) -> tuple[RuleFinding, ...]:
     """What the rules find in a network as it will stand in the file."""
-    root = etree.Element("commonRoad", {"benchmarkID": head.benchmark_id})
-    write_network(root, network, head.speed_sign)
+    root = etree.Element("commonRoad", {"benchmarkID": metadata.benchmark_id})
+    write_network(root, network, metadata.speed_sign)
     return check_network(road_document(root))

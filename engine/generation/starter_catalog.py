@@ -1,4 +1,4 @@
-"""Making the starter catalogue anew from our own maps with our own generator.
+"""Making the starter catalogue anew from the built-in maps with this generator.
 
 ``python -m plannerforge.engine.generation.starter_catalog`` writes the catalogue package's ``starter.zip``; on one
 type of machine the bytes are always the same (fixed order, fixed times of day, no dates).
@@ -19,11 +19,12 @@ from ..scenarios import read_facts
 from .generator import generate_scenario
 
 FIXED_TIME = (2025, 1, 1, 0, 0, 0)
+"""Of all members of the archive: a date would make its bytes differ from day to day."""
 
 
 @dataclass(frozen=True)
-class Plan:
-    """One scenario of the starter catalogue: where, how dense, who besides cars, how long, which seed."""
+class _Plan:
+    """One scenario of the starter catalogue; ``classes`` drive there besides cars."""
 
     place: str
     scenario_type: SiteType
@@ -35,43 +36,43 @@ class Plan:
 
 
 PLANS = (
-    Plan("Musterstadt", "signalised_intersection", "low", ("bus",), 12, 1),
-    Plan("Musterstadt", "signalised_intersection", "medium", ("truck", "motorcycle"), 10, 2),
-    Plan("Musterstadt", "intersection", "low", ("bicycle",), 12, 3),
-    Plan("Fahrhausen", "intersection", "low", ("truck",), 12, 4),
-    Plan("Fahrhausen", "intersection", "low", ("bicycle", "bus"), 12, 5, "distance_m:40"),
-    Plan("Fahrhausen", "urban", "low", ("delivery",), 12, 6),
-    Plan("Kreiselheim", "roundabout", "low", ("bicycle",), 12, 7),
-    Plan("Kreiselheim", "roundabout", "medium", ("truck", "taxi"), 10, 8),
-    Plan("Kreiselheim", "roundabout", "low", ("bus", "motorcycle"), 12, 9, "steps:70"),
-    Plan("Neuland", "highway", "low", ("truck",), 12, 10),
-    Plan("Neuland", "highway", "medium", ("truck", "coach"), 10, 11, "distance_m:120"),
-    Plan("Neuland", "ramp", "low", ("truck",), 12, 12),
-    Plan("Neuland", "ramp", "medium", ("trailer", "motorcycle"), 10, 13),
-    Plan("Quadratstadt", "urban", "low", ("bus", "bicycle"), 12, 14),
-    Plan("Quadratstadt", "signalised_intersection", "medium", ("emergency", "taxi"), 10, 15),
-    Plan("Quadratstadt", "urban", "high", ("truck", "bicycle"), 8, 16),
-    Plan("Landmoor", "rural", "low", ("truck",), 12, 17),
-    Plan("Landmoor", "rural", "low", ("bus", "motorcycle"), 12, 18, "distance_m:100"),
-    Plan("Musterstadt", "signalised_intersection", "high", ("taxi", "coach"), 10, 19),
-    Plan("Musterstadt", "urban", "low", ("delivery", "moped"), 12, 20, "distance_m:60"),
-    Plan("Fahrhausen", "intersection", "medium", ("motorcycle",), 12, 21),
-    Plan("Fahrhausen", "urban", "high", ("bicycle", "moped"), 10, 22),
-    Plan("Kreiselheim", "roundabout", "high", ("coach",), 10, 23),
-    Plan("Kreiselheim", "intersection", "low", ("emergency",), 12, 24),
-    Plan("Neuland", "highway", "high", ("trailer", "truck"), 10, 25),
-    Plan("Neuland", "highway", "low", ("emergency", "motorcycle"), 15, 26, "distance_m:200"),
-    Plan("Neuland", "ramp", "high", ("truck", "delivery"), 10, 27),
-    Plan("Neuland", "rural", "medium", ("trailer",), 12, 28),
-    Plan("Quadratstadt", "intersection", "medium", ("bus",), 12, 29, "steps:70"),
-    Plan("Quadratstadt", "signalised_intersection", "low", ("delivery", "bicycle"), 12, 30),
-    Plan("Landmoor", "rural", "medium", ("trailer", "coach"), 12, 31),
-    Plan("Landmoor", "intersection", "low", ("truck",), 12, 32),
+    _Plan("Musterstadt", "signalised_intersection", "low", ("bus",), 12, 1),
+    _Plan("Musterstadt", "signalised_intersection", "medium", ("truck", "motorcycle"), 10, 2),
+    _Plan("Musterstadt", "intersection", "low", ("bicycle",), 12, 3),
+    _Plan("Fahrhausen", "intersection", "low", ("truck",), 12, 4),
+    _Plan("Fahrhausen", "intersection", "low", ("bicycle", "bus"), 12, 5, "distance_m:40"),
+    _Plan("Fahrhausen", "urban", "low", ("delivery",), 12, 6),
+    _Plan("Kreiselheim", "roundabout", "low", ("bicycle",), 12, 7),
+    _Plan("Kreiselheim", "roundabout", "medium", ("truck", "taxi"), 10, 8),
+    _Plan("Kreiselheim", "roundabout", "low", ("bus", "motorcycle"), 12, 9, "steps:70"),
+    _Plan("Neuland", "highway", "low", ("truck",), 12, 10),
+    _Plan("Neuland", "highway", "medium", ("truck", "coach"), 10, 11, "distance_m:120"),
+    _Plan("Neuland", "ramp", "low", ("truck",), 12, 12),
+    _Plan("Neuland", "ramp", "medium", ("trailer", "motorcycle"), 10, 13),
+    _Plan("Quadratstadt", "urban", "low", ("bus", "bicycle"), 12, 14),
+    _Plan("Quadratstadt", "signalised_intersection", "medium", ("emergency", "taxi"), 10, 15),
+    _Plan("Quadratstadt", "urban", "high", ("truck", "bicycle"), 8, 16),
+    _Plan("Landmoor", "rural", "low", ("truck",), 12, 17),
+    _Plan("Landmoor", "rural", "low", ("bus", "motorcycle"), 12, 18, "distance_m:100"),
+    _Plan("Musterstadt", "signalised_intersection", "high", ("taxi", "coach"), 10, 19),
+    _Plan("Musterstadt", "urban", "low", ("delivery", "moped"), 12, 20, "distance_m:60"),
+    _Plan("Fahrhausen", "intersection", "medium", ("motorcycle",), 12, 21),
+    _Plan("Fahrhausen", "urban", "high", ("bicycle", "moped"), 10, 22),
+    _Plan("Kreiselheim", "roundabout", "high", ("coach",), 10, 23),
+    _Plan("Kreiselheim", "intersection", "low", ("emergency",), 12, 24),
+    _Plan("Neuland", "highway", "high", ("trailer", "truck"), 10, 25),
+    _Plan("Neuland", "highway", "low", ("emergency", "motorcycle"), 15, 26, "distance_m:200"),
+    _Plan("Neuland", "ramp", "high", ("truck", "delivery"), 10, 27),
+    _Plan("Neuland", "rural", "medium", ("trailer",), 12, 28),
+    _Plan("Quadratstadt", "intersection", "medium", ("bus",), 12, 29, "steps:70"),
+    _Plan("Quadratstadt", "signalised_intersection", "low", ("delivery", "bicycle"), 12, 30),
+    _Plan("Landmoor", "rural", "medium", ("trailer", "coach"), 12, 31),
+    _Plan("Landmoor", "intersection", "low", ("truck",), 12, 32),
 )
 
 
 def build(target: Path) -> list[str]:
-    """Generate all scenarios and write the archive; the scenarios' ids in order.
+    """Generate all scenarios, write the archive and return the scenarios' ids in order.
 
     The archive holds ``manifest.json`` (how each was made), ``facts.json`` (facts by id), and the files.
     """
@@ -86,8 +87,7 @@ def build(target: Path) -> list[str]:
             xml, net = Path(folder) / "scenario.xml", Path(folder) / "scenario.net.xml"
             members[f"scenarios/{made.benchmark_id}.xml"] = xml.read_bytes()
             members[f"scenarios/{made.benchmark_id}.net.xml"] = net.read_bytes()
-            found = read_facts(ReadFactsRequest(path=xml), silent)
-            facts[made.benchmark_id] = found.model_dump(mode="json")
+            facts[made.benchmark_id] = read_facts(ReadFactsRequest(path=xml), silent).model_dump(mode="json")
         arguments = request.model_dump(mode="json", exclude={"folder", "map_path"})
         manifest.append({"id": made.benchmark_id, "tool": "generate_scenarios", "arguments": arguments})
     members["manifest.json"] = _json(manifest)
@@ -96,7 +96,7 @@ def build(target: Path) -> list[str]:
     return [str(entry["id"]) for entry in manifest]
 
 
-def _request(plan: Plan, entry: MapEntry, number: int, folder: str) -> GenerationRequest:
+def _request(plan: _Plan, entry: MapEntry, number: int, folder: str) -> GenerationRequest:
     return GenerationRequest(
         map_path=str(entry.path),
         map_id=entry.facts.map_id,

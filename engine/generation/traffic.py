@@ -1,4 +1,8 @@
-"""Traffic for a generated scenario: drawn anew until every class that was asked for is there."""
+"""Traffic for a generated scenario: drawn anew until each class that was asked for is there, and ordered.
+
+Vehicles are ordered by how much the site matters to them, so that "the first car" is not one that waits at the edge of
+the map.
+"""
 
 import random
 from collections import Counter
@@ -11,114 +15,49 @@ import numpy as np
 from ...schemas.errors import NotPossible
 from ...schemas.generation import GenerationRequest, SiteType
 from ..execution import ProgressReporter
-from ..maps import RURAL_CLASSES, Site
-from ..network import LaneletLookup, RoadNetwork, SumoNet
+from ..maps import RURAL_CLASSES
+from ..network import LaneletLookup
 from ..traffic import WARM_UP_S, Demand, Participant, TripMaker, drop_infeasible, participants, simulate_traffic
 from ..vehicles import vehicle_classes
-from .site_network import Place
-from .sites import middle_of, road_classes
-
-# ---------- scene_order
-# The order in which vehicles are numbered: by their way through the middle of the site.
-
-SHORTEST_WAY_M = 15.0
-WATCHED_STEPS = 80
-ROADS_OF: dict[SiteType, frozenset[str]] = {
-    "highway": frozenset({"motorway", "trunk"}),
-    "ramp": frozenset({"motorway", "trunk", "motorway_link", "trunk_link", "primary_link", "secondary_link"}),
-    "rural": RURAL_CLASSES,
-}
-"""OSM classes of the roads that a site of this type is about; sites at junctions are about all."""
-LINK_CLASSES = frozenset({"motorway_link", "trunk_link"})
-LOOKED_AT_EVERY = 10
-
-
-def along_the_site(
-    everyone: tuple[Participant, ...], site: Site, net: SumoNet, network: RoadNetwork
-) -> tuple[Participant, ...]:
-    """Vehicles ordered so that those come first that drive, on the roads in question, through the middle of the site.
-
-    "The first car" is therefore one to which the site matters, not one that waits at the edge of the map.
-    """
-    middle = middle_of(site, net)
-    lookup = LaneletLookup(network)
-
-    def rank(vehicle: Participant) -> tuple[bool, bool, bool, float, str]:
-        positions = vehicle.motion.positions
-        distance = np.linalg.norm(positions[:WATCHED_STEPS] - middle, axis=1)
-        stands = bool(np.linalg.norm(positions[-1] - positions[0]) < SHORTEST_WAY_M)
-        nears = float(distance[0]) > float(distance.min()) + 5.0
-        nearest = round(float(distance.min()) + (0.0 if nears else 100.0), 3)
-        away = not _on_road(vehicle, site, net, lookup)
-        return away, not _takes_ramp(vehicle, site, net, lookup), stands, nearest, vehicle.vehicle_id
-
-    return tuple(sorted(everyone, key=rank))
-
-
-def _on_road(vehicle: Participant, site: Site, net: SumoNet, lookup: LaneletLookup) -> bool:
-    """Whether a vehicle begins on one of the roads that the site is about."""
-    wanted = ROADS_OF.get(site.kind)
-    if wanted is None:
-        return True
-    classes = _classes_under(vehicle, 0, net, lookup)
-    return classes is not None and (not classes or bool(classes & wanted))
-
-
-def _takes_ramp(vehicle: Participant, site: Site, net: SumoNet, lookup: LaneletLookup) -> bool:
-    """Whether a vehicle leaves or joins the main road over a link soon: what a ramp is for. True at other sites."""
-    if site.kind != "ramp":
-        return True
-    steps = range(0, min(len(vehicle.motion.positions), WATCHED_STEPS), LOOKED_AT_EVERY)
-    passed = [classes for step in steps if (classes := _classes_under(vehicle, step, net, lookup))]
-    on_link = [bool(classes & LINK_CLASSES) for classes in passed]
-    return any(on_link) and not all(on_link)
-
-
-def _classes_under(vehicle: Participant, step: int, net: SumoNet, lookup: LaneletLookup) -> frozenset[str] | None:
-    """OSM classes of the road under a vehicle; empty inside a junction, None beside all roads."""
-    lanelet = lookup.under(vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step]))
-    if lanelet is None:
-        return None
-    return frozenset() if lanelet.internal else road_classes(net.edges[lanelet.edge_id])
-
-
-# ---------- generate_traffic
-# Traffic for a generated scenario: drawn anew until every class that was asked for is there.
+from .metadata import STEP_S
+from .site_network import SiteNetwork
+from .sites import FAST_ROADS, RAMP_LINKS, middle_of, road_classes
 
 ATTEMPTS = 3
+"""Simulations before a class that falls short is refused (chosen)."""
 MOST_STATES = 100_000
-"""So many recorded states of vehicles fit into a file that is still read back; its reader bounds the elements."""
+"""Recorded states of vehicles in a file, at most: its reader bounds the elements of what it reads back."""
 SPARE_SHARE = 0.12
-"""More vehicles than wanted are simulated, because some leave before step 0 or are left out."""
+"""More vehicles than wanted are simulated, because some leave before step 0 or are left out (chosen)."""
 MORE_FOR_EACH_ABSENT = 2
-"""Of a class that fell short, so many more are simulated at the next attempt for each that was missing."""
+"""For each vehicle of a class that was missing, vehicles that the next attempt simulates beyond the wanted ones."""
 LASTING_S = 30.0
-"""Trips prefer ways that last so long; preferring longer ones would keep traffic off the main roads of a small site."""
+"""Trips prefer routes that take so long; preferring longer ones would keep traffic off a small site's main roads."""
 
 
 @dataclass(frozen=True)
-class _LivelyTraffic:
+class GeneratedTraffic:
     """Smoothed vehicles at a site, spare ones among them, and the demand that they meet.
 
-    ``left_out``: how many were not sound, as they could not be driven or overlapped others.
+    ``left_out``: vehicles that could not be driven as recorded or overlapped others.
     """
 
-    everyone: tuple[Participant, ...]
+    vehicles: tuple[Participant, ...]
     left_out: int
     demand: Demand
 
 
-def lively_traffic(
+def generate_traffic(
     request: GenerationRequest,
     demand: Demand,
-    place: Place,
+    site: SiteNetwork,
     round_number: int,
-    net_path: Path,
     scratch: Path,
-    step_s: float,
     report: ProgressReporter,
-) -> _LivelyTraffic:
+) -> GeneratedTraffic:
     """Traffic without overlaps that holds all vehicles that were asked for: the first of several attempts.
+
+    ``round_number`` draws other traffic with the same seed.
 
     Raises:
         NotPossible: no road at the site is open to a class that was asked for, or too few of a class find room.
@@ -129,33 +68,32 @@ def lively_traffic(
     more: Counter[str] = Counter()
     for attempt in range(ATTEMPTS):
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
-        trips = TripMaker(place.net, lasting_s, random.Random(seed))  # noqa: S311 - reproducible, not secret
+        trips = TripMaker(site.net, lasting_s, random.Random(seed))  # noqa: S311 - reproducible, not secret
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
         part = _Part(report, 0.3 + 0.4 * attempt / ATTEMPTS, 0.4 / ATTEMPTS)
         part(0.0, "simulating traffic")
-        traffic = simulate_traffic(
-            net_path,
+        recorded = simulate_traffic(
+            site.net_path,
             demand.with_spares(SPARE_SHARE, more),
             trips,
             duration_s=request.duration_s,
-            step_s=step_s,
+            step_s=STEP_S,
             seed=seed,
             scratch=scratch,
             report=part,
         )
-        states = sum(len(track.front) - track.lead_in for track in traffic.tracks) / (1 + SPARE_SHARE)
+        states = sum(len(track.front) - track.lead_in for track in recorded.tracks) / (1 + SPARE_SHARE)
         if states > MOST_STATES:
             demand = _fewer(demand, MOST_STATES / states, request.duration_s)
             continue
         part(1.0, "smoothing motion")
-        everyone = participants(traffic)
+        smoothed = participants(recorded)
         part(1.0, "looking for overlaps")
-        kept = drop_infeasible(everyone, needed)
-        left_out = len(everyone) - len(kept)
-        absent = missing(demand, kept)
+        kept = drop_infeasible(smoothed, needed)
+        absent = _missing(demand, kept)
         if not absent:
-            return _LivelyTraffic(kept, left_out, demand)
+            return GeneratedTraffic(kept, len(smoothed) - len(kept), demand)
         shortfalls.append(absent)
         more.update({name: MORE_FOR_EACH_ABSENT * count for name, count in absent.items()})
     if not shortfalls:
@@ -163,8 +101,23 @@ def lively_traffic(
     raise _no_room(demand, min(shortfalls, key=lambda absent: sum(absent.values())))
 
 
+class _Part:
+    """Reports the share of a part as that of the whole."""
+
+    def __init__(self, whole: ProgressReporter, begin: float, size: float) -> None:
+        self._whole, self._begin, self._size = whole, begin, size
+
+    def __call__(self, share: float, message: str = "") -> None:
+        self._whole(self._begin + self._size * share, message)
+
+
+def _mixed_seed(seed: int, index: int, attempt: int) -> int:
+    """One seed out of three numbers, the same on every machine; the factors are primes, so that few sums coincide."""
+    return (seed * 1_000_003 + index * 7_919 + attempt * 104_729 + 17) % 2**31
+
+
 def _fewer(demand: Demand, share: float, duration_s: float) -> Demand:
-    """Fewer vehicles where a file would hold too many states; those that stay leave earlier, so not by much more.
+    """Fewer vehicles where a file would hold too many states; a twentieth less than the share, as those left drive on.
 
     Raises:
         NotPossible: the request names them all.
@@ -183,11 +136,32 @@ def _too_large(duration_s: float) -> NotPossible:
     )
 
 
-def without_spares(everyone: tuple[Participant, ...], demand: Demand) -> tuple[Participant, ...]:
+def _missing(demand: Demand, vehicles: Sequence[Participant]) -> dict[str, int]:
+    """How many vehicles of the classes asked for are not there; one car is the ego and does not count."""
+    here = Counter(vehicle.vehicle_class.name for vehicle in vehicles)
+    here["car"] -= 1
+    return {name: least - here[name] for name, least in demand.least.items() if here[name] < least}
+
+
+def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:
+    room = {name: demand.least[name] - absent[name] for name in absent}
+    return NotPossible(
+        f"asked for at least {_listed({name: demand.least[name] for name in absent})}; "
+        f"of them {_listed(room)} found room at this site",
+        valid=[f"{name}={count}" for name, count in room.items() if count],
+        next_step="ask for fewer, or choose another place, scenario_type or seed",
+    )
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    return " and ".join(f"{count} {name}" for name, count in counts.items())
+
+
+def without_spares(vehicles: tuple[Participant, ...], demand: Demand) -> tuple[Participant, ...]:
     """Without the last vehicles of every class beyond those that are wanted; the ego has to come first."""
     seen: Counter[str] = Counter()
     kept: list[Participant] = []
-    for vehicle in everyone:
+    for vehicle in vehicles:
         name = vehicle.vehicle_class.name
         seen[name] += 1
         if seen[name] <= demand.counts[name]:
@@ -195,37 +169,61 @@ def without_spares(everyone: tuple[Participant, ...], demand: Demand) -> tuple[P
     return tuple(kept)
 
 
-class _Part:
-    """Reports the share of a part as that of the whole."""
-
-    def __init__(self, whole: ProgressReporter, begin: float, size: float) -> None:
-        self._whole, self._begin, self._size = whole, begin, size
-
-    def __call__(self, share: float, message: str = "") -> None:
-        self._whole(self._begin + self._size * share, message)
-
-
-def _mixed_seed(seed: int, index: int, attempt: int) -> int:
-    """One seed out of three numbers, the same on every machine."""
-    return (seed * 1_000_003 + index * 7_919 + attempt * 104_729 + 17) % 2**31
-
-
-def missing(demand: Demand, everyone: Sequence[Participant]) -> dict[str, int]:
-    """How many vehicles of the classes asked for are not there; one car is the ego and does not count."""
-    here = Counter(vehicle.vehicle_class.name for vehicle in everyone)
-    here["car"] -= 1
-    return {name: least - here[name] for name, least in demand.least.items() if here[name] < least}
+STANDS_WITHIN_M = 15.0
+"""A vehicle that ends nearer to its start has waited (chosen)."""
+NEARS_BY_M = 5.0
+"""A vehicle approaches the middle of the site where it comes nearer by more than this (chosen)."""
+WATCHED_STEPS = 80
+"""Steps from the start on (8 s) that decide whether a vehicle reaches the site."""
+WATCHED_EVERY = 10
+"""Steps (1 s) between two looks at the road under a vehicle."""
+ROADS_OF: dict[SiteType, frozenset[str]] = {
+    "highway": FAST_ROADS,
+    "ramp": FAST_ROADS | RAMP_LINKS | {"primary_link", "secondary_link"},
+    "rural": RURAL_CLASSES,
+}
+"""OSM classes of the roads that a site of this type is about; sites at junctions are about all."""
 
 
-def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:
-    found = {name: demand.least[name] - absent[name] for name in absent}
-    return NotPossible(
-        f"asked for at least {_listed({name: demand.least[name] for name in absent})}; "
-        f"of them {_listed(found)} found room at this site",
-        valid=[f"{name}={count}" for name, count in found.items() if count],
-        next_step="ask for fewer, or choose another place, scenario_type or seed",
-    )
+def along_the_site(vehicles: tuple[Participant, ...], site: SiteNetwork) -> tuple[Participant, ...]:
+    """Vehicles, those first that drive through the middle of the site, on the roads that its type is about."""
+    middle = middle_of(site.site, site.net)
+    lookup = LaneletLookup(site.network)
+
+    def rank(vehicle: Participant) -> tuple[bool, bool, bool, float, str]:
+        positions = vehicle.motion.positions
+        distance = np.linalg.norm(positions[:WATCHED_STEPS] - middle, axis=1)
+        stands = bool(np.linalg.norm(positions[-1] - positions[0]) < STANDS_WITHIN_M)
+        nears = float(distance[0]) > float(distance.min()) + NEARS_BY_M
+        nearest = round(float(distance.min()) + (0.0 if nears else 100.0), 3)  # 100 m: behind those that approach
+        away = not _on_road(vehicle, site, lookup)
+        return away, not _takes_ramp(vehicle, site, lookup), stands, nearest, vehicle.vehicle_id
+
+    return tuple(sorted(vehicles, key=rank))
 
 
-def _listed(counts: Mapping[str, int]) -> str:
-    return " and ".join(f"{count} {name}" for name, count in counts.items())
+def _on_road(vehicle: Participant, site: SiteNetwork, lookup: LaneletLookup) -> bool:
+    """Whether a vehicle begins on one of the roads that the site is about."""
+    wanted = ROADS_OF.get(site.site.kind)
+    if wanted is None:
+        return True
+    classes = _classes_under(vehicle, 0, site, lookup)
+    return classes is not None and (not classes or bool(classes & wanted))
+
+
+def _takes_ramp(vehicle: Participant, site: SiteNetwork, lookup: LaneletLookup) -> bool:
+    """Whether a vehicle leaves or joins the main road over a link soon: what a ramp is for. True at other sites."""
+    if site.site.kind != "ramp":
+        return True
+    steps = range(0, min(len(vehicle.motion.positions), WATCHED_STEPS), WATCHED_EVERY)
+    passed = [classes for step in steps if (classes := _classes_under(vehicle, step, site, lookup))]
+    on_link = [bool(classes & RAMP_LINKS) for classes in passed]
+    return any(on_link) and not all(on_link)
+
+
+def _classes_under(vehicle: Participant, step: int, site: SiteNetwork, lookup: LaneletLookup) -> frozenset[str] | None:
+    """OSM classes of the road under a vehicle; empty inside a junction, None beside all roads."""
+    lanelet = lookup.under(vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step]))
+    if lanelet is None:
+        return None
+    return frozenset() if lanelet.internal else road_classes(site.net.edges[lanelet.edge_id])

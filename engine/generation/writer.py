@@ -5,7 +5,6 @@ exponents, and the date is fixed, because a date would make every file differ.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 from lxml import etree
@@ -14,10 +13,65 @@ from ..geometry import Points
 from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight
 from ..traffic import DECIMALS, Participant
 from ..vehicles import Motion
+from .metadata import ScenarioMetadata
 from .planning_problem import PlanningTask
 
-# ---------- writer_network
-# The road network's part of a CommonRoad file: lanelets, signs, lights, intersections.
+FIXED_DATE = "2025-01-01"
+ROAD_DECIMALS = 4
+"""Of coordinates of the road network in m: a tenth of a millimetre, finer than any map."""
+
+
+def write_scenario(
+    path: Path, metadata: ScenarioMetadata, network: RoadNetwork, traffic: tuple[Participant, ...], task: PlanningTask
+) -> dict[str, int]:
+    """Write a scenario.
+
+    Returns:
+        CommonRoad's obstacle id by the vehicle's id.
+    """
+    root = etree.Element(
+        "commonRoad",
+        {
+            "timeStepSize": f"{metadata.step_s:g}",
+            "commonRoadVersion": "2020a",
+            "author": "PlannerForge",
+            "affiliation": metadata.affiliation,
+            "source": metadata.source,
+            "benchmarkID": metadata.benchmark_id,
+            "date": FIXED_DATE,
+        },
+    )
+    _write_location(root, metadata)
+    tags = etree.SubElement(root, "scenarioTags")
+    for tag in sorted(set(metadata.tags)):
+        etree.SubElement(tags, tag)
+    write_network(root, network, metadata.speed_sign)
+    ids: dict[str, int] = {}
+    next_id = network.next_id
+    for vehicle in traffic:
+        ids[vehicle.vehicle_id] = next_id
+        _write_obstacle(root, next_id, vehicle)
+        next_id += 1
+    _write_planning_problem(root, next_id, task)
+    etree.indent(root, space=" ")
+    path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
+    return ids
+
+
+def _write_location(root: etree._Element, metadata: ScenarioMetadata) -> None:
+    location = etree.SubElement(root, "location")
+    etree.SubElement(location, "geoNameId").text = "-999"
+    etree.SubElement(location, "gpsLatitude").text = f"{metadata.latitude:.6f}"
+    etree.SubElement(location, "gpsLongitude").text = f"{metadata.longitude:.6f}"
+    if not metadata.projection:
+        return
+    transformation = etree.SubElement(location, "geoTransformation")
+    etree.SubElement(transformation, "geoReference").text = metadata.projection
+    additional = etree.SubElement(transformation, "additionalTransformation")
+    etree.SubElement(additional, "xTranslation").text = f"{metadata.offset_m[0]:.3f}"
+    etree.SubElement(additional, "yTranslation").text = f"{metadata.offset_m[1]:.3f}"
+    etree.SubElement(additional, "zRotation").text = "0.0"
+    etree.SubElement(additional, "scaling").text = "1.0"
 
 
 def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str | None) -> None:
@@ -45,7 +99,7 @@ def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str | 
             _write_incoming(element, incoming)
 
 
-def _write_point(parent: etree._Element, point: Points, decimals: int = 4) -> None:
+def _write_point(parent: etree._Element, point: Points, decimals: int = ROAD_DECIMALS) -> None:
     """Append a point (2,) in metres."""
     element = etree.SubElement(parent, "point")
     etree.SubElement(element, "x").text = f"{point[0]:.{decimals}f}"
@@ -120,10 +174,6 @@ def _write_incoming(intersection: etree._Element, incoming: Incoming) -> None:
     _references(element, "successorsLeft", incoming.left)
 
 
-# ---------- writer_traffic
-# The traffic's part of a CommonRoad file: moving obstacles and the planning problem.
-
-
 def _write_obstacle(root: etree._Element, obstacle_id: int, vehicle: Participant) -> None:
     """Append a vehicle with its trajectory from step 0 on."""
     element = etree.SubElement(root, "dynamicObstacle", {"id": str(obstacle_id)})
@@ -171,81 +221,3 @@ def _write_state(element: etree._Element, motion: Motion, step: int) -> None:
 def _exact(element: etree._Element, tag: str, value: float) -> None:
     number = f"{value:.{DECIMALS}f}"
     etree.SubElement(etree.SubElement(element, tag), "exact").text = "0.000000" if float(number) == 0 else number
-
-
-# ---------- writer
-# Writing CommonRoad 2020a XML: the same content always gives the same bytes.
-#
-# The elements' order follows CommonRoad's schema; ids are given in the order of writing, numbers are decimals without
-# exponents, and the date is fixed, because a date would make every file differ.
-
-FIXED_DATE = "2025-01-01"
-
-
-@dataclass(frozen=True)
-class ScenarioHead:
-    """What stands before the content: id, author, source, place in degrees, projection and its offset in m, tags."""
-
-    benchmark_id: str
-    affiliation: str
-    source: str
-    latitude: float
-    longitude: float
-    projection: str
-    offset_m: tuple[float, float]
-    tags: tuple[str, ...]
-    step_s: float
-    speed_sign: str | None
-
-
-def write_scenario(
-    path: Path, head: ScenarioHead, network: RoadNetwork, traffic: tuple[Participant, ...], task: PlanningTask
-) -> dict[str, int]:
-    """Write a scenario.
-
-    Returns:
-        CommonRoad's obstacle id by the vehicle's id.
-    """
-    root = etree.Element(
-        "commonRoad",
-        {
-            "timeStepSize": f"{head.step_s:g}",
-            "commonRoadVersion": "2020a",
-            "author": "PlannerForge",
-            "affiliation": head.affiliation,
-            "source": head.source,
-            "benchmarkID": head.benchmark_id,
-            "date": FIXED_DATE,
-        },
-    )
-    _write_location(root, head)
-    tags = etree.SubElement(root, "scenarioTags")
-    for tag in sorted(set(head.tags)):
-        etree.SubElement(tags, tag)
-    write_network(root, network, head.speed_sign)
-    ids: dict[str, int] = {}
-    next_id = network.next_id
-    for vehicle in traffic:
-        ids[vehicle.vehicle_id] = next_id
-        _write_obstacle(root, next_id, vehicle)
-        next_id += 1
-    _write_planning_problem(root, next_id, task)
-    etree.indent(root, space=" ")
-    path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
-    return ids
-
-
-def _write_location(root: etree._Element, head: ScenarioHead) -> None:
-    location = etree.SubElement(root, "location")
-    etree.SubElement(location, "geoNameId").text = "-999"
-    etree.SubElement(location, "gpsLatitude").text = f"{head.latitude:.6f}"
-    etree.SubElement(location, "gpsLongitude").text = f"{head.longitude:.6f}"
-    if not head.projection:
-        return
-    transformation = etree.SubElement(location, "geoTransformation")
-    etree.SubElement(transformation, "geoReference").text = head.projection
-    additional = etree.SubElement(transformation, "additionalTransformation")
-    etree.SubElement(additional, "xTranslation").text = f"{head.offset_m[0]:.3f}"
-    etree.SubElement(additional, "yTranslation").text = f"{head.offset_m[1]:.3f}"
-    etree.SubElement(additional, "zRotation").text = "0.0"
-    etree.SubElement(additional, "scaling").text = "1.0"

@@ -8,7 +8,7 @@ from support.server import Connect
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generator as generating
-from plannerforge.engine.generation.site_network import Ground, prepare_ground
+from plannerforge.engine.generation.site_network import SiteNetwork, prepare_site
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.index import MapMatch, built_in_maps
 from plannerforge.schemas.errors import NotPossible
@@ -44,13 +44,13 @@ def test_a_site_that_fails_is_replaced_by_one_that_no_other_scenario_takes(
     request = request_for(arguments, order.match, order.site_index, 0, order.site_step)
     asked: list[tuple[float, float]] = []
 
-    def fails_once(*given: object) -> Ground:
+    def fails_once(*given: object) -> SiteNetwork:
         asked.append((given[2].latitude, given[2].longitude))  # type: ignore[attr-defined]
         if len(asked) == 1:
             raise NotPossible("this site is flooded")
-        return prepare_ground(*given)  # type: ignore[arg-type]
+        return prepare_site(*given)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(generating, "prepare_ground", fails_once)
+    monkeypatch.setattr(generating, "prepare_site", fails_once)
     made = generating.generate_scenario(request.model_copy(update={"folder": str(tmp_path)}), silent)
     sites = fitting_sites(generating.read_map_file(Path(request.map_path)), request)
     assert asked == [(site.latitude, site.longitude) for site in (sites[0], sites[3])]

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.generation import generator
-from plannerforge.engine.generation import site_network as generate_ground
-from plannerforge.engine.generation.site_network import UNKNOWN_SIDE, Ground, Place, prepare_ground
+from plannerforge.engine.generation import generator, site_network
+from plannerforge.engine.generation.site_network import UNKNOWN_SIDE, SiteNetwork, prepare_site
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.map_file import read_map_file
@@ -30,16 +29,16 @@ def request_for_fahrhausen(country: str | None = "DEU") -> GenerationRequest:
     )
 
 
-def ground_at(folder: Path, country: str | None = "DEU") -> Ground:
+def site_at(folder: Path, country: str | None = "DEU") -> SiteNetwork:
     request = request_for_fahrhausen(country)
     osm = read_map_file(Path(request.map_path))
-    return prepare_ground(request, osm, fitting_sites(osm, request)[0], folder, 0.1, silent)
+    return prepare_site(request, osm, fitting_sites(osm, request)[0], folder, silent)
 
 
 def test_a_good_site_has_its_net_and_no_errors(tmp_path: Path) -> None:
-    ground = ground_at(tmp_path)
-    assert ground.net_path.exists()
-    assert not [finding for finding in ground.findings if finding.severity == "error"]
+    site = site_at(tmp_path)
+    assert site.net_path.exists()
+    assert not [finding for finding in site.findings if finding.severity == "error"]
 
 
 @pytest.mark.parametrize(
@@ -48,20 +47,20 @@ def test_a_good_site_has_its_net_and_no_errors(tmp_path: Path) -> None:
 def test_traffic_keeps_to_the_side_of_the_country_and_an_unknown_country_is_noted(
     tmp_path: Path, country: str | None, lefthand: bool, noted: bool
 ) -> None:
-    ground = ground_at(tmp_path, country)
-    assert ('lefthand="true"' in ground.net_path.read_text()) == lefthand
-    assert (UNKNOWN_SIDE in ground.place.notes) == noted
+    site = site_at(tmp_path, country)
+    assert ('lefthand="true"' in site.net_path.read_text()) == lefthand
+    assert (UNKNOWN_SIDE in site.notes) == noted
 
 
 def spoil(monkeypatch: pytest.MonkeyPatch, change: Callable[[RoadNetwork], RoadNetwork]) -> None:
     """Let every network be built with a change."""
-    build = generate_ground.build_place
+    build = site_network.build_network
 
-    def built(*arguments: object) -> Place:
-        place = build(*arguments)  # type: ignore[arg-type]
-        return replace(place, network=change(place.network))
+    def built(*arguments: object) -> SiteNetwork:
+        site = build(*arguments)  # type: ignore[arg-type]
+        return replace(site, network=change(site.network))
 
-    monkeypatch.setattr(generate_ground, "build_place", built)
+    monkeypatch.setattr(site_network, "build_network", built)
 
 
 def test_a_site_whose_network_breaks_a_rule_is_refused_with_the_rule(
@@ -74,7 +73,7 @@ def test_a_site_whose_network_breaks_a_rule_is_refused_with_the_rule(
 
     spoil(monkeypatch, swap)
     with pytest.raises(NotPossible, match=r"bounds_swapped \(1\)"):
-        ground_at(tmp_path)
+        site_at(tmp_path)
 
 
 @pytest.mark.parametrize("kind", ["urban", "intersection", "highway", "any"])
@@ -95,7 +94,7 @@ def refused(folder: Path, **changes: object) -> NotPossible:
 
 
 def test_where_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(generate_ground, "why_not_realised", lambda site, net: f"the {site.kind} is lost")
+    monkeypatch.setattr(site_network, "why_not_realised", lambda site, net: f"the {site.kind} is lost")
     error = refused(tmp_path)
     assert error.message == "the intersection is lost"
     assert "urban" in error.valid
@@ -105,15 +104,15 @@ def test_where_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monk
 def test_a_site_without_another_gets_all_the_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds: list[int] = []
 
-    def attempt(request: object, ground: object, round_number: int, *rest: object) -> None:
+    def no_room(request: object, demand: object, site: object, round_number: int, *rest: object) -> None:
         rounds.append(round_number)
         raise NotPossible("no room")
 
     first = generator.fitting_sites
-    monkeypatch.setattr(generator, "_attempt", attempt)
+    monkeypatch.setattr(generator, "generate_traffic", no_room)
     monkeypatch.setattr(generator, "fitting_sites", lambda osm, request: first(osm, request)[:1])
     refused(tmp_path)
-    assert rounds == list(range(generator.MOST_TRIES))
+    assert rounds == list(range(generator.MOST_ROUNDS))
 
 
 def test_a_site_without_traffic_besides_the_ego_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,8 +8,7 @@ import pytest
 from lxml import etree
 
 from plannerforge.engine.catalog import starter
-from plannerforge.engine.generation.checks import check_scenario
-from plannerforge.engine.generation.generator import _faults
+from plannerforge.engine.generation.checks import check_scenario, faults_of
 from plannerforge.engine.geometry.rectangles import BoxTrack
 from plannerforge.engine.network.rules.check import check_file
 
@@ -40,5 +39,5 @@ def test_an_error_in_the_network_makes_a_scenario_unusable(scenario: Path) -> No
     checks = check_scenario(scenario, FAR_AWAY, check_file(scenario).findings)
     (error,) = checks.network_errors
     assert error.startswith("one_way_succession (1): ")
-    broken, _ = _faults(checks)
+    broken, _ = faults_of(checks)
     assert broken == [f"the road network is wrong: {error}"]

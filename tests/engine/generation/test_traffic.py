@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from support.generation import make
 
-from plannerforge.engine.generation import traffic as generate_traffic
-from plannerforge.engine.generation.generator import density_notes
+from plannerforge.engine.generation import traffic
+from plannerforge.engine.generation.record import density_notes
 from plannerforge.engine.traffic.vehicle_counts import Demand, plan_counts
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.generation import DensityFacts, VehicleDemand
@@ -91,7 +91,7 @@ def test_a_density_near_its_target_needs_no_words() -> None:
 
 
 def test_more_than_a_file_holds_are_made_fewer_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(generate_traffic, "MOST_STATES", 600)
+    monkeypatch.setattr(traffic, "MOST_STATES", 600)
     made = make("Musterstadt", tmp_path, density="high", vehicles=[VehicleDemand(vehicle_class="truck", least=3)])
     assert made.vehicles_realised <= 600 / 30
     assert made.classes_realised["truck"] == 3
@@ -99,7 +99,7 @@ def test_more_than_a_file_holds_are_made_fewer_and_told(tmp_path: Path, monkeypa
 
 
 def test_numbers_that_no_file_holds_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(generate_traffic, "MOST_STATES", 600)
+    monkeypatch.setattr(traffic, "MOST_STATES", 600)
     with pytest.raises(NotPossible, match="too large"):
         make("Kreiselheim", tmp_path, vehicles=[VehicleDemand(vehicle_class="truck", least=40)])
 

@@ -13,9 +13,9 @@ from support.generation import make, request_for
 from plannerforge.engine.commonroad.reader import read_scenario, schema_errors
 from plannerforge.engine.commonroad.tracks import recorded_tracks
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.generation import site_network as generate_ground
+from plannerforge.engine.generation import site_network
 from plannerforge.engine.generation.generator import generate_scenario
-from plannerforge.engine.generation.site_network import Place, build_place
+from plannerforge.engine.generation.site_network import SiteNetwork, build_network
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import VehicleDemand
 from plannerforge.tools.generation_record import summarise
@@ -191,10 +191,10 @@ def test_a_junction_too_large_to_be_drawn_is_made_of_smaller_ones(shared_data: P
 def test_every_different_warning_of_netconvert_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     warned = tuple(f"edge {number} is odd" for number in range(40))
 
-    def built(*given: object) -> Place:
-        return replace(build_place(*given), warnings=(*warned, *warned))  # type: ignore[arg-type]
+    def built(*given: object) -> SiteNetwork:
+        return replace(build_network(*given), warnings=(*warned, *warned))  # type: ignore[arg-type]
 
-    monkeypatch.setattr(generate_ground, "build_place", built)
+    monkeypatch.setattr(site_network, "build_network", built)
     made = make("Fahrhausen", tmp_path, scenario_type="intersection")
     assert made.netconvert_warnings == warned
     told = summarise(made, request_for("Fahrhausen", tmp_path), "any", reused=False).notes
