@@ -90,7 +90,7 @@ def _with_ego_class(request: GenerationRequest, ego: EgoSpec) -> tuple[list[str]
             next_step=f"leave {other}=0 out of vehicles, or choose the ego with first or index:N",
         )
     else:
-        at_least_one = asked.model_copy(update={"least": max(asked.least, 1)})
+        at_least_one = asked if asked.least != 0 else asked.model_copy(update={"least": 1})
         vehicles = tuple(at_least_one if demand is asked else demand for demand in request.vehicles)
     notes = [f"the ego is always a car; the asked {other} drives in the traffic"]
     return notes, request.model_copy(update={"vehicles": vehicles})
