@@ -1,13 +1,14 @@
 """Edits of a scenario: resolved, simulated in SUMO among the recorded traffic, checked, written.
 
-``NET_FILE``: TODO.
-``SCENARIO_FILE``: TODO.
-``apply_edits``: Carry out all edits, or none, in one re-simulation from the base scenario.
-``scene_of``: The scene of a file with its lanes and SUMO network.
-``Changes``: Everything that the edits so far ask for.
-``reachable_lanelets``: Lanelets outside junctions that can be reached, the fewest lanelets away first, without the
-    starts.
-``select``: Ids of the vehicles that the selectors mean together, ascending.
+``NET_FILE``: the name of the SUMO network beside an edited scenario.
+``SCENARIO_FILE``: the name of an edited scenario's file.
+``apply_edits``: carries out all edits of a request, or none, in one re-simulation; returns files and reports.
+``Changes``: all that a list of edits asks for, before anything is simulated; immutable.
+``HIT_ON_ENTRY``: the reason of refusals of an entry that another road user would run into.
+``PLACE_TAKEN``: the reason of refusals of an entry onto another road user.
+``reachable_lanelets``: lanelets outside junctions that can be reached from some, the fewest lanelets away first.
+``select``: the ids of the vehicles that selectors mean together, ascending.
+``scene_of``: the scene of a file with its lanes and SUMO network, kept for the next request.
 """
 
 from typing import TYPE_CHECKING
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from .apply import NET_FILE as NET_FILE
     from .apply import SCENARIO_FILE as SCENARIO_FILE
     from .apply import apply_edits as apply_edits
-    from .apply import scene_of as scene_of
     from .changes import Changes as Changes
+    from .entries import HIT_ON_ENTRY as HIT_ON_ENTRY
+    from .entries import PLACE_TAKEN as PLACE_TAKEN
     from .references import reachable_lanelets as reachable_lanelets
     from .references import select as select
+    from .scene_cache import scene_of as scene_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

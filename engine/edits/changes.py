@@ -1,14 +1,20 @@
-"""What a list of edits comes to, before anything is simulated: an immutable value that each edit makes anew."""
+"""What a list of edits asks for, before anything is simulated, and the scene that it makes for the edits that follow.
+
+``Changes`` is an immutable value: each edit makes a new one. Lengths are in m, steps are time steps of the scenario,
+counted from its start.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from ...schemas.modification import Edit
+from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, recorded_plan
 from ..geometry import Points
 from ..scene import Ego, LaneMatch, Scene
 
-# ---------- changes
-# What a list of edits comes to, before anything is simulated: an immutable value that each edit makes anew.
+FEWEST_STATES = 3
+"""A recording moved in time needs as many states for a motion with an acceleration (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -26,10 +32,10 @@ class GoalChange:
 
 @dataclass(frozen=True)
 class Changes:
-    """Everything that the edits so far ask for.
+    """All that the edits up to one of them ask for.
 
     ``added_by_edit``: ids that each edit added, by its index. ``next_id``: the id that the next added vehicle gets.
-    ``replays``: tracks that stand for the recorded ones, and added walkers. ``ego``: another start of the ego.
+    ``replays``: tracks that stand for the recorded ones, and added pedestrians. ``ego``: another start of the ego.
     """
 
     next_id: int
@@ -65,12 +71,12 @@ class Changes:
 
 @dataclass(frozen=True)
 class EditStep:
-    """What one edit did to the changes: which vehicles, and the sentence for its report.
+    """The changes after one edit, the vehicles that it is about, and the sentence for its report.
 
-    ``added``: those of them that it put in. ``aims``: sets of lanelets, of each of which it wants a vehicle on any.
-    ``since``: the step from which on aims count. ``speeds``: the speed in m/s that a vehicle is to reach, and from
-    which step on. ``parameters``: those of a driver's behaviour that it sets, each with whether to a value that does
-    not go by the one before.
+    ``added``: those of the vehicles that it put in. ``aims``: by vehicle, sets of lanelets; the vehicle is to get onto
+    any lanelet of each set. ``since``: the step from which on aims count. ``speeds``: the speed in m/s that a vehicle
+    is to reach, and from which step on. ``parameters``: those of a driver's behaviour that it sets, each with whether
+    the new value is independent of the one before.
     """
 
     changes: Changes
@@ -81,6 +87,19 @@ class EditStep:
     since: Mapping[int, int] = field(default_factory=dict)
     speeds: Mapping[int, tuple[float, int]] = field(default_factory=dict)
     parameters: Mapping[str, bool] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ResolvedEdits:
+    """A list of edits, what each of them did, and the changes after the last one.
+
+    ``scene``: the base scene with these changes, as ``apply_changes`` makes it.
+    """
+
+    edits: tuple[Edit, ...]
+    steps: tuple[EditStep, ...]
+    changes: Changes
+    scene: Scene
 
 
 def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
@@ -96,12 +115,11 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
     return recorded_plan(scene, vehicle_id, "edited", first)
 
 
-# ---------- altered_scene
-# The scene as the edits so far leave it, for the edits that follow and for the simulation.
+def apply_changes(base: Scene, changes: Changes) -> Scene:
+    """The base scene with recordings moved in time, with added pedestrians, and with another start of the ego.
 
-
-def altered(base: Scene, changes: Changes) -> Scene:
-    """The base scene with recordings moved in time, with added walkers, and with another start of the ego."""
+    Vehicles that SUMO is to drive are in it as recorded. Edits and the simulation see this scene.
+    """
     if not changes.replays and changes.ego is None:
         return base
     tracks = base.tracks | {key: replay.track for key, replay in changes.replays.items()}
@@ -112,11 +130,11 @@ def altered(base: Scene, changes: Changes) -> Scene:
     )
 
 
-def populated(scene: Scene, changes: Changes) -> Scene:
-    """An altered scene with the vehicles that edits put in, where they enter, and without those that edits took out.
+def scene_for_references(scene: Scene, changes: Changes) -> Scene:
+    """A scene of ``apply_changes`` with the vehicles that edits put in, where they enter, without those taken out.
 
-    It says who is meant by a word and who is in the way, as a description of the edited scenario would. It is not for
-    a simulation, which drives the added vehicles and has no recording of them.
+    It resolves words for vehicles and occupied places, as a description of the edited scenario would. It is not for a
+    simulation, which drives the added vehicles and has no recording of them.
     """
     added = {key: plan for key, plan in changes.driven.items() if plan.cause == "added"}
     if not added and not changes.removed:
@@ -127,3 +145,22 @@ def populated(scene: Scene, changes: Changes) -> Scene:
     matches = {key: match for key, match in scene.matches.items() if key not in changes.removed}
     matches |= {key: LaneMatch((0,), plan.lanelets[:1]) for key, plan in added.items()}
     return replace(scene, tracks=dict(sorted(tracks.items())), standing=standing, matches=dict(sorted(matches.items())))
+
+
+def moved_in_time(track: Track, steps: int, scene: Scene) -> Track | None:
+    """The track moved by a number of steps, without what lies before step 0 or after the scenario's last step.
+
+    None where fewer than three states are left.
+    """
+    first = max(track.first_step + steps, 0)
+    begin = first - steps - track.first_step
+    end = min(len(track.positions), scene.last_step + 1 - steps - track.first_step)
+    if end - begin < FEWEST_STATES:
+        return None
+    return replace(
+        track,
+        first_step=first,
+        positions=track.positions[begin:end],
+        headings_rad=track.headings_rad[begin:end],
+        speeds_mps=track.speeds_mps[begin:end],
+    )

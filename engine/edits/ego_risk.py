@@ -1,4 +1,10 @@
-"""How close an ego comes to the traffic of a scenario: what an edit did to its danger, as numbers."""
+"""How close an ego comes to the traffic of a scenario before and after edits, as numbers.
+
+A planning problem holds a start and a goal, no motion. SUMO drives the ego once from its start towards its goal among
+the recorded vehicles, as an ordinary driver would. That motion is then replayed, so that the vehicles that edits drive
+see an ego and keep clear of it, and it is the path against which the danger before and after the edits is measured.
+Distances are in m, times in s.
+"""
 
 import math
 from collections.abc import Collection, Iterable
@@ -24,170 +30,21 @@ from ..geometry import wrap_angle
 from ..scene import Ego, Scene, goal_lanelets, obstacle_of
 from ..vehicles import EGO_SIZE_M, vehicle_classes
 from .changes import Changes
-from .simulation import REACTION_S, Resimulated, tracks_after
-
-# ---------- danger
-# How close an ego comes to the traffic of a scenario: what an edit did to its danger, as numbers.
+from .edited_scene import REACTION_S, EditedScene
 
 LONGEST_TIME_S = 60.0
-"""A collision that would come later than this is none: nobody keeps speed and heading for so long."""
+"""A later collision is none: no road user keeps speed and heading for so long (chosen)."""
+CLASS = "car"
+"""The class whose ordinary driver stands for the ego's."""
+NO_CHANGES = Changes(next_id=0, driven={})
 
 
 @dataclass(frozen=True)
 class Danger:
-    """The figures, and who was left out of them: ids of replayed vehicles that run into the ego from behind."""
+    """The figures, and the ids that are left out of them: replayed vehicles that run into the ego from behind."""
 
     figures: EgoDanger
     left_out: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
-class _Others:
-    moving: tuple[Track, ...]
-    standing: tuple[Track, ...] = ()
-
-
-@dataclass(frozen=True)
-class _Replayed:
-    """A road user as it counts, and the recording that it is of; nobody drives it up to a step (None: ever)."""
-
-    track: Track
-    recording: Track
-    until_step: int | None = None
-
-
-def danger_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] = (), *, step_s: float) -> Danger:
-    """The most critical figures of a motion of the ego among others that do as their tracks say.
-
-    A replayed vehicle does not know of this ego. Where it runs into it from behind, a driver would have braked: the
-    collision is none of the ego's, and the vehicle counts until 4 s before only (when edits hand over, too).
-
-    Args:
-        drive: the ego's motion.
-        others: who is there and counts whatever happens.
-        replayed: vehicles that follow their recording.
-        step_s: duration of a time step in s.
-    """
-    return _danger(drive, tuple(others), tuple(_Replayed(track, track) for track in replayed), step_s)
-
-
-def danger_after(drive: Track, scene: Scene, changes: Changes, result: Resimulated) -> Danger:
-    """The figures among everybody as edits leave them.
-
-    Who is driven counts from then on whatever happens. A hit from behind before that is the recording's, and so is one
-    by a vehicle moved in time whose recording hits this ego too: they are left out as in recorded traffic.
-    """
-    others, replayed = [], []
-    for track in tracks_after(scene, changes, result):
-        recorded = _replayed(track, scene, changes, result)
-        if recorded is None:
-            others.append(track)
-        else:
-            replayed.append(recorded)
-    return _danger(drive, tuple(others), tuple(replayed), scene.step_s)
-
-
-def left_out_notes(before: Danger | None, after: Danger | None) -> list[str]:
-    """A sentence on who was left out of the figures before and after the edits; none where nobody was."""
-    keys = [() if danger is None else danger.left_out for danger in (before, after)]
-    if not any(keys):
-        return []
-    who = [", ".join(map(str, some)) or "nobody" for some in keys]
-    return [
-        f"left out of the ego's danger, as they hit it from behind on their recording: before {who[0]}, after {who[1]}"
-    ]
-
-
-def _replayed(track: Track, scene: Scene, changes: Changes, result: Resimulated) -> _Replayed | None:
-    """A recorded road user after the edits; None for who has no recording."""
-    key = track.obstacle_id
-    if key not in scene.tracks or changes.is_added(key):
-        return None
-    driven, replay = result.tracks.get(key), changes.replays.get(key)
-    recording = replay.recording if replay is not None and replay.recording is not None else scene.tracks[key]
-    return _Replayed(track, recording, None if driven is None else driven.first_step)
-
-
-def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> Danger:
-    ego = replace(drive, length_m=EGO_SIZE_M[0], width_m=EGO_SIZE_M[1])
-    figures = _figures(ego, (*others, *(one.track for one in replayed)), step_s)
-    if figures.minimum_distance_m != 0.0:
-        return Danger(figures)
-    hits = {one.track.obstacle_id: step for one in replayed if (step := _recorded_hit(ego, one)) is not None}
-    if not hits:
-        return Danger(figures)
-    last_steps = {key: step - round(REACTION_S / step_s) for key, step in hits.items()}
-    tracks = [one.track for one in replayed]
-    kept = [_until(track, last_steps[track.obstacle_id]) if track.obstacle_id in hits else track for track in tracks]
-    counted = (*others, *(track for track in kept if track is not None))
-    return Danger(_figures(ego, counted, step_s), tuple(sorted(hits)))
-
-
-def _figures(ego: Track, others: tuple[Track, ...], step_s: float) -> EgoDanger:
-    met = encounters(ego, _Others(others))
-    if not len(met.state):
-        return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
-    gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
-    times[times > LONGEST_TIME_S] = math.inf
-    scores = risk_scores(gaps, times)
-    worst = int(np.lexsort((met.state, gaps, times, scores))[0])
-    soonest = float(times.min())
-    return EgoDanger(
-        minimum_distance_m=round(float(gaps.min()), 3),
-        minimum_time_to_collision_s=round(soonest, 3) if math.isfinite(soonest) else None,
-        risk_score=int(scores[worst]),
-        most_critical_id=obstacle_of(others[int(met.track[worst])].obstacle_id),
-        most_critical_time_s=round((ego.first_step + int(met.state[worst])) * step_s, 3),
-    )
-
-
-def _recorded_hit(ego: Track, one: _Replayed) -> int | None:
-    """The step at which a road user runs into the ego from behind, if nobody drives it then and its recording does."""
-    step = _hit_from_behind(ego, one.track)
-    if step is None or (one.until_step is not None and step > one.until_step):
-        return None
-    if one.recording is not one.track and _hit_from_behind(ego, one.recording) is None:
-        return None
-    return step
-
-
-def _hit_from_behind(ego: Track, track: Track) -> int | None:
-    """The step at which a vehicle first touches the ego, if it is behind it then and heads as it does; else None."""
-    met = encounters(ego, _Others((track,)))
-    touching = np.flatnonzero(gaps_m(met) == 0.0)
-    if not len(touching):
-        return None
-    first = touching[0]
-    heading = float(met.ego.headings_rad[first])
-    away = met.other.centers[first] - met.ego.centers[first]
-    ahead_m = float(away[0]) * math.cos(heading) + float(away[1]) * math.sin(heading)
-    follows = abs(wrap_angle(float(met.other.headings_rad[first]) - heading)) < SAME_DIRECTION_RAD
-    is_behind = follows and ahead_m < -ego.length_m / 2
-    return ego.first_step + int(met.state[first]) if is_behind else None
-
-
-def _until(track: Track, last_step: int) -> Track | None:
-    """The track up to a step; None where it begins later."""
-    count = last_step - track.first_step + 1
-    if count <= 0:
-        return None
-    return replace(
-        track,
-        positions=track.positions[:count],
-        headings_rad=track.headings_rad[:count],
-        speeds_mps=track.speeds_mps[:count],
-    )
-
-
-# ---------- ordinary_ego
-# What the ego would do as an ordinary driver: the motion that stands for it where nothing was planned yet.
-#
-# A planning problem holds a start and a goal, no motion. SUMO drives the ego once from its start towards its goal
-# among the recorded vehicles; that motion is then replayed, so that the vehicles that edits drive see an ego and keep
-# clear of it, and it is the path against which the danger before and after the edits is measured.
-
-CLASS = "car"
-UNCHANGED = Changes(next_id=0, driven={})
 
 
 @dataclass(frozen=True)
@@ -202,7 +59,7 @@ def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
     """The ego's motion among the recorded vehicles of a base scenario; None without one."""
     if base.ego is None:
         return None
-    track = _ordinary_drive(base, base.ego, _problem_goals(base, base.ego), setup)
+    track = simulate_ego(base, base.ego, _problem_goals(base, base.ego), setup)
     if track is None:
         return None
     others = [*base.standing.values(), *(region.track for region in base.regions)]
@@ -217,7 +74,7 @@ def drive_after(
     if ego is None or (ego is base.ego and goal is None):
         return None if before is None else before.track
     goals = _problem_goals(scene, ego) if goal is None else (goal.lanelet_id,)
-    return _ordinary_drive(scene, ego, goals, setup, changes)
+    return simulate_ego(scene, ego, goals, setup, changes)
 
 
 def _problem_goals(scene: Scene, ego: Ego) -> tuple[int, ...]:
@@ -225,8 +82,8 @@ def _problem_goals(scene: Scene, ego: Ego) -> tuple[int, ...]:
     return tuple(goal_lanelets(scene.network, scene.loaded.problem(ego.problem_id).goal) or ())
 
 
-def _ordinary_drive(
-    scene: Scene, ego: Ego, goals: Collection[int], setup: SimulationSetup, changes: Changes = UNCHANGED
+def simulate_ego(
+    scene: Scene, ego: Ego, goals: Collection[int], setup: SimulationSetup, changes: Changes = NO_CHANGES
 ) -> Track | None:
     """The ego's motion on the shortest way to any of the goal lanelets, else straight on.
 
@@ -282,4 +139,125 @@ def _start(scene: Scene, ego: Ego) -> Track:
         positions=ego.position[None],
         headings_rad=np.array([ego.heading_rad]),
         speeds_mps=np.array([ego.speed_mps]),
+    )
+
+
+@dataclass(frozen=True)
+class _Others:
+    moving: tuple[Track, ...]
+    standing: tuple[Track, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Replayed:
+    """A road user's track, and its recording, which it follows up to a step (None: to the end)."""
+
+    track: Track
+    recording: Track
+    until_step: int | None = None
+
+
+def danger_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] = (), *, step_s: float) -> Danger:
+    """The most critical figures of a motion of the ego among others that do as their tracks say.
+
+    A replayed vehicle does not know of this ego. Where it runs into it from behind, a driver would have braked: the
+    collision is none of the ego's, and the vehicle counts until 4 s before only (when edits hand over, too).
+
+    Args:
+        drive: the ego's motion.
+        others: road users that count whatever happens.
+        replayed: vehicles that follow their recording.
+        step_s: duration of a time step in s.
+    """
+    return _danger(drive, tuple(others), tuple(_Replayed(track, track) for track in replayed), step_s)
+
+
+def danger_after(drive: Track, edited: EditedScene) -> Danger:
+    """The figures of a motion of the ego among all road users as edits leave them.
+
+    A driven vehicle counts from its hand-over on whatever happens. A hit from behind before that is the recording's,
+    and so is one by a vehicle moved in time whose recording hits this ego too: both are left out as in recorded
+    traffic.
+    """
+    others, replayed = [], []
+    for track in edited.tracks:
+        key = track.obstacle_id
+        if key not in edited.scene.tracks or edited.changes.is_added(key):
+            others.append(track)
+            continue
+        driven, replay = edited.result.tracks.get(key), edited.changes.replays.get(key)
+        recording = replay.recording if replay is not None else None
+        recording = edited.scene.tracks[key] if recording is None else recording
+        replayed.append(_Replayed(track, recording, None if driven is None else driven.first_step))
+    return _danger(drive, tuple(others), tuple(replayed), edited.scene.step_s)
+
+
+def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> Danger:
+    ego = replace(drive, length_m=EGO_SIZE_M[0], width_m=EGO_SIZE_M[1])
+    figures = _figures(ego, (*others, *(one.track for one in replayed)), step_s)
+    if figures.minimum_distance_m != 0.0:
+        return Danger(figures)
+    hits = {one.track.obstacle_id: step for one in replayed if (step := _recorded_hit(ego, one)) is not None}
+    if not hits:
+        return Danger(figures)
+    last_steps = {key: step - round(REACTION_S / step_s) for key, step in hits.items()}
+    tracks = [one.track for one in replayed]
+    kept = [_until(track, last_steps[track.obstacle_id]) if track.obstacle_id in hits else track for track in tracks]
+    counted = (*others, *(track for track in kept if track is not None))
+    return Danger(_figures(ego, counted, step_s), tuple(sorted(hits)))
+
+
+def _figures(ego: Track, others: tuple[Track, ...], step_s: float) -> EgoDanger:
+    met = encounters(ego, _Others(others))
+    if not len(met.state):
+        return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
+    gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
+    times[times > LONGEST_TIME_S] = math.inf
+    scores = risk_scores(gaps, times)
+    worst = int(np.lexsort((met.state, gaps, times, scores))[0])
+    soonest = float(times.min())
+    return EgoDanger(
+        minimum_distance_m=round(float(gaps.min()), 3),
+        minimum_time_to_collision_s=round(soonest, 3) if math.isfinite(soonest) else None,
+        risk_score=int(scores[worst]),
+        most_critical_id=obstacle_of(others[int(met.track[worst])].obstacle_id),
+        most_critical_time_s=round((ego.first_step + int(met.state[worst])) * step_s, 3),
+    )
+
+
+def _recorded_hit(ego: Track, one: _Replayed) -> int | None:
+    """The step at which a replayed road user runs into the ego from behind, if its recording does; else None."""
+    step = _hit_from_behind(ego, one.track)
+    if step is None or (one.until_step is not None and step > one.until_step):
+        return None
+    if one.recording is not one.track and _hit_from_behind(ego, one.recording) is None:
+        return None
+    return step
+
+
+def _hit_from_behind(ego: Track, track: Track) -> int | None:
+    """The step at which a vehicle first touches the ego, if it is behind it then and heads as it does; else None."""
+    met = encounters(ego, _Others((track,)))
+    touching = np.flatnonzero(gaps_m(met) == 0.0)
+    if not len(touching):
+        return None
+    first = touching[0]
+    heading = float(met.ego.headings_rad[first])
+    away = met.other.centers[first] - met.ego.centers[first]
+    ahead_m = float(away[0]) * math.cos(heading) + float(away[1]) * math.sin(heading)
+    follows = abs(wrap_angle(float(met.other.headings_rad[first]) - heading)) < SAME_DIRECTION_RAD
+    is_behind = follows and ahead_m < -ego.length_m / 2
+    return ego.first_step + int(met.state[first]) if is_behind else None
+
+
+def _until(track: Track, last_step: int) -> Track | None:
+    """The track up to a step; None where it begins later."""
+    count = last_step - track.first_step + 1
+    if count <= 0:
+        return None
+    return replace(
+        track,
+        positions=track.positions[:count],
+        headings_rad=track.headings_rad[:count],
+        speeds_mps=track.speeds_mps[:count],
     )

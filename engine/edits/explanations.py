@@ -9,83 +9,13 @@ import shapely
 from numpy.typing import NDArray
 
 from ...schemas.errors import NotPossible
+from ...schemas.modification import VehicleRoute
 from ..commonroad import Track
 from ..cosimulation import LANE_CHANGE_S, DrivePlan, Manoeuvre, TakenOverTrack, pedestrian_of
 from ..geometry import Values, project
 from ..scene import NOT_DRIVEN, Scene
 from .changes import Changes, EditStep
-from .simulation import Resimulated, tracks_after
-
-# ---------- overruled
-# What the edits that follow leave of an edit.
-
-
-def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) -> bool:
-    """Whether a later edit sends a vehicle, whose plan at last this is, another way than to an edit's targets."""
-    key = plan.start.obstacle_id
-    own = step.changes.driven[key]
-    asked = [one for one in own.manoeuvres if one.lanes_left and one.from_step == step.since.get(key)]
-    later = [one for one in plan.manoeuvres if one.lanes_left and one not in own.manoeuvres]
-    if asked and any(one.lanes_left * asked[-1].lanes_left < 0 for one in later):
-        return True
-    is_changed = (plan.targets, plan.lanelets) != (own.targets, own.lanelets)
-    return is_changed and not targets & (plan.through | set(plan.lanelets))
-
-
-def _next_speed(step: EditStep, plan: DrivePlan) -> Manoeuvre | None:
-    """The order of another edit that follows in time on the speed to which an edit holds a vehicle."""
-    wanted, first = step.speeds[plan.start.obstacle_id]
-    own = Manoeuvre(first, speed_mps=wanted)
-    after = plan.manoeuvres[plan.manoeuvres.index(own) + 1 :]
-    return next((one for one in after if one.speed_mps is not None), None)
-
-
-def overruled(
-    step: EditStep, later: Sequence[EditStep], result: Resimulated, arrived: Collection[int]
-) -> tuple[int, ...]:
-    """The vehicles of an edit for which later edits leave nothing of it: gone, sent elsewhere, never held or driven so.
-
-    ``arrived``: those who got where it sent them nevertheless.
-    """
-    final = (step, *later)[-1].changes
-    left = [key for key in step.vehicles if key not in arrived]
-    return tuple(
-        key
-        for key in left
-        if is_gone(key, step, final) or _is_set_anew(step, key, later) or _is_overruled(step, key, result)
-    )
-
-
-def is_gone(key: int, step: EditStep, final: Changes) -> bool:
-    """Whether a vehicle that an edit drives, adds or moves in time is taken out by a later one."""
-    before = {*step.changes.driven, *step.changes.replays}
-    return key in before and key not in {*final.driven, *final.replays}
-
-
-def is_replaced(op: str, step: EditStep, final: Changes) -> bool:
-    """Whether a later edit sets another goal or start of the ego than an edit of this operation."""
-    if op == "set_goal":
-        return final.goal is not step.changes.goal
-    return op == "set_ego" and final.ego is not step.changes.ego
-
-
-def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
-    """Whether later edits set all parameters that an edit sets, whatever they were."""
-    of_vehicle = [other.parameters for other in later if key in other.vehicles]
-    anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
-    return bool(step.parameters) and anew.issuperset(step.parameters)
-
-
-def _is_overruled(step: EditStep, key: int, result: Resimulated) -> bool:
-    plan, track = result.plans.get(key), result.tracks.get(key)
-    if plan is None or track is None:
-        return False
-    if key in step.speeds:
-        later = _next_speed(step, plan)
-        return later is not None and later.from_step <= step.speeds[key][1]
-    aims = step.aims.get(key, ())
-    return bool(aims) and all(_sent_elsewhere(step, plan, targets) for targets in aims)
-
+from .edited_scene import EditedScene, SimulationResult, new_overlaps
 
 # ---------- driven_way
 # The lanelets that a vehicle drives over: those of SUMO's lanes that the motion which is written gets onto.
@@ -157,12 +87,6 @@ NEAR_M, NEAR_S, ASIDE_M = 5.0, 2.0, 2.0
 """Somebody so near ahead, by way or by time, and no farther beside, holds a vehicle up."""
 LEADER_SHARE = 0.5
 Indices = NDArray[np.intp]
-
-
-def everybody_after(scene: Scene, changes: Changes, result: Resimulated, ego: Track | None) -> dict[int, Track]:
-    """All road users as the edits leave them, by id, and the ego as an ordinary driver drives it."""
-    found = (*tracks_after(scene, changes, result), *(() if ego is None else (ego,)))
-    return {track.obstacle_id: track for track in found}
 
 
 def leader(track: TakenOverTrack, others: Mapping[int, Track], indices: Indices) -> int | None:
@@ -294,26 +218,43 @@ STILL_CHANGING_MPS2 = 0.3
 MOST_NAMED = 3
 
 
-def why_not(
-    scene: Scene,
-    step: EditStep,
-    plan: DrivePlan,
-    track: TakenOverTrack,
-    driven: tuple[int, ...],
-    targets: frozenset[int],
-    others: Mapping[int, Track],
-) -> str:
-    """The reason for which a vehicle, which drives over these lanelets, gets to none of an edit's targets.
+def vehicle_route(edited: EditedScene, step: EditStep, key: int) -> VehicleRoute:
+    """The lanelets that a vehicle drives, as simulated, and whether it gets to one lanelet of each aim of an edit.
 
-    ``others``: everybody as the edits leave them.
+    For one that does not get there in time they go on as it would drive, as long as there is a route.
     """
+    scene, plan, track = edited.scene, edited.result.plans[key], edited.result.tracks[key]
+    driven, aims = driven_lanelets(scene, track, plan), step.aims.get(key, ())
+    if not aims:
+        return VehicleRoute(vehicle_id=key, lanelets=driven)
+    later = driven_since(scene, track, step.since[key]) if key in step.since else driven
+    missed = [targets for targets in aims if not targets & set(later)]
+    if not missed:
+        return VehicleRoute(vehicle_id=key, lanelets=driven, arrives=True)
+    reason = _why_not(edited, step, key, driven, missed[0])
+    return VehicleRoute(
+        vehicle_id=key, lanelets=(*driven, *_rest_of_route(scene, plan, track, driven)), arrives=False, reason=reason
+    )
+
+
+def _rest_of_route(scene: Scene, plan: DrivePlan, track: TakenOverTrack, driven: tuple[int, ...]) -> tuple[int, ...]:
+    """The lanelets after the driven ones to the nearest target of a plan; none where no route is left."""
+    if track.leaves or not plan.targets or plan.targets & set(driven):
+        return ()
+    route = scene.lanelet_graph.shortest_route(driven[-1:] or plan.lanelets[:1], sorted(plan.targets))
+    return () if route is None else route[len(driven[-1:]) :]
+
+
+def _why_not(edited: EditedScene, step: EditStep, key: int, driven: tuple[int, ...], targets: frozenset[int]) -> str:
+    """The reason for which a vehicle, which drives over these lanelets, gets to none of an edit's targets."""
+    plan, track = edited.result.plans[key], edited.result.tracks[key]
     if _sent_elsewhere(step, plan, targets):
         return "a later edit sends it another way"
-    since = step.since.get(track.vehicle_id, track.first_step)
-    return _held_up(scene, plan, track, driven, targets, since, others)
+    since = step.since.get(key, track.first_step)
+    return _held_up(edited.scene, plan, track, driven, targets, since, edited.road_users)
 
 
-def check_not_driven_past(scene: Scene, plan: DrivePlan, track: TakenOverTrack) -> None:
+def check_not_driven_past(edited: EditedScene, key: int) -> None:
     """Refuse to send a recorded vehicle to a target that it passes for good.
 
     One that waits for a gap, or can still come back to its target, is on its way.
@@ -321,6 +262,7 @@ def check_not_driven_past(scene: Scene, plan: DrivePlan, track: TakenOverTrack) 
     Raises:
         NotPossible: naming the target, and why the vehicle does not get there.
     """
+    scene, plan, track = edited.scene, edited.result.plans[key], edited.result.tracks[key]
     driven = driven_lanelets(scene, track, plan)
     leads_there = plan.targets & (set(plan.lanelets) | _beside_any(scene, frozenset(plan.lanelets)))
     if plan.cause != "edited" or not leads_there or plan.targets & set(driven):
@@ -335,8 +277,9 @@ def check_not_driven_past(scene: Scene, plan: DrivePlan, track: TakenOverTrack) 
         )
 
 
-def speeds_reached(scene: Scene, step: EditStep, result: Resimulated) -> list[str]:
+def speeds_reached(edited: EditedScene, step: EditStep) -> list[str]:
     """For each vehicle that is held to a speed, when it reaches it, or how close it comes and what keeps it from it."""
+    scene, result = edited.scene, edited.result
     found = []
     for key, (wanted, first) in step.speeds.items():
         track = result.tracks.get(key)
@@ -427,3 +370,103 @@ def _beside_last(scene: Scene, track: TakenOverTrack, targets: frozenset[int]) -
     """The target on the edge where the vehicle is last."""
     edge = track.lanes[-1].rpartition("_")[0]
     return min(key for key in targets if scene.layout.lane_of.get(key, ("", 0))[0] == edge)
+
+
+def why_shifts_are_driven(edited: EditedScene, vehicles: tuple[int, ...]) -> list[str]:
+    """For the first three of an edit's vehicles that are moved in time and driven after all: since when, and why."""
+    driven = [key for key in edited.driven_shifts if key in vehicles]
+    more = [f"{len(driven) - MOST_NAMED} more are driven, too"] if len(driven) > MOST_NAMED else []
+    return [_why_shift_is_driven(edited, key) for key in driven[:MOST_NAMED]] + more
+
+
+def _why_shift_is_driven(edited: EditedScene, key: int) -> str:
+    scene, tracks = edited.scene, edited.result.tracks
+    driven = f"{key} is driven from {tracks[key].first_step * scene.step_s:.1f} s on"
+    mine = edited.shifted_bodies[key]
+    after = {other: edited.bodies[other] for other in tracks}
+    for there in (edited.requested_bodies, after):
+        hits = new_overlaps([mine], (body for other, body in there.items() if other != key), {key: mine})
+        if hits:
+            return f"{driven}: its recording would hit vehicle {hits[0].second} at {hits[0].step * scene.step_s:.1f} s"
+    return f"{driven}, because others react"
+
+
+def why_undone(
+    op: str, step: EditStep, later: tuple[EditStep, ...], result: SimulationResult, routes: tuple[VehicleRoute, ...]
+) -> str | None:
+    """Why nothing is left of an edit; None where something is."""
+    final = (step, *later)[-1].changes
+    if _is_replaced(op, step, final):
+        return "a later edit replaces it"
+    arrived = [route.vehicle_id for route in routes if route.arrives]
+    if not step.vehicles or _superseded(step, later, result, arrived) != step.vehicles:
+        return None
+    is_removed = all(_is_gone(key, step, final) for key in step.vehicles)
+    return "a later edit removes what it is about" if is_removed else "later edits overrule it"
+
+
+def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) -> bool:
+    """Whether a later edit sends a vehicle, whose plan at last this is, another way than to an edit's targets."""
+    key = plan.start.obstacle_id
+    own = step.changes.driven[key]
+    asked = [one for one in own.manoeuvres if one.lanes_left and one.from_step == step.since.get(key)]
+    later = [one for one in plan.manoeuvres if one.lanes_left and one not in own.manoeuvres]
+    if asked and any(one.lanes_left * asked[-1].lanes_left < 0 for one in later):
+        return True
+    is_changed = (plan.targets, plan.lanelets) != (own.targets, own.lanelets)
+    return is_changed and not targets & (plan.through | set(plan.lanelets))
+
+
+def _next_speed(step: EditStep, plan: DrivePlan) -> Manoeuvre | None:
+    """The order of another edit that follows in time on the speed to which an edit holds a vehicle."""
+    wanted, first = step.speeds[plan.start.obstacle_id]
+    own = Manoeuvre(first, speed_mps=wanted)
+    after = plan.manoeuvres[plan.manoeuvres.index(own) + 1 :]
+    return next((one for one in after if one.speed_mps is not None), None)
+
+
+def _superseded(
+    step: EditStep, later: Sequence[EditStep], result: SimulationResult, arrived: Collection[int]
+) -> tuple[int, ...]:
+    """The vehicles of an edit for which later edits leave nothing of it: gone, sent elsewhere, never held or driven so.
+
+    ``arrived``: those who got where it sent them nevertheless.
+    """
+    final = (step, *later)[-1].changes
+    left = [key for key in step.vehicles if key not in arrived]
+    return tuple(
+        key
+        for key in left
+        if _is_gone(key, step, final) or _is_set_anew(step, key, later) or _is_superseded_by_plan(step, key, result)
+    )
+
+
+def _is_gone(key: int, step: EditStep, final: Changes) -> bool:
+    """Whether a vehicle that an edit drives, adds or moves in time is taken out by a later one."""
+    before = {*step.changes.driven, *step.changes.replays}
+    return key in before and key not in {*final.driven, *final.replays}
+
+
+def _is_replaced(op: str, step: EditStep, final: Changes) -> bool:
+    """Whether a later edit sets another goal or start of the ego than an edit of this operation."""
+    if op == "set_goal":
+        return final.goal is not step.changes.goal
+    return op == "set_ego" and final.ego is not step.changes.ego
+
+
+def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
+    """Whether later edits set all parameters that an edit sets, whatever they were."""
+    of_vehicle = [other.parameters for other in later if key in other.vehicles]
+    anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
+    return bool(step.parameters) and anew.issuperset(step.parameters)
+
+
+def _is_superseded_by_plan(step: EditStep, key: int, result: SimulationResult) -> bool:
+    plan, track = result.plans.get(key), result.tracks.get(key)
+    if plan is None or track is None:
+        return False
+    if key in step.speeds:
+        later = _next_speed(step, plan)
+        return later is not None and later.from_step <= step.speeds[key][1]
+    aims = step.aims.get(key, ())
+    return bool(aims) and all(_sent_elsewhere(step, plan, targets) for targets in aims)

@@ -1,4 +1,8 @@
-"""The edits by the name of their operation."""
+"""The edits by the name of their operation, and a list of edits resolved against a scene.
+
+An edit is a function ``(edit, scene, changes) -> EditStep``: it gets the scene as the edits before it leave it, and
+what they ask for. Nothing is simulated or written here.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -6,33 +10,11 @@ from dataclasses import replace
 from ...schemas.errors import InvalidRequest
 from ...schemas.modification import ARGUMENTS_OF, Edit, Operation
 from ..scene import Scene
-from .changes import Changes, EditStep, altered
-from .ego import check_goal, set_ego, set_goal
+from .changes import Changes, EditStep, ResolvedEdits, apply_changes
+from .ego import set_ego, set_goal
+from .goal_feasibility import check_goal
 from .population import add_vehicle, remove_vehicle
 from .trajectory import change_lane, reroute, set_behaviour, set_speed, shift_time
-
-# ---------- edit_arguments
-# Whether the arguments of an edit fit its operation.
-
-
-def _check_arguments(edit: Edit) -> None:
-    """Refuse arguments that do not belong to the operation, so that nothing asked for is silently left out.
-
-    Raises:
-        InvalidRequest: naming the argument and those that belong.
-    """
-    allowed = ARGUMENTS_OF[edit.op]
-    foreign = [name for name in edit.given if name not in allowed]
-    if foreign:
-        raise InvalidRequest(
-            f"{', '.join(foreign)} does not belong to op {edit.op}",
-            valid=allowed,
-            next_step="leave it out, or make it an edit of its own",
-        )
-
-
-# ---------- operations
-# The edits by the name of their operation.
 
 EditFunction = Callable[[Edit, Scene, Changes], EditStep]
 OPERATIONS: Mapping[Operation, EditFunction] = {
@@ -48,28 +30,39 @@ OPERATIONS: Mapping[Operation, EditFunction] = {
 }
 
 
-def resolve_edits(
-    edits: tuple[Edit, ...], scene: Scene, next_id: int, earlier: int = 0
-) -> tuple[Changes, tuple[EditStep, ...]]:
-    """Apply edits in order; nothing is simulated or written, and any refusal refuses them all.
+def resolve_edits(edits: tuple[Edit, ...], base: Scene, next_id: int, earlier: int = 0) -> ResolvedEdits:
+    """Apply edits in order; any refusal refuses them all. Every edit sees the scene as those before it leave it.
 
     ``next_id``: the id that the first added vehicle gets. ``earlier``: how many edits come from earlier calls; the
-    others are counted from 0 in errors. Every edit sees the scene as those before it leave it.
+    others are counted from 0 in errors.
 
     Raises:
         InvalidRequest: an edit that cannot be meant, or that the scenario does not allow.
     """
-    changes, steps = Changes(next_id=next_id, driven={}), []
+    changes, scene, steps = Changes(next_id=next_id, driven={}), base, list[EditStep]()
     for index, edit in enumerate(edits):
         try:
             _check_arguments(edit)
-            step = OPERATIONS[edit.op](edit, altered(scene, changes), changes)
+            step = OPERATIONS[edit.op](edit, scene, changes)
         except InvalidRequest as error:
             if len(edits) - earlier == 1:
                 raise
             message = f"edit {index - earlier} ({edit.op}): {error.message}"
-            raise type(error)(message, valid=error.valid, next_step=error.next_step) from error
+            raise type(error)(message, valid=error.valid, next_step=error.next_step, reason=error.reason) from error
         changes = replace(step.changes, added_by_edit=(*changes.added_by_edit, step.added))
+        scene = apply_changes(base, changes)
         steps.append(replace(step, changes=changes))
-    check_goal(altered(scene, changes), changes)
-    return changes, tuple(steps)
+    check_goal(scene, changes)
+    return ResolvedEdits(edits, tuple(steps), changes, scene)
+
+
+def _check_arguments(edit: Edit) -> None:
+    """Refuse arguments that do not belong to the operation, so that nothing asked for is silently left out."""
+    allowed = ARGUMENTS_OF[edit.op]
+    foreign = [name for name in edit.given if name not in allowed]
+    if foreign:
+        raise InvalidRequest(
+            f"{', '.join(foreign)} does not belong to op {edit.op}",
+            valid=allowed,
+            next_step="leave it out, or make it an edit of its own",
+        )

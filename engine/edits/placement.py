@@ -1,49 +1,18 @@
 """Where an added vehicle is put."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-
-import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.grammar import SELECTORS, parse_selector
 from ...schemas.modification import Edit
-from ..commonroad import Track
-from ..cosimulation import highest_entry_speed
-from ..geometry import Points, arc_length, oriented_rectangle, point_at, project, rectangles_overlap, wrap_angle
+from ..geometry import Points, point_at, project, wrap_angle
 from ..network import station_m
 from ..scene import Scene, straightness
-from ..vehicles import EGO_SIZE_M, HARDEST_BRAKING_MPS2, VehicleClass, vehicle_classes
-from .changes import Changes, populated
+from ..vehicles import vehicle_classes
+from .changes import Changes, scene_for_references
 from .references import EGO_WORDS, known_lanelet, select
-
-# ---------- braking_reach
-# How far a recorded vehicle gets on its way although it brakes as hard as it can.
-
-REACTION_S = 0.5
-"""The least time after which a driver brakes hard."""
-
-
-def _stopping_way_m(speed_mps: float) -> float:
-    """The way in m in which a driver stops from a speed, or in which he loses one by which he comes closer."""
-    return speed_mps * REACTION_S + speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
-
-
-def gets_onto(coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float]) -> bool:
-    """Whether a vehicle gets onto a rectangle (length, width) on its recorded way if it brakes hard from a step on."""
-    index = coming.index_at(step)
-    if index is None:
-        return False
-    speed_mps = max(float(coming.speeds_mps[index]), 0.0)
-    stops_after_m = _stopping_way_m(speed_mps)
-    place, size = oriented_rectangle(center, heading_rad, size_m), (coming.length_m, coming.width_m)
-    count = int((arc_length(coming.positions[index:]) <= stops_after_m).sum())
-    return any(
-        rectangles_overlap(oriented_rectangle(coming.positions[at], float(coming.headings_rad[at]), size), place)
-        for at in range(index, index + count)
-    )
-
 
 # ---------- road_users
 # Who may use a lanelet: what its users and its type say, no bicycles or walkers on motorways.
@@ -171,7 +140,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
             )
         lane_length = scene.layout.table.lanes[lanelet].length_m
         station = station_m(edit.position or "middle", lanelet, lane_length, length_m / 2)
-        return ahead(scene, Place(lanelet, station), edit.offset_m or 0.0)
+        return advance_along_lane(scene, Place(lanelet, station), edit.offset_m or 0.0)
     if edit.position is not None:
         raise InvalidRequest(
             f"position is for lanelets; '{edit.at}' is none",
@@ -183,10 +152,10 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
         return _oncoming(reference, edit.offset_m or 0.0, scene)
     lane = _lane_beside(reference, edit.lane or "same", scene)
     station, _ = project(scene.layout.table.lanes[lane].center, reference.position)
-    return ahead(scene, Place(lane, station), edit.offset_m or 0.0)
+    return advance_along_lane(scene, Place(lane, station), edit.offset_m or 0.0)
 
 
-def ahead(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
+def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
     """The place farther along the lane (behind for a negative distance), over the straightest joints.
 
     ``targets``: lanelets on the shortest way to any of which it lies, as far as a way leads there.
@@ -250,7 +219,7 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
     found = _vehicles_meant(text, body.removeprefix("vehicle:"), scene, changes)
     if len(found) != 1:
         raise NotPossible(f"'{text}' means {len(found)} vehicles", valid=found, next_step="name one by its id")
-    there = populated(scene, changes)
+    there = scene_for_references(scene, changes)
     if found[0] not in there.tracks or found[0] not in there.matches:
         raise NotPossible(f"vehicle {found[0]} is recorded on no lanelet", next_step="name a lanelet")
     track, match = there.tracks[found[0]], there.matches[found[0]]
@@ -278,7 +247,7 @@ def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
     It is the one that the map says lies beside, else the nearest.
     """
     station, _ = project(scene.layout.table.lanes[reference.lanelet_id].center, reference.position)
-    own = ahead(scene, Place(reference.lanelet_id, station), offset_m)
+    own = advance_along_lane(scene, Place(reference.lanelet_id, station), offset_m)
     (point, heading), declared = own.pose(scene), _declared_opposite(scene, own.lanelet_id)
     found = []
     for key, lane in scene.layout.table.lanes.items():
@@ -319,195 +288,3 @@ def _lane_beside(reference: _Reference, side: str, scene: Scene) -> int:
             next_step="choose another lane",
         )
     return there[side]
-
-
-# ---------- entry_speed
-# How fast an added vehicle enters when the request leaves it open: with the traffic around it, able to brake.
-
-SHARE_OF_LANE_SPEED = 0.8
-LOOK_M = 60.0
-
-
-@dataclass(frozen=True)
-class _Neighbour:
-    """A vehicle in the lane: how far ahead of the place its centre is (behind negative), its speed, and its length.
-
-    ``is_parked``: it never moves.
-    """
-
-    vehicle_id: int
-    distance_m: float
-    speed_mps: float
-    length_m: float
-    is_parked: bool = False
-
-    def gap_m(self, vehicle_class: VehicleClass) -> float:
-        """The room between the bumpers."""
-        return max(abs(self.distance_m) - (self.length_m + vehicle_class.length_m) / 2, 0.0)
-
-
-def entry_speed(
-    scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, way: tuple[int, ...]
-) -> float:
-    """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane; parked ones are no traffic.
-
-    Never too fast for the leader, parked or not, nor for the bends of the way, which begins with the place's lanelet.
-
-    Raises:
-        NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.
-    """
-    fastest = min(vehicle_class.maximum_speed_mps, highest_entry_speed(scene, way, place.station_m))
-    usual = min(SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id], fastest)
-    neighbours = _same_lane(scene, changes, place, step)
-    traffic = [one for one in neighbours if not one.is_parked and abs(one.distance_m) < LOOK_M]
-    nearest = min(traffic, key=lambda one: (abs(one.distance_m), one.distance_m), default=None)
-    speed = usual if nearest is None else min(nearest.speed_mps, fastest)
-    leaders = [one for one in neighbours if one.distance_m > 0]
-    if leaders:
-        leader = min(leaders, key=lambda one: one.distance_m)
-        free = max(leader.gap_m(vehicle_class) - vehicle_class.minimum_gap_m, 0.0)
-        speed = min(speed, math.sqrt(leader.speed_mps**2 + 2 * vehicle_class.deceleration_mps2 * free))
-    followers = [one for one in neighbours if one.distance_m <= 0 and not one.is_parked]
-    if followers:
-        follower = max(followers, key=lambda one: one.distance_m)
-        if _comes_along(follower, scene, changes, vehicle_class, place, step):
-            _check_follower(follower, vehicle_class, place, speed)
-    return speed
-
-
-def _comes_along(
-    follower: _Neighbour, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int
-) -> bool:
-    """Whether a vehicle behind comes over the place, and does not turn off before or brake; one that is driven may."""
-    recorded = None if follower.vehicle_id in changes.driven else scene.tracks.get(follower.vehicle_id)
-    if recorded is None:
-        return True
-    center, heading_rad = place.pose(scene)
-    return gets_onto(recorded, step, center, heading_rad, (vehicle_class.length_m, vehicle_class.width_m))
-
-
-def _check_follower(follower: _Neighbour, vehicle_class: VehicleClass, place: Place, speed_mps: float) -> None:
-    gap = follower.gap_m(vehicle_class)
-    needed = _stopping_way_m(max(follower.speed_mps - speed_mps, 0.0))
-    if needed > gap:
-        raise NotPossible(
-            f"a {vehicle_class.name} that enters lanelet {place.lanelet_id} at {place.station_m:.1f} m with "
-            f"{speed_mps:.1f} m/s is hit by vehicle {follower.vehicle_id}, which comes {gap:.1f} m behind with "
-            f"{follower.speed_mps:.1f} m/s and cannot brake enough",
-            valid=[f"at least {needed:.0f} m before its front", "a speed, and the collision is reported"],
-            next_step="choose a place farther ahead of it or behind it, or name a speed",
-        )
-
-
-def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
-    """Vehicles in the lane, or in those right before and after it."""
-    lanes = scene.layout.table.lanes
-    starts = {place.lanelet_id: 0.0}
-    for before in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()):
-        if before in lanes:
-            starts[before] = -lanes[before].length_m
-    for after in scene.layout.table.successors[place.lanelet_id]:
-        starts[after] = lanes[place.lanelet_id].length_m
-    there, found = populated(scene, changes), []
-    for key, match in sorted(there.matches.items()):
-        track: Track | None = there.tracks.get(key) or there.standing.get(key)
-        index = track.index_at(step) if track else None
-        if track is None or index is None or match.at(index) not in starts:
-            continue
-        lanelet = match.at(index)
-        station, _ = project(lanes[lanelet].center, track.positions[index])
-        distance = starts[lanelet] + station - place.station_m
-        is_parked = key not in there.tracks
-        found.append(_Neighbour(key, distance, float(track.speeds_mps[index]), track.length_m, is_parked))
-    return found
-
-
-# ---------- occupancy
-# Whether a place is free for a vehicle at a time step, and where the nearest free one is.
-
-CLEARANCE_M = 0.3
-SEARCH_STEP_M = 1.0
-FREE_PLACES_NAMED = 3
-NEAR_M = 40.0
-"""Vehicles whose centres are farther apart do not touch."""
-Body = tuple[str, Points, Points]
-"""Name, centre (2,) and corners (4, 2)."""
-
-
-def occupant(scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int) -> str:
-    """Who stands where a vehicle (length, width) would be put at a step; empty if the place is free."""
-    center, heading = place.pose(scene)
-    return occupant_at(scene, changes, center, heading, size_m, step)
-
-
-def occupant_at(
-    scene: Scene, changes: Changes, center: Points, heading: float, size_m: tuple[float, float], step: int
-) -> str:
-    """The same for a centre (2,) in m and a heading in rad."""
-    return _in_the_way(center, heading, size_m, _bodies(scene, changes, step))
-
-
-def free_places(scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int) -> list[str]:
-    """The nearest free places, as ``at`` and ``position``, nearest first: in the lane, else in those next to it."""
-    lane, table = scene.layout.table.lanes[place.lanelet_id], scene.layout.table
-    beside = [key for key in (lane.left, lane.right) if key is not None and key in table.lanes]
-    next_to_it = [*table.successors[place.lanelet_id], *table.predecessors[place.lanelet_id], *beside]
-    for lanelets in ([place.lanelet_id], next_to_it):
-        found = _free_on(lanelets, scene, changes, place, size_m, step)
-        if found:
-            return found
-    return []
-
-
-def _free_on(
-    lanelets: list[int], scene: Scene, changes: Changes, place: Place, size_m: tuple[float, float], step: int
-) -> list[str]:
-    """Up to three free places on lanelets, the nearest to a place (as the crow flies) first."""
-    wanted, lanes = place.pose(scene)[0], scene.layout.table.lanes
-    tried = []
-    for key in lanelets:
-        for station in np.arange(size_m[0] / 2, lanes[key].length_m - size_m[0] / 2 + 1e-6, SEARCH_STEP_M).tolist():
-            other = Place(key, station)
-            tried.append((float(np.linalg.norm(other.pose(scene)[0] - wanted)), key, station))
-    found: list[str] = []
-    there = tuple(_bodies(scene, changes, step))
-    for _, key, station in sorted(tried):
-        if not _in_the_way(*Place(key, station).pose(scene), size_m, there):
-            found.append(f"at={key} position='{station:.1f}m'")
-        if len(found) == FREE_PLACES_NAMED:
-            break
-    return found
-
-
-def _in_the_way(center: Points, heading: float, size_m: tuple[float, float], bodies: Iterable[Body]) -> str:
-    """The first body that is where a vehicle would be put; empty if the place is free."""
-    mine = oriented_rectangle(center, heading, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
-    for name, position, corners in bodies:
-        if float(np.abs(position - center).max()) < NEAR_M and rectangles_overlap(mine, corners):
-            return name
-    return ""
-
-
-def _bodies(scene: Scene, changes: Changes, step: int) -> Iterator[Body]:
-    """Everybody who is known to be there at a step: name, centre (2,) and corners (4, 2).
-
-    Where those are whom edits drive by then, only the simulation shows.
-    """
-    there = populated(scene, changes)
-    driven = {key for key, plan in changes.driven.items() if plan.from_step < step}
-    for key, track in (there.tracks | there.standing).items():
-        index = track.index_at(step)
-        if index is None or key in driven:
-            continue
-        size = (track.length_m, track.width_m)
-        position = track.positions[index]
-        yield f"vehicle {key}", position, oriented_rectangle(position, float(track.headings_rad[index]), size)
-    for region in scene.regions:
-        index = region.track.index_at(step)
-        if index is not None and region.obstacle_id not in changes.removed:
-            box, position = region.track, region.track.positions[index]
-            corners = oriented_rectangle(position, float(box.headings_rad[index]), (box.length_m, box.width_m))
-            yield f"obstacle {region.obstacle_id}", position, corners
-    if scene.ego is not None and scene.ego.step == step:
-        corners = oriented_rectangle(scene.ego.position, scene.ego.heading_rad, EGO_SIZE_M)
-        yield "the ego", scene.ego.position, corners

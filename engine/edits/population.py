@@ -15,18 +15,8 @@ from ..network import station_m
 from ..scene import Scene
 from ..vehicles import VehicleClass, vehicle_classes
 from .changes import Changes, EditStep
-from .placement import (
-    CLEARANCE_M,
-    Place,
-    ahead,
-    check_allowed,
-    entry_speed,
-    first_place,
-    free_places,
-    is_footpath,
-    occupant,
-    occupant_at,
-)
+from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed
+from .placement import Place, advance_along_lane, check_allowed, first_place, is_footpath
 from .references import drive_to, nearest_driven, select, target_lanelets
 
 # ---------- walkers
@@ -71,9 +61,12 @@ def _add_walker(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         )
     line, where = _line(edit, scene, changes, stands=speed == 0.0)
     track = _walk(changes.next_id, line, speed, first, scene)
-    who = occupant_at(scene, changes, track.positions[0], float(track.headings_rad[0]), SIZE_M, first)
-    if who:
-        raise NotPossible(f"the place is taken by {who}", next_step="choose another position or departure")
+    places = OccupiedPlaces.at(scene, first, changes)
+    occupant = places.occupant_at(track.positions[0], float(track.headings_rad[0]), SIZE_M)
+    if occupant is not None:
+        raise NotPossible(
+            f"the place is taken by {occupant}", reason=PLACE_TAKEN, next_step="choose another position or departure"
+        )
     changes = replace(changes.with_replay(Replay(track, None)), next_id=changes.next_id + 1)
     what = f"pedestrian {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s on"
     return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
@@ -209,7 +202,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     places: list[Place] = []
     for number in range(count):
         try:
-            places.append(ahead(scene, place, number * spacing, targets))
+            places.append(advance_along_lane(scene, place, number * spacing, targets))
             plan = _plan(edit, scene, changes, vehicle_class, places[-1], targets)
         except NotPossible as error:
             if number == 0:
@@ -242,6 +235,7 @@ def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehi
     too_near = spacing_m < least_m
     return NotPossible(
         f"{number} of {count} vehicles have a place, {spacing_m:g} m apart; of the next: {error.message}",
+        reason=error.reason,
         valid=[f"spacing_m={least_m:g} or more"] if too_near else [f"count={number}"],
         next_step="choose a larger spacing_m" if too_near else "add fewer, or choose another place or spacing_m",
     )
@@ -315,13 +309,13 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
         )
     last = scene.last_step - 1 if edit.time_s else first
     for step in range(first, last + 1):
-        who = occupant(scene, changes, place, size, step)
-        if not who:
+        if OccupiedPlaces.at(scene, step, changes).occupant(place, size) is None:
             return step
-    who = occupant(scene, changes, place, size, first)
+    places = OccupiedPlaces.at(scene, first, changes)
     raise NotPossible(
-        f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is taken by {who}",
-        valid=free_places(scene, changes, place, size, first),
+        f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is taken by {places.occupant(place, size)}",
+        reason=PLACE_TAKEN,
+        valid=places.free_places(place, size),
         next_step="choose a free place or another departure",
     )
 

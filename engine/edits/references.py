@@ -13,7 +13,7 @@ from ..commonroad import Track
 from ..geometry import point_at, wrap_angle
 from ..scene import NOT_DRIVEN, Ego, Scene, leader_and_follower
 from ..vehicles import vehicle_classes
-from .changes import Changes, populated
+from .changes import Changes, scene_for_references
 
 # ---------- forks
 # The branches of the next fork and how they bend, as seen in driving direction.
@@ -110,7 +110,7 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
         UnknownName: an id, class or word that does not exist.
         NotPossible: the ego, a removed vehicle, an ambiguous description, or a description that nobody fits.
     """
-    there = populated(scene, changes)
+    there = scene_for_references(scene, changes)
     if not texts:
         raise InvalidRequest("no vehicle is named", valid=[*_listed(there), *SELECTORS[1:]], next_step="name vehicles")
     selectors = [_parsed(text, scene) for text in texts]
@@ -349,7 +349,7 @@ def target_lanelets(texts: Sequence[str], scene: Scene, changes: Changes) -> fro
 def _named(text: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
     if text.startswith("lanelet_of:"):
         meant = select([text.removeprefix("lanelet_of:")], scene, changes)
-        return tuple(_lanelet_at_start(key, populated(scene, changes)) for key in meant)
+        return tuple(_lanelet_at_start(key, scene_for_references(scene, changes)) for key in meant)
     if text in scene.layout.edges:
         return scene.layout.edges[text]
     return (known_lanelet(text, scene),)
@@ -374,7 +374,7 @@ def known_lanelet(text: str, scene: Scene) -> int:
     raise UnknownName(f"'{text}' is no lanelet or edge", valid=closest(text, known), next_step=NAME_A_LANELET)
 
 
-def reach(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str) -> tuple[int, ...]:
+def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str) -> tuple[int, ...]:
     """Lanelets from a start to the nearest target, both included.
 
     Raises:
@@ -392,7 +392,7 @@ def reach(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str)
     return route
 
 
-def way_through(
+def route_via(
     scene: Scene, start: int, via: Sequence[str], targets: frozenset[int], changes: Changes, who: str
 ) -> tuple[int, ...]:
     """Lanelets from a start to the nearest target, through the given lanelets or edges in their order.
@@ -420,7 +420,7 @@ def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_
         route = scene.graph_from_inside(start).shortest_route([start], sorted(targets))
     if route is not None:
         return route
-    way = reach(scene, [start], targets, who)
+    way = route_to(scene, [start], targets, who)
     changes = [pair for pair in itertools.pairwise(way) if pair[1] in scene.lanelet_graph.neighbours[pair[0]]]
     wrong, right = next(pair for pair in changes if not set(pair) <= set(scene.layout.lane_of))
     raise NotPossible(

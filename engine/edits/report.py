@@ -1,6 +1,7 @@
-"""What is said about edits that were carried out: routes, arrival, feasibility, collisions."""
+"""The answer to a request: what each edit did, the motion of touched vehicles, collisions, dangers, warnings."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -8,153 +9,118 @@ from ...schemas.modification import (
     LETTERS,
     EditCollision,
     EditReport,
+    ModificationOutcome,
     ModificationRequest,
     TouchedVehicle,
-    VehicleRoute,
 )
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, TakenOverTrack
-from ..scene import Scene
-from ..vehicles import Feasibility, Motion, check_kinematics, nearest_class
-from .changes import Changes, EditStep
-from .entry_checks import bodies_asked_for, shifted_body
-from .explanations import driven_lanelets, driven_since, is_gone, is_replaced, overruled, speeds_reached, why_not
-from .simulation import Body, Resimulated, body_of_track, new_overlaps
+from ..scene import Scene, is_own_recording
+from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics, nearest_class
+from .edited_scene import EditedScene, SimulatedEdits
+from .ego_risk import Danger, danger_after
+from .entries import entering_onto_ego
+from .explanations import speeds_reached, vehicle_route, why_shifts_are_driven, why_undone
 from .writing import replayed_motion
 
-# ---------- driven_shifts
-# Recordings moved in time that are driven after all, because they would hit somebody, and the words for it.
 
-MOST_NAMED = 3
-
-
-def _driven_shifts(changes: Changes, result: Resimulated) -> tuple[int, ...]:
-    """The vehicles that edits only move in time and that are driven nevertheless, by ascending id."""
-    shifted = [key for key, one in changes.replays.items() if one.recording is not None]
-    return tuple(key for key in shifted if key in result.tracks and result.plans[key].cause == "handed_over")
-
-
-def _why_driven(vehicles: tuple[int, ...], scene: Scene, changes: Changes, result: Resimulated) -> list[str]:
-    """For the first three of some vehicles that are moved in time: from when on they are driven and why."""
-    found = [key for key in _driven_shifts(changes, result) if key in vehicles]
-    bodies = bodies_asked_for(scene, changes, result) if found else {}
-    said = [_why(key, scene, changes, result, bodies) for key in found[:MOST_NAMED]]
-    return said + ([f"{len(found) - MOST_NAMED} more are driven, too"] if len(found) > MOST_NAMED else [])
-
-
-def _why(key: int, scene: Scene, changes: Changes, result: Resimulated, bodies: dict[int, Body]) -> str:
-    driven = f"{key} is driven from {result.tracks[key].first_step * scene.step_s:.1f} s on"
-    mine = shifted_body(changes.replays[key])
-    after = {one: body_of_track(track.whole(result.plans[one].start)) for one, track in result.tracks.items()}
-    for there in (bodies, after):
-        hits = new_overlaps([mine], (body for other, body in there.items() if other != key), {key: mine})
-        if hits:
-            return f"{driven}: its recording would hit vehicle {hits[0].second} at {hits[0].step * scene.step_s:.1f} s"
-    return f"{driven}, because others react"
-
-
-# ---------- edit_report
-# What is said about edits that were carried out: routes, arrival, feasibility, collisions.
-
-
-def edit_reports(
+def outcome_of(
     request: ModificationRequest,
-    scene: Scene,
-    steps: tuple[EditStep, ...],
-    result: Resimulated,
-    others: Mapping[int, Track],
-) -> tuple[EditReport, ...]:
+    simulated: SimulatedEdits,
+    before: Danger | None,
+    files: tuple[Path | None, Path | None],
+    notes: list[str],
+) -> ModificationOutcome:
+    """The outcome of a request.
+
+    Args:
+        request: with its edits and the wanted detail.
+        simulated: the edits after their simulation.
+        before: the ego's danger in the base scenario; None without an ego.
+        files: the scenario file and its SUMO network, None for a dry run.
+        notes: sentences on what writing the files changed besides.
+    """
+    scene, changes, result, ego = simulated.scene, simulated.changes, simulated.result, simulated.ego
+    after = None if ego is None else danger_after(ego, simulated)
+    edits = _edit_reports(request, simulated)
+    touched, agree = _judged(request, simulated)
+    recorded = set(scene.tracks) - set(result.tracks) - changes.removed - set(changes.replays)
+    warnings = [*notes, *simulated.notes, *_ego_notes(simulated), *_warnings(request, simulated)]
+    return ModificationOutcome(
+        xml=files[0],
+        net=files[1],
+        edits=edits,
+        touched=touched,
+        removed=tuple(sorted(changes.removed)),
+        collisions=reported_collisions(simulated),
+        ego_before=None if before is None else before.figures,
+        ego_after=None if after is None else after.figures,
+        checked_by="closed_form" if agree is None else "drivability_checker",
+        checkers_agree=agree,
+        untouched=len(recorded),
+        warnings=(*warnings, *_left_out_notes(before, after)),
+    )
+
+
+def reported_collisions(edited: EditedScene) -> tuple[EditCollision, ...]:
+    """The overlaps that are left, in time order."""
+    return tuple(
+        EditCollision(vehicles=(hit.first, hit.second), time_s=round(hit.step * edited.scene.step_s, 3))
+        for hit in edited.result.overlaps
+    )
+
+
+def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tuple[EditReport, ...]:
     """One report per edit of this request; those of earlier requests are not repeated.
 
     An edit is not done where those that follow leave nothing of it.
-
-    ``others``: everybody as the edits leave them.
     """
-    found = []
+    reports = []
     for index in range(request.earlier, len(request.edits)):
-        edit, step = request.edits[index], steps[index]
-        driven = [key for key in step.vehicles if key in result.tracks]
-        routes = tuple(vehicle_route(scene, step, result.plans[key], result.tracks[key], others) for key in driven)
-        speeds = speeds_reached(scene, step, result)
-        kept = _why_driven(step.vehicles, scene, steps[-1].changes, result) if edit.op == "shift_time" else []
-        undone = _undone(edit.op, step, steps[index + 1 :], result, routes)
-        found.append(
+        edit, step = request.edits[index], simulated.steps[index]
+        driven = [key for key in step.vehicles if key in simulated.result.tracks]
+        routes = tuple(vehicle_route(simulated, step, key) for key in driven)
+        speeds = speeds_reached(simulated, step)
+        shifts = why_shifts_are_driven(simulated, step.vehicles) if edit.op == "shift_time" else []
+        undone = why_undone(edit.op, step, simulated.steps[index + 1 :], simulated.result, routes)
+        reports.append(
             EditReport(
                 index=index - request.earlier,
                 op=edit.op,
                 letter=LETTERS[edit.op],
-                done=not undone,
-                what="; ".join([step.what, *speeds, *kept, *undone]),
+                done=undone is None,
+                what="; ".join([step.what, *speeds, *shifts, *([] if undone is None else [undone])]),
                 vehicles=step.vehicles,
                 routes=routes,
             )
         )
-    return tuple(found)
+    return tuple(reports)
 
 
-def _undone(
-    op: str, step: EditStep, later: tuple[EditStep, ...], result: Resimulated, routes: tuple[VehicleRoute, ...]
-) -> list[str]:
-    """Why nothing is left of an edit; empty where something is."""
-    final = (step, *later)[-1].changes
-    if is_replaced(op, step, final):
-        return ["a later edit replaces it"]
-    arrived = [route.vehicle_id for route in routes if route.arrives]
-    if not step.vehicles or overruled(step, later, result, arrived) != step.vehicles:
-        return []
-    is_removed = all(is_gone(key, step, final) for key in step.vehicles)
-    return ["a later edit removes what it is about" if is_removed else "later edits overrule it"]
+def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:
+    """The touched vehicles, and on how many of them both checks agree where both were asked for."""
+    screened = _touched_vehicles(edited, check_kinematics)
+    if request.detail == "brief":
+        return screened, None
+    checked = _touched_vehicles(edited, check_drivability)
+    return checked, sum(one.feasible == other.feasible for one, other in zip(screened, checked, strict=True))
 
 
-def vehicle_route(
-    scene: Scene, step: EditStep, plan: DrivePlan, track: TakenOverTrack, others: Mapping[int, Track]
-) -> VehicleRoute:
-    """The lanelets that a vehicle drives, as simulated, and whether it gets to one lanelet of each aim of an edit.
-
-    For one that does not get there in time they go on as it would drive, as long as there is a way.
-    """
-    key = track.vehicle_id
-    driven, aims = driven_lanelets(scene, track, plan), step.aims.get(key, ())
-    if not aims:
-        return VehicleRoute(vehicle_id=key, lanelets=driven)
-    later = driven_since(scene, track, step.since[key]) if key in step.since else driven
-    missed = [targets for targets in aims if not targets & set(later)]
-    reason = why_not(scene, step, plan, track, driven, missed[0], others) if missed else ""
-    way = (*driven, *_way_on(scene, plan, track, driven)) if missed else driven
-    return VehicleRoute(vehicle_id=key, lanelets=way, arrives=not missed, reason=reason)
-
-
-def _way_on(scene: Scene, plan: DrivePlan, track: TakenOverTrack, driven: tuple[int, ...]) -> tuple[int, ...]:
-    """The lanelets after those driven so far, to the nearest target of a plan; none where no way is left."""
-    if track.leaves or not plan.targets or plan.targets & set(driven):
-        return ()
-    way = scene.lanelet_graph.shortest_route(driven[-1:] or plan.lanelets[:1], sorted(plan.targets))
-    return () if way is None else way[len(driven[-1:]) :]
-
-
-def touched_vehicles(
-    scene: Scene, changes: Changes, result: Resimulated, check: Callable[..., Feasibility] = check_kinematics
-) -> tuple[TouchedVehicle, ...]:
+def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) -> tuple[TouchedVehicle, ...]:
     """Feasibility (by a check) and hand-over of every touched vehicle, by ascending id.
 
-    One that an edit moves in time is named as shifted where it is driven because it would hit somebody, too.
+    One that an edit moves in time is named as shifted also where it is driven because it would hit another one.
     """
+    scene, result = edited.scene, edited.result
     driven = {
         key: _touched(scene, result.plans[key], track, _verdict(scene, result.plans[key].start, track.motion, check))
         for key, track in result.tracks.items()
     }
-    for key in _driven_shifts(changes, result):
+    for key in edited.driven_shifts:
         driven[key] = driven[key].model_copy(update={"cause": "shifted"})
-    given = {key: _given(scene, replay, check) for key, replay in changes.replays.items() if key not in driven}
+    replayed = {key: replay for key, replay in edited.changes.replays.items() if key not in driven}
+    given = {key: _given(scene, replay, check) for key, replay in replayed.items()}
     return tuple(vehicle for _, vehicle in sorted((driven | given).items()))
-
-
-def reported_collisions(scene: Scene, result: Resimulated) -> tuple[EditCollision, ...]:
-    """The overlaps that are left, in time order."""
-    return tuple(
-        EditCollision(vehicles=(hit.first, hit.second), time_s=round(hit.step * scene.step_s, 3))
-        for hit in result.overlaps
-    )
 
 
 def _verdict(scene: Scene, track: Track, motion: Motion, check: Callable[..., Feasibility]) -> Feasibility:
@@ -193,3 +159,78 @@ def _touched(scene: Scene, plan: DrivePlan, track: TakenOverTrack, verdict: Feas
         handover_jump_m=round(max(float(moved) - float(speeds[:2].max()) * scene.step_s, 0.0), 4) if recorded else None,
         handover_speed_step_mps=round(abs(float(speeds[1] - speeds[0])), 4) if recorded else None,
     )
+
+
+def _ego_notes(simulated: SimulatedEdits) -> list[str]:
+    """What concerns the ego and is no refusal: entries where it is then, and recordings of the ego itself."""
+    notes = []
+    entering = entering_onto_ego(simulated)
+    if entering:
+        notes.append(f"vehicle {', '.join(map(str, entering))} enters just where an ego that drives ordinarily is then")
+    start, removed = simulated.changes.ego or simulated.scene.ego, simulated.changes.removed
+    left = {key: track for key, track in simulated.scene.tracks.items() if key not in removed}
+    own = [key for key, track in left.items() if start is not None and is_own_recording(track, start)]
+    if own:
+        keys = ", ".join(map(str, own))
+        notes.append(f"{keys} is the ego's own recording: its danger is 0 m until remove_vehicle takes it out")
+    return notes
+
+
+def _left_out_notes(before: Danger | None, after: Danger | None) -> list[str]:
+    """A sentence on the vehicles left out of the figures before and after the edits; none where there are none."""
+    keys = [() if danger is None else danger.left_out for danger in (before, after)]
+    if not any(keys):
+        return []
+    who = [", ".join(map(str, some)) or "nobody" for some in keys]
+    return [
+        f"left out of the ego's danger, as they hit it from behind on their recording: before {who[0]}, after {who[1]}"
+    ]
+
+
+def _warnings(request: ModificationRequest, edited: EditedScene) -> list[str]:
+    scene, changes, result = edited.scene, edited.changes, edited.result
+    unseen = {key for key in scene.tracks if key not in scene.matches and not changes.is_added(key)}
+    unseen |= {region.obstacle_id for region in scene.regions if region.match is None}
+    unseen -= changes.removed
+    phantoms = sorted(int(one.obstacle_id) for one in scene.loaded.scenario.phantom_obstacle)
+    warnings = _late_entries(edited)
+    if unseen and result.plans:
+        warnings.append(
+            f"recorded off the lanelets, so that driven vehicles do not see them: {', '.join(map(str, sorted(unseen)))}"
+        )
+    if phantoms and result.plans:
+        warnings.append(f"phantom obstacles, which nobody sees or hits: {', '.join(map(str, phantoms))}")
+    return warnings + _kept_recordings(request, edited)
+
+
+def _late_entries(edited: EditedScene) -> list[str]:
+    """Who enters after time 0, for which CommonRoad's schema has no form."""
+    steps = {key: plan.from_step for key, plan in edited.result.plans.items() if plan.cause == "added"}
+    steps |= {key: replay.track.first_step for key, replay in edited.changes.replays.items()}
+    late: dict[int, list[int]] = {}
+    for key, step in sorted(steps.items(), key=lambda entry: (entry[1], entry[0])):
+        if step > 0:
+            late.setdefault(step, []).append(key)
+    if not late:
+        return []
+    entries = [
+        f"vehicle{'s' * (len(keys) > 1)} {', '.join(map(str, keys))} enter{'s' * (len(keys) == 1)} at "
+        f"{step * edited.scene.step_s:.1f} s"
+        for step, keys in late.items()
+    ]
+    return [f"{', '.join(entries)}: CommonRoad's schema wants everybody there at time 0, its reader takes it"]
+
+
+def _kept_recordings(request: ModificationRequest, edited: EditedScene) -> list[str]:
+    """The vehicles that should react to the edits and do not."""
+    scene, changes, result = edited.scene, edited.changes, edited.result
+    warnings = []
+    if result.missing:
+        warnings.append(
+            f"vehicle {', '.join(map(str, result.missing))} keeps its recording, although it should react: SUMO did "
+            "not take it, or the scenario ends"
+        )
+    mute = [key for key in scene.tracks if key not in {*result.plans, *changes.removed, *changes.replays}]
+    if request.traffic == "reactive" and mute:
+        warnings.append(f"cannot be driven, so that they keep their recording: {', '.join(map(str, mute))}")
+    return warnings

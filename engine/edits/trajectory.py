@@ -21,9 +21,9 @@ from ..cosimulation import (
     values_set,
 )
 from ..scene import Scene
-from .changes import Changes, EditStep, plan_of
+from .changes import FEWEST_STATES, Changes, EditStep, moved_in_time, plan_of
 from .manoeuvre_limits import check_lane_changes, junction_lane_change
-from .references import branch_for, drive_to, nearest_driven, nearest_ids, select, target_lanelets, way_through
+from .references import branch_for, drive_to, nearest_driven, nearest_ids, route_via, select, target_lanelets
 
 # ---------- manoeuvre_plans
 # Plans of vehicles that are told something on their way.
@@ -109,8 +109,6 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 # ---------- shift_time
 # Edit T: let recorded vehicles drive their recording earlier or later.
 
-FEWEST_STATES = 3
-
 
 def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Move the recordings of the selected vehicles in time; what falls outside the scenario is cut off.
@@ -140,25 +138,6 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         changes = changes.with_replay(Replay(track, scene.matcher.match(track), recording, total))
     how = f"{abs(steps) * scene.step_s:g} s {'later' if steps > 0 else 'earlier'}"
     return EditStep(changes, vehicles, f"{named(vehicles)} {how} than recorded")
-
-
-def moved_in_time(track: Track, steps: int, scene: Scene) -> Track | None:
-    """The track so many steps later, without what lies before step 0 or after the scenario's last step.
-
-    None where hardly anything is left.
-    """
-    first = max(track.first_step + steps, 0)
-    begin = first - steps - track.first_step
-    end = min(len(track.positions), scene.last_step + 1 - steps - track.first_step)
-    if end - begin < FEWEST_STATES:
-        return None
-    return replace(
-        track,
-        first_step=first,
-        positions=track.positions[begin:end],
-        headings_rad=track.headings_rad[begin:end],
-        speeds_mps=track.speeds_mps[begin:end],
-    )
 
 
 def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
@@ -375,7 +354,7 @@ def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan:
         way = drive_to(scene, start, frozenset([_last_of_branch(scene, start, edit.turn, who)]), who, is_there=True)
     else:
         targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
-        way = way_through(scene, start, edit.via, targets, changes, who)
+        way = route_via(scene, start, edit.via, targets, changes, who)
     check_curves(scene, plan, way, who)
     check_lane_changes(scene, plan, way, who)
     through = {key for text in edit.via for key in target_lanelets([text], scene, changes)}

@@ -1,4 +1,7 @@
-"""States, obstacles and goals as CommonRoad elements."""
+"""Edited scenes as CommonRoad files: states, obstacles, goals and the ego's start as XML elements.
+
+Only elements of touched road users and of the planning problem are made anew; all others keep their bytes.
+"""
 
 from collections.abc import Sequence
 
@@ -6,23 +9,46 @@ import numpy as np
 from lxml import etree
 
 from ..commonroad import ScenarioDocument
-from ..cosimulation import DrivePlan, Replay, TakenOverTrack
+from ..cosimulation import Replay, TakenOverTrack
 from ..geometry import Points, wrap_angle
 from ..scene import Ego
 from ..vehicles import Motion, nearest_class, steering_angles
 from .changes import GoalChange
-
-# ---------- state_elements
-# States, obstacles and goals as CommonRoad elements.
+from .edited_scene import EditedScene
 
 DECIMALS = 6
 USUAL_FIELDS = ("position", "orientation", "time", "velocity", "acceleration")
 USUAL_GOAL_SIZE_M = (6.0, 2.0)
 """Length and width of a goal region where neither the request nor the file gives one, as in the paper's code."""
 Element = etree._Element
+_INITIAL_OF = {"trajectory": "initialState", "signalSeries": "initialSignalState"}
+_AT_REST = {"yawRate": 0.0, "slipAngle": 0.0, "acceleration": 0.0}
 
 
-def write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: float) -> None:
+def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
+    """Bring what the edits change into a document.
+
+    Returns:
+        Sentences on what else had to change.
+    """
+    changes, result, step_s = edited.changes, edited.result, edited.scene.step_s
+    for key in sorted(changes.removed):
+        document.remove(document.obstacle(key))
+    for replay in changes.replays.values():
+        _write_replay(document, replay, step_s)
+    for key, track in result.tracks.items():
+        plan = result.plans[key]
+        if plan.cause == "added":
+            kind = plan.vehicle_class.commonroad_type
+            document.add_obstacle(_obstacle_element(kind, track, step_s, is_2018b=document.is_2018b))
+        else:
+            _write_touched(document, track, step_s)
+    if changes.ego is not None:
+        _write_ego_start(document, changes.ego)
+    return [] if changes.goal is None else _write_goal(document, changes.goal)
+
+
+def _write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: float) -> None:
     """Replace the states of a recorded obstacle after its hand-over; those up to it stay as they are."""
     trajectory = document.obstacle(track.vehicle_id).find("trajectory")
     if trajectory is None:
@@ -56,11 +82,6 @@ def _state_elements(track: TakenOverTrack, fields: tuple[str, ...], step_s: floa
     return made
 
 
-def added_obstacle(plan: DrivePlan, track: TakenOverTrack, step_s: float, *, is_2018b: bool) -> Element:
-    """The element of an added vehicle, its type and size those of its class."""
-    return _obstacle_element(plan.vehicle_class.commonroad_type, track, step_s, is_2018b=is_2018b)
-
-
 def _obstacle_element(kind: str, track: TakenOverTrack, step_s: float, *, is_2018b: bool) -> Element:
     """The element of a moving road user of a CommonRoad type."""
     obstacle = etree.Element("obstacle" if is_2018b else "dynamicObstacle", id=str(track.vehicle_id))
@@ -78,7 +99,7 @@ def _obstacle_element(kind: str, track: TakenOverTrack, step_s: float, *, is_201
     return obstacle
 
 
-def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
+def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
     """Replace the goal of a planning problem; what the edit does not name stays.
 
     Returns:
@@ -160,7 +181,7 @@ def _state(
         elif field == "time":
             etree.SubElement(etree.SubElement(state, "time"), "exact").text = str(step)
         elif field in values:
-            state.append(exact(field, values[field]))
+            state.append(_exact(field, values[field]))
     return state
 
 
@@ -173,7 +194,7 @@ def _point_element(position: Sequence[float] | Points) -> Element:
     return element
 
 
-def exact(name: str, value: float) -> Element:
+def _exact(name: str, value: float) -> Element:
     """An element with one exact value."""
     element = etree.Element(name)
     etree.SubElement(element, "exact").text = _number(value)
@@ -191,14 +212,7 @@ def _number(value: float) -> str:
     return f"{rounded + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".") if rounded else "0"
 
 
-# ---------- moved_elements
-# CommonRoad elements of road users that are not driven but moved in time or added on foot, and of the ego's start.
-
-_INITIAL_OF = {"trajectory": "initialState", "signalSeries": "initialSignalState"}
-_AT_REST = {"yawRate": 0.0, "slipAngle": 0.0, "acceleration": 0.0}
-
-
-def write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> None:
+def _write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> None:
     """Move the states of a recorded obstacle in time, or put an added walker in."""
     if replay.recording is None:
         motion = replayed_motion(replay, step_s)
@@ -228,7 +242,7 @@ def replayed_motion(replay: Replay, step_s: float) -> Motion:
     return Motion(replay.track.positions, replay.track.headings_rad, speeds, accelerations)
 
 
-def write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
+def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
     """Replace place, heading and speed of a planning problem's initial state; the rest of its motion is at rest."""
     state = document.problem(ego.problem_id).find("initialState")
     if state is None:
@@ -237,7 +251,7 @@ def write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
     for child in [one for one in state if isinstance(one.tag, str)]:
         made = _point_element(ego.position) if child.tag == "position" else None
         if child.tag in values:
-            made = exact(str(child.tag), values[str(child.tag)])
+            made = _exact(str(child.tag), values[str(child.tag)])
         if made is not None:
             document.replace_children(state, [child], [made])
 

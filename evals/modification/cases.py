@@ -12,7 +12,7 @@ from typing import Any, cast
 import anyio
 
 from ...engine.commonroad import Track, read_scenario
-from ...engine.edits import SCENARIO_FILE, apply_edits
+from ...engine.edits import HIT_ON_ENTRY, PLACE_TAKEN, SCENARIO_FILE, apply_edits
 from ...engine.execution import Operation, Request, Response, no_progress, silent
 from ...engine.scene import Scene
 from ...engine.vehicles import Motion, check_drivability, nearest_class
@@ -119,7 +119,6 @@ def _call(workspace: Workspace) -> ToolCall:
 POSITION_M, SPEED_MPS = 0.01, 0.01
 SETTLED_S = 1.0
 COMPOSITE = "composite"
-TAKEN, HIT = " is taken by ", " is hit by "
 ON_FOOT = ("pedestrian",)
 """The drivability checker judges vehicles."""
 
@@ -193,9 +192,9 @@ def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | No
     """Whether a request had to be refused, by the bench's own rules; a worker's failure is no refusal at all."""
     if isinstance(error, WorkerFailure):
         return False
-    if asked.task == "P" and TAKEN in error.message:
+    if asked.task == "P" and error.reason == PLACE_TAKEN:
         return any(is_taken(scene, truth) for truth in asked.truths)
-    if asked.task == "P" and HIT in error.message:
+    if asked.task == "P" and error.reason == HIT_ON_ENTRY:
         return any(is_run_over(scene, truth) for truth in asked.truths)
     if asked.task != "T":
         return None

@@ -10,6 +10,7 @@ from support.builders import town_road
 from support.modification_bench import TRUTHS, carried_out, verdicts
 
 from plannerforge.engine.cosimulation.driver import usual_behaviour
+from plannerforge.engine.edits import HIT_ON_ENTRY, PLACE_TAKEN
 from plannerforge.engine.edits import ego as set_goal
 from plannerforge.engine.edits import population as add_vehicle
 from plannerforge.engine.edits import simulation as cascade
@@ -37,9 +38,9 @@ def test_a_reroute_that_does_nothing_is_seen(base: Path, monkeypatch: pytest.Mon
 def test_drivers_that_all_drive_as_usual_are_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     everybody = cascade.all_actors
 
-    def usual(scene: Any, changes: Any, plans: Any) -> Any:
+    def usual(scene: Any, plans: Any, *rest: Any) -> Any:
         plain = {key: replace(plan, behaviour=usual_behaviour(plan.vehicle_class)) for key, plan in plans.items()}
-        return everybody(scene, changes, plain)
+        return everybody(scene, plain, *rest)
 
     monkeypatch.setattr(cascade, "all_actors", usual)
     assert not verdicts(carried_out(base, TRUTHS["B"]))["B_preset"]
@@ -145,24 +146,24 @@ def _counted_ids() -> Any:
 
 
 @pytest.mark.parametrize(
-    ("said", "lanelet", "station_m", "is_right"),
+    ("reason", "lanelet", "station_m", "is_right"),
     [
-        ("taken by", 1, 70.0, True),
-        ("taken by", 1, 130.0, False),
-        ("hit by", 1, 85.0, True),
-        ("hit by", 1, 130.0, False),
-        ("hit by", 3, 215.0, False),
+        (PLACE_TAKEN, 1, 70.0, True),
+        (PLACE_TAKEN, 1, 130.0, False),
+        (HIT_ON_ENTRY, 1, 85.0, True),
+        (HIT_ON_ENTRY, 1, 130.0, False),
+        (HIT_ON_ENTRY, 3, 215.0, False),
     ],
     ids=["taken", "free", "right before somebody", "far before somebody", "in the lane beside"],
 )
 def test_a_place_refused_as_taken_or_hit_has_a_vehicle_on_it_or_right_behind(
-    base: Path, monkeypatch: pytest.MonkeyPatch, said: str, lanelet: int, station_m: float, is_right: bool
+    base: Path, monkeypatch: pytest.MonkeyPatch, reason: str, lanelet: int, station_m: float, is_right: bool
 ) -> None:
     row = {"id": "p", "task": "modification_P", "expect": "ok", "scenario": base.name}
     truth = TRUTHS["P"] | {"resolved": [{"lanelet": lanelet, "s_m": station_m}], "depart_s": 0.0}
 
     def refuse(*_: Any) -> Any:
-        raise NotPossible(f"lanelet {lanelet} at {station_m} m is {said} vehicle 31")
+        raise NotPossible(f"lanelet {lanelet} at {station_m} m is not free", reason=reason)
 
     monkeypatch.setattr(modification_cases, "apply_edits", refuse)
     refused = measure_line(json.dumps(row | {"truth": {"edits": [truth]}}), base.parent, Effort())

@@ -5,7 +5,7 @@ import pytest
 from support.builders import Lane, Problem, ScenarioBuilder, driving, line, town_road
 from support.edits import Apply
 
-from plannerforge.engine.edits.simulation import Body, Overlap, new_overlaps
+from plannerforge.engine.edits.edited_scene import Body, Overlap, new_overlaps
 from plannerforge.schemas.errors import NotPossible
 
 BRAKES = {"op": "set_behaviour", "vehicles": ["31"], "params": ["speedFactor=0.2"]}

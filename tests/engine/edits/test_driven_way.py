@@ -10,10 +10,11 @@ from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.cosimulation.handover import TakenOverTrack
 from plannerforge.engine.cosimulation.plans import recorded_plan
 from plannerforge.engine.edits.changes import Changes, EditStep
-from plannerforge.engine.edits.explanations import driven_lanelets, driven_since
-from plannerforge.engine.edits.report import vehicle_route
+from plannerforge.engine.edits.edited_scene import EditedScene, SimulationResult
+from plannerforge.engine.edits.explanations import driven_lanelets, driven_since, vehicle_route
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.vehicles.motion import Motion
+from plannerforge.schemas.modification import VehicleRoute
 
 STEPS, LINE_STEP = 101, 60
 OVER_THE_LINE = ("e1_0",) * LINE_STEP + (":n1_0_0",) * (STEPS - LINE_STEP)
@@ -30,6 +31,12 @@ def halting(front_m: float, lanes: tuple[str, ...] = OVER_THE_LINE) -> TakenOver
     positions = np.stack([x_m, np.zeros(STEPS)], axis=1)
     speeds = np.gradient(x_m, 0.1)
     return TakenOverTrack(31, 0, Motion(positions, np.zeros(STEPS), speeds, speeds * 0), 4.5, 1.8, 2.6, False, lanes)
+
+
+def route_of(scene: Scene, step: EditStep, track: TakenOverTrack) -> VehicleRoute:
+    """The route that is reported where vehicle 31 is the only one."""
+    result = SimulationResult(step.changes.driven, {31: track}, (), ())
+    return vehicle_route(EditedScene(scene, step.changes, result), step, 31)
 
 
 @pytest.mark.parametrize(
@@ -56,11 +63,11 @@ def test_a_bumper_over_the_line_is_no_arrival_but_a_wait_at_the_junction(tmp_pat
     scene = scene_of(crossing(), tmp_path)
     plan = recorded_plan(scene, 31, "edited", 0)
     step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({2}),)})
-    route = vehicle_route(scene, step, plan, halting(-9.98), {})
+    route = route_of(scene, step, halting(-9.98))
     assert route.arrives is False
     assert route.reason.startswith("it stands on lanelet 1 when the scenario ends")
     assert route.reason.endswith(" s waiting at the junction after lanelet 1")
-    assert vehicle_route(scene, step, plan, halting(-9.0), {}).arrives
+    assert route_of(scene, step, halting(-9.0)).arrives
 
 
 def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_room(tmp_path: Path) -> None:
@@ -69,6 +76,6 @@ def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_roo
     plan = recorded_plan(scene, 31, "edited", 0)
     step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({2}),)})
     rolling = halting(55.0, ("e1_0",) * 95 + ("e1_1",) * 6)
-    route = vehicle_route(scene, step, plan, rolling, {})
+    route = route_of(scene, step, rolling)
     assert route.arrives is False
     assert route.reason == "the scenario ends at 10.0 s while it is on its way to lanelet 2"

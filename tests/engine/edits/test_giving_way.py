@@ -9,6 +9,7 @@ import pytest
 from support.builders import Vehicle, crossing, driving
 from support.edits import apply_to
 
+import plannerforge.engine.edits.simulation
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.cosimulation.controllers import next_speed_mps
@@ -16,7 +17,8 @@ from plannerforge.engine.cosimulation.handover import TakenOverTrack
 from plannerforge.engine.cosimulation.manoeuvres import Halt
 from plannerforge.engine.cosimulation.plans import Cause, DrivePlan, recorded_plan
 from plannerforge.engine.cosimulation.session import ROUTES_FILE
-from plannerforge.engine.edits.simulation import Overlap, body_of_track, plans_giving_way
+from plannerforge.engine.edits.edited_scene import Body, Overlap
+from plannerforge.engine.edits.simulation import plans_giving_way
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.vehicles.motion import Motion
 
@@ -40,7 +42,7 @@ def told(folder: Path, first: Vehicle, second: Vehicle, causes: tuple[Cause, Cau
         for key, cause in zip((31, 32), causes, strict=True)
     }
     tracks = {key: as_driven(track) for key, track in scene.tracks.items()}
-    bodies = {key: body_of_track(track) for key, track in scene.tracks.items()}
+    bodies = {key: Body.of_track(track) for key, track in scene.tracks.items()}
     return plans_giving_way(plans, tracks, bodies, [Overlap(31, 32, hit)])
 
 

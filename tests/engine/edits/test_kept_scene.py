@@ -8,8 +8,8 @@ from support.edits import apply_to
 
 from plannerforge.engine.commonroad.reader import RecordedScenario
 from plannerforge.engine.cosimulation.session import SimulationSetup
-from plannerforge.engine.edits.apply import scene_of
 from plannerforge.engine.edits.ego_risk import EgoDrive, base_drive
+from plannerforge.engine.edits.scene_cache import scene_of
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.description import describe
 from plannerforge.engine.scene.scene import Scene
@@ -31,7 +31,7 @@ def test_a_scenario_that_was_described_is_not_read_for_an_edit(tmp_path: Path, m
     def read_again(path: Path) -> RecordedScenario:
         raise AssertionError(f"{path.name} is read again")
 
-    monkeypatch.setattr("plannerforge.engine.edits.apply.read_recorded", read_again)
+    monkeypatch.setattr("plannerforge.engine.edits.scene_cache.read_recorded", read_again)
     assert apply_to(path, tmp_path / "out", EDIT).outcome.touched
 
 
@@ -58,7 +58,7 @@ def test_the_ego_drives_before_the_edits_once_for_a_scene_and_a_seed(
         seeds.append(setup.seed)
         return base_drive(base, setup)
 
-    monkeypatch.setattr("plannerforge.engine.edits.apply.base_drive", counted)
+    monkeypatch.setattr("plannerforge.engine.edits.scene_cache.base_drive", counted)
     path = town_road().write(tmp_path / "base.xml")
     goal = {"op": "set_goal", "to": ["11"]}
     dangers = [apply_to(path, tmp_path / "out", EDIT, seed=seed).outcome.ego_before for seed in (5, 5, 6)]

@@ -1,0 +1,465 @@
+"""Whether a vehicle can enter at a place and a time, and how fast.
+
+While edits are resolved, vehicles that edits drive are known at their first step only: ``OccupiedPlaces`` and
+``entry_speed`` go by the recording. After the simulation ``check_entries`` looks again, at every motion as it came out:
+at entries after the first step, at added vehicles that are run over as they enter, and at recordings moved in time that
+begin on top of a road user. Lengths are in m, speeds in m/s.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...schemas.errors import NotPossible
+from ...schemas.modification import Edit
+from ..commonroad import Track
+from ..cosimulation import DrivePlan, Replay, highest_entry_speed
+from ..geometry import Points, arc_length, oriented_rectangle, project, rectangles_overlap
+from ..scene import Scene
+from ..vehicles import EGO_SIZE_M, HARDEST_BRAKING_MPS2, VehicleClass
+from .changes import Changes, moved_in_time, scene_for_references
+from .edited_scene import EGO, Body, EditedScene, SimulatedEdits, new_overlaps, overlap_steps
+from .placement import Place
+
+PLACE_TAKEN, HIT_ON_ENTRY = "place_taken", "hit_on_entry"
+"""Reasons of refusals: another road user is on the place, or would run into the vehicle that enters there."""
+CLEARANCE_M = 0.3
+"""Kept free before, behind and (half of it) beside a vehicle that enters (chosen)."""
+SEARCH_STEP_M = 1.0
+FREE_PLACES_NAMED = 3
+NEAR_M = 40.0
+"""Vehicles whose centres are farther apart along an axis do not touch: no road user is as long."""
+REACTION_S = 0.5
+"""The least time after which a driver brakes hard (chosen)."""
+SHARE_OF_LANE_SPEED = 0.8
+"""A vehicle with no traffic around it enters a little slower than its lane allows (chosen)."""
+LOOK_M = 60.0
+"""Vehicles of the lane that are farther away do not set the entry speed (chosen)."""
+SOON_S = 2.0
+"""A collision within this time after the entry is one of place and speed; a later one is one of driving (chosen)."""
+SLOWER_SHARES = (0.5, 0.0)
+"""Shares of its usual speed with which a vehicle enters instead where it would collide (chosen)."""
+
+
+@dataclass(frozen=True)
+class _Occupant:
+    """A road user that is there at a step: its name in sentences, centre (2,), heading, and (length, width)."""
+
+    name: str
+    center: Points
+    heading_rad: float
+    size_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class OccupiedPlaces:
+    """The road users of a scene at a step, as far as they are known, and the ego where it starts then."""
+
+    scene: Scene
+    step: int
+    _occupants: tuple[_Occupant, ...]
+
+    @classmethod
+    def at(cls, scene: Scene, step: int, changes: Changes | None = None) -> "OccupiedPlaces":
+        """The places at a step: before a simulation with the ``changes`` resolved by then, after one without.
+
+        Where vehicles are that ``changes`` drive, only the simulation shows, but for their first step.
+        """
+        there, removed, driven = scene, frozenset[int](), set[int]()
+        if changes is not None:
+            there, removed = scene_for_references(scene, changes), changes.removed
+            driven = {key for key, plan in changes.driven.items() if plan.from_step < step}
+        tracks = {key: track for key, track in (there.tracks | there.standing).items() if key not in driven}
+        named = [(f"vehicle {key}", track) for key, track in tracks.items()]
+        regions = [region for region in scene.regions if region.obstacle_id not in removed]
+        named += [(f"obstacle {region.obstacle_id}", region.track) for region in regions]
+        occupants = [
+            _Occupant(name, track.positions[index], float(track.headings_rad[index]), (track.length_m, track.width_m))
+            for name, track in named
+            if (index := track.index_at(step)) is not None
+        ]
+        if scene.ego is not None and scene.ego.step == step:
+            occupants.append(_Occupant("the ego", scene.ego.position, scene.ego.heading_rad, EGO_SIZE_M))
+        return cls(scene, step, tuple(occupants))
+
+    def occupant(self, place: Place, size_m: tuple[float, float]) -> str | None:
+        """The road user, by name, that is where a vehicle (length, width) would be put; None if the place is free."""
+        return self.occupant_at(*place.pose(self.scene), size_m)
+
+    def occupant_at(self, center: Points, heading_rad: float, size_m: tuple[float, float]) -> str | None:
+        """The same for a centre (2,) and a heading."""
+        wanted = oriented_rectangle(center, heading_rad, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
+        for one in self._occupants:
+            if float(np.abs(one.center - center).max()) < NEAR_M and rectangles_overlap(
+                wanted, oriented_rectangle(one.center, one.heading_rad, one.size_m)
+            ):
+                return one.name
+        return None
+
+    def free_places(self, place: Place, size_m: tuple[float, float]) -> list[str]:
+        """The nearest free places, as ``at`` and ``position``, nearest first: in the lane, else in those next to it."""
+        lane, table = self.scene.layout.table.lanes[place.lanelet_id], self.scene.layout.table
+        beside = [key for key in (lane.left, lane.right) if key is not None and key in table.lanes]
+        next_to_it = [*table.successors[place.lanelet_id], *table.predecessors[place.lanelet_id], *beside]
+        return self._free_on([place.lanelet_id], place, size_m) or self._free_on(next_to_it, place, size_m)
+
+    def _free_on(self, lanelets: list[int], place: Place, size_m: tuple[float, float]) -> list[str]:
+        """Up to three free places on lanelets, the nearest to a place (as the crow flies) first."""
+        wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
+        tried = []
+        for key in lanelets:
+            for station in np.arange(size_m[0] / 2, lanes[key].length_m - size_m[0] / 2 + 1e-6, SEARCH_STEP_M).tolist():
+                distance_m = float(np.linalg.norm(Place(key, station).pose(self.scene)[0] - wanted))
+                tried.append((distance_m, key, station))
+        free: list[str] = []
+        for _, key, station in sorted(tried):
+            if self.occupant(Place(key, station), size_m) is None:
+                free.append(f"at={key} position='{station:.1f}m'")
+            if len(free) == FREE_PLACES_NAMED:
+                break
+        return free
+
+
+def would_reach(coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float]) -> bool:
+    """Whether a recorded vehicle gets onto a rectangle (length, width) although it brakes hard from a step on.
+
+    It stays on its recorded path, and is as far along it as its stopping distance at most.
+    """
+    index = coming.index_at(step)
+    if index is None:
+        return False
+    stops_after_m = _stopping_distance_m(max(float(coming.speeds_mps[index]), 0.0))
+    place, size = oriented_rectangle(center, heading_rad, size_m), (coming.length_m, coming.width_m)
+    count = int((arc_length(coming.positions[index:]) <= stops_after_m).sum())
+    return any(
+        rectangles_overlap(oriented_rectangle(coming.positions[at], float(coming.headings_rad[at]), size), place)
+        for at in range(index, index + count)
+    )
+
+
+def _stopping_distance_m(speed_mps: float) -> float:
+    """The distance in which a driver stops from a speed; or, of a closing speed, by which it comes closer."""
+    return speed_mps * REACTION_S + speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+
+
+@dataclass(frozen=True)
+class _Neighbour:
+    """A vehicle in the lane: how far ahead of the place its centre is (behind negative), its speed, and its length.
+
+    ``is_parked``: it never moves.
+    """
+
+    vehicle_id: int
+    distance_m: float
+    speed_mps: float
+    length_m: float
+    is_parked: bool = False
+
+    def gap_m(self, vehicle_class: VehicleClass) -> float:
+        """The room between the bumpers."""
+        return max(abs(self.distance_m) - (self.length_m + vehicle_class.length_m) / 2, 0.0)
+
+
+def entry_speed(
+    scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, way: tuple[int, ...]
+) -> float:
+    """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane; parked ones are no traffic.
+
+    Never too fast for the leader, parked or not, nor for the bends of the way, which begins with the place's lanelet.
+
+    Raises:
+        NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.
+    """
+    fastest = min(vehicle_class.maximum_speed_mps, highest_entry_speed(scene, way, place.station_m))
+    usual = min(SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id], fastest)
+    neighbours = _same_lane(scene, changes, place, step)
+    traffic = [one for one in neighbours if not one.is_parked and abs(one.distance_m) < LOOK_M]
+    nearest = min(traffic, key=lambda one: (abs(one.distance_m), one.distance_m), default=None)
+    speed = usual if nearest is None else min(nearest.speed_mps, fastest)
+    leaders = [one for one in neighbours if one.distance_m > 0]
+    if leaders:
+        leader = min(leaders, key=lambda one: one.distance_m)
+        free = max(leader.gap_m(vehicle_class) - vehicle_class.minimum_gap_m, 0.0)
+        speed = min(speed, math.sqrt(leader.speed_mps**2 + 2 * vehicle_class.deceleration_mps2 * free))
+    followers = [one for one in neighbours if one.distance_m <= 0 and not one.is_parked]
+    if followers:
+        follower = max(followers, key=lambda one: one.distance_m)
+        if _comes_along(follower, scene, changes, vehicle_class, place, step):
+            _check_follower(follower, vehicle_class, place, speed)
+    return speed
+
+
+def _comes_along(
+    follower: _Neighbour, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int
+) -> bool:
+    """Whether a vehicle behind comes over the place, and does not turn off before or brake; one that is driven may."""
+    recorded = None if follower.vehicle_id in changes.driven else scene.tracks.get(follower.vehicle_id)
+    if recorded is None:
+        return True
+    center, heading_rad = place.pose(scene)
+    return would_reach(recorded, step, center, heading_rad, (vehicle_class.length_m, vehicle_class.width_m))
+
+
+def _check_follower(follower: _Neighbour, vehicle_class: VehicleClass, place: Place, speed_mps: float) -> None:
+    gap = follower.gap_m(vehicle_class)
+    needed = _stopping_distance_m(max(follower.speed_mps - speed_mps, 0.0))
+    if needed > gap:
+        raise NotPossible(
+            f"a {vehicle_class.name} that enters lanelet {place.lanelet_id} at {place.station_m:.1f} m with "
+            f"{speed_mps:.1f} m/s is hit by vehicle {follower.vehicle_id}, which comes {gap:.1f} m behind with "
+            f"{follower.speed_mps:.1f} m/s and cannot brake enough",
+            reason=HIT_ON_ENTRY,
+            valid=[f"at least {needed:.0f} m before its front", "a speed, and the collision is reported"],
+            next_step="choose a place farther ahead of it or behind it, or name a speed",
+        )
+
+
+def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
+    """Vehicles in the lane, or in those right before and after it."""
+    lanes = scene.layout.table.lanes
+    starts = {place.lanelet_id: 0.0}
+    for before in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()):
+        if before in lanes:
+            starts[before] = -lanes[before].length_m
+    for after in scene.layout.table.successors[place.lanelet_id]:
+        starts[after] = lanes[place.lanelet_id].length_m
+    there, found = scene_for_references(scene, changes), []
+    for key, match in sorted(there.matches.items()):
+        track: Track | None = there.tracks.get(key) or there.standing.get(key)
+        index = track.index_at(step) if track else None
+        if track is None or index is None or match.at(index) not in starts:
+            continue
+        lanelet = match.at(index)
+        station, _ = project(lanes[lanelet].center, track.positions[index])
+        distance = starts[lanelet] + station - place.station_m
+        is_parked = key not in there.tracks
+        found.append(_Neighbour(key, distance, float(track.speeds_mps[index]), track.length_m, is_parked))
+    return found
+
+
+def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[str, ...]] | None:
+    """The edits with half the speed, or none, for added vehicles that this keeps clear of those they would run into.
+
+    Returns:
+        The edits, and a sentence on each vehicle that enters slower; None where there is no such vehicle.
+    """
+    edits = simulated.edits
+    slower, notes, soon = list(edits), [], round(SOON_S / simulated.scene.step_s) + 1
+    for conflict in _conflicts(simulated):
+        plan, usual_mps = conflict.plan, float(conflict.plan.start.speeds_mps[0])
+        added, other = (simulated.simulated_body(key) for key in (plan.start.obstacle_id, conflict.other))
+        slowed = {share: added.slowed(share, soon) for share in SLOWER_SHARES}
+        clear = [share for share, body in slowed.items() if next(overlap_steps(body, other), None) is None]
+        if clear and usual_mps > 0.0 and slower[conflict.edit].speed is None:
+            speed = f"{usual_mps * clear[0]:.1f}"
+            slower[conflict.edit] = edits[conflict.edit].model_copy(update={"speed": f"{speed}m/s"})
+            why = f"because it would collide with vehicle {conflict.other}"
+            notes.append(f"vehicle {added.key} enters with {speed} instead of {usual_mps:.1f} m/s, {why}")
+    return (tuple(slower), tuple(notes)) if notes else None
+
+
+def check_entries(simulated: SimulatedEdits) -> None:
+    """Refuse entries onto places that are taken or run over, now that the motion of all road users is known.
+
+    Raises:
+        NotPossible: naming the road users in conflict, and free places or times.
+    """
+    _check_late_entries(simulated)
+    _check_not_run_over(simulated)
+    _check_shifted(simulated)
+
+
+def entering_onto_ego(simulated: SimulatedEdits) -> tuple[int, ...]:
+    """Who enters later just where an ego that drives like an ordinary driver is then, by ascending id.
+
+    This is no refusal: where the ego is later, its planner decides.
+    """
+    ego = simulated.ego
+    if ego is None:
+        return ()
+    alone = replace(simulated.scene, tracks={ego.obstacle_id: ego}, standing={}, regions=(), ego=None)
+    later = {key: start for key, start in simulated.entries.items() if start.first_step > ego.first_step}
+    return tuple(key for key, start in later.items() if _occupant_of_start(alone, start, start.first_step) is not None)
+
+
+def _check_late_entries(edited: EditedScene) -> None:
+    """Refuse an entry after the first step onto a place where a vehicle that the edits drive is by then."""
+    scene = edited.scene
+    for key, start in edited.entries.items():
+        if start.first_step <= 0:
+            continue
+        not_yet = {other for other, entry in edited.entries.items() if entry.first_step >= start.first_step}
+        after = edited.after
+        by_then = replace(after, tracks={one: track for one, track in after.tracks.items() if one not in not_yet})
+        occupant = _occupant_of_start(by_then, start, start.first_step)
+        if occupant is None:
+            continue
+        place, size, when_s = (
+            _entry_place(edited, start),
+            (start.length_m, start.width_m),
+            start.first_step * scene.step_s,
+        )
+        where = "the place" if place is None else f"lanelet {place.lanelet_id} at {place.station_m:.1f} m"
+        free = [] if place is None else OccupiedPlaces.at(by_then, start.first_step).free_places(place, size)
+        raise NotPossible(
+            f"{where} is taken by {occupant} at {when_s:.1f} s, as the edits have it drive, so that {start.kind} {key} "
+            "cannot enter then",
+            reason=PLACE_TAKEN,
+            valid=[*free, *_next_free_time(by_then, start)],
+            next_step="choose a free place or another departure",
+        )
+
+
+def _occupant_of_start(scene: Scene, start: Track, step: int) -> str | None:
+    size = (start.length_m, start.width_m)
+    return OccupiedPlaces.at(scene, step).occupant_at(start.positions[0], float(start.headings_rad[0]), size)
+
+
+def _next_free_time(scene: Scene, start: Track) -> list[str]:
+    """When the place is free again, as ``time_s``; empty where it is not before the scenario ends."""
+    steps = range(start.first_step + 1, scene.last_step)
+    free = next((step for step in steps if _occupant_of_start(scene, start, step) is None), None)
+    return [] if free is None else [f"time_s={free * scene.step_s:g}"]
+
+
+def _entry_place(edited: EditedScene, start: Track) -> Place | None:
+    """The place on the first lanelet of its route where a vehicle enters; None for a pedestrian."""
+    plan = edited.changes.driven.get(start.obstacle_id)
+    if plan is None:
+        return None
+    lane = edited.scene.layout.table.lanes[plan.lanelets[0]]
+    return Place(plan.lanelets[0], project(lane.center, start.positions[0])[0])
+
+
+@dataclass(frozen=True)
+class _Conflict:
+    """An added vehicle by its plan, the index of the edit that left its speed open, and whom it collides with."""
+
+    edit: int
+    plan: DrivePlan
+    other: int
+
+
+def _check_not_run_over(simulated: SimulatedEdits) -> None:
+    """Refuse an entry where a recorded vehicle runs over it at once and cannot brake enough, as on its own lane."""
+    scene = simulated.scene
+    for conflict in _conflicts(simulated):
+        plan, other = conflict.plan, conflict.other
+        coming = None if other in simulated.changes.driven else scene.tracks.get(other)
+        if coming is None or not _is_run_over(plan.start, coming, plan.from_step):
+            continue
+        speed_mps = float(coming.speeds_mps[coming.index_at(plan.from_step) or 0])
+        raise NotPossible(
+            f"the {plan.vehicle_class.name} that enters lanelet {plan.lanelets[0]} at "
+            f"{plan.from_step * scene.step_s:.1f} s is hit by vehicle {other}, which comes there with "
+            f"{speed_mps:.1f} m/s and cannot brake enough",
+            reason=HIT_ON_ENTRY,
+            valid=[*_next_safe_time(simulated, plan), "a speed, and the collision is reported"],
+            next_step="choose another place or time, or name a speed",
+        )
+
+
+def _conflicts(simulated: SimulatedEdits) -> Iterator[_Conflict]:
+    """Collisions of added vehicles soon after their entry, where the edit left the speed open."""
+    driven = simulated.changes.driven
+    left_open = {
+        key: index
+        for index, added in enumerate(simulated.changes.added_by_edit)
+        for key in added
+        if simulated.edits[index].speed is None and key in driven
+    }
+    for hit in simulated.result.overlaps:
+        for key, other in ((hit.first, hit.second), (hit.second, hit.first)):
+            if key in left_open and (hit.step - driven[key].from_step) * simulated.scene.step_s <= SOON_S:
+                yield _Conflict(left_open[key], driven[key], other)
+
+
+def _is_run_over(start: Track, coming: Track, step: int) -> bool:
+    """Whether a recorded vehicle gets onto or close to the place of an entry, however hard it brakes from a step on."""
+    size = start.length_m + 2 * CLEARANCE_M, start.width_m + CLEARANCE_M
+    return would_reach(coming, step, start.positions[0], float(start.headings_rad[0]), size)
+
+
+def _next_safe_time(edited: EditedScene, plan: DrivePlan) -> list[str]:
+    """The first time at which no recorded vehicle runs over the place, as ``time_s``; empty where there is none."""
+    scene = edited.scene
+    there = [track for key, track in scene.tracks.items() if key not in edited.changes.removed]
+    for step in range(plan.from_step + 1, scene.last_step):
+        if not any(_is_run_over(plan.start, track, step) for track in there):
+            return [f"time_s={step * scene.step_s:g}"]
+    return []
+
+
+@dataclass(frozen=True)
+class _Shift:
+    """The recordings that an edit moves in time by a number of steps, each as all edits leave it, by id."""
+
+    steps: int
+    replays: Mapping[int, Replay]
+
+
+def _check_shifted(simulated: SimulatedEdits) -> None:
+    """Refuse a recording moved in time that begins on top of a road user which it does not overlap as recorded."""
+    for key, other in _on_top(simulated):
+        index = max(
+            index
+            for index, (edit, step) in enumerate(zip(simulated.edits, simulated.steps, strict=True))
+            if edit.op == "shift_time" and {key, other} & set(step.vehicles)
+        )
+        replays, step_s = simulated.changes.replays, simulated.scene.step_s
+        vehicles = simulated.steps[index].vehicles
+        shift = _Shift(
+            round((simulated.edits[index].time_s or 0.0) / step_s),
+            {vehicle: replays[vehicle] for vehicle in vehicles if vehicle in replays},
+        )
+        raise NotPossible(
+            f"at {replays[key].track.first_step * step_s:.1f} s, where its recording moved in time begins, vehicle "
+            f"{key} would be on top of {'the ego' if other == EGO else f'vehicle {other}'}",
+            valid=_fitting_times(shift, simulated),
+            next_step="choose another time_s, or leave the vehicle out",
+        )
+
+
+def _on_top(edited: EditedScene) -> Iterator[tuple[int, int]]:
+    """Pairs of a recording moved in time and a road user that it begins on top of.
+
+    As all drive, and as they would drive if it were not there.
+    """
+    shifted = edited.shifted_bodies
+    for hit in edited.result.overlaps:
+        for key, other in ((hit.first, hit.second), (hit.second, hit.first)):
+            if key in shifted and shifted[key].first_step == hit.step:
+                yield key, other
+    for key, body in shifted.items():
+        yield from ((key, other) for other in _hits(body.beginning(1), edited.requested_bodies, shifted))
+
+
+def _hits(body: Body, bodies: Mapping[int, Body], moved: Mapping[int, Body]) -> tuple[int, ...]:
+    """The bodies that the beginning of a recording moved in time overlaps, and did not overlap as recorded."""
+    hits = new_overlaps([body], (one for other, one in bodies.items() if other != body.key), moved)
+    return tuple(hit.second for hit in hits)
+
+
+def _fitting_times(shift: _Shift, edited: EditedScene) -> list[str]:
+    """The nearest smaller and larger ``time_s`` at which the vehicles of an edit begin clear of all others for 2 s."""
+    scene, nearest = edited.scene, []
+    for sign in (-1, 1):
+        tried = (shift.steps + sign * more for more in range(1, 2 * scene.last_step))
+        fitting = next((steps for steps in tried if steps and _fits(shift, steps, edited)), None)
+        nearest += [] if fitting is None else [fitting]
+    return [f"time_s={steps * scene.step_s:g}" for steps in sorted(nearest, key=lambda steps: abs(steps - shift.steps))]
+
+
+def _fits(shift: _Shift, steps: int, edited: EditedScene) -> bool:
+    scene, moved = edited.scene, {}
+    for key, replay in shift.replays.items():
+        total = replay.shifted_steps + steps - shift.steps
+        track = None if replay.recording is None else moved_in_time(replay.recording, total, scene)
+        if track is None:
+            return False
+        size_m = track.length_m + 2 * CLEARANCE_M, track.width_m + CLEARANCE_M
+        moved[key] = replace(Body.of_track(track), size_m=size_m, shifted_steps=total)
+    there, states = {**edited.requested_bodies, **moved}, round(SOON_S / scene.step_s) + 1
+    return not any(_hits(body.beginning(states), there, moved) for body in moved.values())

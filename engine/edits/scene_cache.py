@@ -1,0 +1,55 @@
+"""Scenes that a worker keeps: one scenario is edited again and again, and reading it takes longer than an edit."""
+
+import hashlib
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+from ..commonroad import read_recorded
+from ..cosimulation import SimulationSetup
+from ..scene import Scene
+from .ego_risk import EgoDrive, base_drive
+
+KEPT = 4
+"""Scenes kept by a worker, tens of MB each (chosen)."""
+
+
+@dataclass(frozen=True)
+class KeptScene:
+    """A scene, and what its ego does in it before any edit: a simulation that does not depend on the edits."""
+
+    scene: Scene
+    _drives: dict[int, EgoDrive | None] = field(default_factory=dict)
+
+    def ego_before(self, setup: SimulationSetup) -> EgoDrive | None:
+        """The ego's ordinary drive among the recorded vehicles; simulated once for a seed, and the last one is kept."""
+        if setup.seed not in self._drives:
+            drive = base_drive(self.scene, setup)
+            self._drives.clear()
+            self._drives[setup.seed] = drive
+        return self._drives[setup.seed]
+
+
+def scene_of(path: Path, problem_id: int | None = None) -> KeptScene:
+    """The scene of a file with its lanes and SUMO network; made once for the same content, and never changed.
+
+    Args:
+        path: the CommonRoad file.
+        problem_id: the planning problem whose ego it is about; None for the first.
+
+    Raises:
+        UnknownName: the file has no such planning problem.
+        UnsafeInput: the file is not readable.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError:
+        content = b""  # the reader says what is wrong with the file
+    return _scene(path, hashlib.sha256(content).hexdigest(), problem_id)
+
+
+@lru_cache(maxsize=KEPT)
+def _scene(path: Path, digest: str, problem_id: int | None) -> KeptScene:
+    del digest
+    read = read_recorded(path)
+    return KeptScene(Scene.of(read.loaded, read.tracks, problem_id))
