@@ -9,7 +9,6 @@ import pytest
 from support.builders import Vehicle, crossing, driving
 from support.edits import apply_to
 
-import plannerforge.engine.edits.simulation
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.cosimulation.controllers import next_speed_mps
