@@ -1,12 +1,12 @@
 """Pictures, animations, charts and reports.
 
-``analysis_section``: Findings with the runs behind them.
-``batch_section``: Every run of a batch with its outcome, the reason, and its figures.
-``comparison_section``: Verdicts, tests and flips.
-``report_image``: A drawn picture with its caption.
-``scenario_section``: What a scenario shows, and how it was made.
-``render``: An operation: draws pictures, animations and charts into a folder.
-``write_report``: An operation: writes an HTML page of sections.
+``render``: an operation: draws a picture, an animation or a chart into a folder.
+``write_report``: an operation: writes sections as one HTML page.
+``analysis_section``: a section of findings with the runs behind them.
+``batch_section``: a section of the runs of a batch, with outcome, reason and figures of each.
+``comparison_section``: a section of verdicts, tests and flips.
+``report_image``: a drawn picture with its caption.
+``scenario_section``: a section on what a scenario shows, and how it was made.
 """
 
 from typing import TYPE_CHECKING

@@ -12,24 +12,28 @@ import numpy as np
 
 from ..execution import ProgressReporter
 from .canvas import INK, MUTED, SMALL_PT, TEXT_PT, exact_palette, new_figure, series_style
-from .content import DrivenPath, Viewport, viewport_of
-from .furniture import Inventory, SceneView, draw_legend, inventory, write_title
+from .content import DrivenPath, ScenarioView, Viewport, viewport_of
+from .furniture import Inventory, draw_legend, inventory, write_title
 from .road import draw_signals
-from .scene import HEADER_PX, SIDE_PX, draw_background, draw_egos, figure_height, fitted
-from .vehicles import VehicleShape, draw_endings, draw_vehicles, vehicles_at
+from .top_view import HEADER_PX, SIDE_PX, draw_background, figure_height, fitted
+from .vehicles import VehicleShape, draw_egos, draw_endings, draw_vehicles, vehicles_at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from PIL.Image import Image
 
-ANIMATION_WIDTH_PX = 1000
-MOST_FRAMES = 56
-TALLEST_PLOT_PX = 760.0
-PAUSE_MS = 1500
-LARGEST_BYTES = 2_000_000
+_WIDTH_PX, _TALLEST_PLOT_PX = 1000, 760.0
+_MOST_FRAMES = 56
+"""Bounds drawing time and size (chosen)."""
+_PAUSE_MS = 1500
+"""For which the last frame stays before the animation begins anew (chosen)."""
+_LARGEST_BYTES = 2_000_000
+"""Above this fewer colours are used (chosen)."""
+_MOST_LABELLED = 40
+"""Vehicles up to which ids are written (chosen): more would cover each other."""
 
 
-def animate(view: SceneView, path: Path, report: ProgressReporter) -> tuple[tuple[int, int], str]:
+def animate(view: ScenarioView, path: Path, report: ProgressReporter) -> tuple[tuple[int, int], str]:
     """Draw a scenario or its runs from the first to the last step and write them as GIF in real time.
 
     Returns:
@@ -43,29 +47,29 @@ def animate(view: SceneView, path: Path, report: ProgressReporter) -> tuple[tupl
     _write_gif(frames, path, milliseconds)
     report(1.0, "animation written")
     begin, end = steps[0] * view.content.step_s, steps[-1] * view.content.step_s
-    told = f"Animation of {view.content.scenario_id} from {begin:.1f} to {end:.1f} s"
+    text = f"Animation of {view.content.scenario_id} from {begin:.1f} to {end:.1f} s"
     runs = "; ".join(run.label for run in view.paths)
     kinds = f", with {', '.join(shown.kinds)}" if shown.kinds else ""
-    return frames[0].size, f"{told}, {runs or 'recorded traffic'}{kinds}."
+    return frames[0].size, f"{text}, {runs or 'recorded traffic'}{kinds}."
 
 
-def _frame_steps(view: SceneView) -> list[int]:
+def _frame_steps(view: ScenarioView) -> list[int]:
     """The time steps that become frames: evenly spaced, at most 56, the last one included."""
     first = min((path.first_step for path in view.paths), default=view.content.ego_step)
     last = max((path.last_step for path in view.paths), default=view.content.last_step)
     last = max(last, first)
-    stride = max(int(np.ceil((last - first) / (MOST_FRAMES - 1))), 1)
+    stride = max(int(np.ceil((last - first) / (_MOST_FRAMES - 1))), 1)
     steps = list(range(first, last + 1, stride))
     return steps if steps[-1] == last else [*steps, last]
 
 
-def _draw_frames(view: SceneView, steps: Sequence[int], report: ProgressReporter) -> tuple[list["Image"], Inventory]:
+def _draw_frames(view: ScenarioView, steps: Sequence[int], report: ProgressReporter) -> tuple[list["Image"], Inventory]:
     from PIL import Image
 
     viewport = viewport_of(view.content, view.paths, steps[0])
-    width = ANIMATION_WIDTH_PX
+    width = _WIDTH_PX
     plot_width = width - 2 * SIDE_PX
-    plot_height = min(plot_width * viewport.height_m / viewport.width_m, TALLEST_PLOT_PX)
+    plot_height = min(plot_width * viewport.height_m / viewport.width_m, _TALLEST_PLOT_PX)
     viewport = fitted(viewport, plot_width / plot_height)
     shown = inventory([view], [viewport], steps)
     height = figure_height(plot_height, shown)
@@ -90,7 +94,7 @@ def _draw_frames(view: SceneView, steps: Sequence[int], report: ProgressReporter
     return frames, shown
 
 
-def _moving_artists(axes: "Axes", view: SceneView, viewport: Viewport) -> list[Any]:
+def _moving_artists(axes: "Axes", view: ScenarioView, viewport: Viewport) -> list[Any]:
     before = set(axes.get_children())
     draw_signals(axes, view.content, view.step, viewport)
     vehicles = vehicles_at(view.content, view.step)
@@ -104,7 +108,7 @@ def _moving_artists(axes: "Axes", view: SceneView, viewport: Viewport) -> list[A
 
 def _write_ids(axes: "Axes", vehicles: Sequence[VehicleShape], viewport: Viewport) -> None:
     """Ids stand above their vehicles; the frames move too fast for anything cleverer."""
-    if len(vehicles) > 40:
+    if len(vehicles) > _MOST_LABELLED:
         return
     lift = viewport.height_m * 0.008
     for vehicle in vehicles:
@@ -116,7 +120,7 @@ def _write_ids(axes: "Axes", vehicles: Sequence[VehicleShape], viewport: Viewpor
             )  # fmt: skip
 
 
-def _write_state(axes: "Axes", view: SceneView) -> None:
+def _write_state(axes: "Axes", view: ScenarioView) -> None:
     alone = len(view.paths) == 1
     parts = [f"t = {view.time_s:4.1f} s", *(_speed(path, view.step, alone=alone) for path in view.paths)]
     axes.annotate(
@@ -145,7 +149,7 @@ def _write_gif(frames: Sequence["Image"], path: Path, milliseconds: int) -> None
     for colours in (128, 64, 32):
         palette = exact_palette([frames[0], frames[len(frames) // 2], frames[-1]], colours)
         flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-        durations = [milliseconds] * (len(flat) - 1) + [PAUSE_MS]
+        durations = [milliseconds] * (len(flat) - 1) + [_PAUSE_MS]
         flat[0].save(path, save_all=True, append_images=flat[1:], duration=durations, loop=0, disposal=1)
-        if path.stat().st_size <= LARGEST_BYTES:
+        if path.stat().st_size <= _LARGEST_BYTES:
             return

@@ -1,4 +1,8 @@
-"""What a scenario shows, as plain arrays: read once, drawn as often as there are frames."""
+"""What a scenario and its runs show, as plain arrays: read once, drawn as often as there are frames.
+
+``ScenarioContent`` is a scenario, ``DrivenPath`` a run over it, ``ScenarioView`` both at one step, ``Viewport`` the
+part that a picture shows. Lengths are in m, in the coordinates of the scenario.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,6 +15,7 @@ from ...schemas.runs import RunRecord
 from ..analysis import driven_tracks, read_steps
 from ..commonroad import Track, last_recorded_step, recorded_tracks, size_of
 from ..geometry import Points, Values, oriented_rectangle
+from .canvas import EGO_COLOUR, series_style
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -18,8 +23,197 @@ if TYPE_CHECKING:
 
     from ..commonroad import LoadedScenario
 
-# ---------- driven_path
-# A run's driven path, ready to be drawn over its scenario.
+
+@dataclass(frozen=True)
+class LaneletShape:
+    """A lanelet's sides (n, 2), its centre line, and the lanelets beside it, in whichever direction they lead."""
+
+    lanelet_id: int
+    left: Points
+    right: Points
+    center: Points
+    left_neighbour: int | None
+    right_neighbour: int | None
+    inside_intersection: bool
+
+    @property
+    def outline(self) -> Points:
+        """Closed outline, shape (m, 2)."""
+        return np.vstack([self.left, self.right[::-1]])
+
+
+@dataclass(frozen=True)
+class _StandingObstacle:
+    """A static obstacle: its corners (n, 2) and type."""
+
+    obstacle_id: int
+    kind: str
+    corners: Points
+
+
+@dataclass(frozen=True)
+class _TrafficSignal:
+    """A traffic light: where it stands and the colour of every step of its cycle ("inactive" without one)."""
+
+    signal_id: int
+    position: Points
+    cycle: tuple[str, ...]
+    offset: int
+
+    def state_at(self, step: int) -> str:
+        """Colour at a time step."""
+        return self.cycle[(step - self.offset) % len(self.cycle)] if self.cycle else "inactive"
+
+
+@dataclass(frozen=True)
+class _GoalRegion:
+    """A goal: its polygons (empty where any place counts) and the steps in which it counts."""
+
+    polygons: tuple[Points, ...]
+    first_step: int
+    last_step: int
+
+
+@dataclass(frozen=True)
+class ScenarioContent:
+    """Everything that is drawn of one scenario."""
+
+    scenario_id: str
+    step_s: float
+    last_step: int
+    lanelets: tuple[LaneletShape, ...]
+    stop_lines: tuple[Points, ...]
+    signals: tuple[_TrafficSignal, ...]
+    tracks: dict[int, Track]
+    standing: tuple[_StandingObstacle, ...]
+    ego_position: Points | None
+    ego_heading_rad: float
+    ego_speed_mps: float
+    ego_step: int
+    goals: tuple[_GoalRegion, ...]
+
+    def goal_points(self) -> Points:
+        """All corners of all goal polygons, shape (n, 2)."""
+        polygons = [polygon for goal in self.goals for polygon in goal.polygons]
+        return np.vstack(polygons) if polygons else np.empty((0, 2))
+
+
+def read_content(loaded: "LoadedScenario") -> ScenarioContent:
+    """The drawable content of a scenario with its first planning problem, if it has one."""
+    scenario = loaded.scenario
+    problem = loaded.problem() if loaded.planning_problems.planning_problem_dict else None
+    ego = problem.initial_state if problem else None
+    goals = _goals(problem, scenario) if problem else ()
+    last = max(last_recorded_step(scenario), *(goal.last_step for goal in goals), 0)
+    return ScenarioContent(
+        scenario_id=loaded.benchmark_id,
+        step_s=loaded.step_s,
+        last_step=last,
+        lanelets=_lanelets(scenario),
+        stop_lines=_stop_lines(scenario),
+        signals=_signals(scenario),
+        tracks=recorded_tracks(scenario),
+        standing=_standing(scenario),
+        ego_position=np.asarray(ego.position, dtype=float) if ego else None,
+        ego_heading_rad=float(ego.orientation) if ego else 0.0,
+        ego_speed_mps=float(ego.velocity) if ego else 0.0,
+        ego_step=int(ego.time_step) if ego else 0,
+        goals=goals,
+    )
+
+
+def _lanelets(scenario: "Scenario") -> tuple[LaneletShape, ...]:
+    network = scenario.lanelet_network
+    inside = {
+        key
+        for intersection in network.intersections
+        for incoming in intersection.incomings
+        for group in (incoming.successors_left, incoming.successors_straight, incoming.successors_right)
+        for key in group or ()
+    }
+    return tuple(
+        LaneletShape(
+            lanelet_id=int(lanelet.lanelet_id),
+            left=np.asarray(lanelet.left_vertices, dtype=float),
+            right=np.asarray(lanelet.right_vertices, dtype=float),
+            center=np.asarray(lanelet.center_vertices, dtype=float),
+            left_neighbour=lanelet.adj_left,
+            right_neighbour=lanelet.adj_right,
+            inside_intersection=lanelet.lanelet_id in inside,
+        )
+        for lanelet in sorted(network.lanelets, key=lambda lanelet: lanelet.lanelet_id)
+    )
+
+
+def _stop_lines(scenario: "Scenario") -> tuple[Points, ...]:
+    lines = []
+    for lanelet in sorted(scenario.lanelet_network.lanelets, key=lambda lanelet: lanelet.lanelet_id):
+        line = lanelet.stop_line
+        if line is None:
+            continue
+        given = line.start is not None and line.end is not None
+        ends = (line.start, line.end) if given else (lanelet.left_vertices[-1], lanelet.right_vertices[-1])
+        lines.append(np.array(ends, dtype=float))
+    return tuple(lines)
+
+
+def _signals(scenario: "Scenario") -> tuple[_TrafficSignal, ...]:
+    network = scenario.lanelet_network
+    ends: dict[int, Points] = {}
+    for lanelet in sorted(network.lanelets, key=lambda lanelet: lanelet.lanelet_id):
+        for key in lanelet.traffic_lights:
+            ends.setdefault(key, np.asarray(lanelet.right_vertices[-1], dtype=float))
+    signals = []
+    for light in sorted(network.traffic_lights, key=lambda light: light.traffic_light_id):
+        position = light.position if light.position is not None else ends.get(light.traffic_light_id)
+        if position is None:
+            continue
+        cycle = light.traffic_light_cycle
+        elements = (cycle.cycle_elements or []) if cycle is not None else []
+        colours = tuple(element.state.value for element in elements for _ in range(int(element.duration)))
+        offset = int(cycle.time_offset or 0) if cycle is not None else 0
+        signals.append(_TrafficSignal(int(light.traffic_light_id), np.asarray(position, dtype=float), colours, offset))
+    return tuple(signals)
+
+
+def _standing(scenario: "Scenario") -> tuple[_StandingObstacle, ...]:
+    standing = []
+    for obstacle in sorted(scenario.static_obstacles, key=lambda obstacle: obstacle.obstacle_id):
+        state = obstacle.initial_state
+        center = getattr(state.position, "center", state.position)
+        heading = getattr(state.orientation, "start", state.orientation)
+        corners = oriented_rectangle(np.asarray(center, dtype=float), float(heading), size_of(obstacle.obstacle_shape))
+        standing.append(_StandingObstacle(int(obstacle.obstacle_id), str(obstacle.obstacle_type.value), corners))
+    return tuple(standing)
+
+
+def _goals(problem: "PlanningProblem", scenario: "Scenario") -> tuple[_GoalRegion, ...]:
+    goals = []
+    for index, state in enumerate(problem.goal.state_list):
+        by_lanelet = (problem.goal.lanelets_of_goal_position or {}).get(index, [])
+        if by_lanelet:
+            lanelets = [scenario.lanelet_network.find_lanelet_by_id(key) for key in by_lanelet]
+            polygons = [np.asarray(lanelet.polygon.vertices) for lanelet in lanelets if lanelet is not None]
+        else:
+            polygons = _polygons(getattr(state, "position", None))
+        time = state.time_step
+        first, last = (time.start, time.end) if hasattr(time, "start") else (time, time)
+        goals.append(_GoalRegion(tuple(polygons), int(first), int(last)))
+    return tuple(goals)
+
+
+def _polygons(shape: Any) -> list[Points]:
+    """The outlines of a CommonRoad shape; a circle has 35 corners."""
+    if shape is None:
+        return []
+    if hasattr(shape, "shapes"):
+        return [polygon for part in shape.shapes for polygon in _polygons(part)]
+    if hasattr(shape, "radius"):
+        angles = np.linspace(0, 2 * np.pi, 36)
+        return [np.asarray(shape.center) + shape.radius * np.column_stack([np.cos(angles), np.sin(angles)])]
+    if hasattr(shape, "vertices"):
+        return [np.asarray(shape.vertices, dtype=float)]
+    return []
 
 
 @dataclass(frozen=True)
@@ -71,221 +265,52 @@ def driven_path(source: RunSource, name: str = "", series: int = 0) -> DrivenPat
     )
 
 
-def short_names(runs: Sequence[RunSource]) -> dict[str, str]:
+def short_names(runs: Sequence[RunRecord]) -> dict[str, str]:
     """Names of configurations by id, without the planner where all runs are of one."""
-    one_planner = len({run.record.planner for run in runs}) == 1
-    return {
-        run.record.config_id: run.record.config_name.removeprefix(f"{run.record.planner}:" if one_planner else "")
-        for run in runs
-    }
-
-
-# ---------- scene_content
-# What a scenario shows, as plain arrays: read once, drawn as often as there are frames.
+    one_planner = len({run.planner for run in runs}) == 1
+    return {run.config_id: run.config_name.removeprefix(f"{run.planner}:" if one_planner else "") for run in runs}
 
 
 @dataclass(frozen=True)
-class LaneletShape:
-    """A lanelet's sides (n, 2), its centre line, and the lanelets beside it, in whichever direction they lead."""
+class ScenarioView:
+    """One scenario to draw: its content, the runs over it and the step that is shown."""
 
-    lanelet_id: int
-    left: Points
-    right: Points
-    center: Points
-    left_neighbour: int | None
-    right_neighbour: int | None
-    inside_intersection: bool
+    content: ScenarioContent
+    paths: tuple[DrivenPath, ...] = ()
+    step: int = 0
 
     @property
-    def outline(self) -> Points:
-        """Closed outline, shape (m, 2)."""
-        return np.vstack([self.left, self.right[::-1]])
+    def time_s(self) -> float:
+        """The moment in seconds."""
+        return self.step * self.content.step_s
 
+    def ego_colour(self, number: int) -> str:
+        """Colour of the ego of the n-th run: its path's where several are to be told apart."""
+        return EGO_COLOUR if len(self.paths) == 1 else series_style(self.paths[number].series)[0]
 
-@dataclass(frozen=True)
-class _StandingObstacle:
-    """A static obstacle: its corners (n, 2) and type."""
+    def focus(self) -> Points:
+        """The point of interest: the first run's ego, else the ego's start, else the middle of the map."""
+        if self.paths:
+            point: Points = self.paths[0].positions[self.paths[0].index_at(self.step)]
+            return point
+        if self.content.ego_position is not None:
+            return self.content.ego_position
+        centers = [lanelet.center.mean(axis=0) for lanelet in self.content.lanelets]
+        return np.mean(centers, axis=0) if centers else np.zeros(2)
 
-    obstacle_id: int
-    kind: str
-    corners: Points
-
-
-@dataclass(frozen=True)
-class _TrafficSignal:
-    """A traffic light: where it stands and the colour of every step of its cycle ("inactive" without one)."""
-
-    signal_id: int
-    position: Points
-    cycle: tuple[str, ...]
-    offset: int
-
-    def state_at(self, step: int) -> str:
-        """Colour at a time step."""
-        return self.cycle[(step - self.offset) % len(self.cycle)] if self.cycle else "inactive"
-
-
-@dataclass(frozen=True)
-class GoalRegion:
-    """A goal: its polygons (empty where any place counts) and the steps in which it counts."""
-
-    polygons: tuple[Points, ...]
-    first_step: int
-    last_step: int
-
-
-@dataclass(frozen=True)
-class SceneContent:
-    """Everything that is drawn of one scenario."""
-
-    scenario_id: str
-    step_s: float
-    last_step: int
-    lanelets: tuple[LaneletShape, ...]
-    stop_lines: tuple[Points, ...]
-    signals: tuple[_TrafficSignal, ...]
-    tracks: dict[int, Track]
-    standing: tuple[_StandingObstacle, ...]
-    ego_position: Points | None
-    ego_heading_rad: float
-    ego_speed_mps: float
-    ego_step: int
-    goals: tuple[GoalRegion, ...]
-
-    def goal_points(self) -> Points:
-        """All corners of all goal polygons, shape (n, 2)."""
-        polygons = [polygon for goal in self.goals for polygon in goal.polygons]
-        return np.vstack(polygons) if polygons else np.empty((0, 2))
-
-
-def read_content(loaded: "LoadedScenario") -> SceneContent:
-    """The drawable content of a scenario with its first planning problem, if it has one."""
-    scenario = loaded.scenario
-    problem = loaded.problem() if loaded.planning_problems.planning_problem_dict else None
-    ego = problem.initial_state if problem else None
-    goals = _goals(problem, scenario) if problem else ()
-    last = max(last_recorded_step(scenario), *(goal.last_step for goal in goals), 0)
-    return SceneContent(
-        scenario_id=loaded.benchmark_id,
-        step_s=loaded.step_s,
-        last_step=last,
-        lanelets=_lanelets(scenario),
-        stop_lines=_stop_lines(scenario),
-        signals=_signals(scenario),
-        tracks=recorded_tracks(scenario),
-        standing=_standing(scenario),
-        ego_position=np.asarray(ego.position, dtype=float) if ego else None,
-        ego_heading_rad=float(ego.orientation) if ego else 0.0,
-        ego_speed_mps=float(ego.velocity) if ego else 0.0,
-        ego_step=int(ego.time_step) if ego else 0,
-        goals=goals,
-    )
-
-
-def _lanelets(scenario: "Scenario") -> tuple[LaneletShape, ...]:
-    network = scenario.lanelet_network
-    inside = {
-        key
-        for intersection in network.intersections
-        for incoming in intersection.incomings
-        for group in (incoming.successors_left, incoming.successors_straight, incoming.successors_right)
-        for key in group or ()
-    }
-    return tuple(
-        LaneletShape(
-            lanelet_id=int(lanelet.lanelet_id),
-            left=np.asarray(lanelet.left_vertices, dtype=float),
-            right=np.asarray(lanelet.right_vertices, dtype=float),
-            center=np.asarray(lanelet.center_vertices, dtype=float),
-            left_neighbour=lanelet.adj_left,
-            right_neighbour=lanelet.adj_right,
-            inside_intersection=lanelet.lanelet_id in inside,
-        )
-        for lanelet in sorted(network.lanelets, key=lambda lanelet: lanelet.lanelet_id)
-    )
-
-
-def _stop_lines(scenario: "Scenario") -> tuple[Points, ...]:
-    found = []
-    for lanelet in sorted(scenario.lanelet_network.lanelets, key=lambda lanelet: lanelet.lanelet_id):
-        line = lanelet.stop_line
-        if line is None:
-            continue
-        given = line.start is not None and line.end is not None
-        ends = (line.start, line.end) if given else (lanelet.left_vertices[-1], lanelet.right_vertices[-1])
-        found.append(np.array(ends, dtype=float))
-    return tuple(found)
-
-
-def _signals(scenario: "Scenario") -> tuple[_TrafficSignal, ...]:
-    network = scenario.lanelet_network
-    ends: dict[int, Points] = {}
-    for lanelet in sorted(network.lanelets, key=lambda lanelet: lanelet.lanelet_id):
-        for key in lanelet.traffic_lights:
-            ends.setdefault(key, np.asarray(lanelet.right_vertices[-1], dtype=float))
-    found = []
-    for light in sorted(network.traffic_lights, key=lambda light: light.traffic_light_id):
-        position = light.position if light.position is not None else ends.get(light.traffic_light_id)
-        if position is None:
-            continue
-        cycle = light.traffic_light_cycle
-        elements = (cycle.cycle_elements or []) if cycle is not None else []
-        colours = tuple(element.state.value for element in elements for _ in range(int(element.duration)))
-        offset = int(cycle.time_offset or 0) if cycle is not None else 0
-        found.append(_TrafficSignal(int(light.traffic_light_id), np.asarray(position, dtype=float), colours, offset))
-    return tuple(found)
-
-
-def _standing(scenario: "Scenario") -> tuple[_StandingObstacle, ...]:
-    found = []
-    for obstacle in sorted(scenario.static_obstacles, key=lambda obstacle: obstacle.obstacle_id):
-        state = obstacle.initial_state
-        center = getattr(state.position, "center", state.position)
-        heading = getattr(state.orientation, "start", state.orientation)
-        corners = oriented_rectangle(np.asarray(center, dtype=float), float(heading), size_of(obstacle.obstacle_shape))
-        found.append(_StandingObstacle(int(obstacle.obstacle_id), str(obstacle.obstacle_type.value), corners))
-    return tuple(found)
-
-
-def _goals(problem: "PlanningProblem", scenario: "Scenario") -> tuple[GoalRegion, ...]:
-    found = []
-    for index, state in enumerate(problem.goal.state_list):
-        by_lanelet = (problem.goal.lanelets_of_goal_position or {}).get(index, [])
-        if by_lanelet:
-            lanelets = [scenario.lanelet_network.find_lanelet_by_id(key) for key in by_lanelet]
-            polygons = [np.asarray(lanelet.polygon.vertices) for lanelet in lanelets if lanelet is not None]
-        else:
-            polygons = _polygons(getattr(state, "position", None))
-        time = state.time_step
-        first, last = (time.start, time.end) if hasattr(time, "start") else (time, time)
-        found.append(GoalRegion(tuple(polygons), int(first), int(last)))
-    return tuple(found)
-
-
-def _polygons(shape: Any) -> list[Points]:
-    if shape is None:
-        return []
-    if hasattr(shape, "shapes"):
-        return [polygon for part in shape.shapes for polygon in _polygons(part)]
-    if hasattr(shape, "radius"):
-        angles = np.linspace(0, 2 * np.pi, 36)
-        return [np.asarray(shape.center) + shape.radius * np.column_stack([np.cos(angles), np.sin(angles)])]
-    if hasattr(shape, "vertices"):
-        return [np.asarray(shape.vertices, dtype=float)]
-    return []
-
-
-# ---------- viewport
-# Which part of a scenario a picture shows: the ego, its way and its goal, not the whole map.
 
 MARGIN_M = 14.0
-SMALLEST_SPAN_M = 80.0
-LARGEST_SPAN_M = 260.0
-FLATTEST_RATIO = 3.0
-STEEPEST_RATIO = 1.1
-GOAL_SHOWN_M = 30.0
-NEIGHBOURS_M = 35.0
-LOOK_AHEAD_S = 2.5
+"""Around what a picture shows (chosen): about three car lengths."""
+_SMALLEST_SPAN_M, _LARGEST_SPAN_M = 80.0, 260.0
+"""Between these a car is large enough to be recognised and its surroundings are in view (chosen)."""
+_FLATTEST_RATIO, _STEEPEST_RATIO = 3.0, 1.1
+"""Bounds of width by height (chosen): pictures keep a usable shape."""
+_GOAL_SHOWN_M = 30.0
+"""Of a goal, this much beyond its point that is nearest to the ego or its path (chosen)."""
+_NEIGHBOURS_M = 35.0
+"""Vehicles around the ego that are in view (chosen)."""
+_LOOK_AHEAD_S = 2.5
+"""Without a run the ego's way over this time at its first speed is in view (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -314,7 +339,7 @@ class Viewport:
         return bool(inside.any())
 
 
-def viewport_of(content: SceneContent, paths: Sequence[DrivenPath] = (), step: int | None = None) -> Viewport:
+def viewport_of(content: ScenarioContent, paths: Sequence[DrivenPath] = (), step: int | None = None) -> Viewport:
     """The part that matters: ego, neighbours, driven paths and the near end of the goal; else the traffic or the map.
 
     At least 80 m wide, at most 260 m in each direction, no flatter than 3 to 1: pictures keep a usable shape.
@@ -325,14 +350,14 @@ def viewport_of(content: SceneContent, paths: Sequence[DrivenPath] = (), step: i
     low, high = _limited(low, high, center)
     width, height = high - low
     middle = (low + high) / 2
-    width, height = max(width, SMALLEST_SPAN_M), max(height, SMALLEST_SPAN_M / FLATTEST_RATIO)
-    height = max(height, width / FLATTEST_RATIO)
-    width = max(width, height * STEEPEST_RATIO)
+    width, height = max(width, _SMALLEST_SPAN_M), max(height, _SMALLEST_SPAN_M / _FLATTEST_RATIO)
+    height = max(height, width / _FLATTEST_RATIO)
+    width = max(width, height * _STEEPEST_RATIO)
     return Viewport(middle[0] - width / 2, middle[1] - height / 2, middle[0] + width / 2, middle[1] + height / 2)
 
 
 def union(first: Viewport, second: Viewport) -> Viewport:
-    """The smallest viewport that holds both: for pictures that shall be compared."""
+    """The smallest viewport that holds both: for pictures that are compared."""
     return Viewport(
         min(first.x_min, second.x_min),
         min(first.y_min, second.y_min),
@@ -341,30 +366,30 @@ def union(first: Viewport, second: Viewport) -> Viewport:
     )
 
 
-def _points_of_interest(content: SceneContent, paths: Sequence[DrivenPath], step: int | None) -> Points:
-    found = [path.positions for path in paths]
+def _points_of_interest(content: ScenarioContent, paths: Sequence[DrivenPath], step: int | None) -> Points:
+    shown = [path.positions for path in paths]
     at = content.ego_step if step is None else step
     present = [track.positions[index] for track in content.tracks.values() if (index := track.index_at(at)) is not None]
     traffic = np.array(present).reshape(-1, 2)
     if content.ego_position is not None:
         direction = np.array([np.cos(content.ego_heading_rad), np.sin(content.ego_heading_rad)])
-        ahead = content.ego_position + direction * content.ego_speed_mps * LOOK_AHEAD_S
-        found += [content.ego_position[None, :]] if paths else [np.stack([content.ego_position, ahead])]
+        ahead = content.ego_position + direction * content.ego_speed_mps * _LOOK_AHEAD_S
+        shown += [content.ego_position[None, :]] if paths else [np.stack([content.ego_position, ahead])]
         center = paths[0].positions[paths[0].index_at(at)] if paths else content.ego_position
-        found.append(traffic[np.linalg.norm(traffic - center, axis=1) <= NEIGHBOURS_M])
+        shown.append(traffic[np.linalg.norm(traffic - center, axis=1) <= _NEIGHBOURS_M])
         goal = content.goal_points()
         if len(goal):
-            reference = np.vstack(found)
+            reference = np.vstack(shown)
             distance = np.linalg.norm(goal[:, None, :] - reference[None, :, :], axis=2).min(axis=1)
-            found.append(goal[distance <= distance.min() + GOAL_SHOWN_M])
+            shown.append(goal[distance <= distance.min() + _GOAL_SHOWN_M])
     else:
-        found.append(traffic)
-    if not any(len(points) for points in found):
-        found = [lanelet.center for lanelet in content.lanelets] or [np.zeros((1, 2))]
-    return np.vstack(found)
+        shown.append(traffic)
+    if not any(len(points) for points in shown):
+        shown = [lanelet.center for lanelet in content.lanelets] or [np.zeros((1, 2))]
+    return np.vstack(shown)
 
 
-def _anchor(content: SceneContent, paths: Sequence[DrivenPath], step: int | None, points: Points) -> Points:
+def _anchor(content: ScenarioContent, paths: Sequence[DrivenPath], step: int | None, points: Points) -> Points:
     if paths and step is not None:
         anchor: Points = paths[0].positions[paths[0].index_at(step)]
         return anchor
@@ -377,7 +402,7 @@ def _anchor(content: SceneContent, paths: Sequence[DrivenPath], step: int | None
 def _limited(low: Points, high: Points, center: Points) -> tuple[Points, Points]:
     """Cut an extent that is too large, keeping the centre of interest inside."""
     for axis in (0, 1):
-        if high[axis] - low[axis] > LARGEST_SPAN_M:
-            start = np.clip(center[axis] - LARGEST_SPAN_M / 2, low[axis], high[axis] - LARGEST_SPAN_M)
-            low[axis], high[axis] = start, start + LARGEST_SPAN_M
+        if high[axis] - low[axis] > _LARGEST_SPAN_M:
+            start = np.clip(center[axis] - _LARGEST_SPAN_M / 2, low[axis], high[axis] - _LARGEST_SPAN_M)
+            low[axis], high[axis] = start, start + _LARGEST_SPAN_M
     return low, high

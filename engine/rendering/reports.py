@@ -1,4 +1,7 @@
-"""The report: one HTML file with everything in it, readable on a phone, printable, without scripts."""
+"""The report: one HTML file with everything in it, readable on a phone, printable, without scripts.
+
+Its sections are made from what was stored and computed, one function a kind of thing, words and figures only.
+"""
 
 import base64
 import json
@@ -17,15 +20,15 @@ from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..execution import ProgressReporter
 from ..workspace import Recipe
 
-# ---------- report_sections
-# Sections of a report from what was stored and computed: one function a kind of thing, words and figures only.
-
 _ORIGINS = {
     "generated": "Generated scenario",
     "modified": "Modified scenario",
     "imported": "Imported scenario",
     "starter": "Scenario of the starter catalogue",
 }
+_LARGEST_IMAGE_BYTES = 8_000_000
+"""Four times the largest animation (chosen)."""
+_MEDIA_TYPES = {b"\x89PNG\r\n\x1a\n": "image/png", b"GIF89a": "image/gif", b"GIF87a": "image/gif"}
 
 
 def scenario_section(record: ScenarioRecord, recipe: Recipe, images: Sequence[ReportImage]) -> ReportSection:
@@ -55,7 +58,6 @@ def batch_section(batch: BatchRecord, runs: Sequence[RunRecord], images: Sequenc
 
 
 def _runs_table(runs: Iterable[RunRecord]) -> ReportTable:
-    """Runs, one a row."""
     return ReportTable(
         caption="Time to collision and distance are the smallest of the run.",
         columns=(
@@ -103,12 +105,12 @@ def report_image(image: RenderedImage, caption: str) -> ReportImage:
 
 
 def _asked(recipe: Recipe) -> str:
-    said = {
+    given = {
         key: value
         for key, value in recipe.arguments.items()
         if value not in (None, [], {}, "") and key != "map_content"
     }
-    shown = ", ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in sorted(said.items()))
+    shown = ", ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in sorted(given.items()))
     return f"{recipe.tool}: {shown}" if shown else recipe.tool
 
 
@@ -175,13 +177,6 @@ def _figure(value: float | None, digits: int = 2) -> str:
     return "–" if value is None else f"{value:.{digits}f}"
 
 
-# ---------- report
-# The report: one HTML file with everything in it, readable on a phone, printable, without scripts.
-
-LARGEST_IMAGE_BYTES = 8_000_000
-_MEDIA_TYPES = {b"\x89PNG\r\n\x1a\n": "image/png", b"GIF89a": "image/gif", b"GIF87a": "image/gif"}
-
-
 @dataclass(frozen=True)
 class _Embedded:
     """A picture as it stands in the page."""
@@ -232,8 +227,8 @@ def _embed(image: ReportImage) -> _Embedded:
     except OSError as error:
         raise ResourceFailure(f"The picture {path.name} cannot be read: {error.strerror}") from error
     media_type = next((kind for start, kind in _MEDIA_TYPES.items() if content.startswith(start)), None)
-    if media_type is None or len(content) > LARGEST_IMAGE_BYTES:
-        raise UnsafeInput(f"{path.name} is no PNG or GIF of at most {LARGEST_IMAGE_BYTES:,} bytes")
+    if media_type is None or len(content) > _LARGEST_IMAGE_BYTES:
+        raise UnsafeInput(f"{path.name} is no PNG or GIF of at most {_LARGEST_IMAGE_BYTES:,} bytes")
     with Image.open(path) as opened:
         width, height = opened.size
     encoded = base64.b64encode(content).decode("ascii")
@@ -241,7 +236,7 @@ def _embed(image: ReportImage) -> _Embedded:
 
 
 def _write_whole(path: Path, content: bytes) -> None:
-    """Write under a temporary name and rename, so that nobody sees half a page."""
+    """Write under a temporary name and rename, so that half a page is never read."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")

@@ -1,4 +1,8 @@
-"""The road: lanelets, their edges and directions, stop lines, traffic lights and the goal."""
+"""The road: lanelets, their edges and directions, stop lines, traffic lights and the goal.
+
+The lines between lanes are dashed by pieces of the road, not by a style of a line: a style's dashes begin where a
+renderer cuts a line off, so that the same road would look different in two pictures side by side.
+"""
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
@@ -9,59 +13,21 @@ from numpy.typing import NDArray
 
 from ..geometry import Points, arc_length, interpolate, length_m, point_at, resample, without_repeats
 from .canvas import DIRECTION, EGO_COLOUR, INK, ROAD, ROAD_EDGE, light_mark
-from .content import LaneletShape, SceneContent, Viewport
+from .content import LaneletShape, ScenarioContent, Viewport
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# ---------- lane_dividers
-# The lines between lanes, dashed.
-#
-# The dashes are pieces of the road and no style of a line: a style's begin where a renderer cuts a line off, so that
-# the same road would look different in two pictures beside one another.
-
-DASH_SHARE, GAP_SHARE = 1 / 54, 1 / 75
-"""Of the picture's width."""
-
-
-def dividers(lanelets: Sequence[LaneletShape]) -> Iterator[Points]:
-    """The borders (n, 2) that lanelets have in common with a neighbour, each once."""
-    known = {lanelet.lanelet_id: lanelet for lanelet in lanelets}
-    for lanelet in lanelets:
-        for side, neighbour in ((lanelet.left, lanelet.left_neighbour), (lanelet.right, lanelet.right_neighbour)):
-            other = None if neighbour is None else known.get(neighbour)
-            is_other_way_round = other is not None and lanelet.lanelet_id in (
-                other.left_neighbour,
-                other.right_neighbour,
-            )
-            if neighbour is not None and not (is_other_way_round and neighbour < lanelet.lanelet_id):
-                yield side
+_DASH_SHARE, _GAP_SHARE = 1 / 54, 1 / 75
+"""Of the picture's width (chosen)."""
+_ON_SURFACE_M = 0.15
+"""An edge that runs so far inside another lanelet lies on its surface; neighbours only touch."""
+_PIECE_M, _LARGEST_GAP_PIECES = 2.0, 5
+"""Edges are judged by pieces of this length; where so few between two covered ones are free, lanelets cross."""
+_LANE_LINE = "#FFFFFF"
 
 
-def dashes(lines: Iterable[Points], viewport: Viewport) -> list[Points]:
-    """The dashes (n, 2) of lines, which begin at a line's first point, as far as a viewport shows them."""
-    dash_m, gap_m = DASH_SHARE * viewport.width_m, GAP_SHARE * viewport.width_m
-    return [dash for line in lines for dash in _dashes(without_repeats(line), dash_m, gap_m) if viewport.contains(dash)]
-
-
-def _dashes(line: Points, dash_m: float, gap_m: float) -> Iterator[Points]:
-    stations = arc_length(line)
-    for begin_m in np.arange(0.0, stations[-1], dash_m + gap_m).tolist():
-        end_m = min(begin_m + dash_m, float(stations[-1]))
-        between = stations[(begin_m < stations) & (stations < end_m)]
-        yield interpolate(line, stations, np.array([begin_m, *between, end_m]))
-
-
-# ---------- road_layer
-# The road: lanelets, their edges and directions, stop lines, traffic lights and the goal.
-
-ON_SURFACE_M = 0.15
-PIECE_M = 2.0
-LARGEST_GAP_PIECES = 5
-LANE_LINE = "#FFFFFF"
-
-
-def draw_road(axes: "Axes", content: SceneContent, viewport: Viewport) -> None:
+def draw_road(axes: "Axes", content: ScenarioContent, viewport: Viewport) -> None:
     """Draw the lanelets that the viewport shows, with direction marks."""
     from matplotlib.collections import LineCollection, PolyCollection
 
@@ -73,68 +39,10 @@ def draw_road(axes: "Axes", content: SceneContent, viewport: Viewport) -> None:
     )
     plain = [lanelet for lanelet in shown if not lanelet.inside_intersection]
     edges = outer_edges([side for lanelet in plain for side in _edges(lanelet)], shown)
-    axes.add_collection(LineCollection(dashes(dividers(plain), viewport), colors=LANE_LINE, linewidths=1.4, zorder=2))
+    axes.add_collection(LineCollection(dashes(dividers(plain), viewport), colors=_LANE_LINE, linewidths=1.4, zorder=2))
     axes.add_collection(LineCollection(edges, colors=ROAD_EDGE, linewidths=1.0, zorder=2.1))
     marks = [mark for lanelet in shown for mark in _direction_marks(lanelet, viewport)]
     axes.add_collection(PolyCollection(marks, facecolors=DIRECTION, edgecolors="none", zorder=2.2))
-
-
-def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> list[Points]:
-    """Short pieces (2, 2) of the edges, without those that run over another lanelet.
-
-    Where lanelets cross or merge, the edge of one lies on the surface of another: no edge of the road.
-    """
-    import shapely
-
-    surfaces = shapely.STRtree([shapely.Polygon(lanelet.outline).buffer(-ON_SURFACE_M) for lanelet in lanelets])
-    kept = []
-    for edge in edges:
-        fine = resample(edge, max(round(length_m(edge) / PIECE_M), len(edge), 2))
-        covered = np.zeros(len(fine) - 1, dtype=bool)
-        covered[surfaces.query(shapely.points((fine[:-1] + fine[1:]) / 2), predicate="intersects")[0]] = True
-        kept += [fine[index : index + 2] for index in np.flatnonzero(~_without_gaps(covered))]
-    return kept
-
-
-def _without_gaps(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Short gaps between covered pieces count as covered: there, crossing lanelets only just fail to touch."""
-    closed = covered.copy()
-    places = np.flatnonzero(covered)
-    for first, second in itertools.pairwise(places):
-        if second - first <= LARGEST_GAP_PIECES:
-            closed[first:second] = True
-    return closed
-
-
-def draw_stop_lines(axes: "Axes", content: SceneContent) -> None:
-    """Draw the stop lines."""
-    from matplotlib.collections import LineCollection
-
-    axes.add_collection(LineCollection(list(content.stop_lines), colors=INK, linewidths=2.6, zorder=2.6))
-
-
-def draw_signals(axes: "Axes", content: SceneContent, step: int, viewport: Viewport) -> None:
-    """Draw the traffic lights with the marks of the moment."""
-    seen = [signal for signal in content.signals if viewport.contains(signal.position[None, :])]
-    for signal in seen:
-        marker, colour = light_mark(signal.state_at(step))
-        axes.plot(
-            *signal.position, marker=marker, color=colour, markeredgecolor=INK, markersize=7, linestyle="none", zorder=6
-        )
-
-
-def draw_goal(axes: "Axes", content: SceneContent) -> None:
-    """Draw the goal regions, hatched in the ego's colour."""
-    from matplotlib.collections import PolyCollection
-
-    polygons = [polygon for goal in content.goals for polygon in goal.polygons]
-    hatched = PolyCollection(
-        polygons, facecolors="none", edgecolors=EGO_COLOUR, hatch="////", linewidths=1.2, alpha=0.55, zorder=2.5
-    )
-    # A small goal may lie under a vehicle: its outline stays visible.
-    outline = PolyCollection(polygons, facecolors="none", edgecolors=EGO_COLOUR, linewidths=1.2, alpha=0.8, zorder=6)
-    axes.add_collection(hatched)
-    axes.add_collection(outline)
 
 
 def _may_be_seen(lanelet: LaneletShape, viewport: Viewport) -> bool:
@@ -146,6 +54,57 @@ def _may_be_seen(lanelet: LaneletShape, viewport: Viewport) -> bool:
 def _edges(lanelet: LaneletShape) -> list[Points]:
     sides = (lanelet.left, lanelet.left_neighbour), (lanelet.right, lanelet.right_neighbour)
     return [side for side, neighbour in sides if neighbour is None]
+
+
+def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> list[Points]:
+    """Short pieces (2, 2) of the edges, without those that run over another lanelet.
+
+    Where lanelets cross or merge, the edge of one lies on the surface of another: no edge of the road.
+    """
+    import shapely
+
+    surfaces = shapely.STRtree([shapely.Polygon(lanelet.outline).buffer(-_ON_SURFACE_M) for lanelet in lanelets])
+    kept = []
+    for edge in edges:
+        fine = resample(edge, max(round(length_m(edge) / _PIECE_M), len(edge), 2))
+        covered = np.zeros(len(fine) - 1, dtype=bool)
+        covered[surfaces.query(shapely.points((fine[:-1] + fine[1:]) / 2), predicate="intersects")[0]] = True
+        kept += [fine[index : index + 2] for index in np.flatnonzero(~_without_gaps(covered))]
+    return kept
+
+
+def _without_gaps(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Short gaps between covered pieces count as covered: there, crossing lanelets only just fail to touch."""
+    closed = covered.copy()
+    for first, second in itertools.pairwise(np.flatnonzero(covered)):
+        if second - first <= _LARGEST_GAP_PIECES:
+            closed[first:second] = True
+    return closed
+
+
+def dividers(lanelets: Sequence[LaneletShape]) -> Iterator[Points]:
+    """The borders (n, 2) that lanelets have in common with a neighbour, each once."""
+    known = {lanelet.lanelet_id: lanelet for lanelet in lanelets}
+    for lanelet in lanelets:
+        for side, neighbour in ((lanelet.left, lanelet.left_neighbour), (lanelet.right, lanelet.right_neighbour)):
+            other = None if neighbour is None else known.get(neighbour)
+            is_mutual = other is not None and lanelet.lanelet_id in (other.left_neighbour, other.right_neighbour)
+            if neighbour is not None and not (is_mutual and neighbour < lanelet.lanelet_id):
+                yield side
+
+
+def dashes(lines: Iterable[Points], viewport: Viewport) -> list[Points]:
+    """The dashes (n, 2) of lines, which begin at a line's first point, as far as a viewport shows them."""
+    dash_m, gap_m = _DASH_SHARE * viewport.width_m, _GAP_SHARE * viewport.width_m
+    return [dash for line in lines for dash in _dashes(without_repeats(line), dash_m, gap_m) if viewport.contains(dash)]
+
+
+def _dashes(line: Points, dash_m: float, gap_m: float) -> Iterator[Points]:
+    stations = arc_length(line)
+    for begin_m in np.arange(0.0, stations[-1], dash_m + gap_m).tolist():
+        end_m = min(begin_m + dash_m, float(stations[-1]))
+        between = stations[(begin_m < stations) & (stations < end_m)]
+        yield interpolate(line, stations, np.array([begin_m, *between, end_m]))
 
 
 def _direction_marks(lanelet: LaneletShape, viewport: Viewport) -> list[Points]:
@@ -164,3 +123,34 @@ def _direction_marks(lanelet: LaneletShape, viewport: Viewport) -> list[Points]:
         across = np.array([-along[1], along[0]]) * 0.55
         marks.append(np.stack([point + along, point - along * 0.4 + across, point - along * 0.4 - across]))
     return marks
+
+
+def draw_stop_lines(axes: "Axes", content: ScenarioContent) -> None:
+    """Draw the stop lines."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(list(content.stop_lines), colors=INK, linewidths=2.6, zorder=2.6))
+
+
+def draw_signals(axes: "Axes", content: ScenarioContent, step: int, viewport: Viewport) -> None:
+    """Draw the traffic lights with the marks of the moment."""
+    seen = [signal for signal in content.signals if viewport.contains(signal.position[None, :])]
+    for signal in seen:
+        marker, colour = light_mark(signal.state_at(step))
+        axes.plot(
+            *signal.position, marker=marker, color=colour, markeredgecolor=INK, markersize=7, linestyle="none", zorder=6
+        )
+
+
+def draw_goal(axes: "Axes", content: ScenarioContent) -> None:
+    """Draw the goal regions, hatched in the ego's colour."""
+    from matplotlib.collections import PolyCollection
+
+    polygons = [polygon for goal in content.goals for polygon in goal.polygons]
+    hatched = PolyCollection(
+        polygons, facecolors="none", edgecolors=EGO_COLOUR, hatch="////", linewidths=1.2, alpha=0.55, zorder=2.5
+    )
+    # A small goal may lie under a vehicle: its outline stays visible.
+    outline = PolyCollection(polygons, facecolors="none", edgecolors=EGO_COLOUR, linewidths=1.2, alpha=0.8, zorder=6)
+    axes.add_collection(hatched)
+    axes.add_collection(outline)

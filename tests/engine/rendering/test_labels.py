@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.rendering.furniture import round_length
-from plannerforge.engine.rendering.vehicles import LabelWish, place_labels
+from plannerforge.engine.rendering.vehicles import Label, place_labels
 
 FRAME = (0.0, 0.0, 600.0, 400.0)
 CHARACTER = (8.0, 14.0)
@@ -12,15 +12,15 @@ points = st.tuples(st.floats(0, 600), st.floats(0, 400))
 
 
 @given(st.lists(points, max_size=40))
-def test_every_wish_is_placed_or_reported_and_no_two_overlap(places: list[tuple[float, float]]) -> None:
-    wishes = [LabelWish(number, str(1000 + number), place, (5.0, 5.0)) for number, place in enumerate(places)]
-    placed, left_out = place_labels(wishes, [], FRAME, CHARACTER)
-    assert sorted([*(label.key for label in placed), *left_out]) == list(range(len(places)))
+def test_every_label_is_placed_or_reported_and_no_two_overlap(places: list[tuple[float, float]]) -> None:
+    labels = [Label(number, str(1000 + number), place, (5.0, 5.0)) for number, place in enumerate(places)]
+    placed, left_out = place_labels(labels, [], FRAME, CHARACTER)
+    assert sorted([*(place.label.key for place in placed), *left_out]) == list(range(len(places)))
     for first in placed:
         assert 0 <= first.center_px[0] <= 600
         assert 0 <= first.center_px[1] <= 400
         for second in placed:
-            if first.key < second.key:
+            if first.label.key < second.label.key:
                 apart_x = abs(first.center_px[0] - second.center_px[0]) >= 4 * CHARACTER[0] - 1e-6
                 apart_y = abs(first.center_px[1] - second.center_px[1]) >= CHARACTER[1] - 1e-6
                 assert apart_x or apart_y

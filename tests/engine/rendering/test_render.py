@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from PIL import Image
@@ -9,9 +10,10 @@ from support.builders import Problem, town_road
 from support.runs import DEFAULT, SAFE, record, source
 
 from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.rendering.charts import CHARTS
 from plannerforge.engine.rendering.pictures import choose_kind, render
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
-from plannerforge.schemas.rendering import RenderedImage, RenderRequest
+from plannerforge.schemas.rendering import PictureKind, RenderedImage, RenderRequest
 from plannerforge.schemas.results import RunSource, ScenarioSource
 
 TOWN = "ZAM_Builder-1_1_T-1"
@@ -141,3 +143,7 @@ def test_real_scenarios_are_drawn(tmp_path: Path, shared_data: Path, name: str) 
     image = drawn(tmp_path, scenarios=(ScenarioSource(scenario_id=name, path=str(path)),))
     assert image.size_bytes < 300_000
     assert "in view" in image.alt_text
+
+
+def test_every_kind_that_can_be_asked_for_is_drawn() -> None:
+    assert {"auto", "picture", "animation", *CHARTS} == set(get_args(PictureKind))
