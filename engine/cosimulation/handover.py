@@ -8,7 +8,7 @@ import numpy as np
 from ..commonroad import Track
 from ..geometry import Points, Values
 from ..vehicles import Motion, drivable_motion, nearest_class, tractrix
-from .plans import steered_over
+from .plans import lane_change_track
 from .replay import DrivenTrack, front_of
 
 HISTORY_STEPS = 15
@@ -27,7 +27,7 @@ STANDING_MPS = 0.02
 class TakenOverTrack:
     """The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its dimensions.
 
-    ``in_the_way``: who kept it from changing lanes, as in ``DrivenTrack``.
+    ``blocked_by``: as in ``DrivenTrack``.
     """
 
     vehicle_id: int
@@ -38,7 +38,7 @@ class TakenOverTrack:
     wheelbase_m: float
     leaves: bool
     lanes: tuple[str, ...]
-    in_the_way: tuple[int, ...] = ()
+    blocked_by: tuple[int, ...] = ()
 
     @property
     def last_step(self) -> int:
@@ -82,7 +82,7 @@ def taken_over_track(
     if over_m is None:
         onward = _led_into_lane(expected, onward, step_s)
     else:
-        onward, across = steered_over(begin, expected, onward, over_m)
+        onward, across = lane_change_track(begin, expected, onward, over_m)
         lanes = ("", *(lane if is_across else "" for lane, is_across in zip(lanes[1:], across, strict=False)))
     history = _history(start, index, step_s)
     front = np.concatenate([history, begin[None], onward])
@@ -98,7 +98,7 @@ def taken_over_track(
         wheelbase_m=chassis.wheelbase_m,
         leaves=driven.leaves,
         lanes=lanes,
-        in_the_way=driven.in_the_way,
+        blocked_by=driven.blocked_by,
     )
 
 

@@ -1,4 +1,13 @@
-"""What a list of edits comes to, before anything is simulated: an immutable value that each edit makes anew."""
+"""What SUMO is to drive or to replay, before anything is simulated: immutable values that each edit makes anew.
+
+A :class:`DrivePlan` stands for a vehicle that SUMO drives from a step on, a :class:`Replay` for one that moves by a
+given track.
+
+SUMO's vehicles keep their lanes inside junctions. One that changes lanes inside a junction from the hand-over on
+(:class:`JunctionLaneChange`) is driven on the lanelet beside from its first step on (:func:`shown_track`), and the
+motion that is written steers over from its recorded place: as far aside as it rolls, never standing
+(:func:`lane_change_track`).
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -32,9 +41,9 @@ class JunctionLaneChange:
 class DrivePlan:
     """A vehicle that SUMO drives from ``from_step`` on.
 
-    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: the way it is meant to
+    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: the route it is meant to
     drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
-    ``through``: lanelets on the way that it has to use; ``manoeuvres``: what it is told, in the order of their steps;
+    ``through``: lanelets of the route that it has to use; ``manoeuvres``: its orders, by their steps;
     ``junction_lane_change``: how it changes lanes where it is handed over inside a junction (None: it does not);
     ``halts``: where it waits for others.
     """
@@ -55,9 +64,9 @@ class DrivePlan:
 
 @dataclass(frozen=True)
 class Replay:
-    """A road user that moves by a given track and not by SUMO: a recording moved in time, or somebody who walks.
+    """A road user that moves by a given track and not by SUMO: a recording moved in time, or an added pedestrian.
 
-    ``recording``: what was moved by ``shifted_steps`` (later positive); None for an added walker.
+    ``recording``: what was moved by ``shifted_steps`` (later positive); None for an added pedestrian.
     """
 
     track: Track
@@ -67,7 +76,7 @@ class Replay:
 
 
 def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -> DrivePlan:
-    """A plan that drives a recorded vehicle along its recorded way from a step on.
+    """A plan that drives a recorded vehicle along its recorded route from a step on.
 
     Raises:
         NotPossible: the vehicle cannot be driven.
@@ -112,44 +121,36 @@ def drivable_ids(scene: Scene) -> list[int]:
 def class_of(kind: str) -> VehicleClass:
     """The class that stands for a CommonRoad obstacle type; a car for types without a class."""
     classes = vehicle_classes()
-    return next((one for one in classes.values() if one.commonroad_type == kind), classes["car"])
+    return next((made for made in classes.values() if made.commonroad_type == kind), classes["car"])
 
-
-# ---------- junction_lane_change
-# The motion of a vehicle that changes lanes inside a junction from the hand-over on.
-#
-# SUMO's vehicles keep their lanes inside junctions. Such a vehicle is driven on the lanelet beside from its first step
-# on, and the motion that is written steers over from its recorded place: as far aside as it rolls, never standing.
 
 ACROSS_SHARE = 0.6
-"""A vehicle that is so far over is on the other lanelet, whichever of the two is wider."""
+"""A vehicle is on the other lanelet, whichever of the two is wider, after this share of the offset (chosen)."""
 PROGRESS_ACROSS = 0.5 - math.sin(math.asin(1.0 - 2.0 * ACROSS_SHARE) / 3.0)
-"""The share of the way after which it is across: there 3p² - 2p³ comes to ``ACROSS_SHARE``."""
+"""The share of the way along the lane after which it is across: there 3p² - 2p³ comes to ``ACROSS_SHARE``."""
 MOVED_M = 1e-3
+"""A step shorter than this has no direction of its own (chosen)."""
 
 
-def placed_over(scene: Scene, plan: DrivePlan) -> Track:
-    """The track that SUMO is shown: at the hand-over the vehicle is on the lanelet that it steers over to."""
-    start = plan.start
-    if plan.junction_lane_change is None:
+def shown_track(scene: Scene, plan: DrivePlan) -> Track:
+    """The track that SUMO is shown: at the hand-over the vehicle is on the lanelet that it changes to in a junction."""
+    start, change = plan.start, plan.junction_lane_change
+    if change is None:
         return start
-    index, center = (
-        plan.from_step - start.first_step,
-        scene.layout.table.lanes[plan.junction_lane_change.lanelet_id].center,
-    )
+    index, center = plan.from_step - start.first_step, scene.layout.table.lanes[change.lanelet_id].center
     positions, headings = start.positions.copy(), start.headings_rad.copy()
     positions[index], headings[index] = point_at(center, project(center, positions[index])[0])
     return replace(start, positions=positions, headings_rad=headings)
 
 
-def steered_over(front: Points, expected: Points, onward: Points, within_m: float) -> tuple[Points, list[bool]]:
+def lane_change_track(front: Points, expected: Points, onward: Points, within_m: float) -> tuple[Points, list[bool]]:
     """The front track (n, 2) of a vehicle that steers over to SUMO's, and whether it is across at each step.
 
     Args:
         front: the recorded place of the front at the hand-over, shape (2,), in metres.
         expected: where it is a step later if it rolls straight on, shape (2,).
         onward: SUMO's front track from the first step on, shape (n, 2), in metres.
-        within_m: the way along the lane in which the vehicle gets over.
+        within_m: the distance along the lane in which the vehicle gets over.
     """
     forward = _directions_along(onward)
     left = np.stack([-forward[:, 1], forward[:, 0]], axis=1)

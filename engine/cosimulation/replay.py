@@ -1,29 +1,21 @@
 """Hybrid re-simulation in SUMO: recorded vehicles replay exactly, driven ones react to them.
 
-Replayed vehicles are put at their recorded pose by ``moveToXY`` before every step, with the pose of the step after;
-their speed is set after the step, so that others see it. A driven vehicle is put like that until its hand-over.
-One libsumo simulation may run in a process at a time.
+Replayed vehicles are put at their recorded pose before every step, with the pose of the step after; their speed is set
+after the step, so that others see it. A driven vehicle is put like that until its hand-over.
 """
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from ...schemas.errors import WorkerFailure
 from ..commonroad import Track
 from ..geometry import Points
+from ..traffic import Sumo
 from .actors import Actor
-from .controllers import EarlyBraking, Halting, LongBends, Waiting
-from .manoeuvres import DRIVEN_LANE_CHANGES, DRIVEN_SPEED_MODE, LANE_CHANGE_S, Manoeuvring
-from .session import SimulationSetup, sumo_running
-
-REPLAYED_SPEED_MODE = 32
-REPLAYED_LANE_CHANGES = 0
-KEEP_ROUTE, KEEP_POSE = 1, 2
-"""SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
-MATCH_REACH_M = 20.0
+from .controllers import SPEED_CONTROLLERS
+from .manoeuvres import LANE_CHANGE_S, ManoeuvreExecutor
+from .session import SimulationSetup, open_simulation
 
 
 @dataclass(frozen=True)
@@ -31,14 +23,15 @@ class DrivenTrack:
     """What SUMO made of a driven vehicle: its front bumper (n, 2) in m at every step from ``first_step`` on.
 
     The first point is the recorded one. ``lanes``: SUMO's lane id at every step. ``leaves``: it left the network.
-    ``in_the_way``: who left it no room for a change of lane that it was told and did not do, the longest first.
+    ``blocked_by``: ids of those that left it no room for an ordered change of lane that it did not do, the longest
+    first.
     """
 
     first_step: int
     front: Points
     lanes: tuple[str, ...]
     leaves: bool
-    in_the_way: tuple[int, ...] = ()
+    blocked_by: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -58,164 +51,145 @@ def front_of(track: Track, index: int) -> Points:
     return front
 
 
-def resimulate(setup: SimulationSetup, everybody: tuple[Actor, ...]) -> dict[int, DrivenTrack]:
-    """Run as long as anybody is driven; the driven vehicles' tracks by id.
+def resimulate(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[int, DrivenTrack]:
+    """Simulate as long as any vehicle is driven; the driven vehicles' tracks by id.
 
     Where a recorded pose lies or points off its lane, SUMO may take it for the road beside, and the vehicle would
     drive away there: such vehicles are kept to their route in a second run.
 
     Raises:
-        WorkerFailure: SUMO refused the network or a vehicle.
+        WorkerFailure: SUMO refused the network or a vehicle, or stopped.
     """
-    if all(one.drive_from is None for one in everybody):
+    if all(actor.drive_from is None for actor in actors):
         return {}
-    tracks, astray = _run(setup, everybody, until_astray=True)
+    tracks, astray = _simulate(setup, actors, until_astray=True)
     if astray:
-        kept = tuple(replace(one, keep_to_route=True) if one.key in astray else one for one in everybody)
-        tracks, _ = _run(setup, kept)
+        kept = tuple(replace(actor, keep_to_route=True) if actor.key in astray else actor for actor in actors)
+        tracks, _ = _simulate(setup, kept)
     return tracks
 
 
-def replayed_states(setup: SimulationSetup, everybody: tuple[Actor, ...]) -> dict[tuple[str, int], ShownState]:
-    """What SUMO shows of everybody after every step, by SUMO's id and step; who is not there has no entry.
+def replayed_states(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[tuple[str, int], ShownState]:
+    """What SUMO shows of all actors after every step, by SUMO's id and step; one that is not there has no entry.
 
     Raises:
-        WorkerFailure: SUMO refused the network or a vehicle.
+        WorkerFailure: SUMO refused the network or a vehicle, or stopped.
     """
     shown = {}
-    with sumo_running(setup, [one.vehicle_type() for one in everybody]) as sumo:
-        run, vehicle = _Run(sumo, everybody), sumo.vehicle
+    with open_simulation(setup, [actor.vehicle_type() for actor in actors]) as sumo:
+        run = _Run(sumo, actors)
         for step in range(setup.last_step + 1):
-            run.before(step)
-            sumo.simulationStep()
-            run.after(step)
-            for key in vehicle.getIDList():
-                x, y = vehicle.getPosition(key)
-                shown[key, step] = ShownState((x, y), vehicle.getAngle(key), vehicle.getSpeed(key))
+            run.advance(step)
+            for key in sumo.vehicles():
+                shown[key, step] = ShownState(sumo.front(key), sumo.angle_deg(key), sumo.speed_mps(key))
     return shown
 
 
-def _run(
-    setup: SimulationSetup, everybody: tuple[Actor, ...], *, until_astray: bool = False
+def _simulate(
+    setup: SimulationSetup, actors: tuple[Actor, ...], *, until_astray: bool = False
 ) -> tuple[dict[int, DrivenTrack], frozenset[str]]:
     """One simulation: the tracks, and the vehicles that were on another route when they were handed over.
 
     ``until_astray``: it ends once all such vehicles are known, because its tracks are not used then.
     """
-    with sumo_running(setup, [one.vehicle_type() for one in everybody]) as sumo:
-        run = _Run(sumo, everybody)
-        try:
-            for step in range(setup.last_step + 1):
-                run.before(step)
-                sumo.simulationStep()
-                run.after(step)
-                if run.all_have_left() or (until_astray and run.astray and run.all_are_driven(step)):
-                    break
-        except (sumo.TraCIException, sumo.FatalTraCIError) as error:
-            raise WorkerFailure(f"SUMO stopped: {error}") from error
+    with open_simulation(setup, [actor.vehicle_type() for actor in actors]) as sumo:
+        run = _Run(sumo, actors)
+        for step in range(setup.last_step + 1):
+            run.advance(step)
+            if run.all_have_left() or (until_astray and run.astray and run.all_are_driven(step)):
+                break
         return run.tracks(setup.last_step), frozenset(run.astray)
 
 
 class _Run:
-    """The state of one simulation: who is there, and what was seen of the driven ones."""
+    """The state of one simulation: which actors are there, and what was seen of the driven ones."""
 
-    def __init__(self, sumo: Any, everybody: tuple[Actor, ...]) -> None:
-        self.sumo, self.everybody = sumo, everybody
-        self.manoeuvring = Manoeuvring(sumo)
-        self.judges = (Waiting(sumo), EarlyBraking(sumo), LongBends(sumo), Halting(sumo))
-        self.present: set[str] = set()
+    def __init__(self, sumo: Sumo, actors: tuple[Actor, ...]) -> None:
         self.astray: set[str] = set()
-        self.used: set[tuple[str, str]] = set()
-        self.seen: dict[int, list[tuple[int, float, float, str]]] = {}
-        self.last_handover = max((one.drive_from for one in everybody if one.drive_from is not None), default=0)
-        self.on_their_way = {one.key for one in everybody if one.drive_from is not None}
+        self._sumo, self._actors = sumo, actors
+        self._manoeuvres = ManoeuvreExecutor(sumo)
+        self._controllers = tuple(make(sumo) for make in SPEED_CONTROLLERS)
+        self._present: set[str] = set()
+        self._used_lanes: set[tuple[str, str]] = set()
+        self._seen: dict[int, list[tuple[int, float, float, str]]] = {}
+        handovers = {actor.key: actor.drive_from for actor in actors if actor.drive_from is not None}
+        self._last_handover = max(handovers.values(), default=0)
+        self._under_way = set(handovers)
 
-    def before(self, step: int) -> None:
-        """Insert, place and remove, so that all replayed vehicles stand right after the step."""
-        for one in self.everybody:
-            index = step - one.track.first_step
-            if index == 0:
-                self._insert(one)
-            if one.key not in self.present or _drives(one, step):
-                continue
-            if one.track.index_at(step) is not None:
-                self._place(one, index)
-            elif one.drive_from is None:
-                self._remove(one)
-
-    def after(self, step: int) -> None:
-        """Set the speeds of all replayed ones; then hand over, and tell and record the driven ones, who see them."""
-        there = self.present.intersection(self.sumo.vehicle.getIDList())
-        shown = [one for one in self.everybody if one.key in there]
-        for one in shown:
-            index = one.track.index_at(step)
-            if index is not None and not _drives(one, step):
-                self.sumo.vehicle.setPreviousSpeed(one.key, max(float(one.track.speeds_mps[index]), 0.0))
-                if step == one.track.first_step:
-                    self._hold(one)
-        for one in shown:
-            if one.drive_from is not None and step >= one.drive_from:
-                self._drive(one, step)
+    def advance(self, step: int) -> None:
+        """Simulate a step, with all actors where they are recorded or drive to."""
+        self._place_replayed(step)
+        self._sumo.step()
+        there = self._present.intersection(self._sumo.vehicles())
+        shown = [actor for actor in self._actors if actor.key in there]
+        self._show_speeds(shown, step)
+        for actor in shown:
+            if actor.drive_from is not None and step >= actor.drive_from:
+                self._drive(actor, step)
 
     def all_are_driven(self, step: int) -> bool:
         """Whether the last hand-over is past."""
-        return step >= self.last_handover
+        return step >= self._last_handover
 
     def all_have_left(self) -> bool:
         """Whether every driven vehicle reached the end of its route, so that nothing more is seen of any."""
-        self.on_their_way.difference_update(self.sumo.simulation.getArrivedIDList())
-        return not self.on_their_way
+        self._under_way.difference_update(self._sumo.arrived())
+        return not self._under_way
 
     def tracks(self, last_step: int) -> dict[int, DrivenTrack]:
-        """The driven tracks so far."""
-        found = {}
-        for key, rows in sorted(self.seen.items()):
+        """The driven tracks up to the present step."""
+        tracks = {}
+        for key, rows in sorted(self._seen.items()):
             front = np.array([(x, y) for _, x, y, _ in rows])
             leaves = rows[-1][0] < last_step
-            blocking = tuple(map(int, self.manoeuvring.in_the_way(str(key))))
-            found[key] = DrivenTrack(rows[0][0], front, tuple(lane for *_, lane in rows), leaves, blocking)
-        return found
+            blocking = tuple(map(int, self._manoeuvres.blocking(str(key))))
+            tracks[key] = DrivenTrack(rows[0][0], front, tuple(lane for *_, lane in rows), leaves, blocking)
+        return tracks
 
-    def _insert(self, one: Actor) -> None:
-        self.sumo.route.add(f"r{one.key}", one.edges)
-        self.sumo.vehicle.add(one.key, f"r{one.key}", f"t{one.key}", depart="now", departLane="0", departPos="0")
-        self.present.add(one.key)
+    def _place_replayed(self, step: int) -> None:
+        """Insert, place and remove, so that all replayed vehicles stand right after the step."""
+        for actor in self._actors:
+            index = step - actor.track.first_step
+            if index == 0:
+                self._sumo.add_route(actor.route, actor.edges)
+                self._sumo.insert(actor.key, actor.route, actor.type_id)
+                self._present.add(actor.key)
+            if actor.key not in self._present or actor.drives_at(step):
+                continue
+            if actor.track.index_at(step) is not None:
+                keep = actor.keep_to_route
+                self._sumo.move_to(actor.key, actor.poses[index], actor.hints[index], keep_to_route=keep)
+            elif actor.drive_from is None:
+                self._present.discard(actor.key)
+                self._sumo.remove(actor.key)
 
-    def _place(self, one: Actor, index: int) -> None:
-        edge, lane = one.hint_at(index)
-        x, y, angle = one.poses[index]
-        keep = KEEP_ROUTE if one.keep_to_route else KEEP_POSE
-        self.sumo.vehicle.moveToXY(one.key, edge, lane, x, y, angle, keep, MATCH_REACH_M)
+    def _show_speeds(self, shown: list[Actor], step: int) -> None:
+        """Set the speeds of all that were placed before the step, before any driven vehicle looks at them."""
+        for actor in shown:
+            index = actor.track.index_at(step)
+            if index is not None and not actor.drives_at(step):
+                self._sumo.show_speed(actor.key, float(actor.track.speeds_mps[index]))
+                if step == actor.track.first_step:
+                    self._sumo.hold(actor.key)
 
-    def _remove(self, one: Actor) -> None:
-        self.present.discard(one.key)
-        if one.key in self.sumo.vehicle.getIDList():
-            self.sumo.vehicle.remove(one.key)
-
-    def _hold(self, one: Actor) -> None:
-        self.sumo.vehicle.setSpeedMode(one.key, REPLAYED_SPEED_MODE)
-        self.sumo.vehicle.setLaneChangeMode(one.key, REPLAYED_LANE_CHANGES)
-
-    def _drive(self, one: Actor, step: int) -> None:
-        vehicle = self.sumo.vehicle
-        if step == one.drive_from:
-            vehicle.setSpeed(one.key, -1)
-            vehicle.setSpeedMode(one.key, DRIVEN_SPEED_MODE)
-            vehicle.setLaneChangeMode(one.key, DRIVEN_LANE_CHANGES)
-            if vehicle.getRoute(one.key)[-1] != one.edges[-1]:
-                self.astray.add(one.key)
-        lane_id = vehicle.getLaneID(one.key)
-        highest = [] if one.key in self.astray else [judge.highest_speed(one, lane_id) for judge in self.judges]
+    def _drive(self, actor: Actor, step: int) -> None:
+        """Hand a vehicle over, or give it its orders; note where it is."""
+        key = actor.key
+        if step == actor.drive_from:
+            self._sumo.let_drive(key)
+            if self._sumo.last_edge(key) != actor.edges[-1]:
+                self.astray.add(key)
+        lane = self._sumo.lane(key)
+        highest = [] if key in self.astray else [each.highest_speed_mps(actor, lane) for each in self._controllers]
         highest_mps = min((speed for speed in highest if speed is not None), default=None)
-        self.used.add((one.key, lane_id))
-        through = [hint for hint in one.through if (one.key, f"{hint[0]}_{hint[1]}") not in self.used]
-        here = [hint for hint in (*through, one.target) if hint and hint[0] == lane_id.rpartition("_")[0]]
-        if here and lane_id != f"{here[0][0]}_{here[0][1]}":
-            vehicle.changeLane(one.key, here[0][1], LANE_CHANGE_S)
-        self.manoeuvring.act(one.key, one.manoeuvres, step, highest_mps)
-        x, y = vehicle.getPosition(one.key)
-        self.seen.setdefault(one.track.obstacle_id, []).append((step, x, y, lane_id))
+        self._used_lanes.add((key, lane))
+        self._change_to_wanted_lane(actor, lane)
+        self._manoeuvres.act(key, actor.manoeuvres, step, highest_mps)
+        self._seen.setdefault(actor.track.obstacle_id, []).append((step, *self._sumo.front(key), lane))
 
-
-def _drives(one: Actor, step: int) -> bool:
-    return one.drive_from is not None and step > one.drive_from
+    def _change_to_wanted_lane(self, actor: Actor, lane: str) -> None:
+        """Send a vehicle to the lane of its edge that it has to use and has not used yet, or to that of its target."""
+        through = [hint for hint in actor.through if (actor.key, "{}_{}".format(*hint)) not in self._used_lanes]
+        here = [hint for hint in (*through, actor.target) if hint and hint[0] == lane.rpartition("_")[0]]
+        if here and lane != "{}_{}".format(*here[0]):
+            self._sumo.change_lane(actor.key, here[0][1], LANE_CHANGE_S)

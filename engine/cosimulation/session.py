@@ -1,15 +1,17 @@
-"""SUMO started for one run over a scenario's network: its options, and the files that it reads and leaves."""
+"""SUMO over a scenario's own network: the options for it, and the files that it reads and leaves."""
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from ...schemas.errors import WorkerFailure
+from ..traffic import Sumo, sumo_running
 from .manoeuvres import LANE_CHANGE_S
 
-TYPES_FILE, ROUTES_FILE = "types.add.xml", "driven.rou.xml"
+TYPES_FILE = "types.add.xml"
+"""Name of the file of the vehicle types that SUMO read."""
+ROUTES_FILE = "driven.rou.xml"
+"""Name of the file of the routes that the vehicles drove, by which vehicle type."""
 LANE_CHANGES_LAST = ("--lanechange.duration", LANE_CHANGE_S)
 """SUMO's usual lane change is a leap; the alternative to a duration is to divide the lanes into sublanes."""
 
@@ -18,7 +20,7 @@ LANE_CHANGES_LAST = ("--lanechange.duration", LANE_CHANGE_S)
 class SimulationSetup:
     """Where the network is, and how long and how finely is simulated; ``folder`` takes the vehicle types.
 
-    ``keeps_routes``: SUMO writes there besides which route everybody drove, by which vehicle type.
+    ``keeps_routes``: SUMO writes ``ROUTES_FILE`` there too.
     """
 
     net: Path
@@ -29,45 +31,33 @@ class SimulationSetup:
     keeps_routes: bool = False
 
 
-@contextmanager
-def sumo_running(
-    setup: SimulationSetup, vehicle_types: Iterable[str], sideways: tuple[str, float] = LANE_CHANGES_LAST
-) -> Iterator[Any]:
-    """The module libsumo with a simulation started in it; ``sideways``: the option for motion across lanes.
+def open_simulation(
+    setup: SimulationSetup, vehicle_types: Iterable[str], lateral_motion: tuple[str, float] = LANE_CHANGES_LAST
+) -> AbstractContextManager[Sumo]:
+    """A simulation that ends with the block.
+
+    Args:
+        setup: the network and the steps.
+        vehicle_types: ``vType`` elements.
+        lateral_motion: SUMO's option for motion across lanes.
 
     Raises:
-        WorkerFailure: SUMO refused the network, a vehicle type or an option.
+        WorkerFailure: SUMO refused the network, a vehicle type or an option, or stopped inside the block.
     """
-    import libsumo
-
-    types = setup.folder / TYPES_FILE
-    types.write_text("\n".join(["<additional>", *vehicle_types, "</additional>\n"]))
     options = {
-        "--net-file": setup.net,
-        "--additional-files": types,
-        "--step-length": setup.step_s,
         "--default.action-step-length": setup.step_s,
-        "--seed": setup.seed,
-        "--time-to-teleport": -1,
         "--max-depart-delay": -1,
-        "--collision.action": "none",
         "--collision.check-junctions": "false",
-        sideways[0]: sideways[1],
-        **(_routes_written(setup.folder / ROUTES_FILE) if setup.keeps_routes else {}),
+        lateral_motion[0]: lateral_motion[1],
+        **(_route_output(setup.folder / ROUTES_FILE) if setup.keeps_routes else {}),
     }
-    arguments = [str(part) for option in options.items() for part in option]
-    try:
-        try:
-            libsumo.start(["sumo", "--no-step-log", "--no-warnings", *arguments])
-        except libsumo.TraCIException as error:
-            raise WorkerFailure(f"SUMO did not start: {error}") from error
-        yield libsumo
-    finally:
-        libsumo.close()
+    return sumo_running(
+        setup.net, setup.folder / TYPES_FILE, vehicle_types, step_s=setup.step_s, seed=setup.seed, options=options
+    )
 
 
-def _routes_written(path: Path) -> dict[str, object]:
-    """SUMO's options for a record of the routes as they are at last, of those who are still there too."""
+def _route_output(path: Path) -> dict[str, object]:
+    """SUMO's options for a record of the routes as they are at last, of vehicles that are still there too."""
     return {
         "--vehroute-output": path,
         "--vehroute-output.write-unfinished": "true",

@@ -11,7 +11,7 @@ from ...schemas.modification import Edit
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, first_curve_too_tight, usual_behaviour
 from ..network import station_m
-from ..scene import Ego, Scene, stated_goal_lanelets
+from ..scene import Ego, Scene, goal_center_lanelets
 from ..vehicles import EGO_SIZE_M, LARGEST_SPEED_MPS, vehicle_classes
 from .changes import Changes, EditStep, GoalChange
 from .entries import PLACE_TAKEN, OccupiedPlaces
@@ -210,7 +210,7 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
 
     The goal's time and speed intervals are widened to those of the car there.
     """
-    if not stated_goal_lanelets(scene.network, scene.loaded.problem(ego.problem_id)):
+    if not goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)):
         return None
     state = goal_states(scene, ego)[0]
     time = getattr(state, "time_step", track.last_step)

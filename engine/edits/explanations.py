@@ -333,7 +333,7 @@ def _held_up(
 
 def _in_the_way(scene: Scene, track: TakenOverTrack) -> str:
     """Who left no room for a change of lane, in words; empty where nobody is known to."""
-    found = [_in_words(scene, key) for key in track.in_the_way]
+    found = [_in_words(scene, key) for key in track.blocked_by]
     more = " and others" if len(found) > MOST_NAMED else ""
     return f"; in the way: {', '.join(found[:MOST_NAMED])}{more}" if found else ""
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...schemas.errors import NotPossible
 from ..commonroad import center_of, size_of
 from ..geometry import point_at, project
-from ..scene import Ego, Scene, stated_goal_lanelets
+from ..scene import Ego, Scene, goal_center_lanelets
 from ..vehicles import LARGEST_SPEED_MPS, can_be_there, latest_passing_s, least_time_s
 from .changes import Changes, GoalChange
 from .writing import USUAL_GOAL_SIZE_M
@@ -183,7 +183,7 @@ def goal_lanelet_ids(scene: Scene, changes: Changes, ego: Ego) -> tuple[int, ...
     """The lanelets of the goal, as edits moved it or as the file states it; empty where it has none."""
     if changes.goal:
         return (changes.goal.lanelet_id,)
-    return tuple(stated_goal_lanelets(scene.network, scene.loaded.problem(ego.problem_id)))
+    return tuple(goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)))
 
 
 def kept_steps(scene: Scene, ego: Ego) -> tuple[int, int] | None:
@@ -205,7 +205,7 @@ def goal_states(scene: Scene, ego: Ego) -> list[Any]:
 def _kept_goal(scene: Scene, ego: Ego) -> GoalChange | None:
     """The goal that the file has, where it is a single one with a place on a lanelet of its own; else None."""
     states = goal_states(scene, ego)
-    lanelets = stated_goal_lanelets(scene.network, scene.loaded.problem(ego.problem_id))
+    lanelets = goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id))
     shape = getattr(states[0], "position", None) if len(states) == 1 else None
     if shape is None or hasattr(shape, "shapes"):
         return None

@@ -2,11 +2,11 @@
 
 import unicodedata
 from dataclasses import dataclass
-from importlib.metadata import version
 
 from ...schemas.generation import GenerationRequest, SiteType
 from ..maps import Site
 from ..network import RoadNetwork, SumoNet
+from ..traffic import sumo_version
 
 STEP_S = 0.1
 """Time step of all generated scenarios: that of nearly all scenarios of CommonRoad's collection."""
@@ -56,7 +56,7 @@ def metadata_of(request: GenerationRequest, site: Site, net: SumoNet) -> Scenari
     return ScenarioMetadata(
         benchmark_id=f"{country}_{_plain_name(request.place)}-{request.benchmark_number}_{request.index + 1}_T-1",
         affiliation=f"PlannerForge; map data: {request.attribution}",
-        source=f"PlannerForge MCP, SUMO {version('libsumo')}",
+        source=f"PlannerForge MCP, SUMO {sumo_version()}",
         latitude=site.latitude,
         longitude=site.longitude,
         projection=net.projection,

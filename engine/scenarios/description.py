@@ -19,11 +19,11 @@ from ..scene import (
     center_line,
     ego_lane,
     ego_route,
+    goal_center_lanelets,
     goal_centers,
     is_own_recording,
     lanelets_at,
     leader_and_follower,
-    stated_goal_lanelets,
 )
 from ..vehicles import EGO_SIZE_M
 
@@ -110,7 +110,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     point = np.asarray(state.position, dtype=float)
     under = lanelets_at(network, point)
     route = ego_route(network, scene.lanelet_graph, problem)
-    goals = stated_goal_lanelets(network, problem)
+    goals = goal_center_lanelets(network, problem)
     way = "the goal has no place" if not goals else "no way leads to the goal"
     if route is not None:
         way = f"turns {', then '.join(route.turns)}" if route.turns else "straight on"
@@ -176,7 +176,7 @@ def _goal(scene: Scene) -> str:
     if scene.ego is None:
         return "problem: no planning problem"
     problem = scene.loaded.problem(scene.ego.problem_id)
-    if not stated_goal_lanelets(scene.network, problem):
+    if not goal_center_lanelets(scene.network, problem):
         return "ok: the goal states no place on a lanelet"
     if ego_route(scene.network, scene.lanelet_graph, problem) is None:
         return "problem: no way leads from the ego's start to its goal"

@@ -16,11 +16,11 @@
 ``find_route``: The shortest route from a position to any goal lanelet, continued until ``ahead_m`` metres lie behind
     the goal.
 ``goal_centers``: Centres of the goal's regions, one per goal state that has one.
-``goal_lanelets``: Lanelets on which a goal region lies, ascending.
+``goal_lanelets``: Lanelets of a goal for planners: those that its regions touch, too; None for a free position.
 ``lanelets_at``: All lanelets that the point lies on, ascending.
 ``path_ahead``: Centre line from the start lanelet on, along the route and then the straightest successors.
 ``start_lanelets``: Lanelets under a position, the one that fits the heading best first.
-``stated_goal_lanelets``: Lanelets that the goal names, or that lie under the centre of its region.
+``goal_center_lanelets``: Lanelets that a goal names, or that lie under the centre of its region; may be empty.
 ``straight_on``: The route with the straightest successors behind it, until they are ``ahead_m`` long or the network
     ends.
 ``Ego``: A planning problem's start, the middle of an uncertain one.
@@ -49,12 +49,12 @@ if TYPE_CHECKING:
     from .routing import center_line as center_line
     from .routing import ego_route as ego_route
     from .routing import find_route as find_route
+    from .routing import goal_center_lanelets as goal_center_lanelets
     from .routing import goal_centers as goal_centers
     from .routing import goal_lanelets as goal_lanelets
     from .routing import lanelets_at as lanelets_at
     from .routing import path_ahead as path_ahead
     from .routing import start_lanelets as start_lanelets
-    from .routing import stated_goal_lanelets as stated_goal_lanelets
     from .routing import straight_on as straight_on
     from .scene import NOT_DRIVEN as NOT_DRIVEN
     from .scene import Ego as Ego

@@ -16,7 +16,7 @@ from ..commonroad import Track
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import LaneletGraph
 from ..vehicles import EGO_SIZE_M
-from .routing import aligned_lanelets, center_line, lanelets_at, path_ahead, stated_goal_lanelets
+from .routing import aligned_lanelets, center_line, goal_center_lanelets, lanelets_at, path_ahead
 from .scene import NOT_DRIVEN, Ego, Scene
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ def ego_lane(scene: Scene, ego: Ego) -> EgoLane | None:
     starts = aligned_lanelets(network, under, ego.position, ego.heading_rad) or under or ego.lanelets
     if not starts:
         return None
-    goals = stated_goal_lanelets(network, scene.loaded.problem(ego.problem_id))
+    goals = goal_center_lanelets(network, scene.loaded.problem(ego.problem_id))
     route = (scene.lanelet_graph.shortest_route(starts, goals) if goals else None) or ()
     pose = (ego.position, ego.heading_rad)
     return EgoLane.of(network, scene.lanelet_graph, (route or starts)[0], route, pose)

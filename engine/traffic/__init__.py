@@ -1,19 +1,27 @@
-"""Generated traffic: how many vehicles, where they drive, SUMO's simulation, and drivable motions of it.
+"""Traffic in SUMO: the only access to libsumo, and how a generated site is filled with traffic.
 
-``TripMaker``: Makes trips of a class on a net, each long enough to last through the recording where the net allows
-    it.
+``Sumo``: The running simulation: puts vehicles in, gives them orders, reads what they and the lanes are like.
+``sumo_running``: A simulation with its network, vehicle types and options, as a context manager; yields ``Sumo``.
+``sumo_version``: The installed version of SUMO.
+``vehicle_type``: A ``vType`` element of SUMO.
+``sumo_pose``: Front bumper and SUMO's angle of a vehicle, from its centre in m and heading in rad.
+``heading_of_angle_rad``: The heading in rad for SUMO's angle in degrees.
+``LaneChanges``: Which changes of lane a vehicle of SUMO does.
+``LaneHint``: SUMO's edge and lane index.
+``NO_LANE``: The ``LaneHint`` for an unknown lane.
+``Demand``: Vehicles wanted by class.
+``plan_counts``: The ``Demand`` of a density and the classes asked for, on a site with kilometres of lane.
 ``lane_km_of``: Kilometres of lane that are open to cars, the insides of junctions left out.
-``DECIMALS``: TODO.
-``Participant``: A vehicle from step 0 on.
+``FEWEST``: The least number of vehicles on a site.
+``PAPER_TRIPS``: The paper's numbers of trips by density.
+``VEHICLES_PER_LANE_KM``: Vehicles on a kilometre of lane at the first step, the ego included, by density.
+``TripMaker``: Makes trips of a class on a net, each long enough to last through the recording where the net allows it.
+``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
+``WARM_UP_S``: How long vehicles drive before the first recorded step, in s.
+``Participant``: A generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
 ``participants``: The recorded vehicles with smoothed, drivable motions.
 ``drop_infeasible``: The vehicles without the fewest whose removal leaves all drivable and no two overlapping.
-``WARM_UP_S``: TODO.
-``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
-``Demand``: Vehicles wanted by class.
-``FEWEST``: Bounds for vehicles on a site.
-``PAPER_TRIPS``: TODO.
-``VEHICLES_PER_LANE_KM``: Vehicles on a kilometre of lane at the first step, the ego included.
-``plan_counts``: Split a density over the classes.
+``DECIMALS``: Decimal places of the motions.
 """
 
 from typing import TYPE_CHECKING
@@ -29,6 +37,15 @@ if TYPE_CHECKING:
     from .motions import participants as participants
     from .simulation import WARM_UP_S as WARM_UP_S
     from .simulation import simulate_traffic as simulate_traffic
+    from .sumo import NO_LANE as NO_LANE
+    from .sumo import LaneChanges as LaneChanges
+    from .sumo import LaneHint as LaneHint
+    from .sumo import Sumo as Sumo
+    from .sumo import heading_of_angle_rad as heading_of_angle_rad
+    from .sumo import sumo_pose as sumo_pose
+    from .sumo import sumo_running as sumo_running
+    from .sumo import sumo_version as sumo_version
+    from .sumo import vehicle_type as vehicle_type
     from .vehicle_counts import FEWEST as FEWEST
     from .vehicle_counts import PAPER_TRIPS as PAPER_TRIPS
     from .vehicle_counts import VEHICLES_PER_LANE_KM as VEHICLES_PER_LANE_KM

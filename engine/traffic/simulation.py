@@ -1,10 +1,8 @@
-"""Running SUMO traffic in this process and recording it (libsumo: one simulation a process)."""
+"""Traffic made by SUMO: a site is filled with vehicles, they drive for a while, and what follows is recorded."""
 
-import math
 import random
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,11 +10,16 @@ from ...schemas.errors import NotPossible
 from ..execution import ProgressReporter
 from ..geometry import Points, Values
 from ..vehicles import VehicleClass, vehicle_classes
-from .demand import TripMaker, write_vehicle_types
+from .demand import TripMaker
+from .sumo import Sumo, heading_of_angle_rad, sumo_running, vehicle_type
 from .vehicle_counts import Demand
 
 WARM_UP_S = 20.0
+"""Simulated before the first recorded step, so that vehicles have met and stand at lights (chosen)."""
 LAST_INSERTION_S = 18.5
+"""No vehicle enters later, so that none is recorded in the first second after SUMO put it on the road (chosen)."""
+LANE_CHANGE_S = 3.0
+"""How long a change of lane takes; SUMO's usual one is a leap."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class RawTrack:
 
     ``along_m`` and ``aside_m``: how far it has rolled along its lane, and lane changes have moved it sideways (left
     positive), since the point before, shape (n,).
-    ``lead_in``: how many of the points lie before step 0; they give smoothing a history, and long vehicles a way
+    ``lead_in``: how many of the points lie before step 0; they give smoothing a history, and long vehicles a path
     behind them.
     """
 
@@ -64,86 +67,99 @@ def simulate_traffic(
 
     Raises:
         NotPossible: SUMO refuses the net, naming its reason.
+        WorkerFailure: SUMO stopped.
     """
-    import libsumo
-
-    types = scratch / "types.rou.xml"
     known = vehicle_classes()
-    write_vehicle_types(types, [known[name] for name in sorted(demand.counts)])
-    options = ["--net-file", str(net_path), "--route-files", str(types), "--step-length", f"{step_s:g}"]
-    options += ["--lanechange.duration", "3", "--collision.action", "none", "--time-to-teleport", "-1"]
-    options += ["--ignore-route-errors", "true", "--no-step-log", "true", "--no-warnings", "true"]
-    try:
-        libsumo.start(["sumo", *options, "--seed", str(seed % 2**31)])
-    except libsumo.TraCIException as error:
-        raise NotPossible(f"SUMO cannot simulate this network: {error!s}") from error
-    try:
-        source = _Source(libsumo, demand, trips, random.Random(seed))  # noqa: S311 - reproducible, not secret
-        return _record(libsumo, source, duration_s, step_s, report)
-    finally:
-        libsumo.close()
+    running = sumo_running(
+        net_path,
+        scratch / "types.add.xml",
+        [_vehicle_type(known[name]) for name in sorted(demand.counts)],
+        step_s=step_s,
+        seed=seed % 2**31,  # SUMO's seeds have 31 bits
+        options={"--lanechange.duration": LANE_CHANGE_S, "--ignore-route-errors": "true"},
+        refusal=lambda why: NotPossible(f"SUMO cannot simulate this network: {why}"),
+    )
+    with running as sumo:
+        source = _Source(sumo, demand, trips, random.Random(seed))  # noqa: S311 - reproducible, not secret
+        return _record(sumo, source, duration_s, step_s, report)
+
+
+def _vehicle_type(vehicle_class: VehicleClass) -> str:
+    """SUMO's type for a class: EIDM as the follower model, real dimensions, speeds around the limit."""
+    return vehicle_type(
+        vehicle_class.name,
+        vClass=vehicle_class.sumo_class,
+        carFollowModel="EIDM",
+        length=f"{vehicle_class.length_m:g}",
+        width=f"{vehicle_class.width_m:g}",
+        accel=f"{vehicle_class.acceleration_mps2:g}",
+        decel=f"{vehicle_class.deceleration_mps2:g}",
+        minGap=f"{vehicle_class.minimum_gap_m:g}",
+        maxSpeed=f"{vehicle_class.maximum_speed_mps:g}",
+        speedFactor="normc(0.95,0.08,0.75,1.1)",
+    )
 
 
 class _Source:
     """Keeps as many vehicles of every class on the net as are wanted."""
 
-    def __init__(self, sumo: Any, demand: Demand, trips: TripMaker, choice: random.Random) -> None:
+    def __init__(self, sumo: Sumo, demand: Demand, trips: TripMaker, choice: random.Random) -> None:
         self._sumo, self._demand, self._trips, self._choice = sumo, demand, trips, choice
         self._classes: dict[str, VehicleClass] = {}
         self._made = 0
 
     def fill(self) -> None:
         """Insert what is missing; vehicles that find no place are taken back and tried again elsewhere."""
-        here = set(self._sumo.vehicle.getIDList())
+        here = set(self._sumo.vehicles())
         for waiting in [key for key in self._classes if key not in here]:
-            if waiting in self._sumo.vehicle.getLoadedIDList():
-                self._sumo.vehicle.remove(waiting)
+            self._sumo.withdraw(waiting)
             del self._classes[waiting]
         known = vehicle_classes()
         missing = [
             known[name]
             for name, count in self._demand.counts.items()
-            for _ in range(count - sum(found.name == name for found in self._classes.values()))
+            for _ in range(count - sum(present.name == name for present in self._classes.values()))
         ]
         self._choice.shuffle(missing)
-        missing.sort(key=lambda found: found.name == "car")
+        missing.sort(key=lambda vehicle_class: vehicle_class.name == "car")  # large ones first: they need more room
         for vehicle_class in missing:
             self._insert(vehicle_class)
-
-    def _insert(self, vehicle_class: VehicleClass) -> None:
-        trip = self._trips.trip(vehicle_class)
-        key = f"{self._made:05d}"
-        self._made += 1
-        self._sumo.route.add(f"route{key}", list(trip.edges))
-        self._sumo.vehicle.add(
-            key, f"route{key}", vehicle_class.name, departLane="best", departPos="random_free", departSpeed="desired"
-        )
-        self._classes[key] = vehicle_class
 
     def class_of(self, key: str) -> VehicleClass:
         """The class of an inserted vehicle."""
         return self._classes[key]
 
+    def _insert(self, vehicle_class: VehicleClass) -> None:
+        trip = self._trips.trip(vehicle_class)
+        key = f"{self._made:05d}"
+        self._made += 1
+        self._sumo.add_route(f"route{key}", trip.edges)
+        self._sumo.insert_anywhere(key, f"route{key}", vehicle_class.name)
+        self._classes[key] = vehicle_class
 
-def _record(sumo: Any, source: _Source, duration_s: float, step_s: float, report: ProgressReporter) -> SimulatedTraffic:
+
+def _record(
+    sumo: Sumo, source: _Source, duration_s: float, step_s: float, report: ProgressReporter
+) -> SimulatedTraffic:
     warm_up, last_insertion = round(WARM_UP_S / step_s), round(LAST_INSERTION_S / step_s)
     steps = round(duration_s / step_s)
-    seen: dict[str, _Seen] = {}
+    seen: dict[str, _Recording] = {}
     before: dict[str, int] = {}
     for step in range(1, warm_up + steps + 1):
         if step <= last_insertion and step % 10 == 1:
             source.fill()
-        sumo.simulationStep()
+        sumo.step()
         if step % 50 == 0:
             report(step / (warm_up + steps), "simulating traffic")
-        for key in sumo.vehicle.getIDList():
+        present = sumo.vehicles()
+        for key in present:
             if key not in seen:
-                seen[key] = _Seen(math.radians(90.0 - sumo.vehicle.getAngle(key)))
-            seen[key].fronts.append(sumo.vehicle.getPosition(key)[:2])
-            seen[key].speeds_mps.append(sumo.vehicle.getSpeed(key))
-            seen[key].sideways_mps.append(sumo.vehicle.getLateralSpeed(key))
+                seen[key] = _Recording(heading_of_angle_rad(sumo.angle_deg(key)))
+            seen[key].fronts.append(sumo.front(key))
+            seen[key].speeds_mps.append(sumo.speed_mps(key))
+            seen[key].sideways_mps.append(sumo.lateral_speed_mps(key))
         if step == warm_up:
-            before = {key: len(seen[key].fronts) - 1 for key in sorted(sumo.vehicle.getIDList())}
+            before = {key: len(seen[key].fronts) - 1 for key in sorted(present)}
     tracks = (seen[key].track(key, source.class_of(key), lead_in, step_s) for key, lead_in in before.items())
     return SimulatedTraffic(
         tuple(track for track in tracks if len(track.front) - track.lead_in >= 2), step_s, warm_up * step_s
@@ -151,8 +167,8 @@ def _record(sumo: Any, source: _Source, duration_s: float, step_s: float, report
 
 
 @dataclass
-class _Seen:
-    """What has been recorded of a vehicle so far."""
+class _Recording:
+    """What has been recorded of a vehicle up to the present step."""
 
     first_heading_rad: float
     fronts: list[tuple[float, float]] = field(default_factory=list)

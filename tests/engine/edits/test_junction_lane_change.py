@@ -5,7 +5,7 @@ import pytest
 from support.builders import Lane, ScenarioBuilder, driving, line
 from support.edits import Applied, Apply
 
-from plannerforge.engine.cosimulation.plans import steered_over
+from plannerforge.engine.cosimulation.plans import lane_change_track
 from plannerforge.schemas.errors import NotPossible
 
 TO_THE_LEFT = {"op": "reroute", "vehicles": ["36"], "to": ["12"]}
@@ -101,7 +101,7 @@ def test_a_later_edit_that_sends_it_straight_on_keeps_it_in_its_lane(apply: Appl
 def test_it_moves_aside_only_as_far_as_it_rolls() -> None:
     rolled = np.concatenate([np.zeros(20), np.linspace(0, 15, 31)])
     onward = np.stack([2.3 + rolled, np.full(51, 3.5)], axis=1)
-    track, across = steered_over(np.array([2.3, 0.0]), np.array([2.3, 0.0]), onward, 15.0)
+    track, across = lane_change_track(np.array([2.3, 0.0]), np.array([2.3, 0.0]), onward, 15.0)
     assert track[:20] == pytest.approx(np.tile([2.3, 0.0], (20, 1)))
     assert track[-1] == pytest.approx(onward[-1])
     assert np.all(np.diff(track[:, 1]) <= 0.36 * np.diff(track[:, 0]) + 1e-9)
@@ -111,7 +111,7 @@ def test_it_moves_aside_only_as_far_as_it_rolls() -> None:
 def test_in_a_bend_it_steers_over_across_the_bend() -> None:
     angles = np.linspace(0, 1, 41)
     onward = 20.0 * np.stack([np.sin(angles), 1 - np.cos(angles)], axis=1) + np.array([0.0, 3.5])
-    track, _ = steered_over(np.array([-0.5, 0.0]), np.array([0.0, 0.0]), onward, 40.0)
+    track, _ = lane_change_track(np.array([-0.5, 0.0]), np.array([0.0, 0.0]), onward, 40.0)
     beside_m = np.linalg.norm(track - np.array([0.0, 23.5]), axis=1) - 20.0
     assert np.all(np.diff(beside_m) < 0.01)
     assert beside_m[0] == pytest.approx(3.5, abs=0.1)

@@ -10,7 +10,7 @@ from support.builders import Lane, Problem, ScenarioBuilder, arc, line, town_roa
 from support.edits import Applied, Apply, apply_to
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.scene.routing import stated_goal_lanelets
+from plannerforge.engine.scene.routing import goal_center_lanelets
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 
@@ -37,7 +37,7 @@ def test_a_goal_at_the_end_of_the_road_lies_on_its_lanelet_as_written(tmp_path: 
     base.write_text(ends_before_its_rounded_end, encoding="utf-8")
     applied = apply_to(base, tmp_path / "out", {"op": "set_goal", "to": ["1"], "position": position})
     written = read_scenario(applied.xml)
-    assert stated_goal_lanelets(written.scenario.lanelet_network, written.problem()) == (1,)
+    assert goal_center_lanelets(written.scenario.lanelet_network, written.problem()) == (1,)
     assert tuple(goal(applied).position.center) == pytest.approx((60.0, 0.0), abs=0.02)
 
 

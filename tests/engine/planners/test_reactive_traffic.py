@@ -19,8 +19,9 @@ from plannerforge.engine.planners.interface import EgoState
 from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.planners.simulation import DrivenRun, simulate
 from plannerforge.engine.planners.traffic.modes import check_modes, open_traffic
-from plannerforge.engine.planners.traffic.reactive import Cast, has_room
+from plannerforge.engine.planners.traffic.reactive import is_insertion_safe
 from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
+from plannerforge.engine.planners.traffic.roles import TrafficRoles
 from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.evals.planners.rear_hits import BrakingPlanner
 from plannerforge.schemas.errors import InvalidRequest
@@ -144,7 +145,7 @@ def test_an_ego_where_lanes_merge_stands_on_the_lane_of_its_follower(follower: V
     problem = Problem(start=(1.0, 0.0, 0.0, 3.0), goal=(60.0, 0.0, 4.0, 3.0), steps=(50, 60))
     scenario = loaded(ScenarioBuilder(lanes, (follower,), problems=(problem,)), tmp_path)
     ego = EgoState.of(scenario.problem().initial_state)
-    cast = Cast.of(scenario, ego.step)
+    cast = TrafficRoles.of(scenario, ego.step)
     assert cast.ego_edges(scenario.problem().goal, ego)[0] == cast.driven[0].edges[0]
 
 
@@ -235,4 +236,4 @@ def test_whoever_would_have_to_hit_the_ego_waits(
     scenario = loaded(road(driving(32, (20.0, 0.0), 10.0, 20)), tmp_path)
     track = RecordedTraffic(scenario.scenario).moving[0]
     ego = EgoState(50, np.array([20.0 + gap_m + (4.5 + 4.508) / 2, 0.0]), 0.0, ego_speed_mps)
-    assert has_room(track, 0, RecordedTraffic(scenario.scenario, without={32}), ego, BMW_320I) is room
+    assert is_insertion_safe(track, 0, RecordedTraffic(scenario.scenario, without={32}), ego, BMW_320I) is room

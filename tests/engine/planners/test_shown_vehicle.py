@@ -1,51 +1,58 @@
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import pytest
 
-from plannerforge.engine.cosimulation.vehicles import ShownVehicle, SumoVehicles
+from plannerforge.engine.planners.traffic.reactive import ShownVehicle
+from plannerforge.engine.traffic.sumo import Sumo, sumo_pose
 
-HALF_LANE_M, HALF_WIDTH_M = 1.75, 0.9
 HINT = ("e1", 0)
 
 
-class OneLane(SumoVehicles):
-    """A straight lane along x instead of SUMO; it notes every entry."""
+class OneLane(Sumo):
+    """A straight lane along x, 3.5 m wide, instead of SUMO; it notes every entry of a vehicle of 1.8 m."""
 
     def __init__(self) -> None:
-        super().__init__(None)
         self.entries: list[str] = []
         self.removed: list[str] = []
         self.aside_m = 0.0
-        self.lane = "e1_0"
+        self.present_lane = "e1_0"
 
-    def add_route(self, key: str, edges: tuple[str, ...]) -> None: ...
+    def add_route(self, route: str, edges: Sequence[str]) -> None: ...
 
-    def add(self, name: str, key: str) -> None:
-        self.entries.append(name)
+    def insert(self, key: str, route: str, vehicle_type: str) -> None:
+        self.entries.append(key)
 
     def remove(self, key: str) -> None:
         if key:
             self.removed.append(key)
 
-    def place(self, key: str, center: Any, heading_rad: float, length_m: float, hint: Any, keep: int = 2) -> None:
-        self.aside_m = float(center[1])
+    def move_to(self, key: str, pose: Any, hint: Any, *, keep_to_route: bool = False) -> None:
+        self.aside_m = pose[1]
 
     def show_speed(self, key: str, speed_mps: float) -> None: ...
 
     def hold(self, key: str) -> None: ...
 
-    def lines_lapped(self, key: str) -> tuple[str, frozenset[str]]:
-        over = {"left": self.aside_m + HALF_WIDTH_M, "right": HALF_WIDTH_M - self.aside_m}
-        return self.lane, frozenset(side for side, reach in over.items() if reach > HALF_LANE_M)
+    def lane(self, key: str) -> str:
+        return self.present_lane
+
+    def offset_m(self, key: str) -> float:
+        return self.aside_m
+
+    def width_m(self, key: str) -> float:
+        return 1.8
+
+    def lane_width_m(self, lane: str) -> float:
+        return 3.5
 
 
 def driven(asides_m: list[float], lanes: list[str] | None = None) -> OneLane:
     road = OneLane()
     ego = ShownVehicle(road, "ego", ("e1",))
     for step, aside in enumerate(asides_m):
-        road.lane = lanes[step] if lanes else road.lane
-        ego.place(np.array([10.0 * step, aside]), 0.0, 4.5, HINT)
+        road.present_lane = lanes[step] if lanes else road.present_lane
+        ego.place(sumo_pose(10.0 * step, aside, 0.0, 4.5), HINT)
         ego.settle(10.0, frozenset(road.entries) - frozenset(road.removed))
     return road
 
@@ -71,6 +78,6 @@ def test_a_lost_vehicle_enters_anew() -> None:
     road = OneLane()
     ego = ShownVehicle(road, "ego", ("e1",))
     for _ in range(2):
-        ego.place(np.zeros(2), 0.0, 4.5, HINT)
+        ego.place(sumo_pose(0.0, 0.0, 0.0, 4.5), HINT)
         ego.settle(0.0, frozenset())
     assert road.entries == ["ego:0", "ego:1"]

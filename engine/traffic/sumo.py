@@ -1,0 +1,370 @@
+"""SUMO in this process: starting a simulation, the vehicles in it, and what they and the lanes are like.
+
+The only module of the engine that calls libsumo. Generation, edits and reactive traffic drive their simulations through
+:class:`Sumo`. libsumo keeps its state in the process: one simulation runs at a time.
+
+Hidden here: libsumo's calls and its bit masks for drivers, SUMO's options and the XML of vehicle types. SUMO gives the
+place of the front bumper and measures angles in degrees clockwise from north; everything else here is in m, s, m/s and
+radians counterclockwise from east, as in CommonRoad.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from enum import IntEnum
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+from ...schemas.errors import PlannerForgeError, WorkerFailure
+
+LaneHint = tuple[str, int]
+"""SUMO's edge and lane index; ("", -1) where the lane is not known."""
+NO_LANE: LaneHint = ("", -1)
+
+_MATCH_REACH_M = 20.0
+"""How far from the place SUMO looks for a lane when a vehicle is moved; far enough for all that are beside the road."""
+_KEEP_ROUTE, _KEEP_POSE = 1, 2
+"""SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
+_PLACED_SPEED_MODE = 32
+"""SUMO's speed mode without any check, for vehicles that are placed by hand."""
+_DRIVEN_SPEED_MODE = 31
+"""SUMO's default speed mode: gaps, power, brakes, right of way and lights are minded."""
+_HARD_BRAKING_SPEED_MODE = 27
+"""SUMO's speed mode with all checks (gaps, power, right of way, lights) but that of the driver's own deceleration."""
+_NO_LIMIT_SPEED_MODE = 95
+"""SUMO's speed mode with all checks (gaps, power, brakes, right of way, lights) but that of the speed limit."""
+_DRIVERS_CHOICE = -1
+"""SUMO's value for a speed that the driver model chooses."""
+_FOLLOWERS, _LEADERS = 0, 2
+"""SUMO's modes of asking for neighbours on the left; those on the right are one more."""
+_PASSING_MPS = "100"
+"""The speed of a stop that is passed and not stopped at: above all that vehicles drive."""
+
+
+class LaneChanges(IntEnum):
+    """Which changes of lane a vehicle does: SUMO's lane change modes, bit masks of reasons and of what is respected."""
+
+    NONE = 0
+    """Placed by hand."""
+    DRIVERS_OWN = 1621
+    """Those that SUMO's driver wants; an order to change is obeyed where the driver's own gaps are kept."""
+    INTO_ANY_ROOM = 1365
+    """Those on an order, wherever no vehicle is beside; who gives the order looks for room."""
+    FOR_THE_ROUTE = 1537
+    """Those that the route needs, and safely: for a vehicle that was sent to its lane."""
+
+
+def sumo_version() -> str:
+    """The installed version of SUMO."""
+    return version("libsumo")
+
+
+def sumo_angle_deg(heading_rad: float) -> float:
+    """SUMO's angle in [0, 360) for a heading."""
+    return (90.0 - math.degrees(heading_rad)) % 360.0
+
+
+def heading_of_angle_rad(angle_deg: float) -> float:
+    """The heading for SUMO's angle, in (-3π/2, π/2]."""
+    return math.radians(90.0 - angle_deg)
+
+
+def sumo_pose(x_m: float, y_m: float, heading_rad: float, length_m: float) -> tuple[float, float, float]:
+    """The front bumper (x, y) and SUMO's angle of a vehicle whose centre is at a place."""
+    ahead_m = length_m / 2
+    front = x_m + ahead_m * math.cos(heading_rad), y_m + ahead_m * math.sin(heading_rad)
+    return *front, sumo_angle_deg(heading_rad)
+
+
+def vehicle_type(type_id: str, **attributes: object) -> str:
+    """A ``vType`` element; floats should come formatted."""
+    named = {"id": type_id} | attributes
+    return f"<vType {' '.join(f'{name}={quoteattr(str(value))}' for name, value in named.items())}/>"
+
+
+@contextmanager
+def sumo_running(
+    net: Path,
+    types_file: Path,
+    vehicle_types: Iterable[str],
+    *,
+    step_s: float,
+    seed: int,
+    options: Mapping[str, object],
+    refusal: Callable[[str], PlannerForgeError] = lambda why: WorkerFailure(f"SUMO did not start: {why}"),
+) -> "Iterator[Sumo]":
+    """A simulation that ends with the block; vehicles neither collide nor are teleported.
+
+    Args:
+        net: SUMO's network.
+        types_file: takes the vehicle types for SUMO.
+        vehicle_types: ``vType`` elements.
+        step_s: duration of a step.
+        seed: of SUMO's random numbers.
+        options: further options of SUMO by name, ``--`` included.
+        refusal: makes the error for a network, vehicle type or option that SUMO refuses, from its reason.
+
+    Raises:
+        PlannerForgeError: the refusal.
+        WorkerFailure: SUMO stopped inside the block.
+    """
+    import libsumo
+
+    types_file.write_text("\n".join(["<additional>", *vehicle_types, "</additional>\n"]))
+    all_options = {
+        "--net-file": net,
+        "--additional-files": types_file,
+        "--step-length": step_s,
+        "--seed": seed,
+        "--time-to-teleport": -1,
+        "--collision.action": "none",
+        **options,
+    }
+    arguments = [str(part) for option in all_options.items() for part in option]
+    try:
+        try:
+            libsumo.start(["sumo", "--no-step-log", "--no-warnings", *arguments])
+        except libsumo.TraCIException as error:
+            raise refusal(str(error)) from error
+        yield Sumo(libsumo)
+    except (libsumo.TraCIException, libsumo.FatalTraCIError) as error:
+        raise WorkerFailure(f"SUMO stopped: {error}") from error
+    finally:
+        libsumo.close()
+
+
+class Sumo:
+    """The running simulation. ``key`` is SUMO's id of a vehicle, ``lane`` that of a lane (``<edge>_<index>``)."""
+
+    def __init__(self, libsumo: Any) -> None:
+        self._libsumo = libsumo
+        self._simulation, self._vehicle, self._lane = libsumo.simulation, libsumo.vehicle, libsumo.lane
+
+    # The simulation
+
+    def step(self) -> None:
+        """Simulate one step."""
+        self._libsumo.simulationStep()
+
+    def step_s(self) -> float:
+        """Duration of a step."""
+        return float(self._simulation.getDeltaT())
+
+    def vehicles(self) -> tuple[str, ...]:
+        """The vehicles on the network, ascending.
+
+        One that was placed far from every lane is missing: SUMO drops it without an error.
+        """
+        return tuple(self._vehicle.getIDList())
+
+    def arrived(self) -> tuple[str, ...]:
+        """The vehicles that reached the end of their route in the last step."""
+        return tuple(self._simulation.getArrivedIDList())
+
+    # Vehicles come and go
+
+    def add_route(self, route: str, edges: Sequence[str]) -> None:
+        """Make a route known."""
+        self._libsumo.route.add(route, edges)
+
+    def insert(self, key: str, route: str, vehicle_type: str) -> None:
+        """Add a vehicle that is placed by hand before the next step."""
+        self._vehicle.add(key, route, vehicle_type, depart="now", departLane="0", departPos="0")
+
+    def insert_anywhere(self, key: str, route: str, vehicle_type: str) -> None:
+        """Add a vehicle on any free place of its route's first edge, in the best lane and at the desired speed."""
+        self._vehicle.add(key, route, vehicle_type, departLane="best", departPos="random_free", departSpeed="desired")
+
+    def remove(self, key: str) -> None:
+        """Take a vehicle out, if it is still there."""
+        if key in self._vehicle.getIDList():
+            self._vehicle.remove(key)
+
+    def withdraw(self, key: str) -> None:
+        """Take back a vehicle that is not on the network, if it still waits for a place there."""
+        if key in self._vehicle.getLoadedIDList():
+            self._vehicle.remove(key)
+
+    # Vehicles that are placed by hand
+
+    def move_to(
+        self, key: str, pose: tuple[float, float, float], hint: LaneHint, *, keep_to_route: bool = False
+    ) -> None:
+        """Put a vehicle at a pose of :func:`sumo_pose`, where the next step ends.
+
+        Args:
+            key: the vehicle.
+            pose: front bumper and SUMO's angle.
+            hint: the lane that it lies on.
+            keep_to_route: puts it onto the nearest lane of its route instead of exactly there.
+        """
+        keep = _KEEP_ROUTE if keep_to_route else _KEEP_POSE
+        self._vehicle.moveToXY(key, *hint, *pose, keep, _MATCH_REACH_M)
+
+    def hold(self, key: str) -> None:
+        """Keep SUMO from driving a vehicle that is placed by hand."""
+        self._vehicle.setSpeedMode(key, _PLACED_SPEED_MODE)
+        self.allow_lane_changes(key, LaneChanges.NONE)
+
+    def show_speed(self, key: str, speed_mps: float) -> None:
+        """Tell the other drivers the speed of a vehicle that is placed by hand."""
+        self._vehicle.setPreviousSpeed(key, max(speed_mps, 0.0))
+
+    def set_width(self, key: str, width_m: float) -> None:
+        """Change how wide a vehicle is."""
+        self._vehicle.setWidth(key, width_m)
+
+    # Orders to vehicles that SUMO drives
+
+    def let_drive(self, key: str) -> None:
+        """SUMO drives the vehicle from now on."""
+        self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
+        self._vehicle.setSpeedMode(key, _DRIVEN_SPEED_MODE)
+        self.allow_lane_changes(key, LaneChanges.DRIVERS_OWN)
+
+    def slow_down(self, key: str, speed_mps: float) -> None:
+        """Have a vehicle brake to a speed in the next step, however hard that is."""
+        self._vehicle.setSpeedMode(key, _HARD_BRAKING_SPEED_MODE)
+        self._vehicle.setSpeed(key, speed_mps)
+
+    def keep_speed(self, key: str, speed_mps: float) -> None:
+        """Have a vehicle keep a speed from the next step on, above the speed limit too."""
+        self._vehicle.setSpeedMode(key, _NO_LIMIT_SPEED_MODE)
+        self._vehicle.setSpeed(key, speed_mps)
+
+    def release_speed(self, key: str) -> None:
+        """Leave the speed to the driver again."""
+        self._vehicle.setSpeedMode(key, _DRIVEN_SPEED_MODE)
+        self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
+
+    def allow_lane_changes(self, key: str, changes: LaneChanges) -> None:
+        """Set which changes of lane a vehicle does."""
+        self._vehicle.setLaneChangeMode(key, int(changes))
+
+    def change_lane(self, key: str, index: int, within_s: float) -> None:
+        """Have a vehicle change to a lane of its edge and stay there for a time."""
+        self._vehicle.changeLane(key, index, within_s)
+
+    def pass_by(self, key: str, lane: LaneHint, station_m: float) -> None:
+        """Have a vehicle look for a way into a lane by a stop in it that is passed.
+
+        Nothing happens where SUMO refuses the stop, as it does if the vehicle cannot brake for it with ease.
+        """
+        edge, index = lane
+        try:
+            self._vehicle.setStop(key, edge, station_m, index, 0.0)
+        except self._libsumo.TraCIException:
+            return
+        self._vehicle.setStopParameter(key, 0, "speed", _PASSING_MPS)
+
+    # What a vehicle is like
+
+    def front(self, key: str) -> tuple[float, float]:
+        """Place (x, y) of the front bumper."""
+        x, y = self._vehicle.getPosition(key)[:2]
+        return x, y
+
+    def angle_deg(self, key: str) -> float:
+        """SUMO's angle of a vehicle."""
+        return float(self._vehicle.getAngle(key))
+
+    def speed_mps(self, key: str) -> float:
+        """Speed along the lane."""
+        return float(self._vehicle.getSpeed(key))
+
+    def lateral_speed_mps(self, key: str) -> float:
+        """Speed across the lane, left positive."""
+        return float(self._vehicle.getLateralSpeed(key))
+
+    def state(self, key: str, length_m: float) -> tuple[float, float, float, float]:
+        """Centre x and y, heading in [-π, π], and speed."""
+        x, y = self.front(key)
+        heading = math.remainder(heading_of_angle_rad(self._vehicle.getAngle(key)), math.tau)
+        back_m = length_m / 2
+        return x - back_m * math.cos(heading), y - back_m * math.sin(heading), heading, self.speed_mps(key)
+
+    def width_m(self, key: str) -> float:
+        """Width of a vehicle."""
+        return float(self._vehicle.getWidth(key))
+
+    def decel_mps2(self, key: str) -> float:
+        """The driver's own deceleration."""
+        return float(self._vehicle.getDecel(key))
+
+    def last_edge(self, key: str) -> str:
+        """The edge on which a vehicle's route ends."""
+        return str(self._vehicle.getRoute(key)[-1])
+
+    # Where a vehicle is on the lanes
+
+    def lane(self, key: str) -> str:
+        """The lane that a vehicle is on; empty off the lanes."""
+        return str(self._vehicle.getLaneID(key))
+
+    def station_m(self, key: str) -> float:
+        """How far the front bumper is from the beginning of its lane."""
+        return float(self._vehicle.getLanePosition(key))
+
+    def offset_m(self, key: str) -> float:
+        """How far a vehicle is beside the middle of its lane, left positive."""
+        return float(self._vehicle.getLateralLanePosition(key))
+
+    def lanes_ahead(self, key: str) -> Iterator[str]:
+        """The lanes that follow that of a vehicle as SUMO plans its drive, those through junctions included."""
+        for link in self._vehicle.getNextLinks(key):
+            yield from (lane for lane in (link[4], link[0]) if lane)
+
+    def driving_distance_m(self, key: str, lane: LaneHint, station_m: float) -> float:
+        """How far a vehicle has to drive to a place on a lane; far below 0 for one that is past it."""
+        edge, index = lane
+        return float(self._vehicle.getDrivingDistance(key, edge, station_m, index))
+
+    def could_change_lane(self, key: str, direction: int) -> bool:
+        """Whether the driver's gaps allow a change of lane to the left (1) or right (-1) now."""
+        return bool(self._vehicle.couldChangeLane(key, direction))
+
+    # The others around a vehicle
+
+    def leader(self, key: str) -> tuple[str, float] | None:
+        """The vehicle ahead, and the gap to it in m beyond that kept when standing; None where none is in sight."""
+        ahead, gap_m = self._vehicle.getLeader(key) or ("", 0.0)
+        return (ahead, gap_m) if ahead else None
+
+    def safe_speed_mps(self, key: str, leader: str, gap_m: float) -> float:
+        """The largest speed of the next step that SUMO's driver takes for safe behind a leader."""
+        return float(
+            self._vehicle.getFollowSpeed(
+                key, self.speed_mps(key), gap_m, self.speed_mps(leader), self._vehicle.getApparentDecel(leader), leader
+            )
+        )
+
+    def followers_beside(self, key: str, *, left: bool) -> Sequence[tuple[str, float]]:
+        """The vehicles behind in the lane beside, and their gaps in m beyond those kept when standing."""
+        return self._neighbours(key, _FOLLOWERS, left)
+
+    def leaders_beside(self, key: str, *, left: bool) -> Sequence[tuple[str, float]]:
+        """The vehicles ahead in the lane beside, and the gaps in m to them beyond those kept when standing."""
+        return self._neighbours(key, _LEADERS, left)
+
+    def _neighbours(self, key: str, mode: int, left: bool) -> Sequence[tuple[str, float]]:
+        return tuple(self._vehicle.getNeighbors(key, mode + (0 if left else 1)))
+
+    # Lanes
+
+    def lane_length_m(self, lane: str) -> float:
+        """Length of a lane."""
+        return float(self._lane.getLength(lane))
+
+    def lane_width_m(self, lane: str) -> float:
+        """Width of a lane."""
+        return float(self._lane.getWidth(lane))
+
+    def limit_mps(self, lane: str) -> float:
+        """Speed limit of a lane."""
+        return float(self._lane.getMaxSpeed(lane))
+
+    def lane_count(self, edge: str) -> int:
+        """How many lanes an edge has."""
+        return int(self._libsumo.edge.getLaneNumber(edge))
