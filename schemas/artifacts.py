@@ -1,4 +1,4 @@
-"""Arguments and answers of the tools that list and export what was made."""
+"""Arguments and answers of the tools that list and export what was made, and what a worker writes for an export."""
 
 from typing import Literal
 
@@ -8,43 +8,9 @@ from .base import Arguments, Model, Result
 from .planning import PlannerConfiguration
 from .runs import LostCell, RunRecord
 
-# ---------- exporting
-# What a worker is asked to write for an export, beside pictures.
-
-CostFunctionId = Literal["JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1", "TR2"]
-
-
-class SolutionRequest(Model):
-    """A run that is to be written as a CommonRoad solution file."""
-
-    record: RunRecord
-    configuration: PlannerConfiguration
-    scenario_path: str
-    steps_path: str
-    target_path: str
-    cost_function: CostFunctionId = Field("SM1", description="CommonRoad cost function that the file is entered for")
-
-
-class RunTableRequest(Model):
-    """The cells of a batch that are to be written as a table."""
-
-    records: tuple[RunRecord, ...]
-    lost: tuple[LostCell, ...]
-    configurations: tuple[PlannerConfiguration, ...]
-    form: Literal["csv", "parquet"]
-    target_path: str
-
-
-class FileWritten(Model):
-    """The file that a worker wrote."""
-
-    path: str
-
-
-# ---------- artifacts
-# Arguments and answers of the tools that list and export what was made.
-
 ExportFormat = Literal["xml", "net", "yaml", "json", "recipe", "png", "gif", "html", "solution", "csv", "parquet"]
+CostFunctionId = Literal["JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1", "TR2"]
+"""CommonRoad's cost functions by their identifiers in a benchmark id."""
 
 
 class ListArtifactsArguments(Arguments):
@@ -125,3 +91,30 @@ class ExportArtifactsResult(Result):
         return "\n".join(
             [f"{len(self.files)} files in {self.folder}:", *lines[:40], *(["…"] if len(lines) > 40 else [])]
         )
+
+
+class SolutionRequest(Model):
+    """A run that is to be written as a CommonRoad solution file."""
+
+    record: RunRecord
+    configuration: PlannerConfiguration
+    scenario_path: str
+    steps_path: str
+    target_path: str
+    cost_function: CostFunctionId = Field("SM1", description="CommonRoad cost function that the file is entered for")
+
+
+class RunTableRequest(Model):
+    """The cells of a batch that are to be written as a table."""
+
+    records: tuple[RunRecord, ...]
+    lost: tuple[LostCell, ...]
+    configurations: tuple[PlannerConfiguration, ...]
+    form: Literal["csv", "parquet"]
+    target_path: str
+
+
+class FileWritten(Model):
+    """The file that a worker wrote."""
+
+    path: str

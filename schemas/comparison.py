@@ -1,4 +1,4 @@
-"""Paired comparison of planner runs: arguments, results and the tests they are made of."""
+"""Paired comparison of planner runs: arguments, results and the tests they are made of; then the answer's text."""
 
 from typing import Annotated, Literal
 
@@ -7,9 +7,6 @@ from pydantic import Field, WithJsonSchema
 from .base import Arguments, Model, Result
 from .results import ConfigWeights, MetricName, RunSource, figure
 from .runs import Outcome
-
-# ---------- comparison
-# Paired comparison of planner runs: arguments, results and the tests they are made of.
 
 UnlistedMetric = Annotated[MetricName, WithJsonSchema({"type": "string"})]
 """A metric whose name the schema leaves out, to stay small; a refusal lists them all."""
@@ -128,25 +125,14 @@ class CompareResultsResult(Result):
     notes: tuple[str, ...] = ()
 
     def to_text(self) -> str:
-        """The same in compact lines."""
-        # MERGED
-
-        return _comparison_text(self)
-
-
-# ---------- comparison_text
-# The compact text of a comparison.
+        """One block a comparison, the verdict first."""
+        lines = [line for comparison in self.comparisons for line in _comparison(comparison)]
+        return "\n".join([*lines, *(f"Note: {note}" for note in self.notes)])
 
 
-def _comparison_text(result: CompareResultsResult) -> str:
-    """One block a comparison, the verdict first."""
-    lines = [line for comparison in result.comparisons for line in _comparison(comparison)]
-    return "\n".join([*lines, *(f"Note: {note}" for note in result.notes)])
-
-
-def _comparison(found: Comparison) -> list[str]:
-    test = found.success
-    lines = [f"{found.after} against {found.before}: {found.verdict}"]
+def _comparison(comparison: Comparison) -> list[str]:
+    test = comparison.success
+    lines = [f"{comparison.after} against {comparison.before}: {comparison.verdict}"]
     interval = ""
     if test.difference is not None and test.low is not None and test.high is not None:
         low, high = 100 * test.low, 100 * test.high
@@ -155,17 +141,18 @@ def _comparison(found: Comparison) -> list[str]:
         f"- {test.pairs} pairs: both reach the goal {test.both}, only before {test.only_before}, "
         f"only after {test.only_after}, neither {test.neither}{interval}; McNemar exact {_p(test.p, test.p_holm)}"
     )
-    lines += _flips("to success", found.to_success, found.to_success_count)
-    lines += _flips("to failure", found.to_failure, found.to_failure_count)
-    lines += [_metric(metric) for metric in found.metrics]
-    if found.weights:
-        changes = ", ".join(f"{c.weight} {figure(c.before)} → {figure(c.after)}" for c in found.weights)
+    lines += _flips("to success", comparison.to_success, comparison.to_success_count)
+    lines += _flips("to failure", comparison.to_failure, comparison.to_failure_count)
+    lines += [_metric(metric) for metric in comparison.metrics]
+    if comparison.weights:
+        changes = ", ".join(f"{c.weight} {figure(c.before)} → {figure(c.after)}" for c in comparison.weights)
         lines.append(f"- weights changed: {changes}")
-    if found.conditions:
-        lines.append(f"- the sides also differ in {'; '.join(found.conditions)}")
-    if found.unpaired or found.invalid_pairs:
+    if comparison.conditions:
+        lines.append(f"- the sides also differ in {'; '.join(comparison.conditions)}")
+    if comparison.unpaired or comparison.invalid_pairs:
         lines.append(
-            f"- left out: {found.unpaired} runs without a partner, {found.invalid_pairs} pairs with an invalid run"
+            f"- left out: {comparison.unpaired} runs without a partner, "
+            f"{comparison.invalid_pairs} pairs with an invalid run"
         )
     return lines
 

@@ -12,6 +12,7 @@ ScenarioType = Literal[
 ]
 Density = Literal["low", "medium", "high"]
 SHOWN_IN_FULL = 5
+"""Scenarios that an answer shows with all figures; chosen to keep it short."""
 
 
 class MapFacts(Model):
@@ -133,8 +134,8 @@ class SiteFacts(Model):
     osm_id: str = ""
 
 
-class EgoFacts(Model):
-    """The ego's start and goal: step and distance on its own recorded way, speed, the goal's lanelet and window."""
+class GeneratedEgo(Model):
+    """The ego's start and goal: step and distance on its own recorded path, speed, the goal's lanelet and window."""
 
     vehicle: str
     cars_to_choose_from: int
@@ -198,7 +199,7 @@ class GeneratedScenario(Model):
     recorded_s: float
     lanelets: int
     traffic_lights: int
-    ego: EgoFacts
+    ego: GeneratedEgo
     checks: Checks
     notes: tuple[str, ...]
     netconvert_warnings: tuple[str, ...]
@@ -268,12 +269,12 @@ class ScenarioSummary(Model):
         """The scenario in a few lines of plain text."""
         realised = ", ".join(f"{count} {name}" for name, count in self.classes_realised.items())
         asked = ", ".join(f"{name} at least {count}" for name, count in self.classes_asked.items())
-        wished = f"; asked: {asked}" if asked else ""
+        specified = f"; asked: {asked}" if asked else ""
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
         where = f"{self.place} ({self.map_id}), {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
         where += f" (OSM {self.osm_id})" if self.osm_id else ""
         first = f"{self.scenario_id}{' (reused)' if self.reused else ''}: {where}"
-        counts = f"{self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{wished})"
+        counts = f"{self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{specified})"
         ego = f"  {self.recorded_s:g} s recorded; {self.ego}; goal {self.goal}"
         checks = f"  checks passed: {', '.join(self.checks_passed) or 'none'}{failed}"
         checks += f"; {self.feasible_share:.0%} of tracks drivable"

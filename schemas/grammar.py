@@ -1,6 +1,6 @@
-"""The small grammar of tool arguments: comparisons, assignments, selectors, quantities and intervals.
+"""The small grammar of tool arguments: conditions, assignments, selectors, quantities and intervals.
 
-    comparison   truck>=1 · bus=2 · car=2..5 · bicycle · !yield · traffic_light@map · speed_limit=50km/h
+    condition    truck>=1 · bus=2 · car=2..5 · bicycle · !yield · traffic_light@map · speed_limit=50km/h
     assignment   tau=0.7 · jerk*2 · jerk+0.1 · jerk-0.1 · jerk=lateral_jerk
     selector     12 · all · one:truck · class:truck · nearest:3 · lead · new:0 · !12
     quantity     50km/h · 30mph · 13.9 · 35m · 8s · 90steps
@@ -16,18 +16,17 @@ from typing import Literal
 
 from .errors import InvalidRequest, UnknownName, closest
 
-NAME = r"[A-Za-z_][A-Za-z0-9_.\-]*"
-NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
-UNIT = r"[A-Za-z][A-Za-z/0-9]*"
-COMPARISON_PATTERN = rf"^!?{NAME}(@[a-z]+)?((>=|<=|=|>|<).+)?$"
-ASSIGNMENT_PATTERN = rf"^{NAME}\s*[=*+\-].+$"
+_NAME = r"[A-Za-z_][A-Za-z0-9_.\-]*"
+_NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+_UNIT = r"[A-Za-z][A-Za-z/0-9]*"
+BaseUnit = Literal["m/s", "m", "s", ""]
 _TO_BASE: dict[str, dict[str, float]] = {
     "m/s": {"m/s": 1.0, "mps": 1.0, "km/h": 1 / 3.6, "kmh": 1 / 3.6, "kph": 1 / 3.6, "mph": 0.44704},
     "m": {"m": 1.0, "km": 1000.0, "ft": 0.3048},
     "s": {"s": 1.0, "ms": 0.001, "min": 60.0},
     "": {},
 }
-BaseUnit = Literal["m/s", "m", "s", ""]
+"""Factors of units to the base unit: a mile is 1609.344 m and a foot 0.3048 m (international yard and pound, 1959)."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     Raises:
         InvalidRequest: no finite number, or a unit of another kind.
     """
-    match = re.fullmatch(rf"\s*({NUMBER})\s*({UNIT})?\s*", text)
+    match = re.fullmatch(rf"\s*({_NUMBER})\s*({_UNIT})?\s*", text)
     units = dict(_TO_BASE[unit])
     if unit == "s" and step_s is not None:
         units |= {"steps": step_s, "step": step_s}
@@ -122,9 +121,9 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         InvalidRequest: malformed, or the ends are the wrong way round.
     """
     body = text.strip()
-    between = re.fullmatch(rf"=?\s*({NUMBER}\s*(?:{UNIT})?)\s*\.\.\s*({NUMBER}\s*(?:{UNIT})?)", body)
+    between = re.fullmatch(rf"=?\s*({_NUMBER}\s*(?:{_UNIT})?)\s*\.\.\s*({_NUMBER}\s*(?:{_UNIT})?)", body)
     if between:
-        last_unit = re.search(rf"{UNIT}$", between[2].strip())
+        last_unit = re.search(rf"{_UNIT}$", between[2].strip())
         first = (
             between[1]
             if re.search(r"[A-Za-z]$", between[1].strip())
@@ -155,7 +154,7 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False) -> C
     Raises:
         InvalidRequest: malformed.
     """
-    match = re.fullmatch(rf"\s*(!?)\s*({NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", text)
+    match = re.fullmatch(rf"\s*(!?)\s*({_NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", text)
     if match is None:
         raise InvalidRequest(
             f"'{text}' is no condition",
@@ -188,7 +187,7 @@ def parse_assignment(text: str) -> Assignment:
     if match is None:
         raise InvalidRequest(f"'{text}' is no assignment", valid=examples, next_step="write it in one of these forms")
     name, operator, right = match[1], match[2], match[3]
-    if re.fullmatch(NUMBER, right) and math.isfinite(float(right)):
+    if re.fullmatch(_NUMBER, right) and math.isfinite(float(right)):
         return Assignment(name, operator, float(right))  # type: ignore[arg-type]
     if operator == "=" and re.fullmatch(r"[A-Za-z_]\w*", right) and right.lower() not in ("nan", "inf", "infinity"):
         return Assignment(name, "=", None, copied_from=right)

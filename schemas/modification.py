@@ -8,10 +8,7 @@ from pydantic import Field
 
 from .base import Arguments, Model, Result
 
-# ---------- modification
-# Typed edits of a scenario: what ``modify_scenario`` takes, what its worker is asked, and what comes back.
-
-Operation = Literal[
+EditOperation = Literal[
     "reroute",
     "change_lane",
     "set_speed",
@@ -29,7 +26,7 @@ TrafficAfterEdits = Literal["recorded", "reactive"]
 CheckedBy = Literal["closed_form", "drivability_checker"]
 EditDetail = Literal["brief", "checks"]
 """``checks``: touched motions are judged by the drivability checker too, which takes up to a second each."""
-LETTERS: Final[dict[Operation, Letter]] = {
+LETTERS: Final[dict[EditOperation, Letter]] = {
     "reroute": "T",
     "change_lane": "T",
     "set_speed": "T",
@@ -40,7 +37,7 @@ LETTERS: Final[dict[Operation, Letter]] = {
     "set_goal": "G",
     "set_ego": "G",
 }
-ARGUMENTS_OF: Final[dict[Operation, tuple[str, ...]]] = {
+ARGUMENTS_OF: Final[dict[EditOperation, tuple[str, ...]]] = {
     "reroute": ("vehicles", "to", "via", "turn"),
     "change_lane": ("vehicles", "lane", "time_s"),
     "set_speed": ("vehicles", "speed", "time_s"),
@@ -60,7 +57,7 @@ ARGUMENTS_OF: Final[dict[Operation, tuple[str, ...]]] = {
 class Edit(Arguments):
     """One change of the traffic or of the ego's goal."""
 
-    op: Operation
+    op: EditOperation
     vehicles: list[str] = Field(
         default=[],
         description="ids, all (never the ego), one:truck ('the truck'), class:truck (all of them), nearest:3, "
@@ -128,7 +125,7 @@ class EditReport(Model):
     """What became of one edit."""
 
     index: int
-    op: Operation
+    op: EditOperation
     letter: Letter
     done: bool
     what: str = Field(description="what was done, in one sentence with figures")
@@ -236,27 +233,22 @@ class ModifyScenarioResult(Result):
     warnings: tuple[str, ...]
 
     def to_text(self) -> str:
-        """All of it in a few lines."""
-        # MERGED
-
-        return modification_text(self)
+        """All of it in a few lines; of long lists the first items, and how many more there are."""
+        return _modification_text(self)
 
 
-# ---------- modification_text
-# The compact text of edits: the same as their structured content, in lines that a model or a person reads.
-
-MOST_EDITS, MOST_TOUCHED, MOST_COLLISIONS, MOST_NOTES, MOST_IDS = 10, 6, 6, 6, 12
-MOST_ROUTES, MOST_LANELETS = 8, 8
-EDITS_CHARACTERS, NOTES_CHARACTERS = 1200, 800
-"""Sentences beyond this are cut to an even share each, so that an answer stays below 1,500 tokens."""
+_MOST_EDITS, _MOST_TOUCHED, _MOST_COLLISIONS, _MOST_NOTES, _MOST_IDS = 10, 6, 6, 6, 12
+_MOST_ROUTES, _MOST_LANELETS = 8, 8
+_EDITS_CHARACTERS, _NOTES_CHARACTERS = 1200, 800
+"""What the text shows of long lists, and characters of all its sentences together, beyond which each is cut to an even
+share; chosen so that an answer stays below 1,500 tokens."""
 
 
-def modification_text(result: ModifyScenarioResult) -> str:
-    """All of it in a few lines; of long lists the first, and how many more there are."""
+def _modification_text(result: ModifyScenarioResult) -> str:
     head = f"{result.scenario_id} (from {result.base_id})" if result.scenario_id else f"dry run on {result.base_id}"
     lines = [head + (", reused" if result.reused else ""), *_edits_text(result.edits)]
-    lines += [_touched_text(vehicle) for vehicle in result.touched[:MOST_TOUCHED]]
-    if len(result.touched) > MOST_TOUCHED:
+    lines += [_touched_text(vehicle) for vehicle in result.touched[:_MOST_TOUCHED]]
+    if len(result.touched) > _MOST_TOUCHED:
         infeasible = [vehicle.vehicle_id for vehicle in result.touched if not vehicle.feasible]
         lines.append(f"{len(result.touched)} touched in all; infeasible steps in: {_ids(infeasible)}")
     lines.append(f"removed: {_ids(result.removed)}; handed over besides: {_ids(result.handed_over)}")
@@ -266,28 +258,30 @@ def modification_text(result: ModifyScenarioResult) -> str:
     if result.checkers_agree is not None:
         alike = f"{result.checkers_agree} of {len(result.touched)}"
         lines.append(f"judged by the drivability checker; the closed form agrees on {alike}")
-    lines += [f"note: {note}" for note in _within(result.warnings[:MOST_NOTES], NOTES_CHARACTERS)]
-    if len(result.warnings) > MOST_NOTES:
-        lines.append(f"… and {len(result.warnings) - MOST_NOTES} more notes")
+    lines += [f"note: {note}" for note in _within(result.warnings[:_MOST_NOTES], _NOTES_CHARACTERS)]
+    if len(result.warnings) > _MOST_NOTES:
+        lines.append(f"… and {len(result.warnings) - _MOST_NOTES} more notes")
     return "\n".join(lines)
 
 
 def _edits_text(edits: Sequence[EditReport]) -> Iterator[str]:
-    """Edits and routes; lanelets that are told of once are not told again, nor are their routes without a target."""
+    """Edits and routes; lanelets that were listed are not listed again, nor are their routes without a target."""
     shown: dict[int, tuple[int, ...]] = {}
-    left = MOST_ROUTES
-    sentences = _within([edit.what for edit in edits[:MOST_EDITS]], EDITS_CHARACTERS)
+    left = _MOST_ROUTES
+    sentences = _within([edit.what for edit in edits[:_MOST_EDITS]], _EDITS_CHARACTERS)
     for edit, what in zip(edits, sentences, strict=False):
         yield f"edit {edit.index} {edit.op} ({edit.letter}): {'done' if edit.done else 'not done'}: {what}"
-        told = [one for one in edit.routes if one.arrives is not None or shown.get(one.vehicle_id) != one.lanelets]
-        told.sort(key=lambda route: route.arrives is not False)
-        first = told[:left]
+        routes = [
+            route for route in edit.routes if route.arrives is not None or shown.get(route.vehicle_id) != route.lanelets
+        ]
+        routes.sort(key=lambda route: route.arrives is not False)
+        first = routes[:left]
         yield from (f"  {_route_text(route, shown.get(route.vehicle_id))}" for route in first)
-        if len(told) > len(first):
-            yield f"  … and {len(told) - len(first)} more routes"
-        shown.update((route.vehicle_id, route.lanelets) for route in told)
+        if len(routes) > len(first):
+            yield f"  … and {len(routes) - len(first)} more routes"
+        shown.update((route.vehicle_id, route.lanelets) for route in routes)
         left -= len(first)
-    more = edits[MOST_EDITS:]
+    more = edits[_MOST_EDITS:]
     if more:
         undone = [edit.index for edit in more if not edit.done]
         yield f"… and {len(more)} more edits, {len(more) - len(undone)} of them done; not done: {_ids(undone)}"
@@ -295,23 +289,22 @@ def _edits_text(edits: Sequence[EditReport]) -> Iterator[str]:
 
 def _route_text(route: VehicleRoute, before: tuple[int, ...] | None) -> str:
     lanelets: list[object] = [*route.lanelets]
-    if len(lanelets) > MOST_LANELETS:
-        lanelets[MOST_LANELETS - 1 : -1] = "…"
-    way = "as above" if route.lanelets == before else f"lanelets {' → '.join(map(str, lanelets))}"
+    if len(lanelets) > _MOST_LANELETS:
+        lanelets[_MOST_LANELETS - 1 : -1] = "…"
+    driven = "as above" if route.lanelets == before else f"lanelets {' → '.join(map(str, lanelets))}"
     arrives = {None: "", True: ", arrives", False: f", does not arrive: {route.reason}"}[route.arrives]
-    return f"{route.vehicle_id}: {way}{arrives}"
+    return f"{route.vehicle_id}: {driven}{arrives}"
 
 
 def _collisions_text(collisions: Sequence[EditCollision]) -> str:
-    hits = [f"{hit.vehicles[0]} with {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in collisions[:MOST_COLLISIONS]]
-    more = f" and {len(collisions) - MOST_COLLISIONS} more" if len(collisions) > MOST_COLLISIONS else ""
+    hits = [f"{hit.vehicles[0]} with {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in collisions[:_MOST_COLLISIONS]]
+    more = f" and {len(collisions) - _MOST_COLLISIONS} more" if len(collisions) > _MOST_COLLISIONS else ""
     return "; ".join(hits) + more if hits else "none"
 
 
 def _within(sentences: Sequence[str], characters: int) -> list[str]:
-    """The sentences, together no longer than so many characters: of long ones the beginning and the end.
-
-    At the end stands why an edit is not done.
+    """The sentences, together no longer than ``characters``: of long ones the beginning, and the end, which says why an
+    edit is not done.
     """
     share = characters // max(len(sentences), 1)
     if sum(map(len, sentences)) <= characters:
@@ -359,5 +352,5 @@ def _touched_text(vehicle: TouchedVehicle) -> str:
 
 
 def _ids(keys: tuple[int, ...] | list[int]) -> str:
-    more = f" and {len(keys) - MOST_IDS} more" if len(keys) > MOST_IDS else ""
-    return ", ".join(map(str, keys[:MOST_IDS])) + more or "none"
+    more = f" and {len(keys) - _MOST_IDS} more" if len(keys) > _MOST_IDS else ""
+    return ", ".join(map(str, keys[:_MOST_IDS])) + more or "none"

@@ -7,8 +7,8 @@ from pydantic import Field
 from .base import Arguments, Model, Result
 from .runs import LostCell, Outcome, Prediction, RunRecord, RunSteps, RunTiming, Traffic
 
-# ---------- planner_settings
-# What a configuration holds beside its weights: the ego vehicle, the horizon, the replanning rate, the sampling.
+LISTED_RUNS, LISTED_CONFIGURATIONS = 20, 8
+"""How many runs and configurations an answer lists; chosen to keep it short."""
 
 
 class PlannerSettings(Model):
@@ -32,13 +32,6 @@ class PlannerSettings(Model):
     horizon_s: float = 3.0
     replan_steps: int = 3
     sampling_level: int = 2
-
-
-# ---------- planning
-# Planners and their configurations: arguments and results of list_planners, configure_planner and run_planner.
-
-LISTED_RUNS = 20
-LISTED_CONFIGURATIONS = 8
 
 
 class PlannerConfiguration(Model):

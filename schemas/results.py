@@ -1,4 +1,4 @@
-"""Analysis of planner runs: arguments, results and the figures they are made of."""
+"""Analysis of planner runs: arguments, results and the figures they are made of; the answer's text at the end."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Literal
@@ -7,9 +7,6 @@ from pydantic import Field
 
 from .base import Arguments, Model, Result
 from .runs import LostCell, Outcome, RunMetrics, RunRecord
-
-# ---------- results
-# Analysis of planner runs: arguments, results and the figures they are made of.
 
 Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
@@ -207,42 +204,11 @@ class AnalyzeResultsResult(Result):
     notes: tuple[str, ...] = ()
 
     def to_text(self) -> str:
-        """The same in compact lines."""
-        # MERGED
-
+        """All sections that are there, one line an item."""
         return _analysis_text(self)
 
 
-# ---------- results_text
-# The compact text of an analysis: the same as its structured content, in lines that a model or a person reads.
-
-
-def _percent(share: float | None) -> str:
-    """A share as a percentage without decimals; a dash where there is none."""
-    return "–" if share is None else f"{100 * share:.0f} %"
-
-
-def _rate_text(rate: Rate) -> str:
-    """``6/8 = 75 % (95 %: 41–93 %)``."""
-    if rate.share is None or rate.low is None or rate.high is None:
-        return f"{rate.count}/{rate.of}"
-    return f"{rate.count}/{rate.of} = {_percent(rate.share)} (95 %: {100 * rate.low:.0f}–{100 * rate.high:.0f} %)"
-
-
-def figure(value: float | None, digits: int = 3) -> str:
-    """A number with so many significant digits; a dash for None."""
-    return "–" if value is None else f"{value:.{digits}g}"
-
-
-def listed(ids: Iterable[str], most: int = 5) -> str:
-    """The first ids, and how many more there are."""
-    known = list(ids)
-    more = f" +{len(known) - most}" if len(known) > most else ""
-    return " ".join(known[:most]) + more
-
-
 def _analysis_text(result: AnalyzeResultsResult) -> str:
-    """All sections that are there, one line an item."""
     lines = [] if result.runs == 1 else _rates(result)
     sections = (_rows, _groups, _metrics, _costs, _correlations, _timeline)
     for section in sections:
@@ -258,7 +224,7 @@ def _rates(result: AnalyzeResultsResult) -> list[str]:
     valid = result.success.of
     lines = [f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {_rate_text(result.success)}"]
     lines += [
-        f"- {item.outcome}: {_rate_text(item.rate)} · {listed(item.run_ids, 3)}"
+        f"- {item.outcome}: {_rate_text(item.rate)} · {_listed(item.run_ids, 3)}"
         for item in result.outcomes
         if item.outcome != "goal_reached"
     ]
@@ -271,11 +237,11 @@ def _finding_text(finding: Finding) -> str:
     """One finding in one line, with evidence and suggestion."""
     parts = [f"- [{finding.name}] {finding.statement}"]
     if finding.suggestion:
-        wanted = finding.suggestion
-        parts.append(f"Suggest: {wanted.direction} {wanted.weight} of {wanted.config_id} ({wanted.why}).")
+        change = finding.suggestion
+        parts.append(f"Suggest: {change.direction} {change.weight} of {change.config_id} ({change.why}).")
     if finding.next_step:
         parts.append(f"Next: {finding.next_step}.")
-    parts.append(f"Runs: {listed(finding.run_ids)}")
+    parts.append(f"Runs: {_listed(finding.run_ids)}")
     return " ".join(parts)
 
 
@@ -285,8 +251,8 @@ def _groups(result: AnalyzeResultsResult) -> list[str]:
         parts = [f"- {name}: goal {_rate_text(rate)}", failures, f"invalid {invalid}" if invalid else ""]
         return "; ".join(part for part in parts if part)
 
-    found = [line(group.name, group.success, group.outcomes, group.invalid) for group in result.groups]
-    return ["By group:", *found] if found else []
+    lines = [line(group.name, group.success, group.outcomes, group.invalid) for group in result.groups]
+    return ["By group:", *lines] if lines else []
 
 
 def _metrics(result: AnalyzeResultsResult) -> list[str]:
@@ -294,44 +260,68 @@ def _metrics(result: AnalyzeResultsResult) -> list[str]:
         return ["Metrics: " + ", ".join(f"{i.name} {figure(i.median)} {i.unit}" for i in result.metrics)] * bool(
             result.metrics
         )
-    found = [
+    lines = [
         f"- {item.name}: median {figure(item.median)}, mean {figure(item.mean)}, "
         f"{figure(item.lowest)}–{figure(item.highest)} {item.unit} (n={item.n})"
         for item in result.metrics
     ]
-    return ["Metrics of valid runs:", *found] if found else []
+    return ["Metrics of valid runs:", *lines] if lines else []
 
 
 def _costs(result: AnalyzeResultsResult) -> list[str]:
-    found = [
+    lines = [
         f"- {item.config_name} {item.term}: {_percent(item.share)} of the cost, {figure(item.mean_weighted)} a "
         f"planning step (n={item.runs})"
         for item in result.costs
     ]
-    return ["Weighted cost terms of the chosen candidates:", *found] if found else []
+    return ["Weighted cost terms of the chosen candidates:", *lines] if lines else []
 
 
 def _correlations(result: AnalyzeResultsResult) -> list[str]:
-    found = [
+    lines = [
         f"- success × {item.feature}: ρ={item.rho:+.2f}, p={figure(item.p)}, Holm {figure(item.p_holm)} (n={item.n})"
         for item in result.correlations
     ]
-    return ["Spearman correlations:", *found] if found else []
+    return ["Spearman correlations:", *lines] if lines else []
 
 
 def _rows(result: AnalyzeResultsResult) -> list[str]:
-    found = [
+    lines = [
         f"- {row.run_id} {row.scenario_id} {row.config_name}: {row.outcome}, {figure(row.duration_s)} s, "
         f"gap {figure(row.minimum_distance_m)} m; {row.reason}"
         for row in result.rows
     ]
-    return ["Runs:", *found] if found and result.runs > 1 else [line.removeprefix("- ") for line in found]
+    return ["Runs:", *lines] if lines and result.runs > 1 else [line.removeprefix("- ") for line in lines]
 
 
 def _timeline(result: AnalyzeResultsResult) -> list[str]:
-    found = []
+    lines = []
     for step in result.timeline:
         gap = f", {step.gap_m:.2f} m to {step.obstacle_id}" if step.gap_m is not None else ""
         cost = f", {step.largest_cost} {_percent(step.largest_cost_share)} of the cost" if step.largest_cost else ""
-        found.append(f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {step.acceleration_mps2:+.1f} m/s²{gap}{cost}")
-    return ["Before the end:", *found] if found else []
+        lines.append(f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {step.acceleration_mps2:+.1f} m/s²{gap}{cost}")
+    return ["Before the end:", *lines] if lines else []
+
+
+def _percent(share: float | None) -> str:
+    """A share as a percentage without decimals; a dash where there is none."""
+    return "–" if share is None else f"{100 * share:.0f} %"
+
+
+def _rate_text(rate: Rate) -> str:
+    """``6/8 = 75 % (95 %: 41–93 %)``."""
+    if rate.share is None or rate.low is None or rate.high is None:
+        return f"{rate.count}/{rate.of}"
+    return f"{rate.count}/{rate.of} = {_percent(rate.share)} (95 %: {100 * rate.low:.0f}–{100 * rate.high:.0f} %)"
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number with ``digits`` significant digits; a dash for None."""
+    return "–" if value is None else f"{value:.{digits}g}"
+
+
+def _listed(ids: Iterable[str], most: int = 5) -> str:
+    """The first ids, and how many more there are."""
+    all_ids = list(ids)
+    more = f" +{len(all_ids) - most}" if len(all_ids) > most else ""
+    return " ".join(all_ids[:most]) + more

@@ -1,4 +1,7 @@
-"""What is known about a scenario: its metadata layers, and what ``describe_scenario`` takes and answers."""
+"""What is known about a scenario: its metadata layers, its record, and what ``describe_scenario`` takes and answers.
+
+Lengths in m, speeds in m/s, times in s, headings in rad; posted limits in km/h. The answer's text stands at the end.
+"""
 
 import json
 from pathlib import Path
@@ -9,60 +12,6 @@ from pydantic import Field, JsonValue
 from .base import Arguments, Model, Result
 from .generation import DensityFacts, ScenarioType, SiteFacts
 from .vocabulary import GoalForm
-
-# ---------- described_generation
-# How a generated scenario came out, as ``describe_scenario`` tells it: what was asked beside what was realised.
-
-
-class DescribedGeneration(Model):
-    """Site, traffic and checks of a generated scenario, as they were when it was made.
-
-    ``notes`` (repairs among them), ``network_warnings`` and ``netconvert_warnings`` are listed only where the detail
-    asks for them; their numbers always stand there. ``feasible_share``: of the recorded tracks, in [0, 1].
-    """
-
-    site: SiteFacts
-    scenario_type_asked: ScenarioType
-    vehicles_asked: int
-    vehicles_realised: int
-    classes_asked: dict[str, int]
-    classes_realised: dict[str, int]
-    density: DensityFacts
-    duration_asked_s: float
-    recorded_s: float
-    feasible_share: float
-    checks_failed: tuple[str, ...]
-    notes_total: int
-    warnings_total: int
-    notes: tuple[str, ...] = ()
-    network_warnings: tuple[str, ...] = ()
-    netconvert_warnings: tuple[str, ...] = ()
-
-    def lines(self) -> list[str]:
-        """Site, traffic and checks in a line, then notes and warnings, one each."""
-        site, density = self.site, self.density
-        streets = ", ".join(site.streets) or "unnamed roads"
-        mark = f", OSM {site.osm_id}" if site.osm_id else ""
-        classes = ", ".join(f"{count} {name}" for name, count in self.classes_realised.items()) or "the ego alone"
-        asked = "".join(f", at least {count} {name}" for name, count in self.classes_asked.items())
-        listed = [f"Generation note: {note}" for note in self.notes]
-        listed += [f"Road network: {warning}" for warning in self.network_warnings]
-        listed += [f"netconvert: {warning}" for warning in self.netconvert_warnings]
-        told = listed or self.notes_total + self.warnings_total == 0
-        unlisted = "" if told else f" {self.notes_total} notes, {self.warnings_total} warnings: detail checks."
-        first = (
-            f"Generated: {site.scenario_type} (asked: {self.scenario_type_asked}) at {site.latitude:.5f}, "
-            f"{site.longitude:.5f} within {site.radius_m:g} m ({streets}{mark}); vehicles {self.vehicles_realised} "
-            f"(asked: {self.vehicles_asked}{asked}), beside the ego {classes}; {density.at_start_per_lane_km:g} per "
-            f"lane-km at the start, {density.at_end_per_lane_km:g} at the end (asked: {density.wish}, "
-            f"{density.target_per_lane_km:g}); {self.recorded_s:g} s recorded (asked: {self.duration_asked_s:g} s); "
-            f"{self.feasible_share:.0%} of tracks drivable; checks failed: {', '.join(self.checks_failed) or 'none'}."
-        )
-        return [first + unlisted, *listed]
-
-
-# ---------- scenarios
-# What is known about a scenario: its metadata layers, and what ``describe_scenario`` takes and answers.
 
 
 class LocationFacts(Model):
@@ -174,7 +123,7 @@ class ScenarioFacts(Model):
         roads = self.roads.model_copy(
             update={"signs_ego": ego.signs, "traffic_light_ego": ego.traffic_light, "limits_ego_kmh": ego.limits_kmh}
         )
-        others = tuple(one for one in self.egos if one is not ego)
+        others = tuple(other for other in self.egos if other is not ego)
         return self.model_copy(
             update={
                 "scenario_id": f"{self.scenario_id}#{ego.problem_id}",
@@ -266,7 +215,7 @@ class DescribedVehicle(Model):
 
 
 class DescribedLanelet(Model):
-    """A lanelet: its edge, what follows by direction, neighbours of its direction, and who stands on it at first."""
+    """A lanelet: its edge, what follows by direction, its neighbours, and the vehicles on it at first."""
 
     lanelet_id: int
     edge: str | None = Field(description="SUMO's edge; None inside junctions and where nobody drives")
@@ -292,6 +241,53 @@ class Description(Model):
     checks: tuple[str, ...] = ()
 
 
+class DescribedGeneration(Model):
+    """Site, traffic and checks of a generated scenario, as they were when it was made: asked beside realised.
+
+    ``notes`` (repairs among them), ``network_warnings`` and ``netconvert_warnings`` are listed only where the detail
+    asks for them; their numbers always stand there. ``feasible_share``: of the recorded tracks, in [0, 1].
+    """
+
+    site: SiteFacts
+    scenario_type_asked: ScenarioType
+    vehicles_asked: int
+    vehicles_realised: int
+    classes_asked: dict[str, int]
+    classes_realised: dict[str, int]
+    density: DensityFacts
+    duration_asked_s: float
+    recorded_s: float
+    feasible_share: float
+    checks_failed: tuple[str, ...]
+    notes_total: int
+    warnings_total: int
+    notes: tuple[str, ...] = ()
+    network_warnings: tuple[str, ...] = ()
+    netconvert_warnings: tuple[str, ...] = ()
+
+    def lines(self) -> list[str]:
+        """Site, traffic and checks in a line, then notes and warnings, one each."""
+        site, density = self.site, self.density
+        streets = ", ".join(site.streets) or "unnamed roads"
+        mark = f", OSM {site.osm_id}" if site.osm_id else ""
+        classes = ", ".join(f"{count} {name}" for name, count in self.classes_realised.items()) or "the ego alone"
+        asked = "".join(f", at least {count} {name}" for name, count in self.classes_asked.items())
+        listed = [f"Generation note: {note}" for note in self.notes]
+        listed += [f"Road network: {warning}" for warning in self.network_warnings]
+        listed += [f"netconvert: {warning}" for warning in self.netconvert_warnings]
+        is_complete = listed or self.notes_total + self.warnings_total == 0
+        unlisted = "" if is_complete else f" {self.notes_total} notes, {self.warnings_total} warnings: detail checks."
+        first = (
+            f"Generated: {site.scenario_type} (asked: {self.scenario_type_asked}) at {site.latitude:.5f}, "
+            f"{site.longitude:.5f} within {site.radius_m:g} m ({streets}{mark}); vehicles {self.vehicles_realised} "
+            f"(asked: {self.vehicles_asked}{asked}), beside the ego {classes}; {density.at_start_per_lane_km:g} per "
+            f"lane-km at the start, {density.at_end_per_lane_km:g} at the end (asked: {density.wish}, "
+            f"{density.target_per_lane_km:g}); {self.recorded_s:g} s recorded (asked: {self.duration_asked_s:g} s); "
+            f"{self.feasible_share:.0%} of tracks drivable; checks failed: {', '.join(self.checks_failed) or 'none'}."
+        )
+        return [first + unlisted, *listed]
+
+
 class DescribeScenarioResult(Result):
     """A scenario in words and ids: all that an edit needs."""
 
@@ -309,16 +305,11 @@ class DescribeScenarioResult(Result):
     recipe: dict[str, JsonValue] | None = None
 
     def to_text(self) -> str:
-        """Head, ego, vehicles, lanelets: a line each."""
+        """Head, ego, vehicles, lanelets, checks, how it was generated and its recipe, a line each."""
         return _scenario_text(self)
 
 
-# ---------- scenario_text
-# The compact text of a described scenario.
-
-
-def _scenario_text(result: "DescribeScenarioResult") -> str:
-    """Head, ego, vehicles, lanelets, checks, how it was generated and its recipe, a line each."""
+def _scenario_text(result: DescribeScenarioResult) -> str:
     counts = ", ".join(f"{count} {kind}" for kind, count in result.counts.items()) or "no traffic"
     lines = [f"{result.scenario_id} ({result.origin}, {result.place}): {result.duration_s:g} s, {counts}."]
     lines.append(f"Tags: {', '.join(result.tags) or 'none'}. Computed: {', '.join(result.features) or 'nothing'}.")
@@ -341,7 +332,7 @@ def _scenario_text(result: "DescribeScenarioResult") -> str:
     return "\n".join(lines)
 
 
-def ego_text(ego: "DescribedEgo") -> str:
+def ego_text(ego: DescribedEgo) -> str:
     """Where the ego starts, what its goal asks for and its way there, in a line."""
     lanes = f"{ego.lanes} lane{'' if ego.lanes == 1 else 's'} in its direction"
     lanelets = f"lanelet {', '.join(map(str, ego.lanelets))}" if ego.lanelets else "no lanelet"
@@ -354,7 +345,7 @@ def _chain(route: tuple[int, ...]) -> str:
     return " → ".join(shown if len(route) <= 8 else [*shown[:4], "…", *shown[4:]])
 
 
-def _vehicle(vehicle: "DescribedVehicle") -> str:
+def _vehicle(vehicle: DescribedVehicle) -> str:
     gap = f", gap {vehicle.gap_m:.1f} m" if vehicle.gap_m is not None else ""
     lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ""
     when = f", from {vehicle.from_s:g} s" if vehicle.from_s > 0 else ""
@@ -363,7 +354,7 @@ def _vehicle(vehicle: "DescribedVehicle") -> str:
     return f"- {vehicle.vehicle_id} {kind}: {vehicle.where}, {speed}{gap}{lanelet}{when}"
 
 
-def _lanelet(lanelet: "DescribedLanelet") -> str:
+def _lanelet(lanelet: DescribedLanelet) -> str:
     beside = [f"left {lanelet.left}"] if lanelet.left is not None else []
     beside += [f"right {lanelet.right}"] if lanelet.right is not None else []
     beside += [f"opposite {lanelet.opposite}"] if lanelet.opposite is not None else []

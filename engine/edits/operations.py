@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from ...schemas.errors import InvalidRequest
-from ...schemas.modification import ARGUMENTS_OF, Edit, Operation
+from ...schemas.modification import ARGUMENTS_OF, Edit, EditOperation
 from ..scene import Scene
 from .changes import Changes, EditStep, ResolvedEdits, apply_changes
 from .ego import set_ego, set_goal
@@ -17,7 +17,7 @@ from .population import add_vehicle, remove_vehicle
 from .trajectory import change_lane, reroute, set_behaviour, set_speed, shift_time
 
 EditFunction = Callable[[Edit, Scene, Changes], EditStep]
-OPERATIONS: Mapping[Operation, EditFunction] = {
+OPERATIONS: Mapping[EditOperation, EditFunction] = {
     "reroute": reroute,
     "change_lane": change_lane,
     "set_speed": set_speed,

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...schemas.generation import Checks, DensityFacts, EgoFacts, GeneratedScenario, GenerationRequest, SiteFacts
+from ...schemas.generation import Checks, DensityFacts, GeneratedEgo, GeneratedScenario, GenerationRequest, SiteFacts
 from ..maps import is_net
 from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, Participant
 from .metadata import limits_without_sign
@@ -128,9 +128,9 @@ def _limit_notes(limits_kmh: Mapping[int, float]) -> list[str]:
     return [f"the file holds no speed-limit signs: CommonRoad has none for this country; posted are {values} km/h"]
 
 
-def _ego_facts(task: PlanningTask, vehicles: Sequence[Participant], step_s: float) -> EgoFacts:
+def _ego_facts(task: PlanningTask, vehicles: Sequence[Participant], step_s: float) -> GeneratedEgo:
     first, last = task.time_steps
-    return EgoFacts(
+    return GeneratedEgo(
         vehicle=task.ego.vehicle_id,
         cars_to_choose_from=sum(vehicle.vehicle_class.name == "car" for vehicle in vehicles),
         speed_mps=float(task.ego.motion.speeds_mps[0]),

@@ -1,7 +1,6 @@
 """The grammar of comparisons, assignments, selectors, quantities and intervals."""
 
 import math
-import re
 from contextlib import suppress
 
 import pytest
@@ -10,8 +9,6 @@ from hypothesis import strategies as st
 
 from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError, UnknownName
 from plannerforge.schemas.grammar import (
-    ASSIGNMENT_PATTERN,
-    COMPARISON_PATTERN,
     Assignment,
     Condition,
     Interval,
@@ -120,12 +117,11 @@ def test_interval_holds_its_ends() -> None:
         ("outcome=collision", Condition("outcome", Interval(None, None), "collision")),
     ],
 )
-def test_comparison(text: str, expected: Condition) -> None:
+def test_condition(text: str, expected: Condition) -> None:
     assert parse_condition(text) == expected
-    assert re.match(COMPARISON_PATTERN, text.replace(" ", ""))
 
 
-def test_strict_comparison_of_counts_moves_by_one() -> None:
+def test_strict_condition_of_counts_moves_by_one() -> None:
     assert parse_condition("truck>1", whole=True).interval == Interval(2, None)
     assert parse_condition("truck<3", whole=True).interval == Interval(None, 2)
     assert parse_condition("ttc<3").interval == Interval(None, 3)
@@ -162,7 +158,6 @@ def test_malformed_comparison_is_refused_with_its_text(text: str) -> None:
 )
 def test_assignment(text: str, expected: Assignment) -> None:
     assert parse_assignment(text) == expected
-    assert re.match(ASSIGNMENT_PATTERN, text)
 
 
 @pytest.mark.parametrize("text", ["jerk", "jerk=", "jerk=nan", "jerk=inf", "jerk=1e999", "jerk*other", "=1", "jerk/2"])

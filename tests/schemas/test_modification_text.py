@@ -9,7 +9,6 @@ from plannerforge.schemas.modification import (
     ModifyScenarioResult,
     TouchedVehicle,
     VehicleRoute,
-    modification_text,
 )
 from plannerforge.server.tokens import count_tokens
 
@@ -32,21 +31,20 @@ SHIFTED = TouchedVehicle(
 WHY = "a later edit replaces it"
 
 
-def text(*touched: TouchedVehicle, ego_after: EgoDanger = RAMMING, **told: Any) -> str:
+def text(*touched: TouchedVehicle, ego_after: EgoDanger = RAMMING, **others: Any) -> str:
     usual: dict[str, Any] = {"edits": (), "collisions": (), "warnings": (), "removed": (), "handed_over": ()}
-    return modification_text(
-        ModifyScenarioResult(
-            scenario_id=None,
-            base_id="ZAM_Builder-1_1_T-1",
-            touched=touched,
-            ego_before=CALM,
-            ego_after=ego_after,
-            checked_by="closed_form",
-            checkers_agree=None,
-            untouched=1,
-            **usual | told,
-        )
+    result = ModifyScenarioResult(
+        scenario_id=None,
+        base_id="ZAM_Builder-1_1_T-1",
+        touched=touched,
+        ego_before=CALM,
+        ego_after=ego_after,
+        checked_by="closed_form",
+        checkers_agree=None,
+        untouched=1,
+        **usual | others,
     )
+    return result.to_text()
 
 
 def edit(index: int, *routes: VehicleRoute, what: str = "tau=1.5 for all", done: bool = True) -> EditReport:
