@@ -441,11 +441,8 @@ def nearest_driven(scene: Scene, start: int, targets: Sequence[int]) -> list[int
 
 def reachable_lanelets(scene: Scene, starts: Sequence[int]) -> list[int]:
     """Lanelets outside junctions that can be reached, the fewest lanelets away first, without the starts."""
-    order: list[int] = list(starts)
-    for key in order:
-        onward = {*scene.lanelet_graph.successors.get(key, ()), *scene.lanelet_graph.neighbours.get(key, ())}
-        order += sorted(after for after in onward if after not in order)
-    return [key for key in order if key not in starts and key in scene.layout.lane_of]
+    nearest_first = scene.lanelet_graph.reachable(starts)
+    return [key for key in nearest_first if key not in starts and key in scene.layout.lane_of]
 
 
 def _by_distance_to(targets: Sequence[int], lanelets: Sequence[int], scene: Scene) -> list[int]:

@@ -230,7 +230,7 @@ def _task(
         end: RoadLanelet | None = network.lanelets[goal.lanelet.lanelet_id]
     else:
         end = lookup.under(at_goal.center, at_goal.heading_rad)
-    if start is None or end is None or not _is_reachable(network, start.lanelet_id, end.lanelet_id):
+    if start is None or end is None or end.lanelet_id not in network.graph.reachable([start.lanelet_id]):
         return None
     margin = round(TIME_MARGIN_S / step_s)
     asked = goal.lanelet.size_m if goal.lanelet else None
@@ -245,18 +245,6 @@ def _task(
         time_steps=(max(1, at_goal.step - margin), at_goal.step + margin),
         heading_margin_rad=HEADING_MARGIN_RAD,
     )
-
-
-def _is_reachable(network: RoadNetwork, start: int, goal: int) -> bool:
-    """Whether one lanelet can be reached from another by successors and lane changes."""
-    reached, waiting = {start}, [start]
-    while waiting:
-        lanelet = network.lanelets[waiting.pop()]
-        for key in (*lanelet.successors, *lanelet.neighbours()):
-            if key not in reached:
-                reached.add(key)
-                waiting.append(key)
-    return goal in reached
 
 
 def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 ``build_road_network``: All lanes of the net that road vehicles may use, as lanelets.
 ``remove_hairpins``: Delete the connections of all lanes without a valid ribbon, in place.
+``Digraph``: A directed graph, and the searches in it: cheapest and shortest routes, costs, what can be reached.
 ``LaneletGraph``: Lanelet ids with their lengths, successors, predecessors and neighbours of the same direction.
 ``MOTOR_CLASSES``: TODO.
 ``NetEdge``: A road in one direction between two junctions, or the inside of a junction (``internal``).
@@ -47,6 +48,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .lanelet_builder import build_road_network as build_road_network
     from .lanelet_builder import remove_hairpins as remove_hairpins
+    from .lanelet_graph import Digraph as Digraph
     from .lanelet_graph import LaneletGraph as LaneletGraph
     from .net_parser import MOTOR_CLASSES as MOTOR_CLASSES
     from .net_parser import NetEdge as NetEdge

@@ -1,12 +1,17 @@
-"""The graph of a lanelet network: what can be reached from where, and by which lanelets.
+"""Searches in directed graphs, and the graph of a lanelet network: what can be reached from where, over which lanelets.
 
-An edge leads to every successor, and to the neighbour of the same direction on either side (a lane change).
+The searches are written here and not taken from networkx or scipy, since of several cheapest routes they take the one
+whose nodes have the lower ids, whatever the order of the file. networkx takes the one that it met first and scipy's
+csgraph leaves it open: on straight roads, where a change of lane costs the same early and late, routes would change,
+and with them everything that is computed along them.
 """
 
 import heapq
-from collections.abc import Iterable
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from ..geometry import length_m
 
@@ -14,12 +19,93 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
 LANE_CHANGE_COST_M = 20.0
-"""A lane change counts as so many metres, so that routes change lanes only where they must."""
+"""Chosen: a change of lane costs as much as 20 m of road, so that routes change lanes only where they must."""
+
+Node = TypeVar("Node", int, str)
+
+
+@dataclass(frozen=True)
+class Digraph(Generic[Node]):
+    """A directed graph: a function gives the nodes that follow a node, each with the cost (not negative) to get there."""
+
+    steps_from: Callable[[Node], Iterable[tuple[Node, float]]]
+
+    def cheapest_route(self, starts: Iterable[Node], goals: Iterable[Node]) -> tuple[Node, ...] | None:
+        """The cheapest route from any start to any goal, both included; None where there is none."""
+        wanted = frozenset(goals)
+        came_from: dict[Node, Node] = {}
+        for node, _ in self._by_cost(dict.fromkeys(starts, 0.0), came_from):
+            if node in wanted:
+                return _route_to(node, came_from)
+        return None
+
+    def costs(self, starts: Mapping[Node, float], at_most: float = math.inf) -> dict[Node, float]:
+        """The least cost of every node that costs no more than a limit; ``starts`` gives what the first nodes cost."""
+        costs: dict[Node, float] = {}
+        for node, cost in self._by_cost(starts, {}):
+            if cost > at_most:
+                break
+            costs[node] = cost
+        return costs
+
+    def fewest_steps_route(self, start: Node, goal: Node) -> tuple[Node, ...] | None:
+        """The route of the fewest nodes, both ends included; None where there is none.
+
+        Of several the one whose nodes come earlier in the order of the steps.
+        """
+        came_from: dict[Node, Node] = {}
+        for node, _ in self._by_steps([start], came_from):
+            if node == goal:
+                return _route_to(goal, came_from)
+        return None
+
+    def reachable(self, starts: Iterable[Node]) -> dict[Node, int]:
+        """All nodes that can be reached, with the fewest steps to them, nearest first; the starts included."""
+        return dict(self._by_steps(starts, {}))
+
+    def _by_cost(self, starts: Mapping[Node, float], came_from: dict[Node, Node]) -> Iterator[tuple[Node, float]]:
+        """Nodes with their costs, cheapest first, of equal ones the lower id (Dijkstra)."""
+        best = dict(starts)
+        queue = [(cost, node) for node, cost in best.items()]
+        heapq.heapify(queue)
+        while queue:
+            cost, node = heapq.heappop(queue)
+            if cost > best[node]:
+                continue
+            yield node, cost
+            for following, step_cost in self.steps_from(node):
+                if cost + step_cost < best.get(following, math.inf):
+                    best[following] = cost + step_cost
+                    came_from[following] = node
+                    heapq.heappush(queue, (cost + step_cost, following))
+
+    def _by_steps(self, starts: Iterable[Node], came_from: dict[Node, Node]) -> Iterator[tuple[Node, int]]:
+        """Nodes with the fewest steps to them, nearest first."""
+        steps = dict.fromkeys(starts, 0)
+        queue = deque(steps)
+        while queue:
+            node = queue.popleft()
+            yield node, steps[node]
+            for following, _ in self.steps_from(node):
+                if following not in steps:
+                    steps[following] = steps[node] + 1
+                    came_from[following] = node
+                    queue.append(following)
+
+
+def _route_to(goal: Node, came_from: Mapping[Node, Node]) -> tuple[Node, ...]:
+    route = [goal]
+    while route[-1] in came_from:
+        route.append(came_from[route[-1]])
+    return tuple(reversed(route))
 
 
 @dataclass(frozen=True)
 class LaneletGraph:
-    """Lanelet ids with their lengths, successors, predecessors and neighbours of the same direction."""
+    """Lanelet ids with their lengths in m, successors, predecessors and neighbours of the same direction, ascending.
+
+    A step leads to every successor and, by a change of lane, to the neighbour on either side.
+    """
 
     length_m: dict[int, float]
     successors: dict[int, tuple[int, ...]]
@@ -38,56 +124,21 @@ class LaneletGraph:
         )
 
     def shortest_route(self, starts: Iterable[int], goals: Iterable[int]) -> tuple[int, ...] | None:
-        """The cheapest way from any start to any goal lanelet, both included; None where there is none."""
-        wanted = frozenset(goals)
-        best: dict[int, float] = dict.fromkeys(starts, 0.0)
-        came_from: dict[int, int] = {}
-        queue = [(0.0, start) for start in sorted(best)]
-        heapq.heapify(queue)
-        while queue:
-            cost, current = heapq.heappop(queue)
-            if cost > best[current]:
-                continue
-            if current in wanted:
-                return self._walk_back(current, came_from)
-            for following, step_cost in self._steps(current):
-                if cost + step_cost < best.get(following, float("inf")):
-                    best[following] = cost + step_cost
-                    came_from[following] = current
-                    heapq.heappush(queue, (cost + step_cost, following))
-        return None
+        """The route of the least length and changes of lane from any start to any goal, both included; or None."""
+        return Digraph(self._steps_from).cheapest_route(starts, goals)
 
-    def reachable(self, starts: Iterable[int]) -> frozenset[int]:
-        """All lanelets that can be reached from the starts, themselves included."""
-        found = set(starts)
-        waiting = list(found)
-        while waiting:
-            for following, _ in self._steps(waiting.pop()):
-                if following not in found:
-                    found.add(following)
-                    waiting.append(following)
-        return frozenset(found)
+    def reachable(self, starts: Iterable[int]) -> dict[int, int]:
+        """All lanelets that can be reached, with the fewest steps to them, nearest first; the starts included."""
+        return Digraph(lambda key: sorted(self._steps_from(key))).reachable(starts)
 
     def beside(self, starts: Iterable[int]) -> frozenset[int]:
         """The lanelets that lane changes alone lead to, the starts included."""
-        found = set(starts)
-        waiting = list(found)
-        while waiting:
-            new = set(self.neighbours.get(waiting.pop(), ())) - found
-            found |= new
-            waiting.extend(new)
-        return frozenset(found)
+        changes = Digraph(lambda key: ((other, LANE_CHANGE_COST_M) for other in self.neighbours.get(key, ())))
+        return frozenset(changes.reachable(starts))
 
-    def _steps(self, lanelet_id: int) -> list[tuple[int, float]]:
+    def _steps_from(self, lanelet_id: int) -> list[tuple[int, float]]:
         onward = [(key, self.length_m[lanelet_id]) for key in self.successors.get(lanelet_id, ())]
         return onward + [(key, LANE_CHANGE_COST_M) for key in self.neighbours.get(lanelet_id, ())]
-
-    @staticmethod
-    def _walk_back(goal: int, came_from: dict[int, int]) -> tuple[int, ...]:
-        route = [goal]
-        while route[-1] in came_from:
-            route.append(came_from[route[-1]])
-        return tuple(reversed(route))
 
 
 def _known(ids: Iterable[int | None], lanelets: dict[int, "Lanelet"]) -> tuple[int, ...]:

@@ -1,10 +1,12 @@
 """A road network as CommonRoad sees it, as plain values: what the writer writes and the checks read."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from ..geometry import Points, wrap_angle
+from ..geometry import Points, length_m, wrap_angle
+from .lanelet_graph import LaneletGraph
 
 # ---------- road_network
 # A road network as CommonRoad sees it, as plain values: what the writer writes and the checks read.
@@ -113,6 +115,17 @@ class RoadNetwork:
             used.append(crossing.intersection_id)
             used.extend(i.incoming_id for i in crossing.incomings)
         return max(used, default=0) + 1
+
+    @cached_property
+    def graph(self) -> LaneletGraph:
+        """What can be reached from where."""
+        lanelets = self.lanelets.items()
+        return LaneletGraph(
+            length_m={key: length_m(lanelet.center) for key, lanelet in lanelets},
+            successors={key: lanelet.successors for key, lanelet in lanelets},
+            predecessors={key: lanelet.predecessors for key, lanelet in lanelets},
+            neighbours={key: tuple(sorted(lanelet.neighbours())) for key, lanelet in lanelets},
+        )
 
     def by_lane(self) -> dict[str, RoadLanelet]:
         """Lanelets by the SUMO lane that they were made from."""

@@ -1,11 +1,10 @@
 """Routes of SUMO edges for sequences of lanelets."""
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from ..network import NetLayout
+from ..network import Digraph, NetLayout
 from .map_matching import straightness
 
 EXTENSION_M = 2000.0
@@ -27,6 +26,10 @@ class EdgeGraph:
         return {edge: tuple(sorted(after)) for edge, after in found.items()}
 
     @cached_property
+    def _graph(self) -> Digraph[str]:
+        return Digraph(lambda edge: ((after, 1.0) for after in self.successors[edge]))
+
+    @cached_property
     def paths_from(self) -> dict[int, tuple[int, ...]]:
         """Lanelet → indices of the ways that leave it."""
         found: dict[int, list[int]] = {}
@@ -44,7 +47,7 @@ class EdgeGraph:
             if not edges or edge == edges[-1]:
                 edges = edges or [edge]
                 continue
-            between = self._shortest(edges[-1], edge)
+            between = self._graph.fewest_steps_route(edges[-1], edge)
             if between is None or len(between) > LONGEST_REPAIR_EDGES:
                 return None
             edges += between[1:]
@@ -113,24 +116,3 @@ class EdgeGraph:
             return []
         path = self.layout.paths[index]
         return [self.layout.lane_of[path.entry if entry else path.exit][0]]
-
-    def _shortest(self, start: str, goal: str) -> list[str] | None:
-        came_from: dict[str, str | None] = {start: None}
-        waiting = deque([start])
-        while waiting:
-            current = waiting.popleft()
-            for following in self.successors[current]:
-                if following in came_from:
-                    continue
-                came_from[following] = current
-                if following == goal:
-                    return _walk_back(came_from, goal)
-                waiting.append(following)
-        return None
-
-
-def _walk_back(came_from: dict[str, str | None], goal: str) -> list[str]:
-    route = [goal]
-    while (before := came_from[route[-1]]) is not None:
-        route.append(before)
-    return route[::-1]

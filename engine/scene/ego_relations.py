@@ -4,7 +4,6 @@ A vehicle counts that is on the ego's lanelet, on any that follows it (whichever
 leads to it, and so does one whose lanelet is another but which is in the ego's lane where it is.
 """
 
-import heapq
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ import numpy as np
 
 from ..commonroad import Track
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
-from ..network import LaneletGraph
+from ..network import Digraph, LaneletGraph
 from ..vehicles import EGO_SIZE_M
 from .routing import aligned_lanelets, center_line, goal_center_lanelets, lanelets_at, path_ahead
 from .scene import NOT_DRIVEN, Ego, Scene
@@ -287,15 +286,7 @@ def _stations(scene: Scene, ego: Ego) -> Iterator[tuple[int, int, float]]:
 
 
 def _distances(scene: Scene, start: int, onward: Mapping[int, tuple[int, ...]], first_m: float) -> dict[int, float]:
-    """Lanelets in one direction → distance from the ego to their near end."""
-    found: dict[int, float] = {}
-    queue = [(first_m, key) for key in onward[start]]
-    heapq.heapify(queue)
-    while queue:
-        distance, key = heapq.heappop(queue)
-        if key in found or key == start or distance > LOOK_M:
-            continue
-        found[key] = distance
-        for after in onward[key]:
-            heapq.heappush(queue, (distance + scene.layout.table.lanes[key].length_m, after))
-    return found
+    """Lanelets in one direction → distance in m from the ego to their near end."""
+    lanes = scene.layout.table.lanes
+    graph = Digraph[int](lambda key: ((after, lanes[key].length_m) for after in onward[key] if after != start))
+    return graph.costs({key: first_m for key in onward[start] if key != start}, LOOK_M)
