@@ -26,7 +26,7 @@ Node = TypeVar("Node", int, str)
 
 @dataclass(frozen=True)
 class Digraph(Generic[Node]):
-    """A directed graph: a function gives the nodes that follow a node, each with the cost (not negative) to get there."""
+    """A directed graph: a function gives the nodes that follow a node, each with its cost, which is not negative."""
 
     steps_from: Callable[[Node], Iterable[tuple[Node, float]]]
 

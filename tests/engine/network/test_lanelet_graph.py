@@ -1,6 +1,6 @@
 """Searches in graphs: routes and costs are the least, and of equal routes the one with the lower ids is taken."""
 
-from itertools import permutations
+from itertools import pairwise, permutations
 
 import pytest
 from hypothesis import given
@@ -22,11 +22,11 @@ def routes(steps: Steps, start: int, goal: int) -> list[tuple[int, ...]]:
     inner = [node for node in NODES if node not in (start, goal)]
     between = [way for count in range(len(inner) + 1) for way in permutations(inner, count)]
     all_routes = [(start, *way, goal) for way in between] if start != goal else [(start,)]
-    return [way for way in all_routes if all(after in steps[node] for node, after in zip(way, way[1:], strict=False))]
+    return [way for way in all_routes if all(after in steps[node] for node, after in pairwise(way))]
 
 
 def cost_of(steps: Steps, way: tuple[int, ...]) -> int:
-    return sum(steps[node][after] for node, after in zip(way, way[1:], strict=False))
+    return sum(steps[node][after] for node, after in pairwise(way))
 
 
 @given(GRAPHS, st.sampled_from(NODES), st.sampled_from(NODES))
