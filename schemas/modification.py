@@ -1,5 +1,6 @@
 """Typed edits of a scenario: what ``modify_scenario`` takes, what its worker is asked, and what comes back."""
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final, Literal
@@ -92,6 +93,15 @@ class Edit(Arguments):
     def given(self) -> tuple[str, ...]:
         """Names of the arguments that were given beside ``op``."""
         return tuple(name for name in type(self).model_fields if name != "op" and getattr(self, name) not in (None, []))
+
+    def numbered_after(self, earlier: int) -> "Edit":
+        """The edit with every ``new:K`` counted from the first of ``earlier`` edits that it is appended to."""
+
+        def counted(text: str) -> str:
+            return re.sub(r"\bnew:(\d+)", lambda number: f"new:{int(number[1]) + earlier}", text)
+
+        lists = {name: [counted(text) for text in getattr(self, name)] for name in ("vehicles", "to", "via")}
+        return self.model_copy(update={**lists, "at": None if self.at is None else counted(self.at)})
 
 
 class ModifyScenarioArguments(Arguments):

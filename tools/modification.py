@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ..engine.catalog import open_catalogue
-from ..engine.commonroad import derived_benchmark_id, numbered_after
+from ..engine.commonroad import derived_benchmark_id
 from ..engine.workspace import Artifact, Recipe, versions_of
 from ..schemas.errors import NotPossible
 from ..schemas.modification import (
@@ -28,7 +28,7 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
     given, named_problem = one_scenario(arguments.scenario_id, call)
     base_id, earlier = _base_and_edits(given)
     problem_id = _problem(given, named_problem)
-    edits = (*earlier, *numbered_after(arguments.edits, len(earlier)))
+    edits = (*earlier, *(edit.numbered_after(len(earlier)) for edit in arguments.edits))
     seed = arguments.seed if "seed" in arguments.model_fields_set or not earlier else given.recipe.seed
     traffic = _traffic(arguments, given)
     recipe = Recipe(

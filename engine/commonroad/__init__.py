@@ -1,34 +1,34 @@
 """CommonRoad files: read without trust, written with what is untouched as it was; names of benchmarks.
 
 ``derived_benchmark_id``: The base's id with a prediction number made of the recipe's digest (hexadecimal).
-``numbered_after``: The edits with every ``new:K`` counted from the beginning of the whole list that they are appended
-    to.
-``ScenarioDocument``: The tree of a scenario file.
+``ScenarioDocument``: The XML tree of a scenario file, with what edits replace in it.
+``schema_errors``: What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file.
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and the file it came from.
-``RecordedScenario``: A scenario with its recording.
+``RecordedScenario``: A scenario with its recording as tracks.
 ``XmlLimits``: What an XML file may hold at most before any parser of a library sees it.
 ``read_recorded``: Read a CommonRoad file (2018b or 2020a) as ``read_scenario`` does, in half of its time.
 ``read_scenario``: Scan and read a CommonRoad file (2018b or 2020a).
-``refuse_wild_numbers``: Look at step, coordinates, sizes, states and times of a scenario.
 ``scan_xml``: Refuse an XML file that is too large, too deep, broken or that declares a document type.
-``schema_errors``: What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file.
-``schema_errors_of``: The same for an lxml element tree.
 ``LaneletElement``: A lanelet as written.
-``RoadDocument``: The network of one file in the file's order.
-``read_road_document``: Scan a CommonRoad file and read its network.
+``RoadDocument``: The network of one file in the file's order, defects included.
+``read_road_document``: Scan a CommonRoad file and read its network as written.
 ``road_document``: The network below the root element of a CommonRoad document.
-``Track``: A recorded obstacle.
+``Track``: A recorded obstacle: centre in m, heading in rad and speed in m/s at every step.
 ``center_of``: A point's or region's centre (2,) in m, without its height.
 ``last_recorded_step``: The last time step at which any obstacle is recorded.
 ``middle_of``: A value as it is, or the middle of an interval.
 ``recorded_tracks``: Tracks of all dynamic obstacles that carry a trajectory, by id in ascending order.
 ``size_of``: Length and width in metres of a CommonRoad shape.
-``SPEED_LIMITS``: A speed limit, or the beginning of a zone with one, in the countries whose signs CommonRoad knows.
+``SPEED_LIMITS``: Numbers of the signs for a speed limit or the beginning of a zone with one, of all countries.
 ``has_light``: Whether one of these lanelets refers to a traffic light of the file.
-``lanes_beside``: Lanelets side by side in the same direction, this one included.
+``is_known_number``: Whether CommonRoad's reader knows a sign's number in a country.
+``is_speed_limit``: Whether a sign is a speed limit, or the beginning of a zone with one.
+``lanes_beside``: The number of lanelets side by side in the same direction, this one included.
 ``limits_kmh``: Posted speed limits in km/h, ascending, rounded to 0.1.
-``sign_keys``: The keys of all signs, sorted, each once.
+``sign_keys``: The keys of all signs in the vocabulary, sorted, each once.
 ``signs_of``: The signs that these lanelets refer to.
+``speed_limit_number``: The number to write for a speed limit in a country; None where CommonRoad has none.
+``refuse_values_beyond_limits``: Refuse a scenario with a time step, coordinate, size, state or time that none has.
 """
 
 from typing import TYPE_CHECKING
@@ -37,17 +37,14 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .benchmark_id import derived_benchmark_id as derived_benchmark_id
-    from .benchmark_id import numbered_after as numbered_after
     from .document import ScenarioDocument as ScenarioDocument
+    from .document import schema_errors as schema_errors
     from .reader import LoadedScenario as LoadedScenario
     from .reader import RecordedScenario as RecordedScenario
     from .reader import XmlLimits as XmlLimits
     from .reader import read_recorded as read_recorded
     from .reader import read_scenario as read_scenario
-    from .reader import refuse_wild_numbers as refuse_wild_numbers
     from .reader import scan_xml as scan_xml
-    from .reader import schema_errors as schema_errors
-    from .reader import schema_errors_of as schema_errors_of
     from .road_elements import LaneletElement as LaneletElement
     from .road_elements import RoadDocument as RoadDocument
     from .road_elements import read_road_document as read_road_document
@@ -60,9 +57,13 @@ if TYPE_CHECKING:
     from .tracks import size_of as size_of
     from .traffic_signs import SPEED_LIMITS as SPEED_LIMITS
     from .traffic_signs import has_light as has_light
+    from .traffic_signs import is_known_number as is_known_number
+    from .traffic_signs import is_speed_limit as is_speed_limit
     from .traffic_signs import lanes_beside as lanes_beside
     from .traffic_signs import limits_kmh as limits_kmh
     from .traffic_signs import sign_keys as sign_keys
     from .traffic_signs import signs_of as signs_of
+    from .traffic_signs import speed_limit_number as speed_limit_number
+    from .value_limits import refuse_values_beyond_limits as refuse_values_beyond_limits
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

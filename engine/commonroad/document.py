@@ -1,19 +1,20 @@
-"""A CommonRoad file as an XML tree, of which only what an edit touches is replaced.
+"""A CommonRoad file as an XML tree, of which only what an edit touches is replaced, and its check against the schema.
 
 commonroad-io's writer rounds every state of every obstacle (half of the files change); here untouched elements are
 copied. Formats: CommonRoad XML 2018b (``<obstacle>`` with ``<role>``) and 2020a (``<dynamicObstacle>``).
 """
 
-from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from lxml import etree
 
 from ...schemas.errors import ResourceFailure
+from .benchmark_id import is_benchmark_id
 
 _AFTER_OBSTACLES = ("phantomObstacle", "environmentObstacle", "planningProblem")
+"""Elements that the schema wants behind the dynamic obstacles."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +62,10 @@ class ScenarioDocument:
         Raises:
             ResourceFailure: there is none.
         """
-        found = [element for element in self.root.iter("planningProblem") if element.get("id") == str(problem_id)]
-        if not found:
-            raise ResourceFailure(f"the file holds no planning problem {problem_id}")
-        return found[0]
+        for element in self.root.iter("planningProblem"):
+            if element.get("id") == str(problem_id):
+                return element
+        raise ResourceFailure(f"the file holds no planning problem {problem_id}")
 
     def remove(self, element: "etree._Element") -> None:
         """Take an element of the first level out, with the white space that follows it."""
@@ -72,9 +73,9 @@ class ScenarioDocument:
 
     def add_obstacle(self, element: "etree._Element") -> None:
         """Put an obstacle after the last dynamic one, or where the format wants the first."""
-        existing = [one for one in self.root if one.tag in ("dynamicObstacle", "obstacle")]
-        following = [one for one in self.root if one.tag in _AFTER_OBSTACLES]
-        indent(element, self._indent_unit(), 1)
+        existing = [child for child in self.root if child.tag in ("dynamicObstacle", "obstacle")]
+        following = [child for child in self.root if child.tag in _AFTER_OBSTACLES]
+        self._indent(element, 1)
         if existing:
             element.tail = existing[-1].tail
             existing[-1].tail = "\n" + self._indent_unit()
@@ -95,7 +96,7 @@ class ScenarioDocument:
         for element in old:
             parent.remove(element)
         for offset, element in enumerate(new):
-            indent(element, self._indent_unit(), level)
+            self._indent(element, level)
             element.tail = "\n" + self._indent_unit() * level
             parent.insert(place + offset, element)
         if new:
@@ -106,9 +107,8 @@ class ScenarioDocument:
         self.root.set("benchmarkID", benchmark_id)
         self.tree.write(path, xml_declaration=True, encoding="UTF-8")
 
-    def copy(self) -> "ScenarioDocument":
-        """A tree of its own."""
-        return ScenarioDocument(deepcopy(self.tree))
+    def _indent(self, element: "etree._Element", level: int) -> None:
+        etree.indent(element, space=self._indent_unit() or " ", level=level)
 
     def _indent_unit(self) -> str:
         """The white space of one level, as in the file."""
@@ -116,6 +116,17 @@ class ScenarioDocument:
         return text if text.strip() == "" else ""
 
 
-def indent(element: "etree._Element", unit: str, level: int) -> None:
-    """Lay an element and its descendants out with line breaks."""
-    etree.indent(element, space=unit or " ", level=level)
+def schema_errors(document: "Path | etree._ElementTree") -> list[str]:
+    """What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file or its tree."""
+    import commonroad
+
+    tree = etree.parse(document) if isinstance(document, Path) else document
+    folder = Path(str(commonroad.__file__)).parent / "scenario_definition" / "xml_definition_files"
+    schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
+    schema.validate(tree)
+    log: Any = schema.error_log
+    errors = [str(error.message) for error in log]
+    benchmark_id = tree.getroot().get("benchmarkID", "")
+    if not is_benchmark_id(benchmark_id):
+        errors.append(f"{benchmark_id!r} is no benchmark id of 2020a")
+    return errors

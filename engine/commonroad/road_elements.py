@@ -1,7 +1,8 @@
 """The road network of a CommonRoad file as it stands there, defects included.
 
 commonroad-io repairs or refuses what does not fit: it drops references into nothing, and a repeated id ends its
-reading. Checks on its network cannot see that. Here nothing is resolved: references stay numbers.
+reading. Checks on its network cannot see that. Here nothing is resolved: references stay numbers. Coordinates are in
+metres; a lanelet is *drawn* where its bounds make an area, which is what its geometry is defined for.
 """
 
 from collections.abc import Iterable
@@ -19,12 +20,6 @@ from .reader import XmlLimits, scan_root
 
 if TYPE_CHECKING:
     from shapely import Polygon
-
-# ---------- road_document
-# The road network of a CommonRoad file as it stands there, defects included.
-#
-# commonroad-io repairs or refuses what does not fit: it drops references into nothing, and a repeated id ends its
-# reading. Checks on its network cannot see that. Here nothing is resolved: references stay numbers.
 
 
 @dataclass(frozen=True)
@@ -69,7 +64,7 @@ class LaneletElement:
 
     @cached_property
     def is_drawn(self) -> bool:
-        """Whether the bounds make a ribbon: two or more finite points each, as many on the left as on the right."""
+        """Whether the bounds make an area: two or more finite points each, as many on the left as on the right."""
         finite = bool(np.isfinite(self.left).all() and np.isfinite(self.right).all())
         return finite and len(self.left) == len(self.right) >= 2
 
@@ -157,20 +152,18 @@ class RoadDocument:
 
     @cached_property
     def drawn(self) -> tuple[LaneletElement, ...]:
-        """The lanelets whose bounds make a ribbon."""
+        """The drawn lanelets."""
         return tuple(lanelet for lanelet in self.lanelets if lanelet.is_drawn)
 
     @cached_property
     def joins(self) -> tuple[tuple[LaneletElement, LaneletElement], ...]:
         """Every drawn lanelet with each of its drawn successors, itself left out."""
-        pairs = ((one, self.by_id.get(key)) for one in self.drawn for key in one.successors)
-        return tuple((one, other) for one, other in pairs if other is not None and other is not one and other.is_drawn)
+        pairs = ((lanelet, self.by_id.get(key)) for lanelet in self.drawn for key in lanelet.successors)
+        joined = ((before, after) for before, after in pairs if after is not None and after is not before)
+        return tuple((before, after) for before, after in joined if after.is_drawn)
 
 
-# ---------- road_document_reader
-# Reading the road network of a CommonRoad file (2018b or 2020a) as it stands there.
-
-EXITS = ("successorsRight", "successorsStraight", "successorsLeft")
+_EXITS = ("successorsRight", "successorsStraight", "successorsLeft")
 
 
 def read_road_document(path: Path, limits: XmlLimits | None = None) -> RoadDocument:
@@ -269,7 +262,7 @@ def _intersection(element: etree._Element) -> _IntersectionElement:
         _IncomingElement(
             incoming_id=_number(incoming, "id"),
             lanelet_ids=_references(incoming, "incomingLanelet"),
-            exit_ids=tuple(key for tag in EXITS for key in _references(incoming, tag)),
+            exit_ids=tuple(key for tag in _EXITS for key in _references(incoming, tag)),
             left_of=next(iter(_references(incoming, "isLeftOf")), None),
         )
         for incoming in element.iterfind("incoming")

@@ -1,4 +1,12 @@
-"""Numbers of traffic signs that mean the same in different countries."""
+"""Traffic signs of a lanelet network: their meaning in any country, posted limits, and lanelets with a traffic light.
+
+A sign's number differs from country to country (274, R2-1, r301, C43 …), its name in commonroad-io does not: where the
+network was read by it, names decide. In 2018b files the limit is an element of the lanelet, which commonroad-io turns
+into a sign. Files as written have numbers only, and new files need one: the numbers of speed limits stand here.
+
+commonroad-io's ``TrafficSignInterpreter`` is not used: it takes the country's number for a limit alone, so that zones
+are left out, and fails on values that are no numbers.
+"""
 
 import math
 from collections.abc import Iterable
@@ -8,11 +16,28 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
     from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement
 
-# ---------- road_facts
-# Signs, lights, posted limits and lanes, read from a lanelet network.
-#
-# A sign's number differs from country to country (274, R2-1, r301, C43 …), its name in commonroad-io does not: names
-# decide. In 2018b files the limit is an element of the lanelet, which commonroad-io turns into a sign.
+_GERMAN_LIMIT = "274"
+SPEED_LIMITS = frozenset({_GERMAN_LIMIT, "274.1", "R2-1", "r301", "3.24", "R15", "C43", "B14", "Ρ-32", "B31"})
+"""A speed limit, or the beginning of a zone with one, in the countries whose signs CommonRoad knows."""
+_LIMIT_OF_COUNTRY = {"USA": "R2-1", "ESP": "r301"}
+_COUNTRIES_WITHOUT_LIMIT = frozenset({"AUS"})
+"""CommonRoad knows signs of these countries, but none for a speed limit; its reader fails on one."""
+
+
+def speed_limit_number(country: str) -> str | None:
+    """The number to write for a speed limit in a country; None where CommonRoad has none.
+
+    The German 274 where the country has no number of its own: CommonRoad's reader takes it for a limit everywhere.
+    """
+    return None if country in _COUNTRIES_WITHOUT_LIMIT else _LIMIT_OF_COUNTRY.get(country, _GERMAN_LIMIT)
+
+
+def is_known_number(number: str, country: str) -> bool:
+    """Whether CommonRoad's reader knows a sign's number in a country; it takes unknown countries for Zamunda."""
+    from commonroad.scenario.traffic_sign import TrafficSignIDCountries
+
+    return number == _GERMAN_LIMIT or number in {sign.value for sign in TrafficSignIDCountries[country]}
+
 
 _KEY_OF_NAME = {
     "WARNING_RIGHT_BEFORE_LEFT": "right_before_left_rule",
@@ -38,30 +63,21 @@ _KEY_OF_PREFIX = {
 }
 
 
-def _sign_key(name: str) -> str | None:
-    """The vocabulary's key of a sign by its commonroad-io name; None for signs outside the vocabulary."""
-    if name in _KEY_OF_NAME:
-        return _KEY_OF_NAME[name]
-    return next((key for prefix, key in _KEY_OF_PREFIX.items() if name.startswith(prefix)), None)
-
-
 def sign_keys(signs: Iterable["TrafficSign"]) -> tuple[str, ...]:
-    """The keys of all signs, sorted, each once."""
-    found = {_sign_key(element.traffic_sign_element_id.name) for element in _elements(signs)}
-    return tuple(sorted(key for key in found if key))
+    """The vocabulary's keys of all signs, sorted, each once; signs outside the vocabulary are left out."""
+    return tuple(sorted({key for element in _elements(signs) if (key := _sign_key(element))}))
+
+
+def is_speed_limit(element: "TrafficSignElement") -> bool:
+    """Whether a sign is a speed limit, or the beginning of a zone with one."""
+    return _sign_key(element) == "speed_limit"
 
 
 def limits_kmh(signs: Iterable["TrafficSign"]) -> tuple[float, ...]:
     """Posted speed limits in km/h, ascending, rounded to 0.1; values that are no positive number are left out."""
-    speeds = set()
-    for element in _elements(signs):
-        if _sign_key(element.traffic_sign_element_id.name) != "speed_limit":
-            continue
-        for text in element.additional_values:
-            value = _number(text)
-            if value is not None and value > 0:
-                speeds.add(round(value * 3.6, 1))
-    return tuple(sorted(speeds))
+    limits = [text for element in _elements(signs) if is_speed_limit(element) for text in element.additional_values]
+    speeds = [speed for text in limits if (speed := _number(text)) is not None and speed > 0]
+    return tuple(sorted({round(speed * 3.6, 1) for speed in speeds}))
 
 
 def signs_of(network: "LaneletNetwork", lanelet_ids: Iterable[int]) -> list["TrafficSign"]:
@@ -77,20 +93,28 @@ def has_light(network: "LaneletNetwork", lanelet_ids: Iterable[int]) -> bool:
 
 
 def lanes_beside(network: "LaneletNetwork", lanelet_id: int) -> int:
-    """Lanelets side by side in the same direction, this one included."""
+    """The number of lanelets side by side in the same direction, this one included."""
     start = network.find_lanelet_by_id(lanelet_id)
-    found = {lanelet_id}
+    counted = {lanelet_id}
     for left in (True, False):
         current: Lanelet | None = start
         while current is not None:
             key = current.adj_left if left else current.adj_right
             same = current.adj_left_same_direction if left else current.adj_right_same_direction
-            if key is None or not same or key in found:
+            if key is None or not same or key in counted:
                 break
             current = network.find_lanelet_by_id(key)
             if current is not None:
-                found.add(key)
-    return len(found)
+                counted.add(key)
+    return len(counted)
+
+
+def _sign_key(element: "TrafficSignElement") -> str | None:
+    """The vocabulary's key of a sign by its commonroad-io name; None for signs outside the vocabulary."""
+    name = element.traffic_sign_element_id.name
+    if name in _KEY_OF_NAME:
+        return _KEY_OF_NAME[name]
+    return next((key for prefix, key in _KEY_OF_PREFIX.items() if name.startswith(prefix)), None)
 
 
 def _elements(signs: Iterable["TrafficSign"]) -> list["TrafficSignElement"]:
@@ -103,10 +127,3 @@ def _number(text: object) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) else None
-
-
-# ---------- sign_numbers
-# Numbers of traffic signs that mean the same in different countries.
-
-SPEED_LIMITS = frozenset({"274", "274.1", "R2-1", "r301", "3.24", "R15", "C43", "B14", "Ρ-32", "B31"})
-"""A speed limit, or the beginning of a zone with one, in the countries whose signs CommonRoad knows."""

@@ -9,7 +9,7 @@ from ...schemas.generation import Checks
 from ...schemas.network_rules import RuleFinding
 from ..commonroad import LoadedScenario, Track, read_recorded, schema_errors
 from ..geometry import BoxTrack, first_overlaps, oriented_rectangle, rectangles_overlap
-from ..network import LaneletGraph, told
+from ..network import LaneletGraph, summarise_findings
 from ..vehicles import EGO_SIZE_M, Motion, check_kinematics, class_by_size
 
 LEAST_FEASIBLE = 0.97
@@ -40,8 +40,8 @@ def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -
         centers_on_lanelets=_share_on_lanelets(loaded, tracks),
         feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
         infeasible_vehicles=infeasible,
-        network_errors=told(findings, "error"),
-        network_warnings=told(findings, "warning"),
+        network_errors=summarise_findings(findings, "error"),
+        network_warnings=summarise_findings(findings, "warning"),
     )
 
 

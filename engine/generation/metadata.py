@@ -4,6 +4,7 @@ import unicodedata
 from dataclasses import dataclass
 
 from ...schemas.generation import GenerationRequest, SiteType
+from ..commonroad import speed_limit_number
 from ..maps import Site
 from ..network import RoadNetwork, SumoNet
 from ..traffic import sumo_version
@@ -24,10 +25,6 @@ TAGS: dict[SiteType, tuple[str, ...]] = {
 UMLAUTS: dict[int, str] = {
     ord(a): b for a, b in zip("äöüÄÖÜß", ("ae", "oe", "ue", "Ae", "Oe", "Ue", "ss"), strict=True)
 }
-SPEED_SIGNS = {"USA": "R2-1", "ESP": "r301"}
-"""The sign for a speed limit where it is not the German and Zamundan 274."""
-COUNTRIES_WITHOUT_SIGN = frozenset({"AUS"})
-"""CommonRoad knows signs of these countries, but none for a speed limit; its reader fails on one."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ def metadata_of(request: GenerationRequest, site: Site, net: SumoNet) -> Scenari
         offset_m=net.offset_m,
         tags=("simulated", *TAGS[site.kind]),
         step_s=STEP_S,
-        speed_sign=None if country in COUNTRIES_WITHOUT_SIGN else SPEED_SIGNS.get(country, "274"),
+        speed_sign=speed_limit_number(country),
     )
 
 

@@ -25,7 +25,7 @@ from ..network import (
     convert_osm,
     read_net,
     remove_hairpins,
-    told,
+    summarise_findings,
 )
 from ..traffic import WARM_UP_S
 from .metadata import STEP_S, ScenarioMetadata, metadata_of
@@ -82,7 +82,7 @@ def prepare_site(
         raise NotPossible(reason, next_step="choose another scenario_type, or another place", reason=SITE_LOST)
     report(0.25, "checking the network")
     findings = _network_findings(built.network, built.metadata)
-    if errors := told(findings, "error"):
+    if errors := summarise_findings(findings, "error"):
         where = f"{site.latitude:.5f}, {site.longitude:.5f}"
         raise NotPossible(
             f"the road network at {where} is wrong: {'; '.join(errors)}",

@@ -25,13 +25,13 @@
 ``WIDEST_TURN_RAD``: TODO.
 ``check_file``: Run all rules on a CommonRoad file.
 ``check_network``: What the rules find in a network, errors before warnings, otherwise in the order of the rules.
-``told``: Findings of one severity in words.
+``summarise_findings``: Findings of one severity in words.
 ``NetLayout``: The mapping lanelet ↔ SUMO edge and lane, fixed before anything is written.
-``LONG_M``: On a lanelet no longer than this, slowing down for its bend alone gains little.
+``LONG_LANELET_M``: On a lanelet no longer than this, slowing down for its bend alone gains little.
 ``SlowPlaces``: Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) at which its bend is driven
     there.
 ``USUAL_SPEED_MPS``: TODO.
-``lowered_by_bends``: Speeds by lanelet, each no more than the sharpest bend of the lanelet takes.
+``lowered_by_curves``: Speeds by lanelet, each no more than the sharpest bend of the lanelet takes.
 ``posted_speeds``: The lowest speed limit in m/s that signs of a lanelet post, for lanelets that have one.
 ``slow_places``: Where the bends of a polyline are driven slower than a speed, and how fast.
 ``straight_speeds``: The same without the bends.
@@ -69,12 +69,12 @@ if TYPE_CHECKING:
     from .road_network import TrafficLight as TrafficLight
     from .rules.check import check_file as check_file
     from .rules.check import check_network as check_network
-    from .rules.check import told as told
+    from .rules.check import summarise_findings as summarise_findings
     from .sumo_export.layout import NetLayout as NetLayout
-    from .sumo_export.speeds import LONG_M as LONG_M
+    from .sumo_export.speeds import LONG_LANELET_M as LONG_LANELET_M
     from .sumo_export.speeds import USUAL_SPEED_MPS as USUAL_SPEED_MPS
     from .sumo_export.speeds import SlowPlaces as SlowPlaces
-    from .sumo_export.speeds import lowered_by_bends as lowered_by_bends
+    from .sumo_export.speeds import lowered_by_curves as lowered_by_curves
     from .sumo_export.speeds import posted_speeds as posted_speeds
     from .sumo_export.speeds import slow_places as slow_places
     from .sumo_export.speeds import straight_speeds as straight_speeds

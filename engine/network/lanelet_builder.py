@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .lane_geometry import Ribbon, draw_ribbons
+from .lane_bounds import Ribbon, draw_ribbons
 from .net_parser import Connection, LaneGraph, NetEdge, SignalProgram, SumoNet, connect, read_net
 from .netconvert import remove_connections
 from .road_network import Incoming, Intersection, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight

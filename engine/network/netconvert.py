@@ -76,7 +76,7 @@ SPACING_M, FEWEST_POINTS = 1.0, 10
 DECIMALS = 3
 
 
-def mend_corners(net_path: Path) -> int:
+def smooth_junction_lanes(net_path: Path) -> int:
     """Replace, in place, every way over a junction that meets its roads at a corner by the mildest curve between them.
 
     Folds in the lanes of roads are left out before.
@@ -95,7 +95,7 @@ def mend_corners(net_path: Path) -> int:
         if any(len(line) < 2 for line in (*ends, *parts)):
             continue
         way = without_repeats(np.concatenate(parts))
-        curve = mildest_curve(ends[0][-1] - ends[0][-2], way, ends[1][1] - ends[1][0])
+        curve = smoothest_curve(ends[0][-1] - ends[0][-2], way, ends[1][1] - ends[1][0])
         if curve is not None:
             for lane, part in zip(inside, _split(curve, [length_m(part) for part in parts]), strict=True):
                 _set_shape(lanes[lane], part)
@@ -124,7 +124,7 @@ def without_folds(line: Points) -> Points:
     return line
 
 
-def mildest_curve(ahead: Points, way: Points, onward: Points) -> Points | None:
+def smoothest_curve(ahead: Points, way: Points, onward: Points) -> Points | None:
     """A curve between the ends of a way that leaves and arrives in the given directions, bent as little as can be.
 
     None where the way itself has neither a corner at its ends nor a hook, or no curve is milder.
@@ -332,5 +332,5 @@ def run_netconvert(options: Sequence[str], net: Path) -> Conversion:
         raise NotPossible(
             f"no road network can be made from this map: {reason}", next_step="choose another site or map"
         )
-    mend_corners(net)
+    smooth_junction_lanes(net)
     return Conversion(net, tuple(line.removeprefix("Warning:").strip() for line in lines if line.startswith("Warning")))

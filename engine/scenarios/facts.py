@@ -24,7 +24,7 @@ from ..commonroad import (
     last_recorded_step,
     limits_kmh,
     read_recorded,
-    refuse_wild_numbers,
+    refuse_values_beyond_limits,
     sign_keys,
     signs_of,
     size_of,
@@ -142,7 +142,7 @@ def facts_of(read: RecordedScenario) -> ScenarioFacts:
     loaded, tracks = read.loaded, read.tracks
     scenario, network = loaded.scenario, loaded.scenario.lanelet_network
     country, place = parse_benchmark_id(loaded.benchmark_id)
-    refuse_wild_numbers(read)
+    refuse_values_beyond_limits(read)
     graph = LaneletGraph.of(network)
     problems = [problem for _, problem in sorted(loaded.planning_problems.planning_problem_dict.items())]
     recorded = last_recorded_step(scenario)

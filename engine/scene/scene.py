@@ -11,12 +11,12 @@ import numpy as np
 from ..commonroad import LoadedScenario, Track, center_of, last_recorded_step, middle_of, recorded_tracks, size_of
 from ..geometry import Points, Values, project, wrap_angle
 from ..network import (
-    LONG_M,
+    LONG_LANELET_M,
     LaneletGraph,
     NetLayout,
     Signal,
     SlowPlaces,
-    lowered_by_bends,
+    lowered_by_curves,
     posted_speeds,
     signals_of,
     slow_places,
@@ -281,7 +281,7 @@ class Scene:
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
         """The speed that the sharpest bend of every drivable lanelet takes, where that is less."""
-        return lowered_by_bends(self.layout, self.straight_speeds_mps)
+        return lowered_by_curves(self.layout, self.straight_speeds_mps)
 
     @cached_property
     def slow_places(self) -> dict[str, SlowPlaces]:
@@ -290,7 +290,7 @@ class Scene:
         return {
             f"{edge}_{index}": slow_places(lanes[key].center, straight[key], self._recorded_on(key))
             for key, (edge, index) in self.layout.lane_of.items()
-            if lanes[key].length_m > LONG_M and self.lane_speeds_mps[key] < straight[key]
+            if lanes[key].length_m > LONG_LANELET_M and self.lane_speeds_mps[key] < straight[key]
         }
 
     def _recorded_on(self, lanelet_id: int) -> list[tuple[float, float]]:

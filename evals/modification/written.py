@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from lxml import etree
 
-from ...engine.commonroad import LoadedScenario, Track, read_scenario, recorded_tracks, schema_errors, schema_errors_of
+from ...engine.commonroad import LoadedScenario, Track, read_scenario, recorded_tracks, schema_errors
 from ...engine.cosimulation import ROUTES_FILE, TYPES_FILE
 from ...engine.edits import NET_FILE
 from ...engine.geometry import Points
@@ -188,7 +188,7 @@ def is_valid(written: Written) -> bool:
         entry = obstacle.find(ENTRY) if obstacle.get("id") in excused else None
         if entry is not None:
             entry.text = "0"
-    return _anonymous(schema_errors_of(tree), written.loaded) <= _known(written)
+    return _anonymous(schema_errors(tree), written.loaded) <= _known(written)
 
 
 def is_strictly_valid(written: Written) -> bool:

@@ -36,7 +36,7 @@ def check_network(document: RoadDocument) -> tuple[RuleFinding, ...]:
     return tuple(sorted(found, key=lambda finding: finding.severity))
 
 
-def told(findings: Iterable[RuleFinding], severity: Severity) -> tuple[str, ...]:
+def summarise_findings(findings: Iterable[RuleFinding], severity: Severity) -> tuple[str, ...]:
     """Findings of one severity in words: each rule once with the number of places and the first of them."""
     by_rule: dict[str, list[RuleFinding]] = {}
     for finding in findings:

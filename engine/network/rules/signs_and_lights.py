@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...commonroad import SPEED_LIMITS, RoadDocument
+from ...commonroad import SPEED_LIMITS, RoadDocument, is_known_number
 from ...geometry import length_m, project
 from .rule import Defect, rule
 
@@ -66,21 +66,16 @@ def sign_without_plate(document: RoadDocument) -> Iterator[Defect]:
             yield Defect("holds no sign element", (sign.sign_id,), sign.position)
 
 
-GERMAN_SPEED_LIMIT = "274"
-"""The reader takes this number for a speed limit in every country."""
-
-
 @rule("warning", why="The reader takes it for an unknown sign: a limit or a right of way is lost.")
 def unknown_sign_number(document: RoadDocument) -> Iterator[Defect]:
     """The number of a sign is not among those that CommonRoad knows for the country of the benchmark id."""
-    from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry, TrafficSignIDCountries
+    from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
 
     countries = {country.value for country in SupportedTrafficSignCountry}
     country = document.country if document.country in countries else SupportedTrafficSignCountry.ZAMUNDA.value
-    known = {sign.value for sign in TrafficSignIDCountries[country]} | {GERMAN_SPEED_LIMIT}
     for sign in document.signs:
         for number, _ in sign.plates:
-            if number not in known:
+            if not is_known_number(number, country):
                 yield Defect(f"{country} has no sign {number!r}", (sign.sign_id,), sign.position)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...commonroad import is_speed_limit
 from ...geometry import Points, Values, curvatures, maximum_curvature
 from ...vehicles import COMFORTABLE_MPS2, HARDEST_LATERAL_MPS2
 from .layout import NetLayout
@@ -22,12 +23,11 @@ if TYPE_CHECKING:
 
 USUAL_SPEED_MPS = 13.89
 SLOWEST_BEND_MPS = 3.0
-LONG_M = 60.0
+LONG_LANELET_M = 60.0
 """On a lanelet no longer than this, slowing down for its bend alone gains little."""
 SMOOTHING_M = 4.0
 RECORDED_NEAR_M = 10.0
 """A vehicle recorded within these drove through the place at that speed."""
-_LIMIT_SIGNS = ("MAX_SPEED", "MAX_SPEED_ZONE_START")
 
 
 def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
@@ -36,7 +36,7 @@ def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
         int(sign.traffic_sign_id): float(element.additional_values[0])
         for sign in network.traffic_signs
         for element in sign.traffic_sign_elements
-        if element.traffic_sign_element_id.name in _LIMIT_SIGNS and _is_positive(element.additional_values)
+        if is_speed_limit(element) and _is_positive(element.additional_values)
     }
     found = {
         int(lanelet.lanelet_id): [limits[sign] for sign in sorted(lanelet.traffic_signs or ()) if sign in limits]
@@ -67,12 +67,12 @@ def lane_speeds(
         recorded_mps: fastest speed recorded on each lanelet; missing ones count as slow.
         posted_mps: speed limit of each lanelet that has one.
     """
-    return lowered_by_bends(layout, straight_speeds(layout, recorded_mps, posted_mps))
+    return lowered_by_curves(layout, straight_speeds(layout, recorded_mps, posted_mps))
 
 
-def lowered_by_bends(layout: NetLayout, straight_mps: Mapping[int, float]) -> dict[int, float]:
+def lowered_by_curves(layout: NetLayout, straight_mps: Mapping[int, float]) -> dict[int, float]:
     """Speeds by lanelet, each no more than the sharpest bend of the lanelet takes."""
-    return {key: min(speed, bend_speed(layout.table.lanes[key].center)) for key, speed in straight_mps.items()}
+    return {key: min(speed, curve_speed(layout.table.lanes[key].center)) for key, speed in straight_mps.items()}
 
 
 def straight_speeds(
@@ -88,7 +88,7 @@ def straight_speeds(
     return wanted
 
 
-def bend_speed(shape: Points, sigma_m: float = SMOOTHING_M) -> float:
+def curve_speed(shape: Points, sigma_m: float = SMOOTHING_M) -> float:
     """Speed in m/s at which the sharpest bend of a polyline takes the comfortable lateral acceleration; may be inf."""
     curvature = maximum_curvature(shape, sigma_m)
     if curvature <= 0.0:

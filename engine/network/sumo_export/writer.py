@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...geometry import Points, length_m, wrap_angle
 from .layout import JunctionPath, NetLayout, crossing_of
-from .speeds import bend_speed, lane_speeds
+from .speeds import curve_speed, lane_speeds
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -305,7 +305,7 @@ def _path_speed(path: JunctionPath, shape: Points, speeds_mps: Mapping[int, floa
     ends = speeds_mps[path.entry], speeds_mps[path.exit]
     if not path.through:
         return max(ends)
-    return min(max(min(ends), *(speeds_mps[key] for key in path.through)), bend_speed(shape, 3.0))
+    return min(max(min(ends), *(speeds_mps[key] for key in path.through)), curve_speed(shape, 3.0))
 
 
 def _location(layout: NetLayout) -> str:

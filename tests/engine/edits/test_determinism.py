@@ -10,7 +10,7 @@ import pytest
 from support.builders import town_road
 from support.edits import Apply, elements
 
-from plannerforge.engine.commonroad.benchmark_id import derived_benchmark_id, numbered_after
+from plannerforge.engine.commonroad.benchmark_id import derived_benchmark_id
 from plannerforge.schemas.modification import Edit
 
 COMPOSITE = (
@@ -57,9 +57,9 @@ def test_driven_vehicles_do_not_depend_on_a_goal_beside(apply: Apply) -> None:
 
 def test_references_to_own_additions_are_counted_from_the_first_edit() -> None:
     edit = Edit(op="set_behaviour", vehicles=["new:0", "!new:12", "31"], preset="eco")
-    assert numbered_after((edit,), 3)[0].vehicles == ["new:3", "!new:15", "31"]
+    assert edit.numbered_after(3).vehicles == ["new:3", "!new:15", "31"]
     goal = Edit(op="set_goal", to=["lanelet_of:new:1"])
-    assert numbered_after((goal,), 2)[0].to == ["lanelet_of:new:3"]
+    assert goal.numbered_after(2).to == ["lanelet_of:new:3"]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from support.generation import make, request_for
 
-from plannerforge.engine.commonroad.reader import read_scenario, schema_errors
+from plannerforge.engine.commonroad.document import schema_errors
+from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import recorded_tracks
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import site_network

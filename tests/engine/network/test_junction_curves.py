@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from plannerforge.engine.geometry.polyline import Points, headings, length_m, wrap_angles
-from plannerforge.engine.network.netconvert import mend_corners, mildest_curve, without_folds
+from plannerforge.engine.network.netconvert import smooth_junction_lanes, smoothest_curve, without_folds
 
 
 def direction(angle: float) -> Points:
@@ -33,7 +33,7 @@ def test_a_straight_way_between_two_directions_becomes_a_curve_that_meets_both(
 ) -> None:
     ahead, onward = direction(arrive), direction(arrive + leave)
     way = np.array([[0.0, 0.0], span * direction(arrive + bearing)])
-    curve = mildest_curve(ahead, way, onward)
+    curve = smoothest_curve(ahead, way, onward)
     if curve is None:
         assert corners(ahead, way, onward).max() < math.radians(100)
         return
@@ -46,12 +46,12 @@ def test_a_straight_way_between_two_directions_becomes_a_curve_that_meets_both(
 def test_a_way_without_corner_and_hook_stays_as_it_is() -> None:
     angles = np.linspace(0.0, math.pi / 2, 12)
     arc = 8.0 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1)
-    assert mildest_curve(direction(0.0), arc, direction(math.pi / 2)) is None
+    assert smoothest_curve(direction(0.0), arc, direction(math.pi / 2)) is None
 
 
 def test_a_hook_within_a_way_is_spread_over_its_whole_length() -> None:
     hooked = np.array([[0.0, 0.0], [5.5, 0.0], [5.9, 0.1], [6.0, 0.5], [6.0, 6.0]])
-    curve = mildest_curve(direction(0.0), hooked, direction(math.pi / 2))
+    curve = smoothest_curve(direction(0.0), hooked, direction(math.pi / 2))
     assert curve is not None
     assert np.abs(np.diff(headings(curve))).max() < 0.5 * np.abs(np.diff(headings(hooked))).max()
 
@@ -86,7 +86,7 @@ NET = """<net>
 def test_in_a_net_the_parts_of_a_way_become_one_curve_and_roads_lose_their_folds(tmp_path: Path) -> None:
     path = tmp_path / "a.net.xml"
     path.write_text(NET, encoding="utf-8")
-    assert mend_corners(path) == 2
+    assert smooth_junction_lanes(path) == 2
     lanes = {lane.get("id"): lane for lane in etree.parse(path).getroot().iter("lane")}
     lines = {
         key: np.array([[float(v) for v in point.split(",")] for point in lane.get("shape", "").split()])
@@ -96,4 +96,4 @@ def test_in_a_net_the_parts_of_a_way_become_one_curve_and_roads_lose_their_folds
     assert all(np.allclose(one[-1], other[0]) for one, other in pairwise(route))
     assert np.abs(np.diff(headings(np.vstack([route[0], *(line[1:] for line in route[1:])])))).max() < math.radians(45)
     assert all(abs(float(lane.get("length", "0")) - length_m(lines[key])) < 0.01 for key, lane in lanes.items())
-    assert mend_corners(path) == 0
+    assert smooth_junction_lanes(path) == 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plannerforge.engine.maps.drawn_library import LIBRARY
-from plannerforge.engine.network.lane_geometry import is_valid
+from plannerforge.engine.network.lane_bounds import is_valid
 from plannerforge.engine.network.lanelet_builder import build_road_network
 from plannerforge.engine.network.net_parser import SumoNet, read_net
 from plannerforge.engine.network.netconvert import cap_speeds, convert_osm

@@ -155,7 +155,7 @@ def _self_crossings(line: Points) -> list[tuple[int, int]]:
     return found
 
 
-# ---------- lane_geometry
+# ---------- lane_bounds
 # Left and right bounds for all lanes of a SUMO net: shared between neighbours, continuous from lane to lane.
 
 LARGEST_GAP_M = 3.0

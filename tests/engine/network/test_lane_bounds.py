@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plannerforge.engine.geometry.polyline import arc_length
-from plannerforge.engine.network.lane_geometry import is_valid, offset, repaired, stations_along
+from plannerforge.engine.network.lane_bounds import is_valid, offset, repaired, stations_along
 
 
 @settings(max_examples=60, deadline=None)
