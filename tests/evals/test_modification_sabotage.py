@@ -11,23 +11,31 @@ from support.modification_bench import TRUTHS, carried_out, verdicts
 
 from plannerforge.engine.cosimulation.driver import usual_behaviour
 from plannerforge.engine.edits import HIT_ON_ENTRY, PLACE_TAKEN
-from plannerforge.engine.edits import ego as set_goal
-from plannerforge.engine.edits import population as add_vehicle
 from plannerforge.engine.edits import simulation as cascade
 from plannerforge.engine.edits import trajectory as reroute
 from plannerforge.engine.edits.operations import OPERATIONS
+from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.evals.modification import cases as modification_cases
 from plannerforge.evals.modification.__main__ import figures_of, refusal_rows
 from plannerforge.evals.modification.cases import measure_line, several_calls_equal
 from plannerforge.evals.modification.requests import edit_of
 from plannerforge.evals.modification.results import Case, Effort, Measured, Refusal
 from plannerforge.schemas.errors import NotPossible, WorkerFailure
+from plannerforge.schemas.modification import Operation
 from plannerforge.tools import modification
+from plannerforge.tools.call import ToolCall
 
 
 @pytest.fixture
 def base(tmp_path: Path) -> Path:
     return town_road().cut(100).write(tmp_path / "ZAM_Builder-1_1_T-1.xml")
+
+
+def spoil(monkeypatch: pytest.MonkeyPatch, op: Operation, **instead: Any) -> None:
+    """Let an operation carry out its edit with other arguments than were given."""
+    carry_out = OPERATIONS[op]
+    spoiled = {**OPERATIONS, op: lambda edit, *rest: carry_out(edit.model_copy(update=instead), *rest)}
+    monkeypatch.setattr("plannerforge.engine.edits.operations.OPERATIONS", spoiled)
 
 
 def test_a_reroute_that_does_nothing_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,11 +44,11 @@ def test_a_reroute_that_does_nothing_is_seen(base: Path, monkeypatch: pytest.Mon
 
 
 def test_drivers_that_all_drive_as_usual_are_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    everybody = cascade.all_actors
+    actors = cascade.all_actors
 
     def usual(scene: Any, plans: Any, *rest: Any) -> Any:
         plain = {key: replace(plan, behaviour=usual_behaviour(plan.vehicle_class)) for key, plan in plans.items()}
-        return everybody(scene, plain, *rest)
+        return actors(scene, plain, *rest)
 
     monkeypatch.setattr(cascade, "all_actors", usual)
     assert not verdicts(carried_out(base, TRUTHS["B"]))["B_preset"]
@@ -49,19 +57,13 @@ def test_drivers_that_all_drive_as_usual_are_seen(base: Path, monkeypatch: pytes
 def test_vehicles_that_are_all_cars_which_stand_at_once_anywhere_are_seen(
     base: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    known, add = add_vehicle._class, OPERATIONS["add_vehicle"]
-    monkeypatch.setattr(add_vehicle, "_class", lambda word: known("car"))
-    monkeypatch.setattr(add_vehicle, "_speed", lambda *_: 0.0)
-    monkeypatch.setattr(add_vehicle, "_free_step", lambda *_: 0)
-    operations = {**OPERATIONS, "add_vehicle": lambda edit, *rest: add(edit.model_copy(update={"to": []}), *rest)}
-    monkeypatch.setattr("plannerforge.engine.edits.operations.OPERATIONS", operations)
+    spoil(monkeypatch, "add_vehicle", to=[], vehicle_class="car", speed="0m/s", time_s=None)
     found = verdicts(carried_out(base, TRUTHS["P"] | {"destination_lanelet": 21}))
     assert not any(found[name] for name in ("P_class", "P_speed", "P_departure"))
 
 
 def test_goals_of_one_size_at_one_time_are_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(set_goal, "_size", lambda *_: (50.0, 50.0))
-    monkeypatch.setattr(set_goal, "_steps", lambda *_: (0, 99))
+    spoil(monkeypatch, "set_goal", rectangle_m=[50.0, 50.0], goal_time="<=9.9s")
     found = verdicts(carried_out(base, TRUTHS["G"]))
     assert not found["G_rectangle"]
     assert not found["G_time"]
@@ -70,8 +72,14 @@ def test_goals_of_one_size_at_one_time_are_seen(base: Path, monkeypatch: pytest.
 def test_a_later_call_that_forgets_the_edits_before_it_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     edits = [edit_of(TRUTHS["B"]), edit_of(TRUTHS["R"])]
     assert several_calls_equal(base, edits)
-    before = modification._base_and_edits
-    monkeypatch.setattr(modification, "_base_and_edits", lambda given: (before(given)[0], ()))
+    find = modification.one_scenario
+
+    def without_edits(word: str, call: ToolCall) -> tuple[Artifact, int | None]:
+        given, problem = find(word, call)
+        recipe = given.recipe.model_copy(update={"arguments": {**given.recipe.arguments, "edits": []}})
+        return given.model_copy(update={"recipe": recipe}), problem
+
+    monkeypatch.setattr(modification, "one_scenario", without_edits)
     assert not several_calls_equal(base, edits)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.server import Connect
@@ -12,10 +13,10 @@ from plannerforge.engine.generation.site_network import SiteNetwork, prepare_sit
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.index import MapMatch, built_in_maps
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioSummary
-from plannerforge.tools import generation
+from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest
 from plannerforge.tools.call import ToolCall
 from plannerforge.tools.generation_plan import request_for, share_out
+from plannerforge.tools.operations import GENERATE_SCENARIO
 
 MAPS = {entry.facts.place: MapMatch(entry) for entry in built_in_maps()}
 OVER_THREE_MAPS = [54.602, 5.195, 54.634, 5.2434]
@@ -70,12 +71,15 @@ async def test_the_orders_of_a_call_reach_the_engine_with_their_step(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[GenerationRequest] = []
+    run = ToolCall.run
 
-    async def only_listen(call: ToolCall, request: GenerationRequest, share: tuple[float, float]) -> ScenarioSummary:
+    async def only_listen(call: ToolCall, operation: Any, request: Any, **options: Any) -> Any:
+        if operation is not GENERATE_SCENARIO:
+            return await run(call, operation, request, **options)
         asked.append(request)
         raise NotPossible("nothing is made here")
 
-    monkeypatch.setattr(generation, "_make", only_listen)
+    monkeypatch.setattr(ToolCall, "run", only_listen)
     async with connect() as client:
         wish = {"place": "Fahrhausen", "scenario_type": "intersection", "count": 3}
         assert (await client.call_tool("generate_scenarios", wish)).is_error
@@ -97,14 +101,14 @@ async def test_a_box_over_two_maps_is_served_by_the_one_that_holds_a_site_in_it(
 async def test_what_was_made_is_answered_though_another_one_failed(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    make = generation._make
+    run = ToolCall.run
 
-    async def not_the_second(call: ToolCall, request: GenerationRequest, share: tuple[float, float]) -> ScenarioSummary:
-        if request.index == 1:
+    async def not_the_second(call: ToolCall, operation: Any, request: Any, **options: Any) -> Any:
+        if operation is GENERATE_SCENARIO and request.index == 1:
             raise NotPossible("no truck found room at this site")
-        return await make(call, request, share)
+        return await run(call, operation, request, **options)
 
-    monkeypatch.setattr(generation, "_make", not_the_second)
+    monkeypatch.setattr(ToolCall, "run", not_the_second)
     async with connect() as client:
         wish = {"place": "Fahrhausen", "scenario_type": "intersection", "duration_s": 5, "count": 3}
         answer = (await client.call_tool("generate_scenarios", wish)).structured_content

@@ -1,5 +1,8 @@
 """Only obstacles that the core could count are given to it: that changes no cost."""
 
+from typing import Any
+
+import frenetix.trajectory_functions.cost_functions as costs
 import numpy as np
 import pytest
 from support.planning import configuration, drive, goal_state, moving_car, problem_for, rectangle_at, scenario_on
@@ -7,6 +10,8 @@ from support.planning import straight_road as road
 
 from plannerforge.engine.planners.frenetix import core as frenet_costs
 from plannerforge.engine.planners.simulation import DrivenRun
+
+HORIZON = 30
 
 
 def busy() -> DrivenRun:
@@ -22,19 +27,22 @@ def busy() -> DrivenRun:
 
 
 def test_leaving_out_what_is_out_of_reach_changes_no_cost_and_no_trajectory(monkeypatch: pytest.MonkeyPatch) -> None:
-    given: list[int] = []
-    reach = frenet_costs._last_within_reach
+    given: list[dict[int, int]] = []
+    term = costs.CalculateCollisionProbabilityFast
 
-    def counting(*arguments: object) -> int:
-        given.append(reach(*arguments))  # type: ignore[arg-type]
-        return given[-1]
+    def counted(name: str, weight: float, predictions: dict[int, Any], *sizes: float) -> Any:
+        given.append({key: len(prediction.predictedPath) for key, prediction in predictions.items()})
+        return term(name, weight, predictions, *sizes)
 
-    monkeypatch.setattr(frenet_costs, "_last_within_reach", counting)
+    monkeypatch.setattr(costs, "CalculateCollisionProbabilityFast", counted)
     cut = busy()
-    assert min(given) == 0
-    assert any(0 < last < 30 for last in given)
-    monkeypatch.setattr(frenet_costs, "_last_within_reach", lambda obstacle, *_: len(obstacle.positions) - 1)
+    near = given[0]
+    assert min(near.values()) < HORIZON
+    given.clear()
+    monkeypatch.setattr(frenet_costs, "BESIDE_REACH_M", 1e6)
     whole = busy()
+    assert given[0].keys() > near.keys()
+    assert set(given[0].values()) == {HORIZON}
     assert [dict(plan.costs) for plan in cut.plans] == [dict(plan.costs) for plan in whole.plans]
     assert np.array_equal([s.position for s in cut.states], [s.position for s in whole.states])
     assert any(plan.costs["prediction"] > 0 for plan in cut.plans)
