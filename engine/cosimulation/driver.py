@@ -1,6 +1,6 @@
-"""How a vehicle drives: the six presets of the paper and the eleven parameters of SUMO that they set.
+"""How a driver behaves: the six presets of the paper and the eleven parameters of SUMO that they set.
 
-Values: the paper's published modification code. Meaning and units: SUMO's vehicle type attributes
+Values of the presets: the paper's published modification code. Meaning and units: SUMO's vehicle type attributes
 (https://sumo.dlr.de/docs/Definition_of_Vehicles%2C_Vehicle_Types%2C_and_Routes.html).
 """
 
@@ -73,7 +73,7 @@ def usual_behaviour(vehicle_class: VehicleClass) -> Behaviour:
     values = dict.fromkeys(_NAMES, 1.0) | {
         "accel": vehicle_class.acceleration_mps2,
         "decel": vehicle_class.deceleration_mps2,
-        "sigma": 0.2,
+        "sigma": 0.2,  # SUMO's default is 0.5: more random braking
         "minGap": vehicle_class.minimum_gap_m,
         "impatience": 0.0,
     }
@@ -106,7 +106,8 @@ def behaviour_from(
             )
         values = presets()[name] | ({} if own_gap_m is None else {"minGap": own_gap_m})
     assignments = [parse_assignment(text) for text in params]
-    twice = sorted({one.name for one in assignments if sum(other.name == one.name for other in assignments) > 1})
+    assigned = [assignment.name for assignment in assignments]
+    twice = sorted({parameter for parameter in assigned if assigned.count(parameter) > 1})
     if twice:
         raise InvalidRequest(f"{', '.join(twice)} is set twice in params", next_step="name every parameter once")
     for assignment in assignments:
@@ -118,18 +119,20 @@ def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]
     """The parameters that a preset and single parameters set, each with whether whatever it was before."""
     assignments = [parse_assignment(text) for text in params]
     return dict.fromkeys(_NAMES if preset else (), True) | {
-        one.name: preset is not None or one.operator == "=" for one in assignments
+        assignment.name: preset is not None or assignment.operator == "=" for assignment in assignments
     }
 
 
 def values_set(params: Sequence[str], made: Sequence[Behaviour]) -> list[str]:
     """Single parameters as given, relative ones with the value that acts, or the smallest and largest of several."""
-    said = []
-    for text, one in zip(params, map(parse_assignment, params), strict=True):
-        values = sorted({behaviour.values[one.name] for behaviour in made}) if one.operator != "=" else []
-        told = " … ".join(f"{value:g}" for value in (values if len(values) < 3 else (values[0], values[-1])))
-        said.append(f"{text} ({told})" if told else text)
-    return said
+    notes = []
+    for text in params:
+        assignment = parse_assignment(text)
+        relative = assignment.operator != "="
+        values = sorted({behaviour.values[assignment.name] for behaviour in made}) if relative else []
+        acting = " … ".join(f"{value:g}" for value in (values if len(values) < 3 else (values[0], values[-1])))
+        notes.append(f"{text} ({acting})" if acting else text)
+    return notes
 
 
 def _assigned(values: Mapping[str, float], assignment: Assignment) -> float:

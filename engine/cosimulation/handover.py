@@ -1,4 +1,9 @@
-"""From SUMO's track of a driven vehicle to a motion that begins exactly at its recorded state."""
+"""From SUMO's track of a driven vehicle to a motion that begins exactly at its recorded state.
+
+SUMO moves the front bumper, on the middle of a lane and with speeds that step. The written motion is that of the centre:
+the recorded states before the hand-over are put before SUMO's track, the whole is smoothed, and what is left of the
+difference to the recorded state fades out (:func:`taken_over_track`).
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,15 +17,23 @@ from .plans import lane_change_track
 from .replay import DrivenTrack, front_of
 
 HISTORY_STEPS = 15
+"""Recorded states before the hand-over that smoothing looks at (chosen: five standard deviations of 3 steps)."""
 FEWEST_STATES = 5
+"""States that a motion has at least where the scenario lasts long enough (chosen): speeds need some steps."""
 POSE_DECAY_S = 1.5
+"""Time in which a difference in place falls to 37 % (chosen)."""
 SPEED_DECAYS_S = (0.8, 1.6, 3.2)
-"""Tried in this order, each time made up for what is over, until the first step changes the speed by no more than
-``LARGEST_SPEED_STEP_MPS``; a slower one moves the vehicle more."""
+"""Times in which a difference in speed falls to 37 % (chosen).
+
+Tried in this order, each time made up for what is over, until the first step changes the speed by no more than
+``LARGEST_SPEED_STEP_MPS``; a slower one moves the vehicle more.
+"""
 LARGEST_SPEED_STEP_MPS = 0.95
+"""A step of 0.1 s may change the speed by this: 9.5 m/s², within the 11.5 m/s² that CommonRoad's vehicles can do."""
 LANE_S = 3.0
-"""A vehicle recorded beside its lane is led into it in so long, as in a lane change; SUMO puts it there at once."""
+"""A vehicle recorded beside its lane is led into it in this time, as in a lane change; SUMO puts it there at once."""
 STANDING_MPS = 0.02
+"""Speeds below this are written as 0 (chosen): smoothing leaves a rest."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +83,8 @@ def taken_over_track(
     A vehicle that leaves the network at once rolls straight on for a few steps, because the road does not end where
     the map does. None if the scenario ends within two steps of the hand-over.
 
-    ``over_m``: the way along its lane in which it steers over to the one beside, on which SUMO drives it; it is on no
-    lane before it is across. None: it is on the lane that SUMO drives it on.
+    ``over_m``: the distance along its lane in which it steers over to the one beside, on which SUMO drives it; it is on
+    no lane before it is across. None: it is on the lane that SUMO drives it on.
     """
     index = driven.first_step - start.first_step
     wanted = min(FEWEST_STATES, last_step - driven.first_step + 1)

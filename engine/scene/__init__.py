@@ -1,33 +1,30 @@
 """A recorded scenario made ready to be simulated: its SUMO net, its vehicles on their lanelets, its ego.
 
-``EgoLane``: The lane that the ego follows.
-``ego_lane``: The lane from the ego's start along its way to its goal.
-``is_own_recording``: Whether a track begins as the ego does, in place, heading and speed.
-``leader_and_follower``: The nearest vehicles ahead and behind along the ego's lane.
-``LaneMatch``: Lanelets of a track.
-``MapMatcher``: The drivable lanelets of a network, ready for queries by place.
-``straightness``: Cosine between the end of one polyline and the beginning of another, rounded to a tenth.
-``EgoRoute``: Lanelets from the ego's start to its goal, both included, and how the ego has to drive.
-``Route``: Lanelets in driving order.
-``TURN_RAD``: A heading change beyond this inside the lanelets of a junction is a turn.
-``aligned_lanelets``: Those of the lanelets that lead in the direction of the heading (within 90°), best aligned first.
-``center_line``: The lanelet's centre line without repeated vertices, shape (n, 2).
-``ego_route``: The ego's way to its goal.
-``find_route``: The shortest route from a position to any goal lanelet, continued until ``ahead_m`` metres lie behind
-    the goal.
-``goal_centers``: Centres of the goal's regions, one per goal state that has one.
-``goal_lanelets``: Lanelets of a goal for planners: those that its regions touch, too; None for a free position.
-``lanelets_at``: All lanelets that the point lies on, ascending.
-``path_ahead``: Centre line from the start lanelet on, along the route and then the straightest successors.
-``start_lanelets``: Lanelets under a position, the one that fits the heading best first.
-``goal_center_lanelets``: Lanelets that a goal names, or that lie under the centre of its region; may be empty.
-``straight_on``: The route with the straightest successors behind it, until they are ``ahead_m`` long or the network
-    ends.
-``Ego``: A planning problem's start, the middle of an uncertain one.
+``Scene``: A recorded scenario ready to be edited and simulated; ``Scene.of`` makes it from a loaded file.
+``Ego``: A planning problem's start: position in m, heading in rad, speed in m/s, and the lanelets there.
 ``NOT_DRIVEN``: Obstacle types that SUMO's vehicles cannot stand for.
-``Scene``: The base scenario of an edit.
-``obstacle_of``: The id of the obstacle that a track stands for, which is the track's own unless it is of an occupied
-    region.
+``obstacle_of``: The id of the obstacle that a track stands for.
+``MapMatcher``: The drivable lanelets of a network, ready for queries by position: which lanelets a track drove on.
+``LaneMatch``: Lanelets of a track, by index.
+``EgoLane``: The lane that the ego follows; says in words where a vehicle is.
+``ego_lane``: The ``EgoLane`` from the ego's start along its route to its goal; None where it starts on no lanelet.
+``leader_and_follower``: Ids of the nearest vehicles ahead and behind along the ego's lane, or None.
+``is_own_recording``: Whether a track begins as the ego does, in place, heading and speed.
+``find_route``: The shortest ``Route`` from a position to any goal lanelet, led on straight for a length in m.
+``Route``: Lanelets in driving order, and where among them the goal is.
+``ego_route``: The ``EgoRoute`` of a planning problem; None where the goal has no place or cannot be reached.
+``EgoRoute``: Lanelets from the ego's start to its goal, and the turns in rad at its junctions.
+``TURN_RAD``: A heading change beyond this inside the lanelets of a junction is a turn.
+``goal_lanelets``: Lanelets of a goal for planners: those that its regions touch, too; None for a free position.
+``goal_center_lanelets``: Lanelets that a goal names, or that lie under the centre of its region; may be empty.
+``goal_centers``: Centres (2,) in m of a goal's regions, one per goal state that has one.
+``start_lanelets``: Lanelets under a position or within 3 m, the one that fits the heading best first.
+``lanelets_at``: All lanelets that a point lies on, ascending.
+``aligned_lanelets``: Those of some lanelets that lead in the direction of a heading (within 90°), best aligned first.
+``straight_on``: A route with the straightest successors behind it, for a length in m.
+``path_ahead``: Centre line (n, 2) in m from a lanelet on, along a route and then the straightest successors.
+``center_line``: A lanelet's centre line (n, 2) in m without repeated vertices.
+``straightness``: Cosine between the end of one polyline and the beginning of another, rounded to a tenth.
 """
 
 from typing import TYPE_CHECKING
@@ -42,6 +39,7 @@ if TYPE_CHECKING:
     from .map_matching import LaneMatch as LaneMatch
     from .map_matching import MapMatcher as MapMatcher
     from .map_matching import straightness as straightness
+    from .occupancies import obstacle_of as obstacle_of
     from .routing import TURN_RAD as TURN_RAD
     from .routing import EgoRoute as EgoRoute
     from .routing import Route as Route
@@ -59,6 +57,5 @@ if TYPE_CHECKING:
     from .scene import NOT_DRIVEN as NOT_DRIVEN
     from .scene import Ego as Ego
     from .scene import Scene as Scene
-    from .scene import obstacle_of as obstacle_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

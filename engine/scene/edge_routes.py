@@ -1,4 +1,8 @@
-"""Routes of SUMO edges for sequences of lanelets."""
+"""Routes of SUMO edges for sequences of lanelets.
+
+A recording names lanelets, with gaps and lanelets inside junctions; SUMO wants connected edges. A *path* leads through
+a junction, from the lanelet before it to the one after it (``NetLayout.paths``).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +12,9 @@ from ..network import Digraph, NetLayout
 from .map_matching import straightness
 
 EXTENSION_M = 2000.0
+"""A route is led on this far (chosen): 40 s at 50 m/s, longer than scenarios last."""
 LONGEST_REPAIR_EDGES = 6
+"""A gap in a recording is closed by no more edges than this, its ends included (chosen): a longer one is a detour."""
 
 
 @dataclass(frozen=True)
@@ -19,11 +25,11 @@ class EdgeGraph:
 
     @cached_property
     def successors(self) -> dict[str, tuple[str, ...]]:
-        """Edge → edges that a way through a junction leads to, sorted."""
-        found: dict[str, set[str]] = {edge: set() for edge in self.layout.edges}
+        """Edge → edges that a path leads to, sorted."""
+        following: dict[str, set[str]] = {edge: set() for edge in self.layout.edges}
         for path in self.layout.paths:
-            found[self.layout.lane_of[path.entry][0]].add(self.layout.lane_of[path.exit][0])
-        return {edge: tuple(sorted(after)) for edge, after in found.items()}
+            following[self.layout.lane_of[path.entry][0]].add(self.layout.lane_of[path.exit][0])
+        return {edge: tuple(sorted(after)) for edge, after in following.items()}
 
     @cached_property
     def _graph(self) -> Digraph[str]:
@@ -31,16 +37,16 @@ class EdgeGraph:
 
     @cached_property
     def paths_from(self) -> dict[int, tuple[int, ...]]:
-        """Lanelet → indices of the ways that leave it."""
-        found: dict[int, list[int]] = {}
+        """Lanelet → indices of the paths that leave it."""
+        leaving: dict[int, list[int]] = {}
         for index, path in enumerate(self.layout.paths):
-            found.setdefault(path.entry, []).append(index)
-        return {key: tuple(indices) for key, indices in found.items()}
+            leaving.setdefault(path.entry, []).append(index)
+        return {key: tuple(indices) for key, indices in leaving.items()}
 
     def route(self, lanelets: Sequence[int]) -> tuple[str, ...] | None:
         """Edges for a drive over lanelets, from the edge that leads into the first to the edge after the last.
 
-        Gaps are closed by the shortest way of few edges; None where there is none.
+        Gaps are closed by the fewest edges; None where that takes too many.
         """
         edges: list[str] = []
         for edge in self._edges_of(lanelets):
@@ -56,7 +62,7 @@ class EdgeGraph:
     def extended(self, edges: Sequence[str], last_lanelet: int | None = None) -> tuple[str, ...]:
         """The route led on straight ahead, so that a vehicle does not end with its recording.
 
-        ``last_lanelet``: the lane in which the vehicle arrives; the way on begins in it where it can.
+        ``last_lanelet``: the lane in which the vehicle arrives; the route goes on from it where it can.
         """
         route, total, lanelet = list(edges), 0.0, last_lanelet
         while total < EXTENSION_M:
@@ -73,9 +79,9 @@ class EdgeGraph:
         return tuple(route)
 
     def path_for(self, lanelet_id: int, edges: Sequence[str]) -> int | None:
-        """The way through a junction that uses an internal lanelet and fits a route best; None if no way uses it."""
-        ways = self.layout.paths_through.get(lanelet_id, ())
-        return max(ways, key=lambda index: (self._fit(index, edges), -index)) if ways else None
+        """Index of the path that uses an internal lanelet and fits a route best; None if no path uses it."""
+        paths = self.layout.paths_through.get(lanelet_id, ())
+        return max(paths, key=lambda index: (self._fit(index, edges), -index)) if paths else None
 
     def _fit(self, index: int, edges: Sequence[str]) -> int:
         path = self.layout.paths[index]
@@ -94,7 +100,7 @@ class EdgeGraph:
         return [*before, *outside, *after]
 
     def _inside_exits(self, lanelets: Sequence[int]) -> list[str]:
-        """Exits of ways that use all of the leading internal lanelets: they tell apart ways that share the first."""
+        """Exits of paths that use all of the leading internal lanelets: they tell apart paths that share the first."""
         inside: list[int] = []
         for key in lanelets:
             if key in self.layout.lane_of:

@@ -1,4 +1,9 @@
-"""Which lanelets a recorded vehicle drove on: a Viterbi search over the lanelets near its positions."""
+"""Map matching: which lanelets a recorded vehicle drove on.
+
+A Viterbi search over the lanelets near the sampled positions of a track. Each lanelet costs by how far the position is
+outside of it and beside its centre line and by how far the heading is turned from it; each step costs by whether the
+next lanelet follows or lies beside the present one. Costs are plain numbers, weighed by hand on recorded traffic.
+"""
 
 import itertools
 import math
@@ -16,13 +21,18 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 REACH_M = 2.5
+"""A lanelet farther from a position is none that the vehicle may be on (chosen: a vehicle half beside its lane)."""
 LARGEST_TURN_RAD = 1.2
+"""A vehicle that moves is on no lanelet that it is turned farther from (chosen: 69°, short of driving across it)."""
 STANDING_MPS = 0.5
+"""The heading of a vehicle that is no faster does not count (chosen): standing ones are recorded with any."""
 SAMPLES = 40
+"""About how many positions of a track are looked at (chosen): one every half second of a usual recording."""
 COST_PER_M_OUTSIDE, COST_PER_M_BESIDE, COST_PER_RAD = 3.0, 0.6, 2.0
 COST_OF_A_STEP, COST_OF_A_LEAP = 0.3, 8.0
+"""Costs (chosen): a leap to a lanelet that neither follows nor lies beside costs as much as 2.7 m outside."""
 COST_OF_NO_DIFFERENCE = 0.5
-"""A pose that fits another lanelet worse by no more (0.8 m beside, or 14° across) lies on that one just as well."""
+"""A pose that fits another lanelet worse by no more (0.8 m beside, or 14° across) lies on that one as well (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +60,7 @@ class LaneMatch:
 
 @dataclass(frozen=True)
 class MapMatcher:
-    """The drivable lanelets of a network, ready for queries by place."""
+    """The drivable lanelets of a network, ready for queries by position."""
 
     layout: NetLayout
     keys: tuple[int, ...]
@@ -90,10 +100,10 @@ class MapMatcher:
         matches = {}
         for key, indices in samples.items():
             of_track = itertools.islice(near, len(indices))
-            candidates = [(index, found) for index, found in zip(indices, of_track, strict=True) if found]
+            candidates = [(index, lanelets) for index, lanelets in zip(indices, of_track, strict=True) if lanelets]
             if candidates:
-                way = self._best([found for _, found in candidates])
-                matches[key] = LaneMatch(tuple(index for index, _ in candidates), way)
+                best = self._best([lanelets for _, lanelets in candidates])
+                matches[key] = LaneMatch(tuple(index for index, _ in candidates), best)
         return matches
 
     def near(self, position: Points, heading_rad: float, speed_mps: float) -> list[tuple[int, float]]:
@@ -108,11 +118,11 @@ class MapMatcher:
         return tuple(other for _, other in others)
 
     def _near(self, positions: Points, headings_rad: Values, speeds_mps: Values) -> list[list[tuple[int, float]]]:
-        """The same for n poses at once."""
+        """Lanelets and costs, as ``near`` has them, for n poses at once."""
         import shapely
 
         points = shapely.points(positions)
-        found: list[list[tuple[int, float]]] = [[] for _ in positions]
+        near: list[list[tuple[int, float]]] = [[] for _ in positions]
         pairs = self.tree.query(points, predicate="dwithin", distance=REACH_M)
         for place in sorted(set(pairs[1].tolist())):
             samples = np.sort(pairs[0][pairs[1] == place])
@@ -122,10 +132,11 @@ class MapMatcher:
             costs = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * beside + COST_PER_RAD * turn
             fits = (turn <= LARGEST_TURN_RAD) | (speeds_mps[samples] <= STANDING_MPS)
             for sample, cost in zip(samples[fits].tolist(), costs[fits].tolist(), strict=True):
-                found[sample].append((self.keys[place], cost))
-        return found
+                near[sample].append((self.keys[place], cost))
+        return near
 
     def _best(self, candidates: list[list[tuple[int, float]]]) -> tuple[int, ...]:
+        """The cheapest sequence of one candidate per sample."""
         costs = [cost for _, cost in candidates[0]]
         back: list[list[int]] = []
         for before, current in itertools.pairwise(candidates):

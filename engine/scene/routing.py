@@ -1,4 +1,14 @@
-"""The ego on the lanelets: where it stands, its way to the goal, and the line that it will follow."""
+"""Routes over lanelets: where a position lies, which lanelets a goal means, and how the ego gets there.
+
+Two questions are answered here for two kinds of callers, and their answers differ on purpose:
+
+* planners drive :func:`find_route`, from the lanelet nearest to the ego to any that the goal's regions touch
+  (:func:`goal_lanelets`), led on straight behind the goal; it raises where there is none.
+* descriptions, facts and edits speak of :func:`ego_route`, from the lanelets under the ego to those that the goal names
+  or that lie under its centre (:func:`goal_center_lanelets`), with its turns; it is None where there is none.
+
+A network is commonroad-io's; positions are (2,) in m, headings in rad.
+"""
 
 import math
 from dataclasses import dataclass
@@ -16,11 +26,8 @@ if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
-# ---------- route
-# From the ego's start to its goal over the lanelet graph.
-
 FARTHEST_LANELET_M = 3.0
-"""An ego that stands on no lanelet counts as on the nearest one up to this distance from its centre line."""
+"""An ego that stands on no lanelet counts as on those whose centre line is nearer (chosen: nearly a lane's width)."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +72,13 @@ def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: flo
     Raises:
         NotPossible: no lanelet is there or within :data:`FARTHEST_LANELET_M`.
     """
-    found = [int(key) for key in network.find_lanelet_by_position([position])[0]]
-    if not found:
-        gaps = {key.lanelet_id: abs(project(key.center_vertices, position)[1]) for key in network.lanelets}
-        found = [key for key, gap in gaps.items() if gap < FARTHEST_LANELET_M]
-    if not found:
+    under = [int(key) for key in network.find_lanelet_by_position([position])[0]]
+    if not under:
+        gaps = {lane.lanelet_id: abs(project(lane.center_vertices, position)[1]) for lane in network.lanelets}
+        under = [key for key, gap in gaps.items() if gap < FARTHEST_LANELET_M]
+    if not under:
         raise NotPossible(f"the ego at ({position[0]:.1f}, {position[1]:.1f}) m is on no lanelet")
-    return sorted(found, key=lambda key: (round(_heading_error(network, key, position, heading_rad), 3), key))
+    return sorted(under, key=lambda key: (round(_heading_error(network, key, position, heading_rad), 3), key))
 
 
 def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | None:
@@ -82,27 +89,27 @@ def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | 
     one (ZAM_test_0-1, whose second region only touches lanelets).
     """
     named = goal.lanelets_of_goal_position or {}
-    found: set[int] = set()
+    goals: set[int] = set()
     for index, state in enumerate(goal.state_list):
         if named.get(index):
-            found.update(int(key) for key in named[index] if network.find_lanelet_by_id(key) is not None)
+            goals.update(int(key) for key in named[index] if network.find_lanelet_by_id(key) is not None)
         elif getattr(state, "position", None) is None:
             return None
         else:
-            found.update(_lanelets_of(network, state.position))
-    return sorted(found)
+            goals.update(_lanelets_of(network, state.position))
+    return sorted(goals)
 
 
-def _lanelets_of(network: "LaneletNetwork", shape: "object") -> set[int]:
+def _lanelets_of(network: "LaneletNetwork", shape: object) -> set[int]:
     """Lanelets under the centre of a shape, else those that it touches."""
-    found: set[int] = set()
+    lanelets: set[int] = set()
     for part in getattr(shape, "shapes", [shape]):
         under = network.find_lanelet_by_position([np.asarray(part.center, dtype=float)])[0]
         if not under:
             outline = part.shapely_object
-            under = [key.lanelet_id for key in network.lanelets if key.polygon.shapely_object.intersects(outline)]
-        found.update(int(key) for key in under)
-    return found
+            under = [lane.lanelet_id for lane in network.lanelets if lane.polygon.shapely_object.intersects(outline)]
+        lanelets.update(int(key) for key in under)
+    return lanelets
 
 
 def _heading_error(network: "LaneletNetwork", lanelet_id: int, position: Points, heading_rad: float) -> float:
@@ -136,13 +143,10 @@ def _turn(current: "Lanelet", following: "Lanelet") -> float:
     return round(abs(wrap_angle(step - math.atan2(last[1], last[0]))), 3)
 
 
-# ---------- ego_route
-# The ego on the lanelets: where it stands, its way to the goal, and the line that it will follow.
-
 TURN_RAD = math.radians(40.0)
-"""A heading change beyond this inside the lanelets of a junction is a turn."""
+"""A heading change beyond this inside the lanelets of a junction is a turn (chosen)."""
 APART_M = 40.0
-"""Forks on a way that lie farther apart are two junctions: who turns left and later right has not gone straight on."""
+"""Forks on a route that lie farther apart are two junctions (chosen): left and later right is not straight on."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +162,7 @@ class EgoRoute:
 
     @property
     def turns(self) -> tuple[str, ...]:
-        """``left`` and ``right`` for each junction where the way turns, in order; empty for a way straight on."""
+        """``left`` and ``right`` for each junction where the route turns, in order; empty for a route straight on."""
         return tuple("left" if angle > 0 else "right" for angle in self.turns_rad if abs(angle) > TURN_RAD)
 
 
@@ -209,7 +213,7 @@ def goal_centers(problem: "PlanningProblem") -> list[Points]:
 
 
 def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "PlanningProblem") -> EgoRoute | None:
-    """The ego's way to its goal; None where the goal has no place or cannot be reached from the start."""
+    """The ego's route to its goal; None where the goal has no place or cannot be reached from the start."""
     point, heading = np.asarray(problem.initial_state.position), float(problem.initial_state.orientation)
     under = lanelets_at(network, point)
     starts = aligned_lanelets(network, under, point, heading) or under
@@ -250,12 +254,12 @@ def path_ahead(
 def _straightest(network: "LaneletNetwork", line: Points, onward: list[int]) -> int:
     arriving = math.atan2(*(line[-1] - line[-2])[::-1]) if len(line) > 1 else 0.0
 
-    def bend(key: int) -> tuple[float, int]:
+    def turn(key: int) -> tuple[float, int]:  # towards the far end of the lanelet, not its first metres
         following = center_line(network, key)
         leaving = math.atan2(*(following[-1] - following[0])[::-1])
         return abs(wrap_angle(leaving - arriving)), key
 
-    return min(onward, key=bend)
+    return min(onward, key=turn)
 
 
 def _turns(
@@ -263,7 +267,7 @@ def _turns(
 ) -> tuple[float, ...]:
     """Sums of the heading changes inside lanelets that leave a fork, from the start's to the goal's station.
 
-    One sum for each junction: a way round a roundabout is one turn, or none.
+    One sum for each junction: a route round a roundabout is one turn, or none.
     """
     sums: list[float] = []
     since_fork_m = math.inf

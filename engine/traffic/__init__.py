@@ -5,7 +5,6 @@
 ``sumo_version``: The installed version of SUMO.
 ``vehicle_type``: A ``vType`` element of SUMO.
 ``sumo_pose``: Front bumper and SUMO's angle of a vehicle, from its centre in m and heading in rad.
-``heading_of_angle_rad``: The heading in rad for SUMO's angle in degrees.
 ``LaneChanges``: Which changes of lane a vehicle of SUMO does.
 ``LaneHint``: SUMO's edge and lane index.
 ``NO_LANE``: The ``LaneHint`` for an unknown lane.
@@ -41,7 +40,6 @@ if TYPE_CHECKING:
     from .sumo import LaneChanges as LaneChanges
     from .sumo import LaneHint as LaneHint
     from .sumo import Sumo as Sumo
-    from .sumo import heading_of_angle_rad as heading_of_angle_rad
     from .sumo import sumo_pose as sumo_pose
     from .sumo import sumo_running as sumo_running
     from .sumo import sumo_version as sumo_version

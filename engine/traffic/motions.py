@@ -1,4 +1,11 @@
-"""Recorded SUMO tracks as drivable motions from step 0 on."""
+"""Recorded SUMO tracks as drivable motions from step 0 on.
+
+SUMO spreads a lane change over time: a vehicle that has to stop meanwhile slides on sideways, or is set back where the
+next lane is bent otherwise, and the heading that follows from its track turns across the lane. So each track is first
+put on wheels (:func:`on_wheels`): it moves aside only as far as it rolls. Then it is smoothed, the more the less
+drivable it is (:func:`participants`). Motions that still cannot be driven, or overlap, are left out
+(:func:`drop_infeasible`).
+"""
 
 import math
 from collections import Counter
@@ -11,60 +18,19 @@ from ..geometry import BoxTrack, Points, Values, arc_length, first_overlaps, int
 from ..vehicles import Motion, VehicleClass, check_kinematics, drivable_motion
 from .simulation import RawTrack, SimulatedTraffic
 
-# ---------- lane_changes
-# Lane changes of vehicles on wheels: they move aside only as far as they roll.
-#
-# SUMO spreads a lane change over time: a vehicle that has to stop meanwhile slides on sideways, or is set back where
-# the next lane is bent otherwise, and the heading that follows from its track turns across the lane.
-
-STEEPEST = 0.3
-"""Metres aside for a metre along the lane, at most: 17°, a lane's width in 11 m."""
-LARGEST_EXCESS, LARGEST_EXCESS_M = 1.05, 0.01
-"""A step longer than the vehicle rolls and slides, by more than this factor and length, is a jump."""
-
-
-def on_wheels(track: Points, along_m: Values, aside_m: Values) -> Points:
-    """A track that follows a vehicle's without jumps, sliding and driving backwards, shape (n, 2).
-
-    Args:
-        track: where the vehicle is at each step, shape (n, 2), in metres.
-        along_m: how far it has rolled along its lane since the step before, shape (n,).
-        aside_m: how far it was moved sideways since the step before, shape (n,), left positive.
-    """
-    made = [(float(track[0, 0]), float(track[0, 1]))]
-    for (goal_x, goal_y), course in zip(track[1:].tolist(), _lane_headings(track, along_m, aside_m), strict=True):
-        x, y = made[-1]
-        cos, sin = math.cos(course), math.sin(course)
-        ahead = max((goal_x - x) * cos + (goal_y - y) * sin, 0.0)
-        aside = (goal_y - y) * cos - (goal_x - x) * sin
-        aside = min(max(aside, -STEEPEST * ahead), STEEPEST * ahead)
-        made.append((x + ahead * cos - aside * sin, y + ahead * sin + aside * cos))
-    return np.array(made)
-
-
-def _lane_headings(track: Points, along_m: Values, aside_m: Values) -> list[float]:
-    """Heading of the lane at each step but the first; where it does not show, that of the step before."""
-    moved = np.diff(track, axis=0)
-    length, wanted = np.hypot(moved[:, 0], moved[:, 1]), np.hypot(along_m[1:], aside_m[1:])
-    shows = (length > 1e-3) & (length < LARGEST_EXCESS * wanted + LARGEST_EXCESS_M)
-    course = np.arctan2(moved[:, 1], moved[:, 0]) - np.arctan2(aside_m[1:], along_m[1:])
-    last = np.maximum.accumulate(np.where(shows, np.arange(len(moved)), int(np.argmax(shows))))
-    return list(course[last])
-
-
-# ---------- motions
-# Recorded SUMO tracks as drivable motions from step 0 on.
-
 SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
-"""(steps, metres) tried in this order until a motion is drivable; stronger smoothing moves the vehicle more."""
+"""(steps, metres) tried in this order until a motion is drivable (chosen): stronger smoothing moves it more."""
 DECIMALS = 4
+"""Decimal places in scenario files: 0.1 mm, and 20 seconds of arc."""
 FARTHEST_ASTRAY_M = 4.0
-"""A vehicle that lies farther from where SUMO has it missed more than one lane change, and is not where it reacts."""
+"""A vehicle farther from where SUMO has it missed more than one lane change (a lane's width is 3 to 3.75 m)."""
+BEHIND_START_M = 1.0
+"""The path begins this much behind the rear of a vehicle at its first point (chosen)."""
 
 
 @dataclass(frozen=True)
 class Participant:
-    """A vehicle from step 0 on: its class, its motion of the centre, and whether that can be driven."""
+    """A generated vehicle from step 0 on: its class, its motion of the centre, and whether that can be driven."""
 
     vehicle_id: str
     vehicle_class: VehicleClass
@@ -93,7 +59,7 @@ def participants(traffic: SimulatedTraffic) -> tuple[Participant, ...]:
 
 
 def drop_infeasible(everyone: Sequence[Participant], needed: Mapping[str, int]) -> tuple[Participant, ...]:
-    """Those that are left when as few as possible are taken out, so that all can be driven and no two overlap.
+    """The vehicles without those that cannot be driven or overlap others; as few as possible are taken out.
 
     ``needed``: how many of a class must stay, even where their motion cannot be driven.
     """
@@ -109,7 +75,7 @@ def drop_infeasible(everyone: Sequence[Participant], needed: Mapping[str, int]) 
 
 
 def _apart(kept: list[Participant], counts: Counter[str], needed: Mapping[str, int]) -> tuple[Participant, ...]:
-    """Without overlaps at any step: those go first whose class can spare them, then those that overlap most others."""
+    """Without overlaps at any step: those are taken out first whose class can spare them, and that overlap most."""
     pairs = [(kept[pair.first], kept[pair.second]) for pair in first_overlaps([vehicle.body for vehicle in kept])]
     gone: set[str] = set()
     while pairs:
@@ -151,15 +117,15 @@ def _participant(track: RawTrack, step_s: float) -> Participant:
 
 
 def _center_track(front: Points, track: RawTrack) -> Points:
-    """The centre's way, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
+    """The centre's track, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
 
     A centre that is dragged behind the front bumper would cut corners by metres where the vehicle is long; on the
     path, the front swings out and the rear in, as bus drivers do it.
     """
     half = track.vehicle_class.length_m / 2
     backwards = -np.array([np.cos(track.first_heading_rad), np.sin(track.first_heading_rad)])
-    path = without_repeats(np.vstack([front[:1] + (half + 1.0) * backwards, front]))
-    stations = arc_length(front) + 1.0
+    path = without_repeats(np.vstack([front[:1] + (half + BEHIND_START_M) * backwards, front]))
+    stations = arc_length(front) + BEHIND_START_M
     return interpolate(path, arc_length(path), stations)
 
 
@@ -181,3 +147,40 @@ def _rounded(motion: Motion) -> Motion:
         motion.speeds_mps.round(DECIMALS),
         motion.accelerations_mps2.round(DECIMALS),
     )
+
+
+STEEPEST = 0.3
+"""Metres aside for a metre along the lane, at most (chosen): 17°, a lane's width in 11 m."""
+LARGEST_EXCESS, LARGEST_EXCESS_M = 1.05, 0.01
+"""A step longer than the vehicle rolls and slides, by more than this factor and length, is a jump (chosen)."""
+MOVED_M = 1e-3
+"""A shorter step has no direction of its own (chosen)."""
+
+
+def on_wheels(track: Points, along_m: Values, aside_m: Values) -> Points:
+    """A track that follows a vehicle's without jumps, sliding and driving backwards, shape (n, 2).
+
+    Args:
+        track: where the vehicle is at each step, shape (n, 2), in metres.
+        along_m: how far it has rolled along its lane since the step before, shape (n,).
+        aside_m: how far it was moved sideways since the step before, shape (n,), left positive.
+    """
+    made = [(float(track[0, 0]), float(track[0, 1]))]
+    for (goal_x, goal_y), course in zip(track[1:].tolist(), _lane_headings(track, along_m, aside_m), strict=True):
+        x, y = made[-1]
+        cos, sin = math.cos(course), math.sin(course)
+        ahead = max((goal_x - x) * cos + (goal_y - y) * sin, 0.0)
+        aside = (goal_y - y) * cos - (goal_x - x) * sin
+        aside = min(max(aside, -STEEPEST * ahead), STEEPEST * ahead)
+        made.append((x + ahead * cos - aside * sin, y + ahead * sin + aside * cos))
+    return np.array(made)
+
+
+def _lane_headings(track: Points, along_m: Values, aside_m: Values) -> list[float]:
+    """Heading of the lane at each step but the first; where it does not show, that of the step before."""
+    moved = np.diff(track, axis=0)
+    length, wanted = np.hypot(moved[:, 0], moved[:, 1]), np.hypot(along_m[1:], aside_m[1:])
+    shows = (length > MOVED_M) & (length < LARGEST_EXCESS * wanted + LARGEST_EXCESS_M)
+    course = np.arctan2(moved[:, 1], moved[:, 0]) - np.arctan2(aside_m[1:], along_m[1:])
+    last = np.maximum.accumulate(np.where(shows, np.arange(len(moved)), int(np.argmax(shows))))
+    return list(course[last])

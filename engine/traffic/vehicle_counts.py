@@ -14,10 +14,11 @@ The bounds of levels of service A, C and E for motorways (Highway Capacity Manua
 trips of a scenario instead (20, 50, 100), whatever the size of its map.
 """
 PAPER_TRIPS: dict[Density, int] = {"low": 20, "medium": 50, "high": 100}
+"""Trips of a scenario by density in the paper; recorded beside the density that is realised."""
 FEWEST, MOST = 8, 300
-"""Bounds for vehicles on a site: fewer make no traffic, more would only be slow."""
+"""Bounds for vehicles on a site (chosen): fewer make no traffic, more would only be slow."""
 NAMED_SHARE = 0.2
-"""Share of the vehicles for a class that was asked for without a number, at least one."""
+"""Share of the vehicles for a class that was asked for without a number, at least one (chosen)."""
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""TODO."""
+"""The others in a run: as recorded, or driven by SUMO so that they react to the ego."""

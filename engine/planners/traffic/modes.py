@@ -1,4 +1,4 @@
-"""The traffic modes by name, and which predictions go with them. Nothing heavy is imported until traffic is opened."""
+"""Opening traffic by mode, and which predictions go with a mode. Nothing heavy is imported until traffic is opened."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,11 +35,11 @@ def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
 def open_traffic(
     mode: TrafficMode, loaded: "LoadedScenario", problem: "PlanningProblem", vehicle: "VehicleParameters", seed: int
 ) -> "Iterator[Traffic]":
-    """The others of a scenario, standing at the ego's first step.
+    """The others of a scenario at the ego's first step.
 
     Raises:
-        NotPossible: nobody can react, because no lanelet is drivable.
-        WorkerFailure: SUMO refused the network or a vehicle.
+        NotPossible: no vehicle can react, because no lanelet is drivable.
+        WorkerFailure: SUMO refused the network or a vehicle, or stopped.
     """
     if mode == "reactive":
         from ..interface import EgoState

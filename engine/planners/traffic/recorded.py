@@ -1,4 +1,4 @@
-"""The others: what the loop asks of them, and the others as recorded."""
+"""The others in a run: what the simulation loop asks of them (:class:`Traffic`), and the others as recorded."""
 
 from collections.abc import Set
 from dataclasses import dataclass
@@ -14,53 +14,9 @@ if TYPE_CHECKING:
     from commonroad.scenario.scenario import Scenario
     from commonroad_dc import pycrcc
 
-# ---------- growing_track
-# A track that grows step by step, for others whose motion is not known before.
-
-FIRST_CAPACITY = 64
-
-
-class GrowingTrack:
-    """The states of one road user so far; its size and type are those of ``like``."""
-
-    def __init__(self, like: Track, first_step: int) -> None:
-        self.like, self.first_step = like, first_step
-        self._rows = np.empty((FIRST_CAPACITY, 4))
-        self._count = 0
-
-    @property
-    def last_step(self) -> int:
-        """The last step that was added; the one before the first without any."""
-        return self.first_step + self._count - 1
-
-    def add(self, x_m: float, y_m: float, heading_rad: float, speed_mps: float) -> None:
-        """Centre, heading and speed at the next step."""
-        if self._count == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
-        self._rows[self._count] = x_m, y_m, heading_rad, speed_mps
-        self._count += 1
-
-    def track(self) -> Track:
-        """What was added so far, without copying."""
-        rows = self._rows[: self._count]
-        return Track(
-            obstacle_id=self.like.obstacle_id,
-            kind=self.like.kind,
-            length_m=self.like.length_m,
-            width_m=self.like.width_m,
-            first_step=self.first_step,
-            positions=rows[:, :2],
-            headings_rad=rows[:, 2],
-            speeds_mps=rows[:, 3],
-        )
-
-
-# ---------- traffic
-# The others: what the loop asks of them, and the others as recorded.
-
 
 class Traffic(Protocol):
-    """Everybody but the ego, as far as the loop has come.
+    """All road users but the ego, up to the step that the loop has come to.
 
     ``moving``: a track for every dynamic obstacle; those that react to the ego end at the step that was advanced to.
     ``standing``: static obstacles as tracks of one state.
@@ -76,14 +32,14 @@ class Traffic(Protocol):
 
     @property
     def driven(self) -> tuple[Track, ...]:
-        """The obstacles among the moving that react to the ego, as far as they have come."""
+        """The obstacles among the moving that react to the ego, up to the present step."""
 
     @property
     def on_recording(self) -> tuple[int, ...]:
         """Ids of the moving obstacles that follow their recording although the traffic is reactive."""
 
     def advance(self, ego: EgoState) -> None:
-        """Go on to the step of the ego's new state; called for every step in order, before anybody looks at it."""
+        """Go on to the step of the ego's new state; called for every step in order, before that step is read."""
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
@@ -193,3 +149,42 @@ def _static_track(obstacle: Any) -> Track:
 def _largest(shape: Any) -> Any:
     parts = getattr(shape, "shapes", None)
     return max(parts, key=lambda part: float(part.shapely_object.area)) if parts else shape
+
+
+FIRST_CAPACITY = 64
+"""States for which there is room at first (chosen); it doubles when full."""
+
+
+class GrowingTrack:
+    """A track that grows step by step, where the motion is not known before; size and type are those of ``like``."""
+
+    def __init__(self, like: Track, first_step: int) -> None:
+        self.like, self.first_step = like, first_step
+        self._rows = np.empty((FIRST_CAPACITY, 4))
+        self._count = 0
+
+    @property
+    def last_step(self) -> int:
+        """The last step that was added; the one before the first without any."""
+        return self.first_step + self._count - 1
+
+    def add(self, x_m: float, y_m: float, heading_rad: float, speed_mps: float) -> None:
+        """Centre, heading and speed at the next step."""
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self._rows[self._count] = x_m, y_m, heading_rad, speed_mps
+        self._count += 1
+
+    def track(self) -> Track:
+        """What has been added, without copying."""
+        rows = self._rows[: self._count]
+        return Track(
+            obstacle_id=self.like.obstacle_id,
+            kind=self.like.kind,
+            length_m=self.like.length_m,
+            width_m=self.like.width_m,
+            first_step=self.first_step,
+            positions=rows[:, :2],
+            headings_rad=rows[:, 2],
+            speeds_mps=rows[:, 3],
+        )

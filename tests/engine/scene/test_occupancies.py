@@ -16,7 +16,7 @@ from commonroad.scenario.state import InitialState
 from support.builders import ScenarioBuilder, driving, town_road
 from support.edits import Applied, apply_to
 
-from plannerforge.engine.scene.scene import occupied_regions
+from plannerforge.engine.scene.occupancies import occupied_regions
 from plannerforge.schemas.errors import NotPossible
 
 STEPS = 60

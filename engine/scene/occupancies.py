@@ -1,0 +1,146 @@
+"""Obstacles without a trajectory as bounding tracks: where a set-based prediction says that they may be.
+
+Such an obstacle cannot be driven, but is in the way like all others. Each part of an occupancy counts by an oriented
+rectangle around it. As these grow and turn from step to step and a track has one size, an obstacle becomes several
+tracks, one after the other or side by side.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..commonroad import Track, center_of, middle_of, size_of
+from ..geometry import Values, wrap_angle
+
+if TYPE_CHECKING:
+    from commonroad.scenario.obstacle import DynamicObstacle
+    from commonroad.scenario.scenario import Scenario
+
+SIZE_STEP_M = 0.5
+"""Rectangles whose sides round up to the same multiple make one track, as large as the largest of them (chosen)."""
+MOVED_M = 0.05
+"""A centre that moves less than this in a step says nothing about a direction (chosen)."""
+PIECES_PER_OBSTACLE = 10_000
+"""Ids of tracks are negative: -(10 000 × the obstacle's + a number)."""
+
+
+@dataclass(frozen=True)
+class _Box:
+    """The rectangle around one part of an occupancy at a step: centre (x, y) in m, heading in rad, sides in m."""
+
+    step: int
+    center: tuple[float, float]
+    heading_rad: float
+    size_m: tuple[float, float]
+
+    @property
+    def size_class(self) -> tuple[int, int]:
+        """Its sides in whole steps of size."""
+        return math.ceil(self.size_m[0] / SIZE_STEP_M), math.ceil(self.size_m[1] / SIZE_STEP_M)
+
+
+def occupied_regions(scenario: "Scenario") -> dict[int, tuple[Track, ...]]:
+    """Bounding tracks of all dynamic obstacles without a trajectory, by their id in ascending order.
+
+    Each track has an id of its own below zero. One obstacle's tracks cover all its occupancies at every step. Phantom
+    obstacles are left out: whether they exist is not known.
+    """
+    regions = {
+        int(obstacle.obstacle_id): _tracks(obstacle, float(scenario.dt))
+        for obstacle in scenario.dynamic_obstacles
+        if getattr(obstacle.prediction, "trajectory", None) is None
+    }
+    return dict(sorted(regions.items()))
+
+
+def obstacle_of(track_id: int) -> int:
+    """The id of the obstacle that a track stands for: the track's own, unless it is of an occupied region."""
+    return track_id if track_id >= 0 else -track_id // PIECES_PER_OBSTACLE
+
+
+def _tracks(obstacle: "DynamicObstacle", step_s: float) -> tuple[Track, ...]:
+    key, kind = int(obstacle.obstacle_id), str(obstacle.obstacle_type.value)
+    pieces = [piece for chain in _chains(obstacle) for piece in _pieces(chain)]
+    return tuple(
+        Track(
+            obstacle_id=-(key * PIECES_PER_OBSTACLE + number),
+            kind=kind,
+            length_m=max(box.size_m[0] for box in piece),
+            width_m=max(box.size_m[1] for box in piece),
+            first_step=piece[0].step,
+            positions=np.array([box.center for box in piece]),
+            headings_rad=np.array([box.heading_rad for box in piece]),
+            speeds_mps=_speeds(piece, following, step_s),
+        )
+        for number, (piece, following) in enumerate(pieces)
+    )
+
+
+def _chains(obstacle: "DynamicObstacle") -> Iterator[list[_Box]]:
+    """The rectangles of each part of an obstacle's occupancies, by step."""
+    first = int(obstacle.initial_state.time_step)
+    parts = {first: _parts(obstacle.occupancy_at_time(first).shape)}
+    for occupancy in getattr(obstacle.prediction, "occupancy_set", ()):
+        time = occupancy.time_step
+        for step in range(int(getattr(time, "start", time)), int(getattr(time, "end", time)) + 1):
+            parts.setdefault(step, _parts(occupancy.shape))
+    heading = middle_of(getattr(obstacle.initial_state, "orientation", 0.0))
+    for number in range(max(map(len, parts.values()))):
+        shapes = [(step, parts[step][number]) for step in sorted(parts) if number < len(parts[step])]
+        yield _oriented(shapes, 0.0 if math.isnan(heading) else heading)
+
+
+def _parts(shape: Any) -> list[Any]:
+    return list(getattr(shape, "shapes", None) or [shape])
+
+
+def _oriented(shapes: list[tuple[int, Any]], heading_rad: float) -> list[_Box]:
+    """Rectangles that point where their centre moves, or on as before where it stands."""
+    boxes: list[_Box] = []
+    for step, shape in shapes:
+        center, side_rad, size = _rectangle(shape, heading_rad)
+        if boxes and math.dist(center, boxes[-1].center) > MOVED_M:
+            before = boxes[-1].center
+            heading_rad = math.atan2(center[1] - before[1], center[0] - before[0])
+        quarters = round(wrap_angle(heading_rad - side_rad) / (math.pi / 2))
+        turned = size if quarters % 2 == 0 else (size[1], size[0])
+        boxes.append(_Box(step, center, wrap_angle(side_rad + quarters * math.pi / 2), turned))
+    return boxes
+
+
+def _rectangle(shape: Any, heading_rad: float) -> tuple[tuple[float, float], float, tuple[float, float]]:
+    """Centre in m, direction of one side in rad, and the sides in m (that one first) of a rectangle around a shape."""
+    if hasattr(shape, "length"):
+        x, y = center_of(shape)
+        return (float(x), float(y)), float(shape.orientation), size_of(shape)
+    if hasattr(shape, "radius"):
+        x, y = center_of(shape)
+        return (float(x), float(y)), heading_rad, size_of(shape)
+    corners = np.asarray(shape.shapely_object.minimum_rotated_rectangle.exterior.coords)[:4]
+    along, across = corners[1] - corners[0], corners[2] - corners[1]
+    x, y = corners.mean(axis=0)
+    size = float(np.linalg.norm(along)), float(np.linalg.norm(across))
+    return (float(x), float(y)), math.atan2(along[1], along[0]), size
+
+
+def _pieces(chain: list[_Box]) -> Iterator[tuple[list[_Box], _Box | None]]:
+    """A chain cut where steps are missing or the size changes, each piece with the rectangle that follows it."""
+    begin = 0
+    for index, box in enumerate(chain):
+        following = chain[index + 1] if index + 1 < len(chain) else None
+        if following is None or following.step != box.step + 1 or following.size_class != box.size_class:
+            yield chain[begin : index + 1], following
+            begin = index + 1
+
+
+def _speeds(piece: list[_Box], following: _Box | None, step_s: float) -> Values:
+    """How fast the centres move, in m/s; the last one as fast as the one before where nothing follows."""
+    onward = [*piece, following] if following is not None else piece
+    centers, steps = np.array([box.center for box in onward]), np.array([box.step for box in onward])
+    if len(onward) == 1:
+        return np.zeros(1)
+    speeds = np.linalg.norm(np.diff(centers, axis=0), axis=1) / (np.diff(steps) * step_s)
+    return speeds if following is not None else np.append(speeds, speeds[-1])
