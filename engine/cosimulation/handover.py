@@ -1,7 +1,7 @@
 """From SUMO's track of a driven vehicle to a motion that begins exactly at its recorded state.
 
-SUMO moves the front bumper, on the middle of a lane and with speeds that step. The written motion is that of the centre:
-the recorded states before the hand-over are put before SUMO's track, the whole is smoothed, and what is left of the
+SUMO moves the front bumper, on the middle of a lane and with speeds that step. The written motion is the centre's: the
+recorded states before the hand-over are put before SUMO's track, the whole is smoothed, and what is left of the
 difference to the recorded state fades out (:func:`taken_over_track`).
 """
 
