@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, JsonValue
+from pydantic import ConfigDict, Field, JsonValue
 
 from .base import Arguments, Model, Result
 from .generation import DensityFacts, ScenarioType, SiteFacts
@@ -61,9 +61,12 @@ class EgoFacts(Model):
 
     ``lanes``: lanelets side by side in the ego's direction at its start, 0 where it stands on none;
     ``route``: lanelets to the goal, empty where the goal has no place or cannot be reached;
-    ``time_to_collision_s``: until an ego that keeps path and speed meets the recorded traffic, None where it never
-    does; signs, light and limits are those of the lanelets under its start.
+    ``time_to_conflict_s``: until an ego that keeps path and initial speed meets the recorded traffic, None where it
+    never does; records and answers name it ``time_to_collision_s``, as they did before. Signs, light and limits are
+    those of the lanelets under its start.
     """
+
+    model_config = ConfigDict(validate_by_name=True, validate_by_alias=True, serialize_by_alias=True)
 
     problem_id: int
     speed_mps: float
@@ -76,7 +79,7 @@ class EgoFacts(Model):
     goal_first_step: int | None
     goal_last_step: int | None
     route: tuple[int, ...] = ()
-    time_to_collision_s: float | None = None
+    time_to_conflict_s: float | None = Field(default=None, alias="time_to_collision_s")
     features: tuple[str, ...] = ()
     signs: tuple[str, ...] = ()
     traffic_light: bool = False

@@ -11,7 +11,7 @@ from rich.table import Column, Table
 from ..schemas.errors import InvalidRequest, PlannerForgeError
 from ..schemas.importing import ImportedItem
 from ..tools.call import ToolCall
-from ..tools.maps import MapsAtHand, import_map, known_country, maps_at_hand
+from ..tools.maps import MapInventory, import_map, known_country, maps_at_hand
 from .assembly import open_services
 from .settings import Settings
 
@@ -75,7 +75,7 @@ async def _add(
     return found
 
 
-async def _all(settings: Settings) -> MapsAtHand:
+async def _all(settings: Settings) -> MapInventory:
     async with open_services(settings, Path.cwd()) as services:
         return await maps_at_hand(ToolCall(services, _silent))
 

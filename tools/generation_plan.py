@@ -64,6 +64,7 @@ def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> N
         f"none of {len(facts)} maps holds any {scenario_type} site: not {', '.join(names)}{more}",
         valid=sorted({kind for f in facts for kind in f.sites}),
         next_step="choose one of these scenario types, or another place",
+        reason="no_such_site",
     )
 
 

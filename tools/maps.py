@@ -106,14 +106,14 @@ SHOWN_NOTES = 3
 
 
 @dataclass(frozen=True)
-class MapsAtHand:
+class MapInventory:
     """Maps with what they show, and in a sentence each what in the map folders cannot be used."""
 
     entries: tuple[MapEntry, ...]
     notes: tuple[str, ...]
 
 
-async def maps_at_hand(call: ToolCall) -> MapsAtHand:
+async def maps_at_hand(call: ToolCall) -> MapInventory:
     """All maps; files in the map folders that are new or changed are read and kept first.
 
     A file that cannot be used is left out and told of; the others are there. Imported maps come first, newest first;
@@ -124,7 +124,7 @@ async def maps_at_hand(call: ToolCall) -> MapsAtHand:
     return _together(call, notes)
 
 
-def maps_seen(call: ToolCall) -> MapsAtHand:
+def maps_seen(call: ToolCall) -> MapInventory:
     """All maps that are known already, without reading a file; the notes tell of those that are not."""
     seen = SeenFiles(call.workspace.database)
     notes: list[str] = []
@@ -139,11 +139,11 @@ def maps_seen(call: ToolCall) -> MapsAtHand:
     return _together(call, notes)
 
 
-def _together(call: ToolCall, notes: list[str]) -> MapsAtHand:
+def _together(call: ToolCall, notes: list[str]) -> MapInventory:
     imported = [_entry(call, artifact) for artifact in call.workspace.newest(kind="map", limit=MOST_MAPS)]
     more = len(notes) - SHOWN_NOTES
     shown = notes if more <= 0 else [*notes[:SHOWN_NOTES], f"{more} more map files were left out"]
-    return MapsAtHand((*imported, *built_in_maps()), tuple(shown))
+    return MapInventory((*imported, *built_in_maps()), tuple(shown))
 
 
 def _entry(call: ToolCall, artifact: Artifact) -> MapEntry:

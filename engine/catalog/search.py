@@ -193,7 +193,7 @@ def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
         return f"horizon {facts.horizon_s:g} s"
     if name == "density":
         return f"density {facts.density_per_km:g} vehicles/km"
-    time_s = facts.ego.time_to_collision_s if facts.ego else None
+    time_s = facts.ego.time_to_conflict_s if facts.ego else None
     return "no collision if the ego keeps on" if time_s is None else f"ttc {time_s:g} s"
 
 

@@ -197,7 +197,7 @@ def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts)
             ego.speed_mps if ego else None,
             ego.lanes if ego else None,
             facts.participants.total,
-            (NEVER_S if ego.time_to_collision_s is None else ego.time_to_collision_s) if ego else None,
+            (NEVER_S if ego.time_to_conflict_s is None else ego.time_to_conflict_s) if ego else None,
             facts.horizon_s,
             facts.density_per_km,
             facts.model_dump_json(),

@@ -1,35 +1,35 @@
 """Maps: OpenStreetMap extracts and SUMO networks, what they show, and cutting a site out of them.
 
-``cut_map``: Write the roads of the given classes within a circle around (latitude, longitude) as an .osm file.
-``cut_net``: Write the roads of the given classes that come within a circle around (latitude, longitude) as a network.
-``read_map``: Read an OpenStreetMap extract or a SUMO network and say what is in it.
-``Box``: TODO.
-``MapEntry``: A map at hand.
-``MapMatch``: A map that shows the wished place.
-``SeenFile``: A file of a map folder.
-``SeenFiles``: The files seen so far by path.
+``cut_map``: Write the roads within a circle of an extract as an .osm file; returns the ways written.
+``cut_net``: Write the roads of a SUMO network that come within a circle as a network; returns the conversion.
+``read_map``: An operation: the facts of a map file, its place and country among them.
+``Box``: (south, west, north, east) in degrees.
+``MapEntry``: A map at hand: its facts and its file.
+``MapMatch``: A map that shows an asked place, with the streets that a site there must carry.
+``SeenFile``: What became of a file in a map folder: the id of a map, or why it was refused.
+``SeenFiles``: The files of map folders that were looked at, kept in the database.
 ``built_in_maps``: The maps that come with the package, by id.
-``find_maps``: All maps that fit.
-``NetMap``: A network as a map.
-``read_map_file``: Scan and read a map of either kind.
-``OsmMap``: An extract.
-``ground_distance_m``: Distance in m of two (latitude, longitude) pairs in degrees (equirectangular).
-``write_as_xml``: Write a binary extract as XML into a folder.
-``country_code``: ISO 3166-1 alpha-3 of a code or a name.
-``fold``: Lower case, without accents, and only letters and digits.
-``place_keys``: All keys that a place may be known by.
-``LINKS``: TODO.
-``ROADS``: TODO.
-``resolve_road_classes``: The ``highway`` values that groups (roads, link, all) and values name together, each once.
-``RURAL_CLASSES``: TODO.
-``Site``: A place in a map.
-``SiteFinder``: Finds the sites of one map.
-``MAP_ENDINGS``: TODO.
-``is_binary``: Whether a file is an extract in OpenStreetMap's binary format by its name.
+``find_maps``: The maps that fit a place, a country, a box and a type of site, the best first.
+``NetMap``: A SUMO network as a map.
+``read_map_file``: The map in a file of either kind, scanned and read.
+``OsmMap``: An OpenStreetMap extract as nodes, ways and relations.
+``ground_distance_m``: Distance in m of two (latitude, longitude) pairs in degrees.
+``write_as_xml``: An operation: write a binary extract (.osm.pbf) as XML into a folder.
+``country_code``: ISO 3166-1 alpha-3 of a code or a name in several languages; None for anything else.
+``fold``: A text in lower case, without accents, and only letters and digits.
+``place_keys``: All keys of a spelling of a place; two spellings mean the same place where they share one.
+``LINKS``: OSM's road classes of slip roads.
+``ROADS``: OSM's road classes that vehicles use, links left out.
+``resolve_road_classes``: The road classes that groups (roads, link, all) and classes name together, each once.
+``RURAL_CLASSES``: OSM's road classes of main roads outside towns.
+``Site``: A spot of a map: type, middle in degrees, streets, and the node or way that marks it.
+``SiteFinder``: Finds the sites of one map by their type.
+``MAP_ENDINGS``: Endings of the names of map files.
+``is_binary``: Whether a file is a binary extract by its name.
 ``is_map``: Whether a file is a map by its name.
 ``is_net``: Whether a file, not packed, is a SUMO network by its name.
 ``stored_name``: The name under which a map is kept, not packed.
-``unpacked``: The map as a plain file.
+``unpacked``: A map as a plain file, unpacked into a folder where it is compressed.
 """
 
 from typing import TYPE_CHECKING

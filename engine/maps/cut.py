@@ -1,6 +1,7 @@
 """Cutting a few hundred metres around a site out of a map, as an extract of its own.
 
-Roads are followed to the circle and end on it, so that what is inside is whole; everything else is left out.
+Of an OpenStreetMap extract, roads are followed to the circle and end on it, so that what is inside is whole; everything
+else is left out. Of a user's SUMO network, roads stay whole, as the user made them.
 """
 
 from collections.abc import Iterable
@@ -13,46 +14,6 @@ from ...schemas.errors import NotPossible
 from ..network import Conversion, run_netconvert
 from .map_file import NetMap
 from .osm import OsmMap, OsmNode, OsmWay, ground_distance_m
-
-# ---------- net_cut
-# Cutting the surroundings of a site out of a user's SUMO network: its roads stay whole, as the user made them.
-
-
-def cut_net(
-    net: NetMap, center: tuple[float, float], radius_m: float, classes: Iterable[str], target: Path, scratch: Path
-) -> Conversion:
-    """Write the roads of the given classes that come within a circle around (latitude, longitude) as a network.
-
-    Coordinates, junctions and traffic lights stay those of the whole network.
-
-    Raises:
-        NotPossible: no such road, or netconvert refuses the network.
-    """
-    wanted = frozenset(classes)
-    near = [way for way in net.ways if way.road_class in wanted and _distance_m(net, way, center) <= radius_m]
-    if not near:
-        raise NotPossible("no road here is of the road_classes that were asked for", next_step="leave road_classes out")
-    kept = scratch / "kept_edges.txt"
-    kept.write_text("".join(f"{edge}\n" for way in near for edge in net.edges[way.way_id]), encoding="utf-8")
-    options = ["--sumo-net-file", str(net.path), "--keep-edges.input-file", str(kept)]
-    return run_netconvert([*options, "--offset.disable-normalization", "true"], target)
-
-
-def _distance_m(net: NetMap, way: OsmWay, center: tuple[float, float]) -> float:
-    """How near a road comes to a point (equirectangular, good for the size of a site)."""
-    from shapely import LineString, Point
-
-    scale = ground_distance_m(center, (center[0] + 1e-3, center[1])) / 1e-3
-    scale_east = ground_distance_m(center, (center[0], center[1] + 1e-3)) / 1e-3
-    nodes = [net.nodes[key] for key in way.node_ids]
-    line = [((node.longitude - center[1]) * scale_east, (node.latitude - center[0]) * scale) for node in nodes]
-    return float(LineString(line).distance(Point(0.0, 0.0)))
-
-
-# ---------- cut
-# Cutting a few hundred metres around a site out of a map, as an extract of its own.
-#
-# Roads are followed to the circle and end on it, so that what is inside is whole; everything else is left out.
 
 
 @dataclass(frozen=True)
@@ -113,7 +74,8 @@ class _FreshIds:
 def _pieces(osm: OsmMap, way: OsmWay, center: tuple[float, float], radius_m: float, fresh: _FreshIds) -> list[_Piece]:
     nodes = [osm.nodes[key] for key in way.node_ids]
     distances = [ground_distance_m((node.latitude, node.longitude), center) for node in nodes]
-    found: list[list[OsmNode]] = []
+    """The parts of a way inside the circle, with new nodes where it crosses the circle."""
+    parts: list[list[OsmNode]] = []
     current: list[OsmNode] = []
     for index, node in enumerate(nodes):
         inside = distances[index] <= radius_m
@@ -121,18 +83,17 @@ def _pieces(osm: OsmMap, way: OsmWay, center: tuple[float, float], radius_m: flo
             cuts = _on_circle(nodes[index - 1], node, center, radius_m)
             current.extend(OsmNode(fresh.node(), *point, {}) for point in cuts)
             if current and not inside:
-                found.append(current)
+                parts.append(current)
                 current = []
         if inside:
             current.append(node)
-    found.append(current)
-    return [_Piece(way, tuple(piece)) for piece in found if len(piece) > 1]
+    parts.append(current)
+    return [_Piece(way, tuple(piece)) for piece in parts if len(piece) > 1]
 
 
 def _on_circle(start: OsmNode, end: OsmNode, center: tuple[float, float], radius_m: float) -> list[tuple[float, float]]:
     """Points (latitude, longitude) at which a straight segment crosses the circle, in its direction."""
-    scale = ground_distance_m(center, (center[0] + 1e-3, center[1])) / 1e-3
-    scale_east = ground_distance_m(center, (center[0], center[1] + 1e-3)) / 1e-3
+    scale, scale_east = _metres_per_degree(center)
     y, x = (start.latitude - center[0]) * scale, (start.longitude - center[1]) * scale_east
     dy, dx = (end.latitude - start.latitude) * scale, (end.longitude - start.longitude) * scale_east
     a, b, c = dx * dx + dy * dy, 2 * (x * dx + y * dy), x * x + y * y - radius_m * radius_m
@@ -176,3 +137,39 @@ def _write_restrictions(root: etree._Element, osm: OsmMap, nodes: dict[int, OsmN
                 etree.SubElement(element, "member", {"type": kind, "ref": str(member), "role": role})
             for key, value in sorted(relation.tags.items()):
                 etree.SubElement(element, "tag", {"k": key, "v": value})
+
+
+def cut_net(
+    net: NetMap, center: tuple[float, float], radius_m: float, classes: Iterable[str], target: Path, scratch: Path
+) -> Conversion:
+    """Write the roads of the given classes that come within a circle around (latitude, longitude) as a network.
+
+    Coordinates, junctions and traffic lights stay those of the whole network.
+
+    Raises:
+        NotPossible: no such road, or netconvert refuses the network.
+    """
+    wanted = frozenset(classes)
+    near = [way for way in net.ways if way.road_class in wanted and _distance_m(net, way, center) <= radius_m]
+    if not near:
+        raise NotPossible("no road here is of the road_classes that were asked for", next_step="leave road_classes out")
+    kept = scratch / "kept_edges.txt"
+    kept.write_text("".join(f"{edge}\n" for way in near for edge in net.edges[way.way_id]), encoding="utf-8")
+    options = ["--sumo-net-file", str(net.path), "--keep-edges.input-file", str(kept)]
+    return run_netconvert([*options, "--offset.disable-normalization", "true"], target)
+
+
+def _distance_m(net: NetMap, way: OsmWay, center: tuple[float, float]) -> float:
+    """How near a road comes to a point (equirectangular, good for the size of a site)."""
+    from shapely import LineString, Point
+
+    scale, scale_east = _metres_per_degree(center)
+    nodes = [net.nodes[key] for key in way.node_ids]
+    line = [((node.longitude - center[1]) * scale_east, (node.latitude - center[0]) * scale) for node in nodes]
+    return float(LineString(line).distance(Point(0.0, 0.0)))
+
+
+def _metres_per_degree(center: tuple[float, float]) -> tuple[float, float]:
+    """Northwards and eastwards at (latitude, longitude)."""
+    north = ground_distance_m(center, (center[0] + 1e-3, center[1])) / 1e-3
+    return north, ground_distance_m(center, (center[0], center[1] + 1e-3)) / 1e-3

@@ -1,4 +1,6 @@
-"""The maps that we draw ourselves: invented towns in the open sea, one for each kind of site.
+"""The built-in maps: invented towns in the open sea, drawn here, one for each kind of site.
+
+Roads in metres on paper become OpenStreetMap XML.
 
 ``python -m plannerforge.engine.maps.drawn_library`` draws them anew, with the catalogue of what they show.
 """
@@ -10,9 +12,6 @@ from pathlib import Path
 from lxml import etree
 
 from .osm import EARTH_RADIUS_M
-
-# ---------- sketch
-# Drawing small maps: roads in metres on paper become OpenStreetMap XML at a place in the open sea.
 
 Point = tuple[float, float]
 
@@ -127,11 +126,6 @@ def beside(line: list[Point], distance: float) -> list[Point]:
         found.append((point[0] + distance * across[0], point[1] + distance * across[1]))
     return found
 
-
-# ---------- draw_library
-# The maps that we draw ourselves: invented towns in the open sea, one for each kind of site.
-#
-# ``python -m plannerforge.engine.maps.drawn_library`` draws them anew, with the catalogue of what they show.
 
 LIBRARY = Path(__file__).parent / "library"
 NORTH_SEA = (54.60, 5.20)

@@ -1,4 +1,8 @@
-"""What a map shows, read from the file itself."""
+"""What a map shows, read from the file itself: place, country, roads, sites.
+
+A country is told by a table of borders (Natural Earth 1:10m, public domain, simplified to about 2 km). The table is
+coarse, so the answer is cautious: near a border, where it could be wrong, there is none.
+"""
 
 import gzip
 import json
@@ -6,14 +10,14 @@ import math
 import re
 from collections import Counter
 from functools import lru_cache
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...schemas.generation import MapFacts, ReadMapRequest
 from ..execution import ProgressReporter
 from .map_file import read_map_file
-from .osm import OSM_ATTRIBUTION, OsmMap, distance_m, ground_distance_m
+from .osm import OSM_ATTRIBUTION, OsmMap, ground_distance_m, length_m
 from .places import country_code, fold
 from .road_classes import LINKS, ROADS
 from .sites import SiteFinder
@@ -21,67 +25,10 @@ from .sites import SiteFinder
 if TYPE_CHECKING:
     from shapely import Polygon, STRtree
 
-# ---------- borders
-# Which country a map lies in, from a table of borders: Natural Earth 1:10m, public domain, simplified to about 2 km.
-#
-# The table is coarse, so the answer is cautious: near a border, where it could be wrong, there is none.
-
-TABLE = Path(__file__).parent / "borders.json.gz"
-UNITS_PER_DEG = 250
-DOUBT_M = 6000.0
-"""The table may be off by so much: its simplification, its grid and the scale of its source together."""
-
-
-def country_of(bounds: tuple[float, float, float, float]) -> str | None:
-    """ISO 3166-1 alpha-3 code of the only country within ``DOUBT_M`` of a box (south, west, north, east) in degrees.
-
-    None at sea, near a border, and in areas that several countries claim.
-    """
-    near = countries_near(bounds)
-    return near[0] if len(near) == 1 else None
-
-
-def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]:
-    """Codes of all countries within ``DOUBT_M`` of a box, sorted; none at sea and in areas that several claim."""
-    from shapely import box
-
-    south, west, north, east = bounds
-    up = DOUBT_M / ground_distance_m((0.0, 0.0), (1.0, 0.0))
-    aside = up / max(math.cos(math.radians(max(abs(south), abs(north)))), 0.05)
-    tree, codes = _table()
-    near = tree.query(box(west - aside, south - up, east + aside, north + up), predicate="intersects")
-    found = {codes[index] for index in near.tolist()}
-    return () if "" in found else tuple(sorted(found))
-
-
-@lru_cache(maxsize=1)
-def _table() -> tuple["STRtree", tuple[str, ...]]:
-    """A tree of all areas with the code of each."""
-    from shapely import STRtree
-
-    rows = json.loads(gzip.decompress(TABLE.read_bytes()))
-    areas = [(code, _polygon(rings)) for code, polygons in rows for rings in polygons]
-    return STRtree([area for _, area in areas]), tuple(code for code, _ in areas)
-
-
-def _polygon(rings: list[list[int]]) -> "Polygon":
-    """The area inside the first ring and outside the others; a ring is steps (east, north) from (0, 0) in units."""
-    from shapely import Polygon
-
-    lines = [list(zip(_summed(steps[::2]), _summed(steps[1::2]), strict=True)) for steps in rings]
-    area: Polygon = Polygon(lines[0], lines[1:])
-    return area if area.is_valid else area.buffer(0)
-
-
-def _summed(steps: list[int]) -> list[float]:
-    return [units / UNITS_PER_DEG for units in accumulate(steps)]
-
-
-# ---------- facts
-# What a map shows, read from the file itself.
-
 PLACE_KINDS = ("city", "town", "village", "suburb", "borough", "quarter", "neighbourhood", "hamlet")
+"""OSM's values of ``place`` for settlements and their parts, the larger first."""
 MOST_PLACES = 40
+"""Names of places that the facts of a map hold: those of a large city would fill a page (chosen)."""
 
 
 def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
@@ -97,8 +44,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     report(0.0, "reading the map")
     osm = read_map_file(path)
     report(0.6, "looking for sites")
-    found = _places(osm)
-    names = list(dict.fromkeys(([request.place] if request.place else []) + found))
+    names = list(dict.fromkeys(([request.place] if request.place else []) + _places(osm)))
     roads = osm.roads(frozenset((*ROADS, *LINKS)))
     south, west, north, east = osm.bounds
     near = countries_near(osm.bounds)
@@ -117,7 +63,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
         streets=(*_by_length(osm, "name"), *_junction_names(osm)),
         refs=_by_length(osm, "ref"),
         sites=SiteFinder(osm).kinds(),
-        road_km=round(sum(_length_m(osm, way.node_ids) for way in roads) / 1000, 2),
+        road_km=round(sum(length_m(osm, way) for way in roads) / 1000, 2),
         attribution=request.attribution or osm.attribution or OSM_ATTRIBUTION,
     )
 
@@ -161,7 +107,7 @@ def _by_length(osm: OsmMap, key: str) -> tuple[str, ...]:
         values = way.tags.get(key, "").split(";") if key == "ref" else [way.tags.get(key, "")]
         for value in values:
             if value.strip():
-                lengths[value.strip()] = lengths.get(value.strip(), 0.0) + _length_m(osm, way.node_ids)
+                lengths[value.strip()] = lengths.get(value.strip(), 0.0) + length_m(osm, way)
     return tuple(sorted(lengths, key=lambda name: (-round(lengths[name], 3), name)))
 
 
@@ -171,6 +117,47 @@ def _junction_names(osm: OsmMap) -> tuple[str, ...]:
     return tuple(sorted({node.tags["name"] for node in nodes if node.tags.get("name")}))
 
 
-def _length_m(osm: OsmMap, node_ids: tuple[int, ...]) -> float:
-    nodes = [osm.nodes[key] for key in node_ids]
-    return sum(distance_m(one, other) for one, other in pairwise(nodes))
+BORDERS = Path(__file__).parent / "borders.json.gz"
+UNITS_PER_DEG = 250
+"""The table's grid: about 440 m."""
+DOUBT_M = 6000.0
+"""How far off the table may be: its simplification, its grid and the scale of its source together."""
+
+
+def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]:
+    """ISO 3166-1 alpha-3 codes of all countries within ``DOUBT_M`` of a box, sorted.
+
+    The box is (south, west, north, east) in degrees. Empty at sea, and in areas that several countries claim. A box lies in a country if there is no other one near.
+    """
+    from shapely import box
+
+    south, west, north, east = bounds
+    up = DOUBT_M / ground_distance_m((0.0, 0.0), (1.0, 0.0))
+    aside = up / max(math.cos(math.radians(max(abs(south), abs(north)))), 0.05)
+    tree, codes = _table()
+    near = tree.query(box(west - aside, south - up, east + aside, north + up), predicate="intersects")
+    claimed_by = {codes[index] for index in near.tolist()}
+    return () if "" in claimed_by else tuple(sorted(claimed_by))
+
+
+@lru_cache(maxsize=1)
+def _table() -> tuple["STRtree", tuple[str, ...]]:
+    """A tree of all areas with the code of each."""
+    from shapely import STRtree
+
+    rows = json.loads(gzip.decompress(BORDERS.read_bytes()))
+    areas = [(code, _polygon(rings)) for code, polygons in rows for rings in polygons]
+    return STRtree([area for _, area in areas]), tuple(code for code, _ in areas)
+
+
+def _polygon(rings: list[list[int]]) -> "Polygon":
+    """The area inside the first ring and outside the others; a ring is steps (east, north) from (0, 0) in units."""
+    from shapely import Polygon
+
+    lines = [list(zip(_summed(steps[::2]), _summed(steps[1::2]), strict=True)) for steps in rings]
+    area: Polygon = Polygon(lines[0], lines[1:])
+    return area if area.is_valid else area.buffer(0)
+
+
+def _summed(steps: list[int]) -> list[float]:
+    return [units / UNITS_PER_DEG for units in accumulate(steps)]

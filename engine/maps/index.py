@@ -1,4 +1,8 @@
-"""The maps at hand and finding one by what the user calls it: place, street, crossing, road number, id, box."""
+"""The maps at hand, and finding one by what the user calls it: place, street, crossing, road number, id, box.
+
+What became of the files in the map folders is kept in the database, so that each is unpacked and read once and not at
+every call.
+"""
 
 import re
 from collections.abc import Sequence
@@ -10,54 +14,9 @@ from ...schemas.generation import MapFacts, MapList, ScenarioType
 from ..workspace import Database, versions_of
 from .places import country_code, fold, place_keys
 
-# ---------- seen_files
-# What became of the files in the map folders, so that one is unpacked and read once and not at every call.
-
-
-@dataclass(frozen=True)
-class SeenFile:
-    """A file of a map folder: the map that it became, or why it was refused (the other is empty)."""
-
-    map_id: str
-    refusal: str
-
-
-class SeenFiles:
-    """The files seen so far by path; one that was changed since, or was read by another version of us, is new again."""
-
-    def __init__(self, database: Database) -> None:
-        self._database = database
-
-    def find(self, path: Path) -> SeenFile | None:
-        """What became of a file; None where it is new or gone."""
-        query = "SELECT map_id, refusal FROM map_files WHERE path = ? AND stamp = ?"
-        row = self._database.connection().execute(query, (str(path), _stamp(path))).fetchone()
-        return None if row is None else SeenFile(row["map_id"], row["refusal"])
-
-    def keep(self, path: Path, seen: SeenFile) -> None:
-        """Remember what became of a file as it is now.
-
-        Raises:
-            ResourceFailure: the database cannot be written.
-        """
-        row = (str(path), _stamp(path), seen.map_id, seen.refusal)
-        with self._database.writing() as connection:
-            connection.execute("INSERT OR REPLACE INTO map_files VALUES (?, ?, ?, ?)", row)
-
-
-def _stamp(path: Path) -> str:
-    """Size, time of the last change and our version; empty for a file that is gone."""
-    try:
-        found = path.stat()
-    except OSError:
-        return ""
-    return f"{found.st_size} {found.st_mtime_ns} {versions_of()}"
-
-
-# ---------- index
-# The maps at hand and finding one by what the user calls it: place, street, crossing, road number, id, box.
-
 LIBRARY = Path(__file__).parent / "library"
+NOT_SHOWN = "not_shown"
+"""Reason of a refusal because no map shows the place, the country or the box."""
 ABBREVIATIONS = {
     "str": "strasse",
     "blvd": "boulevard",
@@ -77,7 +36,9 @@ ABBREVIATIONS = {
     "und": "and",
     "&": "and",
 }
+"""Words of street names that are spelled in several ways."""
 Box = tuple[float, float, float, float]
+"""(south, west, north, east) in degrees."""
 
 
 @dataclass(frozen=True)
@@ -90,10 +51,10 @@ class MapEntry:
 
 @dataclass(frozen=True)
 class MapMatch:
-    """A map that shows the wished place.
+    """A map that shows the asked place.
 
-    ``streets``: by their names in the map, that the site must carry; ``unnamed``: words of the wish that the map does
-    not name, though it names the street beside them.
+    ``streets``: by their names in the map, that the site must carry; ``unnamed``: words of the request that the map
+    does not name, though it names the street beside them.
     """
 
     entry: MapEntry
@@ -115,10 +76,10 @@ def find_maps(
     bbox: Box | None = None,
     scenario_type: ScenarioType = "any",
 ) -> list[MapMatch]:
-    """All maps that fit; those that hold the wished type of site first, otherwise in the order given.
+    """All maps that fit; those that hold the asked type of site first, otherwise in the order given.
 
     Raises:
-        UnknownName: no map shows the place, country or box; names what can be had, the closest first.
+        UnknownName: no map shows the place, country or box; the error names what can be had, the closest first.
     """
     if not maps:
         raise UnknownName("there is no map", next_step="import an .osm file with import_files")
@@ -151,7 +112,9 @@ def _in_country(found: list[MapMatch], country: str, code: str) -> list[MapMatch
     fitting = [match for match in found if code in _countries(match.entry.facts) or not _countries(match.entry.facts)]
     if not fitting:
         known = sorted({code for match in found for code in _countries(match.entry.facts)})
-        raise UnknownName(f"no map lies in {country!r}", valid=known, next_step="leave country out, or import a map")
+        raise UnknownName(
+            f"no map lies in {country!r}", valid=known, next_step="leave country out, or import a map", reason=NOT_SHOWN
+        )
     return fitting
 
 
@@ -173,7 +136,10 @@ def _in_box(found: list[MapMatch], bbox: Box) -> list[MapMatch]:
     if not fitting:
         boxes = [_box_text(match.entry.facts) for match in found]
         raise UnknownName(
-            f"no map shows the box {list(bbox)}", valid=boxes, next_step="choose a box inside one of these"
+            f"no map shows the box {list(bbox)}",
+            valid=boxes,
+            next_step="choose a box inside one of these",
+            reason=NOT_SHOWN,
         )
     return fitting
 
@@ -205,6 +171,7 @@ def _not_shown(
             valid=[_box_text(match.entry.facts) for match in elsewhere],
             next_step=f"leave {' and '.join(['bbox'] * (bbox is not None) + ['country'] * (country is not None))} out, "
             "or choose another place",
+            reason=NOT_SHOWN,
         )
     nameless = [
         match.entry.facts
@@ -216,6 +183,7 @@ def _not_shown(
             f"no map shows {place!r}; {nameless[0].map_id} shows such a road, but does not say in which place it lies",
             valid=[facts.map_id for facts in nameless],
             next_step="name the road alone, name its country, or add the map with its place",
+            reason=NOT_SHOWN,
         )
     names = {name for match in found for name in _names(match.entry.facts)}
     shown = sorted({match.entry.facts.place for match in found})
@@ -224,6 +192,7 @@ def _not_shown(
         f"no map shows {place!r}",
         valid=[*near, *(name for name in shown if name not in near)],
         next_step="choose one of these places, or import an .osm extract of the place with import_files",
+        reason=NOT_SHOWN,
     )
 
 
@@ -281,3 +250,43 @@ def _street_keys(name: str) -> frozenset[str]:
     words = re.sub(r"str\.(?=\s|$)", "strasse", name.casefold()).replace(".", " ").replace("-", " ").split()
     spelled = "".join(ABBREVIATIONS.get(word, word) for word in words)
     return place_keys(spelled) | place_keys(name)
+
+
+@dataclass(frozen=True)
+class SeenFile:
+    """A file of a map folder: the map that it became, or why it was refused (the other is empty)."""
+
+    map_id: str
+    refusal: str
+
+
+class SeenFiles:
+    """The files that were looked at, by path; one that was changed since, or read by another version, is new again."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def find(self, path: Path) -> SeenFile | None:
+        """What became of a file; None where it is new or gone."""
+        query = "SELECT map_id, refusal FROM map_files WHERE path = ? AND stamp = ?"
+        row = self._database.connection().execute(query, (str(path), _stamp(path))).fetchone()
+        return None if row is None else SeenFile(row["map_id"], row["refusal"])
+
+    def keep(self, path: Path, seen: SeenFile) -> None:
+        """Remember what became of a file as it is now.
+
+        Raises:
+            ResourceFailure: the database cannot be written.
+        """
+        row = (str(path), _stamp(path), seen.map_id, seen.refusal)
+        with self._database.writing() as connection:
+            connection.execute("INSERT OR REPLACE INTO map_files VALUES (?, ?, ?, ?)", row)
+
+
+def _stamp(path: Path) -> str:
+    """Size, time of the last change and this program's version; empty for a file that is gone."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return ""
+    return f"{stat.st_size} {stat.st_mtime_ns} {versions_of()}"

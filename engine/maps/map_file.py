@@ -1,6 +1,8 @@
 """Files that scenarios are made from: OpenStreetMap extracts and SUMO networks.
 
-The scenarios of one call are mostly made from one map, so a process keeps the one that it read last.
+A user's SUMO network (.net.xml) becomes a map with the nodes, roads and tags that a site finder knows from OSM; its ids
+are numbers made here, because a network has names for its roads and no OSM ids. The scenarios of one call are mostly
+made from one map, so a process keeps the one that it read last.
 """
 
 from dataclasses import dataclass, field
@@ -16,14 +18,54 @@ from .osm import NO_TAGS, OSM_ATTRIBUTION, OsmMap, OsmNode, OsmWay, read_osm
 from .road_classes import LINKS, ROADS
 from .unpacking import is_net
 
-# ---------- net_map
-# A user's SUMO network (.net.xml) as a map: the same nodes, roads and tags that a site finder knows from OSM.
-#
-# Ids are numbers of our own, because a network has names for its roads and no OSM ids.
-
 OSM_TYPE = "highway."
+"""Before the ``highway`` value, in the types that netconvert gives to edges from OSM."""
 FAST_KMH = 60
-"""Above it, a road whose type says nothing is taken for one outside towns."""
+"""Above it, a road whose type says nothing is taken for one outside towns (chosen)."""
+FileState = tuple[Path, int, int, int]
+"""What tells a file from another, and from itself after a change: path, number on the disk, time of change, size."""
+
+
+def read_map_file(path: Path) -> OsmMap:
+    """The map in a file of either kind, a ``NetMap`` for a network; read anew only if it is not the last one.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken, no map, or holds no road for vehicles.
+    """
+    return _last_map().get(path)
+
+
+@cache
+def _last_map() -> "LastMap":
+    """One for the process: a worker does one thing at a time."""
+    return LastMap()
+
+
+class LastMap:
+    """The map that was read last; a map is never changed, so that it can be handed out again."""
+
+    def __init__(self) -> None:
+        self._kept: tuple[FileState, OsmMap] | None = None
+
+    def get(self, path: Path) -> OsmMap:
+        """The map in the file as it is now, read only where it is another one or has changed.
+
+        Raises:
+            UnsafeInput: the file is hostile, broken, no map, or holds no road for vehicles.
+        """
+        state = _state_of(path)
+        if self._kept is None or self._kept[0] != state:
+            self._kept = None  # two large maps at once may be more than a worker's memory
+            self._kept = state, read_net_map(path) if is_net(path) else read_osm(path)
+        return self._kept[1]
+
+
+def _state_of(path: Path) -> FileState:
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise UnsafeInput(f"{path.name} cannot be read: {error.strerror}") from error
+    return path.absolute(), stat.st_ino, stat.st_mtime_ns, stat.st_size
 
 
 @dataclass(frozen=True)
@@ -97,7 +139,7 @@ def _roads(edges: list[NetEdge]) -> list[tuple[NetEdge, NetEdge | None]]:
     for edge in edges:
         waiting.setdefault((edge.from_junction, edge.to_junction), []).append(edge)
     taken: set[str] = set()
-    found: list[tuple[NetEdge, NetEdge | None]] = []
+    roads: list[tuple[NetEdge, NetEdge | None]] = []
     for edge in edges:
         if edge.edge_id in taken:
             continue
@@ -106,8 +148,8 @@ def _roads(edges: list[NetEdge]) -> list[tuple[NetEdge, NetEdge | None]]:
         back = next((other for other in others if other.edge_id not in taken), None)
         if back is not None:
             taken.add(back.edge_id)
-        found.append((edge, back))
-    return found
+        roads.append((edge, back))
+    return roads
 
 
 def _junctions(edges: list[NetEdge], net: SumoNet) -> dict[str, Points]:
@@ -152,54 +194,3 @@ def _degrees(points: Points, net: SumoNet) -> list[tuple[float, float]]:
     if not (np.isfinite(latitudes).all() and np.isfinite(longitudes).all()):
         raise ValueError(f"its coordinates lie outside the projection {net.projection!r}")
     return list(zip(np.round(latitudes, 7).tolist(), np.round(longitudes, 7).tolist(), strict=True))
-
-
-# ---------- map_file
-# Files that scenarios are made from: OpenStreetMap extracts and SUMO networks.
-#
-# The scenarios of one call are mostly made from one map, so a process keeps the one that it read last.
-
-FileState = tuple[Path, int, int, int]
-"""What tells a file from another, and from itself after a change: path, number on the disk, time of change, size."""
-
-
-class LastMap:
-    """The map that was read last; a map is never changed, so whoever asks next may have the same one."""
-
-    def __init__(self) -> None:
-        self._kept: tuple[FileState, OsmMap] | None = None
-
-    def get(self, path: Path) -> OsmMap:
-        """The map in the file as it is now, read only where it is another one or has changed.
-
-        Raises:
-            UnsafeInput: the file is hostile, broken, no map, or holds no road for vehicles.
-        """
-        state = _state_of(path)
-        if self._kept is None or self._kept[0] != state:
-            self._kept = None  # two large maps at once may be more than a worker's memory
-            self._kept = state, read_net_map(path) if is_net(path) else read_osm(path)
-        return self._kept[1]
-
-
-def read_map_file(path: Path) -> OsmMap:
-    """Scan and read a map of either kind; of a network it is a ``NetMap``.
-
-    Raises:
-        UnsafeInput: the file is hostile, broken, no map, or holds no road for vehicles.
-    """
-    return _last_map().get(path)
-
-
-@cache
-def _last_map() -> LastMap:
-    """One for the process: a worker does one thing at a time."""
-    return LastMap()
-
-
-def _state_of(path: Path) -> FileState:
-    try:
-        found = path.stat()
-    except OSError as error:
-        raise UnsafeInput(f"{path.name} cannot be read: {error.strerror}") from error
-    return path.absolute(), found.st_ino, found.st_mtime_ns, found.st_size

@@ -1,4 +1,9 @@
-"""OpenStreetMap extracts (.osm) as plain values: nodes, roads, and what else helps to name and judge a place."""
+"""OpenStreetMap extracts as plain values: nodes, roads, and what else helps to name and judge a place.
+
+XML (.osm) is read element by element; the binary format (.osm.pbf) is first written as XML, as far as roads, their
+names and surroundings need it. Positions in degrees (WGS 84), distances in m on the ground (equirectangular, good for
+the size of an extract).
+"""
 
 import math
 from collections.abc import Collection, Iterable, Mapping
@@ -18,15 +23,15 @@ from ..execution import ProgressReporter
 from .road_classes import LINKS, ROADS, THROUGH_ROADS
 from .unpacking import LARGEST_BYTES
 
-# ---------- osm_reader
-# OpenStreetMap extracts (.osm) as plain values: nodes, roads, and what else helps to name and judge a place.
-
 LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
+"""What a worker reads within its memory and time: the size is also what an extract may be unpacked into."""
 OSM_ATTRIBUTION = "© OpenStreetMap contributors, ODbL"
 SHOWN_CLASSES = 5
+"""Values of ``highway`` that a refusal names, at most."""
 EARTH_RADIUS_M = 6_371_008.8
+"""Mean radius of the Earth (IUGG)."""
 MOST_EMPTY = 10.0
-"""A declared box may be so many times as long as the one around all nodes; beyond, it is not believed."""
+"""Ratio of a declared box's longer side to that of the box around all nodes, beyond which it is not believed."""
 NO_TAGS: Mapping[str, str] = MappingProxyType({})
 """One for all nodes that have none, which are most."""
 
@@ -111,16 +116,16 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     if root_name != "osm":
         raise UnsafeInput(f"{path.name} is no OpenStreetMap extract: its root element is <{root_name}>, not <osm>")
     try:
-        found = _read(path)
+        extract = _read(path)
     except (etree.LxmlError, ValueError, KeyError) as error:
         raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
-    if not found.roads(frozenset((*ROADS, *LINKS))):
-        others = sorted({way.road_class for way in found.ways if way.road_class})[:SHOWN_CLASSES]
+    if not extract.roads(frozenset((*ROADS, *LINKS))):
+        others = sorted({way.road_class for way in extract.ways if way.road_class})[:SHOWN_CLASSES]
         only = f", only {', '.join(others)}" if others else ""
         raise UnsafeInput(
             f"{path.name} holds no road for vehicles{only}", next_step="use an extract with streets in it"
         )
-    return found
+    return extract
 
 
 def _read(path: Path) -> OsmMap:
@@ -166,6 +171,12 @@ def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -
     north = math.radians(second[0] - first[0])
     east = math.radians(second[1] - first[1]) * math.cos(middle)
     return EARTH_RADIUS_M * math.hypot(north, east)
+
+
+def length_m(osm: OsmMap, way: OsmWay) -> float:
+    """Length of a way in m."""
+    nodes = [osm.nodes[key] for key in way.node_ids]
+    return sum(distance_m(one, other) for one, other in pairwise(nodes))
 
 
 def _is_area(bounds: tuple[float, float, float, float]) -> bool:
@@ -219,9 +230,6 @@ def _own_attribution(root: Any) -> str:
     return str(root.get("attribution", ""))[:200] if root.get("generator") == "PlannerForge" else ""
 
 
-# ---------- binary_osm
-# OpenStreetMap's binary format (.osm.pbf) written as .osm, as far as roads, their names and surroundings need it.
-
 KEPT_KEYS = (
     "highway",
     "junction",
@@ -273,62 +281,3 @@ def _kept(path: Path) -> Iterable[Any]:
 
     kept: Iterable[Any] = osmium.FileProcessor(str(path)).with_filter(osmium.filter.KeyFilter(*KEPT_KEYS))
     return kept
-
-
-# ---------- crossings
-# Where the roads of a map meet.
-
-
-class Crossings:
-    """Where roads meet: the roads by node, and the nodes at which at least three arms do."""
-
-    def __init__(self, roads: list[OsmWay]) -> None:
-        self.ways_at: dict[int, list[OsmWay]] = {}
-        arms: dict[int, int] = {}
-        for way in roads:
-            for key in dict.fromkeys(way.node_ids):
-                self.ways_at.setdefault(key, []).append(way)
-            for index, key in enumerate(way.node_ids):
-                arms[key] = arms.get(key, 0) + (index > 0) + (index < len(way.node_ids) - 1)
-        self.junctions = [key for key, count in arms.items() if count >= 3]
-
-    def of_streets(self) -> list[int]:
-        """Junctions of different streets: not one road that parts in two, and not only motorways."""
-        return [key for key in self.junctions if self._crosses(key) and not self._only_motorway(key)]
-
-    def _crosses(self, key: int) -> bool:
-        names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at[key]}
-        return len(names) > 1 or len(self.ways_at[key]) > 3
-
-    def _only_motorway(self, key: int) -> bool:
-        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at[key])
-
-
-# ---------- way_points
-# The length of a way, and points evenly spaced along it.
-
-SPACING_M = 400.0
-
-
-def length_m(osm: OsmMap, way: OsmWay) -> float:
-    """Length on the ground."""
-    nodes = [osm.nodes[key] for key in way.node_ids]
-    return sum(distance_m(one, other) for one, other in pairwise(nodes))
-
-
-def spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
-    """Points evenly spaced along a way, one for every ``SPACING_M`` and at least one, the ends left out."""
-    nodes = [osm.nodes[key] for key in way.node_ids]
-    total = length_m(osm, way)
-    count = max(1, round(total / SPACING_M))
-    found: list[OsmNode] = []
-    gone = 0.0
-    for one, other in pairwise(nodes):
-        step = distance_m(one, other)
-        while len(found) < count and gone + step >= (wanted := total * (len(found) + 0.5) / count) - 1e-6:
-            share = (wanted - gone) / max(step, 1e-9)
-            latitude = one.latitude + share * (other.latitude - one.latitude)
-            longitude = one.longitude + share * (other.longitude - one.longitude)
-            found.append(OsmNode(0, latitude, longitude, {}))
-        gone += step
-    return found

@@ -1,7 +1,10 @@
-"""Spellings of places and countries: case, accents, umlauts and the names in other languages fold into one key."""
+"""Spellings of places and countries: case, accents, umlauts and the names in other languages fold into one key.
+
+Countries are a table here and not pycountry's, which has English names only, translations in 8 MB of gettext files that
+have to be searched one by one, and not the short forms that users write (``uk``, ``holland``, CommonRoad's ``ZAM``).
+"""
 
 import unicodedata
-from collections.abc import Iterable
 
 _CITY_NAMES = (
     "aachen aixlachapelle aken",
@@ -114,12 +117,6 @@ def country_code(text: str) -> str | None:
             return code
     stripped = text.strip()
     return stripped.upper() if len(stripped) == 3 and stripped.isascii() and stripped.isalpha() else None
-
-
-def same_place(wanted: str, known: Iterable[str]) -> list[str]:
-    """The known places that the wanted one may mean."""
-    keys = place_keys(wanted)
-    return [place for place in known if keys & place_keys(place)]
 
 
 def _without_digraphs(spelling: str) -> str:

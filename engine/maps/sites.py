@@ -4,33 +4,47 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from ...schemas.generation import SiteType
-from .osm import Crossings, OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m, length_m, spaced_points
+from .osm import OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m, length_m
 from .road_classes import LINKS, ROADS, THROUGH_ROADS
 
 if TYPE_CHECKING:
     from shapely import STRtree
 
 SIGNAL_REACH_M = 45.0
+"""From a junction to its traffic signals: on wide roads they are mapped at the stop lines (chosen)."""
 MERGE_M = 60.0
+"""Sites of one type that lie closer together are one (chosen)."""
 RURAL_CLEAR_M, TOWN_CLEAR_M = 120.0, 400.0
+"""From a rural road to the next house; on the map of a town, at whose edge houses may just not be drawn (chosen)."""
 TOWN_JUNCTIONS_PER_KM = 5.0
+"""More junctions on a kilometre of road make the map of a town (chosen)."""
 MOST_BEHIND = 30
+"""Roads behind the links of a ramp that are followed for their names, at most (chosen)."""
 NEAR_RAMP_M, AT_MOTORWAY_M = 200.0, 100.0
-RAMP_CLASSES = frozenset({"motorway_link", "trunk_link"})
-SHORTEST_STRETCH_M = 40.0
+"""From a ramp to the roads that it is called after; from a motorway to junctions that are not urban (chosen)."""
+SHORTEST_STRETCH_M, SHORTEST_RURAL_M = 40.0, 60.0
+"""Shorter ways of a motorway, and of a rural road, are pieces between junctions and no stretches (chosen)."""
+SPACING_M = 400.0
+"""Between two sites on one stretch of road (chosen)."""
+TOWN_LIMIT_KMH = 60
+"""A lower limit tells of a town (chosen; 50 km/h and 30 mph are usual there)."""
+EXPRESSWAY_KMH = 80
+"""A one-way trunk road with this limit or a higher one drives like a motorway (chosen)."""
 FAST_CLASSES = frozenset({"motorway", "trunk"})
+RAMP_CLASSES = frozenset({"motorway_link", "trunk_link"})
 RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
 BUILT_UP_ROADS = frozenset({"residential", "living_street"})
-MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
 BUILT_UP_LANDUSE = frozenset({"residential", "commercial", "retail", "industrial"})
+MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
 
 
 @dataclass(frozen=True)
 class Site:
-    """A place in a map: its type, its middle in degrees, the streets there, and the node or way that marks it."""
+    """A spot of a map: its type, its middle in degrees, the streets there, and the node or way that marks it."""
 
     kind: SiteType
     latitude: float
@@ -42,6 +56,31 @@ class Site:
     def osm_id(self) -> str:
         """The mark as OpenStreetMap writes it: ``node/123`` or ``way/123``."""
         return f"{'node' if self.kind in MARKED_BY_NODES else 'way'}/{self.mark}"
+
+
+class _Crossings:
+    """Where roads meet: the roads by node, and the nodes at which at least three arms do."""
+
+    def __init__(self, roads: list[OsmWay]) -> None:
+        self.ways_at: dict[int, list[OsmWay]] = {}
+        arms: dict[int, int] = {}
+        for way in roads:
+            for key in dict.fromkeys(way.node_ids):
+                self.ways_at.setdefault(key, []).append(way)
+            for index, key in enumerate(way.node_ids):
+                arms[key] = arms.get(key, 0) + (index > 0) + (index < len(way.node_ids) - 1)
+        self.junctions = [key for key, count in arms.items() if count >= 3]
+
+    def of_streets(self) -> list[int]:
+        """Junctions of different streets: not one road that parts in two, and not only motorways."""
+        return [key for key in self.junctions if self._crosses(key) and not self._only_motorway(key)]
+
+    def _crosses(self, key: int) -> bool:
+        names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at[key]}
+        return len(names) > 1 or len(self.ways_at[key]) > 3
+
+    def _only_motorway(self, key: int) -> bool:
+        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at[key])
 
 
 class SiteFinder:
@@ -65,7 +104,7 @@ class SiteFinder:
 
     def find(self, kind: SiteType) -> list[Site]:
         """All sites of a kind, near ones merged."""
-        return merged(self._kinds[kind]())
+        return _merged(self._kinds[kind]())
 
     def kinds(self) -> dict[SiteType, int]:
         """How many sites of each kind the map holds; kinds that it lacks are left out."""
@@ -83,25 +122,25 @@ class SiteFinder:
         return self._site(kind, middle, [way], middle.node_id if kind == "urban" else way.way_id)
 
     @cached_property
-    def roads(self) -> list[OsmWay]:
+    def _roads(self) -> list[OsmWay]:
         """Roads that lead somewhere; service roads and tracks only where there is nothing else."""
         through = [way for way in self.osm.roads(THROUGH_ROADS & self._classes) if way.tags.get("area") != "yes"]
         return through or self.osm.roads(frozenset(ROADS) & self._classes)
 
     @cached_property
-    def streets(self) -> Crossings:
+    def _streets(self) -> _Crossings:
         """Where the roads that lead somewhere meet; a slip road parts from its road there, and crosses nothing."""
-        return Crossings([way for way in self.roads if way.road_class not in LINKS])
+        return _Crossings([way for way in self._roads if way.road_class not in LINKS])
 
     @cached_property
-    def with_links(self) -> Crossings:
+    def _with_links(self) -> _Crossings:
         """Where the roads that lead somewhere and their links meet."""
-        return Crossings(self.roads)
+        return _Crossings(self._roads)
 
     @cached_property
-    def everywhere(self) -> Crossings:
+    def _everywhere(self) -> _Crossings:
         """Where roads meet, driveways and tracks included, links not."""
-        return Crossings(self.osm.roads(frozenset(ROADS) & self._classes))
+        return _Crossings(self.osm.roads(frozenset(ROADS) & self._classes))
 
     @cached_property
     def _fast(self) -> str:
@@ -115,19 +154,19 @@ class SiteFinder:
 
     def _roundabouts(self) -> list[Site]:
         found = []
-        for way in self.roads:
+        for way in self._roads:
             if way.tags.get("junction") in ("roundabout", "circular"):
                 nodes = [self.osm.nodes[key] for key in way.node_ids]
                 middle = _middle(nodes)
-                arms = [other for key in way.node_ids for other in self.streets.ways_at[key]]
+                arms = [other for key in way.node_ids for other in self._streets.ways_at[key]]
                 found.append(self._site("roundabout", middle, arms, way.way_id))
         return found
 
     def _signalised(self) -> list[Site]:
         """Junctions with a traffic signal at them or within reach; a signal alone may be a pedestrian crossing."""
-        return self._lit(self.streets) or self._lit(self.everywhere)
+        return self._lit(self._streets) or self._lit(self._everywhere)
 
-    def _lit(self, crossings: Crossings) -> list[Site]:
+    def _lit(self, crossings: _Crossings) -> list[Site]:
         signals = [
             node
             for key, node in self.osm.nodes.items()
@@ -142,9 +181,9 @@ class SiteFinder:
 
     def _crossings(self) -> list[Site]:
         """Junctions of streets; those with driveways and tracks only where there is no other."""
-        return self._junctions_of(self.streets) or self._junctions_of(self.everywhere)
+        return self._junctions_of(self._streets) or self._junctions_of(self._everywhere)
 
-    def _junctions_of(self, crossings: Crossings) -> list[Site]:
+    def _junctions_of(self, crossings: _Crossings) -> list[Site]:
         return [
             self._site("intersection", self.osm.nodes[key], crossings.ways_at[key], key)
             for key in crossings.of_streets()
@@ -153,8 +192,8 @@ class SiteFinder:
     def _ramps(self) -> list[Site]:
         """Where a link leaves or joins a motorway, or a trunk road where there is no motorway."""
         found = []
-        for key in self.with_links.junctions:
-            ways = self.with_links.ways_at[key]
+        for key in self._with_links.junctions:
+            ways = self._with_links.ways_at[key]
             classes = {way.road_class for way in ways}
             if self._fast in classes and classes & RAMP_CLASSES:
                 node = self.osm.nodes[key]
@@ -168,7 +207,7 @@ class SiteFinder:
         waiting = [way for way in ways if way.road_class in LINKS]
         while waiting:
             for key in waiting.pop().node_ids:
-                for way in self.with_links.ways_at[key]:
+                for way in self._with_links.ways_at[key]:
                     if way.way_id not in found and len(found) < MOST_BEHIND:
                         found[way.way_id] = way
                         waiting += [way] if way.road_class in LINKS else []
@@ -178,34 +217,34 @@ class SiteFinder:
         """The roads that pass within a distance: an exit is called after the road that it lies at, too."""
         from shapely import Point
 
-        return [self.roads[index] for index in self._lines.query(Point(*self._metres(node)), "dwithin", within_m)]
+        return [self._roads[index] for index in self._lines.query(Point(*self._metres(node)), "dwithin", within_m)]
 
     @cached_property
     def _lines(self) -> "STRtree":
         """The roads that lead somewhere, in metres around the middle of the map."""
         from shapely import LineString, STRtree
 
-        return STRtree([LineString([self._metres(self.osm.nodes[key]) for key in way.node_ids]) for way in self.roads])
+        return STRtree([LineString([self._metres(self.osm.nodes[key]) for key in way.node_ids]) for way in self._roads])
 
     def _motorways(self) -> list[Site]:
         ways = [
-            way for way in self.roads if way.road_class == self._fast and length_m(self.osm, way) > SHORTEST_STRETCH_M
+            way for way in self._roads if way.road_class == self._fast and length_m(self.osm, way) > SHORTEST_STRETCH_M
         ]
         ways = [way for way in ways if self._fast == "motorway" or _is_expressway(way)]
         return [
-            self._site("highway", point, [way], way.way_id) for way in ways for point in spaced_points(self.osm, way)
+            self._site("highway", point, [way], way.way_id) for way in ways for point in _spaced_points(self.osm, way)
         ]
 
     def _rural(self) -> list[Site]:
         """Stretches of main roads away from houses; pavements, and limits below 60 km/h, tell of a town."""
         found = []
-        for way in self.roads:
+        for way in self._roads:
             if way.road_class not in RURAL_CLASSES or way.tags.get("junction"):
                 continue
-            slow = 0 < (way.maxspeed_kmh or 0) < 60 or way.tags.get("sidewalk", "no") not in ("no", "none")
-            if length_m(self.osm, way) > 60 and not slow:
+            slow = 0 < (way.maxspeed_kmh or 0) < TOWN_LIMIT_KMH or way.tags.get("sidewalk", "no") not in ("no", "none")
+            if length_m(self.osm, way) > SHORTEST_RURAL_M and not slow:
                 points = [
-                    point for point in spaced_points(self.osm, way) if self._far_from_houses(point, self._clear_m)
+                    point for point in _spaced_points(self.osm, way) if self._far_from_houses(point, self._clear_m)
                 ]
                 found += [self._site("rural", point, [way], way.way_id) for point in points]
         return found
@@ -213,8 +252,8 @@ class SiteFinder:
     @cached_property
     def _clear_m(self) -> float:
         """How far houses have to be: farther on the map of a town, at whose edge houses may just not be drawn."""
-        road_km = sum(length_m(self.osm, way) for way in self.roads) / 1000
-        dense = len(self.streets.junctions) > TOWN_JUNCTIONS_PER_KM * road_km
+        road_km = sum(length_m(self.osm, way) for way in self._roads) / 1000
+        dense = len(self._streets.junctions) > TOWN_JUNCTIONS_PER_KM * road_km
         lit = any(node.tags.get("highway") == "traffic_signals" for node in self.osm.nodes.values())
         return TOWN_CLEAR_M if dense or lit else RURAL_CLEAR_M
 
@@ -230,7 +269,7 @@ class SiteFinder:
 
     def _middles_of_streets(self) -> list[Site]:
         found = []
-        for way in self.roads:
+        for way in self._roads:
             node = self.osm.nodes[way.node_ids[len(way.node_ids) // 2]]
             is_street = way.road_class not in LINKS and way.road_class not in FAST_CLASSES
             if is_street and not self._far_from_houses(node) and not self._at_motorway(node):
@@ -269,7 +308,7 @@ class SiteFinder:
 
 def _is_expressway(way: OsmWay) -> bool:
     """A trunk road that drives like a motorway: one-way carriageway, or signed as one."""
-    fast = (way.maxspeed_kmh or 0) >= 80 and way.tags.get("oneway") == "yes"
+    fast = (way.maxspeed_kmh or 0) >= EXPRESSWAY_KMH and way.tags.get("oneway") == "yes"
     return fast or way.tags.get("motorroad") == "yes"
 
 
@@ -278,13 +317,13 @@ def _middle(nodes: list[OsmNode]) -> OsmNode:
     return OsmNode(0, latitude, math.fsum(node.longitude for node in nodes) / len(nodes), {})
 
 
-def merged(sites: list[Site], within_m: float = MERGE_M) -> list[Site]:
+def _merged(sites: list[Site]) -> list[Site]:
     """Sites of one kind that lie close together as one, with the streets of all."""
     groups: list[list[Site]] = []
     for site in sites:
         here = OsmNode(0, site.latitude, site.longitude, {})
         for group in groups:
-            if distance_m(here, OsmNode(0, group[0].latitude, group[0].longitude, {})) < within_m:
+            if distance_m(here, OsmNode(0, group[0].latitude, group[0].longitude, {})) < MERGE_M:
                 group.append(site)
                 break
         else:
@@ -295,4 +334,22 @@ def merged(sites: list[Site], within_m: float = MERGE_M) -> list[Site]:
         longitude = math.fsum(site.longitude for site in group) / len(group)
         streets = tuple(sorted({street for site in group for street in site.streets}))
         found.append(Site(group[0].kind, latitude, longitude, streets, group[0].mark))
+    return found
+
+
+def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
+    """Points evenly spaced along a way, one for every ``SPACING_M`` and at least one, the ends left out."""
+    nodes = [osm.nodes[key] for key in way.node_ids]
+    total = length_m(osm, way)
+    count = max(1, round(total / SPACING_M))
+    found: list[OsmNode] = []
+    gone = 0.0
+    for one, other in pairwise(nodes):
+        step = distance_m(one, other)
+        while len(found) < count and gone + step >= (wanted := total * (len(found) + 0.5) / count) - 1e-6:
+            share = (wanted - gone) / max(step, 1e-9)
+            latitude = one.latitude + share * (other.latitude - one.latitude)
+            longitude = one.longitude + share * (other.longitude - one.longitude)
+            found.append(OsmNode(0, latitude, longitude, {}))
+        gone += step
     return found

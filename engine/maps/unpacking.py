@@ -11,6 +11,7 @@ NET_ENDING = ".net.xml"
 BINARY_ENDING = ".osm.pbf"
 MAP_ENDINGS = (*(plain + packed for plain in (".osm", NET_ENDING) for packed in ("", ".gz", ".bz2")), BINARY_ENDING)
 LARGEST_BYTES = 60_000_000
+"""Of a map: what a worker reads within its memory (docs/generation.md states it)."""
 CHUNK_BYTES = 1 << 20
 
 

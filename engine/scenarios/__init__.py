@@ -1,6 +1,6 @@
-"""What is known and said about a scenario: facts, computed features, the description.
+"""What is known about a scenario: facts with computed features, and the description in words.
 
-``read_facts``: The facts of one CommonRoad file.
+``read_facts``: An operation: the facts of one CommonRoad file, for the catalogue.
 ``describe``: An operation: ego, vehicles and lanelets near the focus of a scenario.
 """
 

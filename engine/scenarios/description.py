@@ -1,4 +1,8 @@
-"""Describing a scenario in words and ids, so that an edit can be written from it."""
+"""Describing a scenario in words and ids, so that an edit can be written from it.
+
+Described are the ego (start, goal, route), vehicles and lanelets near a focus, and a few checks: whether the file is
+valid, the goal can be reached, and anything overlaps at the start. Lengths in m, speeds in m/s.
+"""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -30,16 +34,170 @@ from ..vehicles import EGO_SIZE_M
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
 
-# ---------- describe_lanelets
-# Lanelets in words and ids: what follows, what lies beside, and who is on them.
+CHECKED_SHOWN = 3
+"""Vehicles that a failed check names, at most."""
+VEHICLES_SHOWN: Mapping[Detail, int] = {"brief": 8, "vehicles": 40, "lanelets": 0, "checks": 0, "recipe": 0}
+LANELETS_SHOWN: Mapping[Detail, int] = {"brief": 6, "vehicles": 0, "lanelets": 30, "checks": 0, "recipe": 0}
+"""How many vehicles and lanelets each detail lists, at most: a description is read by a model (chosen)."""
+OWN_RECORDING = "where the ego starts, as fast: its own recording, which counts as a collision until it is removed"
 
-STRAIGHT_RAD = TURN_RAD
+
+def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
+    """Ego, vehicles and lanelets near the focus; how many depends on the detail.
+
+    Raises:
+        UnknownName: a focus that is no vehicle, lanelet or selector.
+        UnsafeInput: the file is broken.
+    """
+    report(0.0, "reading the scenario")
+    scene = scene_of(request.path, request.problem_id).scene
+    ego = _describe_ego(scene)
+    center, name = _center(scene, request.focus)
+    vehicles = _vehicles(scene, center)
+    near = [vehicle for vehicle in vehicles if vehicle.distance_m <= request.radius_m]
+    lanelets, total = _describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
+    return Description(
+        ego=ego,
+        focus=name,
+        vehicles=tuple(near[: VEHICLES_SHOWN[request.detail]]),
+        vehicles_total=len(vehicles),
+        lanelets=lanelets,
+        lanelets_total=total,
+        checks=_checks_of(scene) if request.detail == "checks" else (),
+    )
+
+
+def _center(scene: Scene, focus: str | None) -> tuple[Points, str]:
+    """The point (2,) around which everything is listed, and its name."""
+    tracks = scene.tracks | scene.standing
+    word = (focus or "ego").strip()
+    if word.lower() == "ego":
+        if scene.ego is not None:
+            return scene.ego.position, "the ego"
+        vertices = np.vstack([lanelet.center_vertices for lanelet in scene.network.lanelets])
+        return np.asarray(vertices.mean(axis=0)), "the middle of the map"
+    if word.isdigit() and int(word) not in tracks:
+        lanelet = scene.network.find_lanelet_by_id(int(word))
+        if lanelet is None:
+            known = [*(str(key) for key in tracks), *(str(lane.lanelet_id) for lane in scene.network.lanelets)]
+            raise UnknownName(f"'{word}' is neither a vehicle nor a lanelet", valid=["ego", *closest(word, known)])
+        middle = lanelet.center_vertices[len(lanelet.center_vertices) // 2]
+        return np.asarray(middle, dtype=float), f"lanelet {word}"
+    chosen = select([word], scene, Changes(next_id=0, driven={}))[0]
+    index = tracks[chosen].index_at(scene.ego.step if scene.ego else 0) or 0
+    return tracks[chosen].positions[index], f"vehicle {chosen}"
+
+
+def _vehicles(scene: Scene, center: Points) -> list[DescribedVehicle]:
+    """All vehicles by their distance to the centre; each where it is at the ego's start, or first appears."""
+    lane = ego_lane(scene, scene.ego) if scene.ego else None
+    begin, roles = scene.ego.step if scene.ego else 0, _roles(scene)
+    described = [
+        _vehicle(scene, lane, track, begin, center, moves=key in scene.tracks)
+        for key, track in sorted((scene.tracks | scene.standing).items())
+    ]
+    described = [_with_role(scene, vehicle, roles) for vehicle in described]
+    return sorted(described, key=lambda vehicle: (vehicle.distance_m, vehicle.vehicle_id))
+
+
+def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
+    """The vehicle with its role: the ego's own recording, or ``lead`` or ``follow`` outside the ego's lane."""
+    track = scene.tracks.get(vehicle.vehicle_id)
+    if track is not None and scene.ego is not None and is_own_recording(track, scene.ego):
+        return vehicle.model_copy(update={"where": OWN_RECORDING, "gap_m": None})
+    role = roles.get(vehicle.vehicle_id)
+    if role is None or vehicle.gap_m is not None:
+        return vehicle
+    return vehicle.model_copy(update={"where": f"{vehicle.where}, {role}"})
+
+
+def _roles(scene: Scene) -> dict[int, str]:
+    lead, follow = leader_and_follower(scene, scene.ego) if scene.ego else (None, None)
+    roles = {lead: "nearest ahead along lanelets: 'lead'", follow: "nearest behind along lanelets: 'follow'"}
+    return {key: role for key, role in roles.items() if key is not None}
+
+
+def _vehicle(
+    scene: Scene, lane: EgoLane | None, track: Track, begin: int, center: Points, *, moves: bool
+) -> DescribedVehicle:
+    index = track.index_at(begin) or 0
+    match = scene.matches.get(track.obstacle_id)
+    lanelet = match.at(index) if match else None
+    where = lane.where(track, index, lanelet) if lane else None
+    distance = float(np.linalg.norm(track.positions[index] - center))
+    speed = float(track.speeds_mps[index])
+    return DescribedVehicle(
+        vehicle_id=track.obstacle_id,
+        kind=track.kind,
+        where=where.words if where else f"{distance:.0f} m away",
+        lanelet=lanelet,
+        speed_mps=round(speed, 2),
+        distance_m=round(distance, 1),
+        ahead_m=where.ahead_m if where else None,
+        gap_m=where.gap_m if where else None,
+        from_s=round(max(track.first_step - begin, 0) * scene.step_s, 2),
+        until_s=round((track.last_step - begin) * scene.step_s, 2),
+        moves=moves and float(track.speeds_mps.max(initial=0.0)) > 0.1,
+    )
+
+
+def _describe_ego(scene: Scene) -> DescribedEgo | None:
+    """The planning problem that the scene is about; None where the file has none."""
+    if scene.ego is None:
+        return None
+    problem = scene.loaded.problem(scene.ego.problem_id)
+    network, state = scene.network, problem.initial_state
+    point = np.asarray(state.position, dtype=float)
+    under = lanelets_at(network, point)
+    route = ego_route(network, scene.lanelet_graph, problem)
+    goals = goal_center_lanelets(network, problem)
+    way = "the goal has no place" if not goals else "no way leads to the goal"
+    if route is not None:
+        way = f"turns {', then '.join(route.turns)}" if route.turns else "straight on"
+        way += ", with a lane change" if route.changes_lane else ""
+    return DescribedEgo(
+        problem_id=scene.ego.problem_id,
+        speed_mps=round(float(state.velocity), 3),
+        lanelets=aligned_lanelets(network, under, point, float(state.orientation)) or under,
+        lanes=max((lanes_beside(network, key) for key in under), default=0),
+        goal=_goal_words(problem, scene.step_s, point, goals),
+        goal_lanelets=goals,
+        route=route.lanelets if route else (),
+        way=way,
+    )
+
+
+def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
+    """What the goal asks for: position, time, speed and heading, where it states them."""
+    states = problem.goal.state_list
+    if not states:
+        return "none stated"
+    parts = []
+    if lanelets and problem.goal.lanelets_of_goal_position:
+        parts.append(f"lanelet {', '.join(map(str, lanelets[:6]))}{' …' if len(lanelets) > 6 else ''}")
+    elif centers := goal_centers(problem):
+        on = f" on lanelet {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
+        parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
+    first = states[0]
+    if getattr(first, "time_step", None) is not None:
+        parts.append(f"at {_span(first.time_step, step_s)} s")
+    if getattr(first, "velocity", None) is not None:
+        parts.append(f"{_span(first.velocity, 1.0)} m/s")
+    if getattr(first, "orientation", None) is not None:
+        parts.append(f"heading {_span(first.orientation, 1.0)} rad")
+    more = f" (and {len(states) - 1} more goal states)" if len(states) > 1 else ""
+    return ", ".join(parts) + more
+
+
+def _span(value: Any, factor: float) -> str:
+    low, high = getattr(value, "start", value), getattr(value, "end", value)
+    return f"{low * factor:.3g}" if low == high else f"{low * factor:.3g}..{high * factor:.3g}"
 
 
 def _describe_lanelets(
     scene: Scene, ego: DescribedEgo | None, center: Points, radius_m: float, most: int
 ) -> tuple[tuple[DescribedLanelet, ...], int]:
-    """The lanelets within the radius, those of the ego's way first, then the nearest; and how many there are."""
+    """The lanelets within the radius, those of the ego's route first, then the nearest; and how many there are."""
     distances = {
         lanelet.lanelet_id: float(np.min(np.linalg.norm(lanelet.center_vertices - center, axis=1)))
         for lanelet in scene.network.lanelets
@@ -85,91 +243,29 @@ def _direction(scene: Scene, key: int) -> str:
     if len(line) < 2:
         return "straight"
     turned = wrap_angle(point_at(line, float(arc_length(line)[-1]))[1] - point_at(line, 0.0)[1])
-    if abs(turned) < STRAIGHT_RAD:
+    if abs(turned) < TURN_RAD:
         return "straight"
     return "left" if turned > 0 else "right"
 
 
 def _vehicles_by_lanelet(scene: Scene) -> dict[int, tuple[int, ...]]:
-    found: dict[int, list[int]] = {}
+    """The vehicles by the lanelet on which each begins."""
+    begins: dict[int, list[int]] = {}
     for key, match in sorted(scene.matches.items()):
-        found.setdefault(match.lanelets[0], []).append(key)
-    return {lanelet: tuple(keys) for lanelet, keys in found.items()}
+        begins.setdefault(match.lanelets[0], []).append(key)
+    return {lanelet: tuple(keys) for lanelet, keys in begins.items()}
 
 
-# ---------- describe_ego
-# The ego of a scenario in words: where it starts, what its goal states, and which way leads there.
-
-
-def _describe_ego(scene: Scene) -> DescribedEgo | None:
-    """The planning problem that the scene is about; None where the file has none."""
-    if scene.ego is None:
-        return None
-    problem = scene.loaded.problem(scene.ego.problem_id)
-    network, state = scene.network, problem.initial_state
-    point = np.asarray(state.position, dtype=float)
-    under = lanelets_at(network, point)
-    route = ego_route(network, scene.lanelet_graph, problem)
-    goals = goal_center_lanelets(network, problem)
-    way = "the goal has no place" if not goals else "no way leads to the goal"
-    if route is not None:
-        way = f"turns {', then '.join(route.turns)}" if route.turns else "straight on"
-        way += ", with a lane change" if route.changes_lane else ""
-    return DescribedEgo(
-        problem_id=scene.ego.problem_id,
-        speed_mps=round(float(state.velocity), 3),
-        lanelets=aligned_lanelets(network, under, point, float(state.orientation)) or under,
-        lanes=max((lanes_beside(network, key) for key in under), default=0),
-        goal=_goal_words(problem, scene.step_s, point, goals),
-        goal_lanelets=goals,
-        route=route.lanelets if route else (),
-        way=way,
-    )
-
-
-def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
-    """What the goal asks for: place, time, speed and heading, as far as it states them."""
-    states = problem.goal.state_list
-    if not states:
-        return "none stated"
-    parts = []
-    if lanelets and problem.goal.lanelets_of_goal_position:
-        parts.append(f"lanelet {', '.join(map(str, lanelets[:6]))}{' …' if len(lanelets) > 6 else ''}")
-    elif centers := goal_centers(problem):
-        on = f" on lanelet {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
-        parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
-    first = states[0]
-    if getattr(first, "time_step", None) is not None:
-        parts.append(f"at {_span(first.time_step, step_s)} s")
-    if getattr(first, "velocity", None) is not None:
-        parts.append(f"{_span(first.velocity, 1.0)} m/s")
-    if getattr(first, "orientation", None) is not None:
-        parts.append(f"heading {_span(first.orientation, 1.0)} rad")
-    more = f" (and {len(states) - 1} more goal states)" if len(states) > 1 else ""
-    return ", ".join(parts) + more
-
-
-def _span(value: Any, factor: float) -> str:
-    low, high = getattr(value, "start", value), getattr(value, "end", value)
-    return f"{low * factor:.3g}" if low == high else f"{low * factor:.3g}..{high * factor:.3g}"
-
-
-# ---------- describe_checks
-# What a look over a scenario finds: is the file valid, can the goal be reached, does anything overlap at the start.
-
-SHOWN = 3
-
-
-def checks_of(scene: Scene) -> tuple[str, ...]:
+def _checks_of(scene: Scene) -> tuple[str, ...]:
     """A sentence for each check, beginning with ``ok`` or ``problem``."""
     return (_schema(scene), _goal(scene), _overlaps(scene), _off_the_road(scene))
 
 
 def _schema(scene: Scene) -> str:
-    found = schema_errors(scene.loaded.path)
-    if not found:
+    errors = schema_errors(scene.loaded.path)
+    if not errors:
         return "ok: valid by CommonRoad's XML schema 2020a"
-    return f"problem: {len(found)} violations of CommonRoad's XML schema 2020a, first: {found[0][:200]}"
+    return f"problem: {len(errors)} violations of CommonRoad's XML schema 2020a, first: {errors[0][:200]}"
 
 
 def _goal(scene: Scene) -> str:
@@ -191,7 +287,7 @@ def _overlaps(scene: Scene) -> str:
     hit = [key for key, track in sorted((scene.tracks | scene.standing).items()) if _overlaps_at(track, step, own)]
     if not hit:
         return "ok: nobody overlaps the ego at its start"
-    return f"problem: the ego overlaps vehicle {', '.join(map(str, hit[:SHOWN]))} at its start"
+    return f"problem: the ego overlaps vehicle {', '.join(map(str, hit[:CHECKED_SHOWN]))} at its start"
 
 
 def _overlaps_at(track: Track, step: int, own: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> bool:
@@ -206,111 +302,4 @@ def _off_the_road(scene: Scene) -> str:
     lost = sorted(set(scene.tracks) - set(scene.matches))
     if not lost:
         return "ok: every moving vehicle is on or near a lanelet"
-    return f"problem: {len(lost)} moving vehicles are on no lanelet: {', '.join(map(str, lost[:SHOWN]))}"
-
-
-# ---------- describe
-# Describing a scenario in words and ids, so that an edit can be written from it.
-
-VEHICLES_SHOWN: Mapping[Detail, int] = {"brief": 8, "vehicles": 40, "lanelets": 0, "checks": 0, "recipe": 0}
-LANELETS_SHOWN: Mapping[Detail, int] = {"brief": 6, "vehicles": 0, "lanelets": 30, "checks": 0, "recipe": 0}
-OWN_RECORDING = "where the ego starts, as fast: its own recording, which counts as a collision until it is removed"
-
-
-def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
-    """Ego, vehicles and lanelets near the focus; how many depends on the detail.
-
-    Raises:
-        UnknownName: a focus that is no vehicle, lanelet or selector.
-        UnsafeInput: the file is broken.
-    """
-    report(0.0, "reading the scenario")
-    scene = scene_of(request.path, request.problem_id).scene
-    ego = _describe_ego(scene)
-    center, name = _center(scene, request.focus)
-    vehicles = _vehicles(scene, center)
-    near = [vehicle for vehicle in vehicles if vehicle.distance_m <= request.radius_m]
-    lanelets, total = _describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
-    return Description(
-        ego=ego,
-        focus=name,
-        vehicles=tuple(near[: VEHICLES_SHOWN[request.detail]]),
-        vehicles_total=len(vehicles),
-        lanelets=lanelets,
-        lanelets_total=total,
-        checks=checks_of(scene) if request.detail == "checks" else (),
-    )
-
-
-def _center(scene: Scene, focus: str | None) -> tuple[Points, str]:
-    """The point that everything is listed around, and its name."""
-    tracks = scene.tracks | scene.standing
-    word = (focus or "ego").strip()
-    if word.lower() == "ego":
-        if scene.ego is not None:
-            return scene.ego.position, "the ego"
-        vertices = np.vstack([lanelet.center_vertices for lanelet in scene.network.lanelets])
-        return np.asarray(vertices.mean(axis=0)), "the middle of the map"
-    if word.isdigit() and int(word) not in tracks:
-        lanelet = scene.network.find_lanelet_by_id(int(word))
-        if lanelet is None:
-            known = [*(str(key) for key in tracks), *(str(lane.lanelet_id) for lane in scene.network.lanelets)]
-            raise UnknownName(f"'{word}' is neither a vehicle nor a lanelet", valid=["ego", *closest(word, known)])
-        middle = lanelet.center_vertices[len(lanelet.center_vertices) // 2]
-        return np.asarray(middle, dtype=float), f"lanelet {word}"
-    chosen = select([word], scene, Changes(next_id=0, driven={}))[0]
-    index = tracks[chosen].index_at(scene.ego.step if scene.ego else 0) or 0
-    return tracks[chosen].positions[index], f"vehicle {chosen}"
-
-
-def _vehicles(scene: Scene, center: Points) -> list[DescribedVehicle]:
-    """All vehicles by their distance to the centre; each where it is at the ego's start, or first appears."""
-    lane = ego_lane(scene, scene.ego) if scene.ego else None
-    begin, roles = scene.ego.step if scene.ego else 0, _roles(scene)
-    described = [
-        _vehicle(scene, lane, track, begin, center, moves=key in scene.tracks)
-        for key, track in sorted((scene.tracks | scene.standing).items())
-    ]
-    said = [_with_role(scene, vehicle, roles) for vehicle in described]
-    return sorted(said, key=lambda vehicle: (vehicle.distance_m, vehicle.vehicle_id))
-
-
-def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
-    """Say who is the ego's own recording, and whom ``lead`` or ``follow`` mean who is not in the ego's lane."""
-    track = scene.tracks.get(vehicle.vehicle_id)
-    if track is not None and scene.ego is not None and is_own_recording(track, scene.ego):
-        return vehicle.model_copy(update={"where": OWN_RECORDING, "gap_m": None})
-    role = roles.get(vehicle.vehicle_id)
-    if role is None or vehicle.gap_m is not None:
-        return vehicle
-    return vehicle.model_copy(update={"where": f"{vehicle.where}, {role}"})
-
-
-def _roles(scene: Scene) -> dict[int, str]:
-    lead, follow = leader_and_follower(scene, scene.ego) if scene.ego else (None, None)
-    found = {lead: "nearest ahead along lanelets: 'lead'", follow: "nearest behind along lanelets: 'follow'"}
-    return {key: role for key, role in found.items() if key is not None}
-
-
-def _vehicle(
-    scene: Scene, lane: EgoLane | None, track: Track, begin: int, center: Points, *, moves: bool
-) -> DescribedVehicle:
-    index = track.index_at(begin) or 0
-    match = scene.matches.get(track.obstacle_id)
-    lanelet = match.at(index) if match else None
-    where = lane.where(track, index, lanelet) if lane else None
-    distance = float(np.linalg.norm(track.positions[index] - center))
-    speed = float(track.speeds_mps[index])
-    return DescribedVehicle(
-        vehicle_id=track.obstacle_id,
-        kind=track.kind,
-        where=where.words if where else f"{distance:.0f} m away",
-        lanelet=lanelet,
-        speed_mps=round(speed, 2),
-        distance_m=round(distance, 1),
-        ahead_m=where.ahead_m if where else None,
-        gap_m=where.gap_m if where else None,
-        from_s=round(max(track.first_step - begin, 0) * scene.step_s, 2),
-        until_s=round((track.last_step - begin) * scene.step_s, 2),
-        moves=moves and float(track.speeds_mps.max(initial=0.0)) > 0.1,
-    )
+    return f"problem: {len(lost)} moving vehicles are on no lanelet: {', '.join(map(str, lost[:CHECKED_SHOWN]))}"

@@ -1,6 +1,7 @@
 """Reading the facts of a CommonRoad file: the paper's four metadata layers and the computed features.
 
-Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle).
+Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle). Of the recording, the
+facts state how dense the traffic is, and when it meets an ego that does not react.
 """
 
 import math
@@ -30,93 +31,15 @@ from ..commonroad import (
     size_of,
 )
 from ..execution import ProgressReporter
-from ..geometry import Points, arc_length, headings, project, project_all
+from ..geometry import arc_length, headings, project, project_all
 from ..network import LaneletGraph
 from ..scene import aligned_lanelets, ego_route, lanelets_at, path_ahead
+from ..vehicles import EGO_SIZE_M
 from .features import features
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.scenario import Scenario
-
-# ---------- recording
-# What the recorded traffic does: how dense it is, and when it meets an ego that does not react.
-
-EGO_SIZE_M = (4.5, 1.8)
-LONGEST_LOOK_M = 1000.0
-
-
-def density_per_km(graph: LaneletGraph, tracks: Iterable[Track], last_step: int) -> float:
-    """Recorded vehicles per kilometre of lanelets: the mean over the recording, rounded to 0.1."""
-    length_km = sum(graph.length_m.values()) / 1000.0
-    steps = sum(len(track.positions) for track in tracks)
-    return round(steps / (last_step + 1) / length_km, 1) if length_km > 0 else 0.0
-
-
-def _standing_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
-    """Static obstacles as tracks that do not move."""
-    found = {}
-    for obstacle in scenario.static_obstacles:
-        state: Any = obstacle.initial_state
-        position = np.asarray(getattr(state.position, "center", state.position), dtype=float)
-        length, width = size_of(obstacle.obstacle_shape)
-        heading = getattr(state, "orientation", 0.0)
-        found[int(obstacle.obstacle_id)] = Track(
-            obstacle_id=int(obstacle.obstacle_id),
-            kind=str(obstacle.obstacle_type.value),
-            length_m=length,
-            width_m=width,
-            first_step=0,
-            positions=np.repeat(position[None, :], last_step + 1, axis=0),
-            headings_rad=np.full(last_step + 1, float(getattr(heading, "start", heading))),
-            speeds_mps=np.zeros(last_step + 1),
-        )
-    return found
-
-
-def _look_ahead_m(ego: EgoFacts, duration_s: float) -> float:
-    """How much of the ego's path the recording can matter for."""
-    return min(ego.speed_mps * duration_s + 50.0, LONGEST_LOOK_M)
-
-
-def time_to_collision_s(
-    line: Points, ego: EgoFacts, tracks: Iterable[Track], step_s: float, start_step: int
-) -> float | None:
-    """Seconds until an ego that keeps its path and initial speed meets the recording; None where it never does.
-
-    Both are rectangles along the path's coordinates, the ego a car of 4.5 m by 1.8 m. Whoever overlaps the ego at its
-    start is left out, and so is who runs into it from behind.
-
-    Args:
-        line: centre line of the ego's path, shape (n, 2).
-    """
-    here = project(line, np.array([ego.x_m, ego.y_m]))[0]
-    ends, turned = arc_length(line), headings(line)
-    first: float | None = None
-    for track in tracks:
-        if track.last_step < start_step:
-            continue
-        skipped = max(start_step - track.first_step, 0)
-        steps = np.arange(track.first_step + skipped, track.last_step + 1) - start_step
-        stations, beside = project_all(line, track.positions[skipped:])
-        segments = np.clip(np.searchsorted(ends, stations, side="right") - 1, 0, len(turned) - 1)
-        turn = track.headings_rad[skipped:] - turned[segments]
-        along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-        reach = (along * track.length_m + across * track.width_m + EGO_SIZE_M[0]) / 2
-        room = (across * track.length_m + along * track.width_m + EGO_SIZE_M[1]) / 2
-        ahead = stations - here - ego.speed_mps * step_s * steps
-        on_path = (np.abs(beside) < room) & (stations > 0.0) & (stations < ends[-1] - 0.1)
-        meets = np.flatnonzero(on_path & (np.abs(ahead) < reach))
-        if len(meets) and steps[meets[0]] > 0 and ahead[meets[0]] > 0:
-            time_s = float(steps[meets[0]]) * step_s
-            first = time_s if first is None else min(first, time_s)
-    return None if first is None else round(first, 2)
-
-
-# ---------- facts
-# Reading the facts of a CommonRoad file: the paper's four metadata layers and the computed features.
-#
-# Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle).
 
 _BENCHMARK_ID = re.compile(r"(?:C-)?([A-Z]{3})_([A-Za-z0-9][A-Za-z0-9_]{0,60}?)(?:-[A-Za-z0-9_,]{1,30}){0,3}")
 
@@ -130,10 +53,10 @@ def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioF
     report(0.0, f"reading {request.path.name}")
     recorded = read_recorded(request.path, XmlLimits(size_bytes=request.file_bytes))
     report(0.6, "looking at the geometry")
-    return facts_of(recorded)
+    return _facts_of(recorded)
 
 
-def facts_of(read: RecordedScenario) -> ScenarioFacts:
+def _facts_of(read: RecordedScenario) -> ScenarioFacts:
     """The facts of a scenario in memory.
 
     Raises:
@@ -145,16 +68,16 @@ def facts_of(read: RecordedScenario) -> ScenarioFacts:
     refuse_values_beyond_limits(read)
     graph = LaneletGraph.of(network)
     problems = [problem for _, problem in sorted(loaded.planning_problems.planning_problem_dict.items())]
-    recorded = last_recorded_step(scenario)
-    scene = _Scene(scenario, graph, tracks, {**tracks, **_standing_tracks(scenario, recorded)}, recorded)
-    egos = tuple(_ego(scene, problem) for problem in problems)
+    last_step = last_recorded_step(scenario)
+    recording = _Recording(scenario, graph, tracks, {**tracks, **_standing_tracks(scenario, last_step)}, last_step)
+    egos = tuple(_ego(recording, problem) for problem in problems)
     first = egos[0] if egos else None
     last_goal = max((ego.goal_last_step or 0 for ego in egos), default=0)
     return ScenarioFacts(
         scenario_id=loaded.benchmark_id,
         format_version=str(scenario.scenario_id.scenario_version),
         step_s=loaded.step_s,
-        horizon_steps=max(recorded, last_goal),
+        horizon_steps=max(last_step, last_goal),
         location=_location(country, place, scenario),
         tags=tuple(sorted({_tag(tag.value) for tag in scenario.tags or ()})),
         features=first.features if first else (),
@@ -171,13 +94,13 @@ def facts_of(read: RecordedScenario) -> ScenarioFacts:
             dynamic=_counts(scenario.dynamic_obstacles), static=_counts(scenario.static_obstacles)
         ),
         egos=egos,
-        density_per_km=density_per_km(graph, tracks.values(), recorded),
+        density_per_km=_density_per_km(graph, tracks.values(), last_step),
     )
 
 
 @dataclass(frozen=True)
-class _Scene:
-    """What the facts of every ego are read from; ``bodies`` are the tracks and whoever stands."""
+class _Recording:
+    """What the facts of every ego are read from; ``bodies`` are the tracks and the static obstacles."""
 
     scenario: "Scenario"
     graph: LaneletGraph
@@ -202,9 +125,9 @@ def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
     return match[1], match[2]
 
 
-def _ego(scene: _Scene, problem: "PlanningProblem") -> EgoFacts:
-    network, state = scene.scenario.lanelet_network, problem.initial_state
-    route = ego_route(network, scene.graph, problem)
+def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
+    network, state = recording.scenario.lanelet_network, problem.initial_state
+    route = ego_route(network, recording.graph, problem)
     point = np.asarray(state.position, dtype=float)
     under = lanelets_at(network, point)
     ahead = aligned_lanelets(network, under, point, float(state.orientation))
@@ -229,19 +152,84 @@ def _ego(scene: _Scene, problem: "PlanningProblem") -> EgoFacts:
         traffic_light=has_light(network, lanelets),
         limits_kmh=limits_kmh(signs),
     )
-    computed = features(network, scene.graph, scene.tracks, ego, route)
-    meeting_s = _time_to_collision_s(scene, ego, int(state.time_step))
-    return ego.model_copy(update={"features": computed, "time_to_collision_s": meeting_s})
+    computed = features(network, recording.graph, recording.tracks, ego, route)
+    conflict_s = _time_to_conflict_s(recording, ego, int(state.time_step))
+    return ego.model_copy(update={"features": computed, "time_to_conflict_s": conflict_s})
 
 
-def _time_to_collision_s(scene: _Scene, ego: EgoFacts, start_step: int) -> float | None:
+def _density_per_km(graph: LaneletGraph, tracks: Iterable[Track], last_step: int) -> float:
+    """Recorded vehicles per kilometre of lanelets: the mean over the recording, rounded to 0.1."""
+    length_km = sum(graph.length_m.values()) / 1000.0
+    steps = sum(len(track.positions) for track in tracks)
+    return round(steps / (last_step + 1) / length_km, 1) if length_km > 0 else 0.0
+
+
+def _standing_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
+    """Static obstacles as tracks that do not move."""
+    tracks = {}
+    for obstacle in scenario.static_obstacles:
+        state: Any = obstacle.initial_state
+        position = np.asarray(getattr(state.position, "center", state.position), dtype=float)
+        length, width = size_of(obstacle.obstacle_shape)
+        heading = getattr(state, "orientation", 0.0)
+        tracks[int(obstacle.obstacle_id)] = Track(
+            obstacle_id=int(obstacle.obstacle_id),
+            kind=str(obstacle.obstacle_type.value),
+            length_m=length,
+            width_m=width,
+            first_step=0,
+            positions=np.repeat(position[None, :], last_step + 1, axis=0),
+            headings_rad=np.full(last_step + 1, float(getattr(heading, "start", heading))),
+            speeds_mps=np.zeros(last_step + 1),
+        )
+    return tracks
+
+
+LONGEST_LOOK_M = 1000.0
+"""Of the ego's path, no more is looked along (chosen)."""
+BEYOND_M = 50.0
+"""Beyond the distance that the ego drives during the recording, the path is looked along by this much (chosen)."""
+INSIDE_END_M = 0.1
+"""Projections within this of the path's end belong to bodies that are beyond it (chosen)."""
+
+
+def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -> float | None:
+    """Seconds until an ego that keeps its path and initial speed meets the recording; None where it never does.
+
+    Another quantity than a run's time to collision (:mod:`plannerforge.engine.criticality`), which supposes that both
+    road users keep course and speed from one moment on, in the plane: here the others move as recorded, and the ego
+    follows its lanes. Both are rectangles along the path's coordinates, the ego of the size of a BMW 320i. Bodies that
+    overlap the ego at its start are left out, and so are those that run into it from behind.
+    """
     start = (ego.route or ego.lanelets or (None,))[0]
-    if start is None or not scene.bodies:
+    if start is None or not recording.bodies:
         return None
-    step_s = float(scene.scenario.dt)
-    look_m = _look_ahead_m(ego, scene.last_step * step_s)
-    line, _ = path_ahead(scene.scenario.lanelet_network, scene.graph, start, ego.route, look_m)
-    return time_to_collision_s(line, ego, scene.bodies.values(), step_s, start_step) if len(line) > 1 else None
+    step_s = float(recording.scenario.dt)
+    look_m = min(ego.speed_mps * (recording.last_step * step_s) + BEYOND_M, LONGEST_LOOK_M)
+    line, _ = path_ahead(recording.scenario.lanelet_network, recording.graph, start, ego.route, look_m)
+    if len(line) < 2:
+        return None
+    here = project(line, np.array([ego.x_m, ego.y_m]))[0]
+    ends, turned = arc_length(line), headings(line)
+    first: float | None = None
+    for track in recording.bodies.values():
+        if track.last_step < start_step:
+            continue
+        skipped = max(start_step - track.first_step, 0)
+        steps = np.arange(track.first_step + skipped, track.last_step + 1) - start_step
+        stations, beside = project_all(line, track.positions[skipped:])
+        segments = np.clip(np.searchsorted(ends, stations, side="right") - 1, 0, len(turned) - 1)
+        turn = track.headings_rad[skipped:] - turned[segments]
+        along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+        reach = (along * track.length_m + across * track.width_m + EGO_SIZE_M[0]) / 2
+        room = (across * track.length_m + along * track.width_m + EGO_SIZE_M[1]) / 2
+        ahead = stations - here - ego.speed_mps * step_s * steps
+        on_path = (np.abs(beside) < room) & (stations > 0.0) & (stations < ends[-1] - INSIDE_END_M)
+        meets = np.flatnonzero(on_path & (np.abs(ahead) < reach))
+        if len(meets) and steps[meets[0]] > 0 and ahead[meets[0]] > 0:
+            time_s = float(steps[meets[0]]) * step_s
+            first = time_s if first is None else min(first, time_s)
+    return None if first is None else round(first, 2)
 
 
 def _goal_forms(problem: "PlanningProblem") -> tuple[GoalForm, ...]:

@@ -1,4 +1,8 @@
-"""What the geometry says about a scenario, apart from the tags that its author wrote into the file."""
+"""What the geometry says about a scenario, apart from the tags that its author wrote into the file.
+
+Found in the lanelet network: crossings (lanelets that cross at an angle), roundabouts (short round cycles of successors
+with several entries) and motorway ramps (roads of one direction that part or join at a small angle). Angles in rad.
+"""
 
 import math
 from collections import deque
@@ -16,13 +20,137 @@ from ..scene import EgoRoute, center_line, path_ahead
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
-# ---------- roundabout
-# Finding roundabouts in a lanelet network: short round cycles of successors with several ways in.
+NEAR_M = 100.0
+"""From the ego's start, crossings and oncoming traffic count up to here (chosen)."""
+LEAD_M, LEAD_ASIDE_M = 50.0, 1.5
+"""A lead vehicle is at most this far ahead, and this far beside the path (chosen; half a lane is 1.5 to 1.9 m)."""
+STANDING_MPS = 0.5
+"""Below it an ego stands (chosen)."""
+CROSSING_RAD = math.radians(25.0)
+"""Lanelets that meet at a smaller angle merge or part (chosen)."""
+ONCOMING_RAD = math.radians(135.0)
+ONCOMING_BESIDE_M = 12.0
+"""Oncoming traffic drives against the path within this distance beside it: some lanes of a road (chosen)."""
+MOVING_MPS = 1.0
+"""Below it a vehicle's direction of travel says nothing (chosen)."""
+SAMPLED_EVERY = 5
+"""Recorded states that are looked at for oncoming traffic: every fifth (0.5 s)."""
 
-LONGEST_M = 400.0
+
+def features(
+    network: "LaneletNetwork", graph: LaneletGraph, tracks: dict[int, Track], ego: EgoFacts, route: EgoRoute | None
+) -> tuple[str, ...]:
+    """The features of the vocabulary that hold for this ego, sorted."""
+    start_point = np.array([ego.x_m, ego.y_m])
+    crossing, circle = _has_crossing(network, graph, start_point, ego.route), has_roundabout(network, graph)
+    holding = {
+        "intersection": crossing,
+        "roundabout": circle,
+        "ramp": not crossing and not circle and _has_ramp(network, graph, start_point, ego.route),
+        "multi_lane": ego.lanes >= 2,
+        "single_lane": ego.lanes == 1,
+        "ego_stands_at_start": ego.speed_mps < STANDING_MPS,
+    }
+    if route is not None:
+        holding["ego_changes_lane"] = route.changes_lane
+        holding["ego_goes_straight"] = not route.turns and not route.changes_lane
+        holding["ego_turns_left"] = "left" in route.turns
+        holding["ego_turns_right"] = "right" in route.turns
+    start = (ego.route or ego.lanelets or (None,))[0]
+    if start is not None:
+        line, _ = path_ahead(network, graph, start, ego.route, NEAR_M)
+        if len(line) > 1:
+            here = project(line, start_point)[0]
+            holding["oncoming_traffic"] = _has_oncoming(line, here, tracks)
+            holding["lead_vehicle"] = _has_lead(line, here, tracks)
+    return tuple(sorted(name for name, holds in holding.items() if holds))
+
+
+def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
+    """Whether two lanelets cross at an angle above 25° within 100 m of the point, or one on the route is crossed.
+
+    Lanelets that share an end (a fork, a merge) do not cross. Heights are not known to CommonRoad: a bridge counts.
+    """
+    from shapely import STRtree
+    from shapely.geometry import LineString
+
+    keys = [k for k in graph.length_m if k in route or _is_near(network.find_lanelet_by_id(k).center_vertices, point)]
+    lines = {key: center_line(network, key) for key in keys}
+    keys = [key for key in keys if len(lines[key]) > 1]
+    if not keys:
+        return False
+    shapes = [LineString(lines[key]) for key in keys]
+    pairs = STRtree(shapes).query(shapes, predicate="crosses")
+    for one, two in zip(*pairs.tolist(), strict=True):
+        if one < two and not _share_an_end(graph, keys[one], keys[two]):
+            crossing = np.asarray(shapes[one].intersection(shapes[two]).centroid.coords[0])
+            on_route = keys[one] in route or keys[two] in route
+            if (on_route or np.linalg.norm(crossing - point) <= NEAR_M) and _cross_at_angle(
+                lines[keys[one]], lines[keys[two]], crossing
+            ):
+                return True
+    return False
+
+
+def _has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
+    """Whether a recorded vehicle moves against the line's direction within 12 m beside it, ahead of the ego."""
+    ends, turned = arc_length(line), headings(line)
+    for track in tracks.values():
+        moving = track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS
+        if not moving.any():
+            continue
+        stations, beside = project_all(line, track.positions[::SAMPLED_EVERY][moving])
+        segments = np.clip(np.searchsorted(ends, stations, side="right") - 1, 0, len(turned) - 1)
+        against = np.abs(wrap_angles(track.headings_rad[::SAMPLED_EVERY][moving] - turned[segments])) > ONCOMING_RAD
+        on_path = (here_m < stations) & (stations < ends[-1] - 0.1) & (np.abs(beside) <= ONCOMING_BESIDE_M)
+        if np.any(against & on_path):
+            return True
+    return False
+
+
+def _has_lead(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
+    """Whether a vehicle is on the line within 50 m ahead of the ego at step 0."""
+    for track in tracks.values():
+        index = track.index_at(0)
+        if index is None:
+            continue
+        station, beside = project(line, track.positions[index])
+        if 0.5 < station - here_m < LEAD_M and abs(beside) < LEAD_ASIDE_M:
+            return True
+    return False
+
+
+def _is_near(vertices: Points, point: Points) -> bool:
+    low, high = vertices.min(axis=0) - NEAR_M, vertices.max(axis=0) + NEAR_M
+    return bool(np.all(point >= low) and np.all(point <= high))
+
+
+def _share_an_end(graph: LaneletGraph, one: int, two: int) -> bool:
+    if set(graph.predecessors[one]) & set(graph.predecessors[two]) or two in graph.neighbours[one]:
+        return True
+    if set(graph.successors[one]) & set(graph.successors[two]):
+        return True
+    return two in graph.successors[one] or one in graph.successors[two]
+
+
+def _cross_at_angle(first: Points, second: Points, point: Points) -> bool:
+    """Whether the lines meet there at more than the crossing angle, whatever their directions."""
+    angles = []
+    for line in (first, second):
+        station = project(line, point)[0]
+        segment = min(int(np.searchsorted(arc_length(line), station, side="right")) - 1, len(line) - 2)
+        step = line[segment + 1] - line[segment]
+        angles.append(math.atan2(step[1], step[0]))
+    difference = abs(wrap_angles(np.array([angles[0] - angles[1]]))[0])
+    return bool(min(difference, math.pi - difference) > CROSSING_RAD)
+
+
+LONGEST_RING_M = 400.0
+"""Of a roundabout, about 127 m in diameter (chosen)."""
 ROUNDNESS = 0.88
 """4π·area / perimeter² of the cycle: 1 for a circle, 0.785 for a square block of houses."""
 FEWEST_ENTRIES = 2
+"""Lanelets that lead into a roundabout; a turning circle has one."""
 
 
 def has_roundabout(network: "LaneletNetwork", graph: LaneletGraph) -> bool:
@@ -62,7 +190,7 @@ def _is_one_way(network: "LaneletNetwork", cycle: tuple[int, ...]) -> bool:
 
 
 def _shortest_cycle(graph: LaneletGraph, start: int) -> tuple[int, ...]:
-    """Fewest successors that lead back to the start, within the longest length; empty where there is no such way."""
+    """Fewest successors that lead back to the start, within the longest length; empty where none do."""
     came_from: dict[int, int] = {}
     lengths = {start: graph.length_m[start]}
     queue = deque([start])
@@ -75,7 +203,7 @@ def _shortest_cycle(graph: LaneletGraph, start: int) -> tuple[int, ...]:
                     cycle.append(came_from[cycle[-1]])
                 return tuple(reversed(cycle))
             total = lengths[current] + graph.length_m[following]
-            if following not in lengths and total <= LONGEST_M:
+            if following not in lengths and total <= LONGEST_RING_M:
                 lengths[following], came_from[following] = total, current
                 queue.append(following)
     return ()
@@ -95,11 +223,10 @@ def _entries(graph: LaneletGraph, cycle: tuple[int, ...]) -> int:
     return sum(1 for key in cycle for before in graph.predecessors[key] if before not in inside)
 
 
-# ---------- ramp
-# Finding motorway ramps in a lanelet network: roads of one direction that part or join at a small angle.
-
 RAMP_NEAR_M = 200.0
-ANGLE_RAD = math.radians(20.0)
+"""From the ego's start, ramps count up to here: they are longer than junctions (chosen)."""
+RAMP_RAD = math.radians(20.0)
+"""At a larger angle roads part or join at a junction (chosen)."""
 STRETCH_M = 15.0
 """How far from the joint the angle is measured: at the joint itself it is zero."""
 APART_M = 0.3
@@ -113,7 +240,8 @@ def _has_ramp(network: "LaneletNetwork", graph: LaneletGraph, point: Points, rou
     and roundabouts are for the caller to rule out.
     """
     for key in graph.successors:
-        if key not in route and not _is_near(network.find_lanelet_by_id(key).center_vertices, point):
+        vertices = network.find_lanelet_by_id(key).center_vertices
+        if key not in route and np.min(np.linalg.norm(vertices - point, axis=1)) > RAMP_NEAR_M:
             continue
         for branches, forward in ((graph.successors[key], True), (graph.predecessors[key], False)):
             if any(_is_ramp_pair(network, graph, key, pair, forward) for pair in combinations(branches, 2)):
@@ -129,13 +257,9 @@ def _is_ramp_pair(
     lines = [center_line(network, key) for key in pair]
     if any(len(line) < 2 for line in lines):
         return False
-    ends = [_end(line if forward else line[::-1]) for line in lines]
+    ends = [point_at(line if forward else line[::-1], STRETCH_M) for line in lines]
     angle = abs(wrap_angle(ends[0][1] - ends[1][1]))
-    return angle < ANGLE_RAD and float(np.linalg.norm(ends[0][0] - ends[1][0])) > APART_M
-
-
-def _end(line: Points) -> tuple[Points, float]:
-    return point_at(line, STRETCH_M)
+    return angle < RAMP_RAD and float(np.linalg.norm(ends[0][0] - ends[1][0])) > APART_M
 
 
 def _has_oncoming_lane(network: "LaneletNetwork", lanelet_id: int) -> bool:
@@ -156,127 +280,3 @@ def _has_oncoming_lane(network: "LaneletNetwork", lanelet_id: int) -> bool:
             if beside is not None:
                 waiting.append(beside)
     return False
-
-
-def _is_near(vertices: Points, point: Points) -> bool:
-    return bool(np.min(np.linalg.norm(vertices - point, axis=1)) <= RAMP_NEAR_M)
-
-
-# ---------- features
-# What the geometry says about a scenario, apart from the tags that its author wrote into the file.
-
-NEAR_M = 100.0
-LEAD_M = 50.0
-STANDING_MPS = 0.5
-CROSSING_RAD = math.radians(25.0)
-ONCOMING_RAD = math.radians(135.0)
-ONCOMING_BESIDE_M = 12.0
-MOVING_MPS = 1.0
-
-
-def features(
-    network: "LaneletNetwork", graph: LaneletGraph, tracks: dict[int, Track], ego: EgoFacts, route: EgoRoute | None
-) -> tuple[str, ...]:
-    """The features of the vocabulary that hold for this ego, sorted."""
-    place = np.array([ego.x_m, ego.y_m])
-    crossing, circle = _has_crossing(network, graph, place, ego.route), has_roundabout(network, graph)
-    found = {
-        "intersection": crossing,
-        "roundabout": circle,
-        "ramp": not crossing and not circle and _has_ramp(network, graph, place, ego.route),
-        "multi_lane": ego.lanes >= 2,
-        "single_lane": ego.lanes == 1,
-        "ego_stands_at_start": ego.speed_mps < STANDING_MPS,
-    }
-    if route is not None:
-        found["ego_changes_lane"] = route.changes_lane
-        found["ego_goes_straight"] = not route.turns and not route.changes_lane
-        found["ego_turns_left"] = "left" in route.turns
-        found["ego_turns_right"] = "right" in route.turns
-    start = (ego.route or ego.lanelets or (None,))[0]
-    if start is not None:
-        line, _ = path_ahead(network, graph, start, ego.route, NEAR_M)
-        if len(line) > 1:
-            here = project(line, place)[0]
-            found["oncoming_traffic"] = _has_oncoming(line, here, tracks)
-            found["lead_vehicle"] = _has_lead(line, here, tracks)
-    return tuple(sorted(name for name, holds in found.items() if holds))
-
-
-def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
-    """Whether two lanelets cross at an angle above 25° within 100 m of the point, or one on the route is crossed.
-
-    Lanelets that share an end (a fork, a merge) do not cross. Heights are not known to CommonRoad: a bridge counts.
-    """
-    from shapely import STRtree
-    from shapely.geometry import LineString
-
-    keys = [k for k in graph.length_m if k in route or _near(network.find_lanelet_by_id(k).center_vertices, point)]
-    lines = {key: center_line(network, key) for key in keys}
-    keys = [key for key in keys if len(lines[key]) > 1]
-    if not keys:
-        return False
-    shapes = [LineString(lines[key]) for key in keys]
-    pairs = STRtree(shapes).query(shapes, predicate="crosses")
-    for one, two in zip(*pairs.tolist(), strict=True):
-        if one < two and not _share_an_end(graph, keys[one], keys[two]):
-            place = np.asarray(shapes[one].intersection(shapes[two]).centroid.coords[0])
-            on_route = keys[one] in route or keys[two] in route
-            if (on_route or np.linalg.norm(place - point) <= NEAR_M) and _angle(
-                lines[keys[one]], lines[keys[two]], place
-            ):
-                return True
-    return False
-
-
-def _has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
-    """Whether a recorded vehicle moves against the line's direction within 12 m beside it, ahead of the ego."""
-    ends, turned = arc_length(line), headings(line)
-    for track in tracks.values():
-        moving = track.speeds_mps[::5] >= MOVING_MPS
-        if not moving.any():
-            continue
-        stations, beside = project_all(line, track.positions[::5][moving])
-        segments = np.clip(np.searchsorted(ends, stations, side="right") - 1, 0, len(turned) - 1)
-        against = np.abs(wrap_angles(track.headings_rad[::5][moving] - turned[segments])) > ONCOMING_RAD
-        on_the_way = (here_m < stations) & (stations < ends[-1] - 0.1) & (np.abs(beside) <= ONCOMING_BESIDE_M)
-        if np.any(against & on_the_way):
-            return True
-    return False
-
-
-def _has_lead(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
-    """Whether a vehicle is on the line within 50 m ahead of the ego at step 0."""
-    for track in tracks.values():
-        index = track.index_at(0)
-        if index is None:
-            continue
-        station, beside = project(line, track.positions[index])
-        if 0.5 < station - here_m < LEAD_M and abs(beside) < 1.5:
-            return True
-    return False
-
-
-def _near(vertices: Points, point: Points) -> bool:
-    low, high = vertices.min(axis=0) - NEAR_M, vertices.max(axis=0) + NEAR_M
-    return bool(np.all(point >= low) and np.all(point <= high))
-
-
-def _share_an_end(graph: LaneletGraph, one: int, two: int) -> bool:
-    if set(graph.predecessors[one]) & set(graph.predecessors[two]) or two in graph.neighbours[one]:
-        return True
-    if set(graph.successors[one]) & set(graph.successors[two]):
-        return True
-    return two in graph.successors[one] or one in graph.successors[two]
-
-
-def _angle(first: Points, second: Points, place: Points) -> bool:
-    """Whether the lines meet there at more than the crossing angle, whatever their directions."""
-    angles = []
-    for line in (first, second):
-        station = project(line, place)[0]
-        segment = min(int(np.searchsorted(arc_length(line), station, side="right")) - 1, len(line) - 2)
-        step = line[segment + 1] - line[segment]
-        angles.append(math.atan2(step[1], step[0]))
-    difference = abs(wrap_angles(np.array([angles[0] - angles[1]]))[0])
-    return bool(min(difference, math.pi - difference) > CROSSING_RAD)

@@ -67,7 +67,7 @@ def plan_counts(density: Density, vehicles: Iterable[VehicleDemand], lane_km: fl
     asked = {demand.vehicle_class: demand for demand in vehicles}
     for name in asked:
         if name not in known:
-            raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known))
+            raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known), reason="unknown_class")
     dense = round(VEHICLES_PER_LANE_KM[density] * lane_km)
     wanted = min(max(dense, FEWEST), MOST)
     share = max(1, round(wanted * NAMED_SHARE / max(1, len(asked) / 2)))

@@ -219,21 +219,13 @@ def left_over_requests(places: Mapping[str, Any], maps: frozenset[str]) -> list[
 
 
 def is_right_reason(refusal: Refusal, error: PlannerForgeError) -> bool:
-    """Whether an error is of the class that belongs to the reason, says what is wrong and names the subject."""
-    kinds: dict[Reason, tuple[type[PlannerForgeError], tuple[str, ...]]] = {
-        "unknown_place": (UnknownName, ("no map shows", "no map lies in")),
-        "no_map_here": (UnknownName, ("no map shows", "no map lies in")),
-        "no_such_site": (
-            NotPossible,
-            tuple(
-                saying
-                for subject in refusal.subjects
-                for saying in (f"holds no {subject} site", f"holds any {subject} site")
-            ),
-        ),
-        "unknown_class": (UnknownName, ("no vehicle class",)),
-        "invalid_value": (InvalidRequest, refusal.subjects),
+    """Whether an error is of the class and reason that belong to the refusal, and its text names the subject."""
+    expected: dict[Reason, tuple[type[PlannerForgeError], str]] = {
+        "unknown_place": (UnknownName, "not_shown"),
+        "no_map_here": (UnknownName, "not_shown"),
+        "no_such_site": (NotPossible, "no_such_site"),
+        "unknown_class": (UnknownName, "unknown_class"),
+        "invalid_value": (InvalidRequest, ""),
     }
-    kind, sayings = kinds[refusal.reason]
-    said = any(saying in error.message for saying in sayings)
-    return type(error) is kind and said and any(subject in error.message for subject in refusal.subjects)
+    named = any(subject in error.message for subject in refusal.subjects)
+    return (type(error), error.reason) == expected[refusal.reason] and named

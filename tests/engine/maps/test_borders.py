@@ -3,11 +3,17 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.engine.maps.facts import countries_near, country_of
+from plannerforge.engine.maps.facts import countries_near
 
 
 def around(latitude: float, longitude: float) -> tuple[float, float, float, float]:
     return latitude - 0.005, longitude - 0.005, latitude + 0.005, longitude + 0.005
+
+
+def country_of(bounds: tuple[float, float, float, float]) -> str | None:
+    """The country that the facts of a map state."""
+    near = countries_near(bounds)
+    return near[0] if len(near) == 1 else None
 
 
 @pytest.mark.parametrize(
