@@ -127,7 +127,8 @@ DOUBT_M = 6000.0
 def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]:
     """ISO 3166-1 alpha-3 codes of all countries within ``DOUBT_M`` of a box, sorted.
 
-    The box is (south, west, north, east) in degrees. Empty at sea, and in areas that several countries claim. A box lies in a country if there is no other one near.
+    The box is (south, west, north, east) in degrees. Empty at sea, and in areas that several countries claim. A map
+    lies in a country if no other one is near.
     """
     from shapely import box
 
