@@ -1,4 +1,4 @@
-"""``make bench-import-crashes``: 30 blows at random moments of imports of real scenarios.
+"""``make bench-import-crashes``: 30 kills at random moments of imports of real scenarios.
 
 Keys: ``blows``, ``disagreements`` (database, files, catalogue and text index after each restart, and files that are
 missing in the end). Needs the real scenarios: ``PLANNERFORGE_SHARED``, else ``../shared``.
@@ -11,26 +11,26 @@ import tempfile
 from pathlib import Path
 
 from ..harness import print_figures, shared_folder
-from .killed_import import strike_imports
+from .kill_test_import import kill_imports
 
-BLOWS, FILES, SEED = 30, 40, 20261121
+KILLS, FILES, SEED = 30, 40, 20261121
 
 
 def measure(source: Path, scratch: Path) -> int:
-    """Strike, print, and give the number of disagreements."""
+    """Kill, print, and return the number of disagreements."""
     folder = scratch / "files"
     folder.mkdir()
     paths = sorted(source.glob("*.xml"))
     for path in paths[:: max(len(paths) // FILES, 1)]:
         shutil.copyfile(path, folder / path.name)
     chance = random.Random(SEED)  # noqa: S311 - moments, not secrets
-    struck = strike_imports(scratch / "workspaces", folder, chance, BLOWS)
-    for fault in struck.faults:
+    tally = kill_imports(scratch / "workspaces", folder, chance, KILLS)
+    for fault in tally.faults:
         sys.stderr.write(f"{fault}\n")
-    rows = [(f"killed: {what}", str(count)) for what, count in sorted(struck.blows.items())]
-    figures = {"blows": struck.blows.total(), "disagreements": len(struck.faults)}
-    print_figures("Imports that are killed", [*rows, ("disagreements", str(len(struck.faults)))], figures)
-    return len(struck.faults)
+    rows = [(f"killed: {what}", str(count)) for what, count in sorted(tally.kills.items())]
+    figures = {"blows": tally.kills.total(), "disagreements": len(tally.faults)}
+    print_figures("Imports that are killed", [*rows, ("disagreements", str(len(tally.faults)))], figures)
+    return len(tally.faults)
 
 
 if __name__ == "__main__":

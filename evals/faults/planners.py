@@ -25,76 +25,42 @@ import time
 from collections import Counter
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import anyio
 
 from ...engine.catalog import open_catalogue
-from ...engine.execution import (
-    Claims,
-    Executor,
-    JobRunner,
-    JobStore,
-    Limits,
-    OnProgress,
-    Operation,
-    Request,
-    Response,
-    WorkerPool,
-    no_progress,
-)
-from ...engine.tuning import changed_configuration, named_configuration
+from ...engine.execution import Claims, JobRunner, JobStore, Limits, WorkerPool
+from ...engine.tuning import changed_configuration
 from ...engine.workspace import Workspace
 from ...schemas.errors import UnexpectedFailure, error_classes
-from ...schemas.planning import RunPlannerArguments, RunPlannerResult, RunRequest, RunResponse
+from ...schemas.planning import RunPlannerArguments, RunPlannerResult
 from ...schemas.runs import BatchRecord
 from ...tools.call import Services, ToolCall
 from ...tools.configurations import store_configuration
 from ...tools.planning import run_planner
-from ..harness import print_figures
+from ..harness import built_in, print_figures
 from ..server import workers_of_this_process
+from .fault_injection import CRASH, HANG, FaultInjector, RunOperation
 
-# ---------- misdirecting
-# An executor for ``make bench-faults`` that lets the runs of some scenarios misbehave.
-
-
-class _Misdirecting:
-    """Carries out what it is asked for, but another operation for the runs of some scenarios.
-
-    Args:
-        inner: who carries it out.
-        instead: scenario → operation for its runs.
-    """
-
-    def __init__(self, inner: Executor, instead: Mapping[str, Operation[RunRequest, RunResponse]]) -> None:
-        self._inner, self._instead = inner, instead
-
-    @property
-    def capacity(self) -> int:
-        """That of the executor behind it."""
-        return self._inner.capacity
-
-    async def run(
-        self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
-    ) -> Response:
-        """Run the operation, or the one that misbehaves."""
-        if isinstance(request, RunRequest) and request.scenario_id in self._instead:
-            misbehaving = self._instead[request.scenario_id]
-            operation = replace(operation, entry_point=misbehaving.entry_point, timeout_s=misbehaving.timeout_s)
-        return await self._inner.run(operation, request, on_progress=on_progress)
-
-
-# ---------- struck_server
-# Servers that are asked for a grid of runs while they, their workers and their disk are struck by faults.
-
-FULL_AT_BYTES = 1024
-"""A server with this limit on the size of its files cannot write its database or a run: a full disk, as it sees it."""
-FULL_FOR_S = (0.3, 1.5)
-BETWEEN_FAULTS_S = (1.0, 5.0)
-FAULTS = {"worker_killed": 12, "server_killed": 3, "disk_full": 4}
+_SCENARIOS, _CONFIGS, _FAULTY_CONFIGS = 10, 20, 4
+"""Of a grid, and the configurations with which the runs that hang or crash are tried (chosen)."""
+_FAULTS_A_GRID = 15
+"""Faults that strike while a grid is carried out (chosen)."""
+_PLANNERS = {
+    "frenetix:Default": (["prediction", "velocity_offset", "lateral_jerk"], ["sampling_level=1", "replan_steps=5"]),
+    "idm": (["time_headway_s", "minimum_gap_m"], ["horizon_s=2"]),
+}
+"""Base configurations with the weights that are drawn and the settings that make their runs short."""
+_FAULTS = {"worker_killed": 12, "server_killed": 3, "disk_full": 4}
 """Every kind of fault with its share among all."""
-MOST_CALLS = 40
+_FULL_AT_BYTES = 1024
+"""A server with this limit on the size of its files cannot write its database or a run: a full disk, as it sees it."""
+_FULL_FOR_S, _BETWEEN_FAULTS_S = (0.3, 1.5), (1.0, 5.0)
+"""From and to: drawn times of a full disk and between two faults (chosen)."""
+_MOST_CALLS = 40
+"""After these a grid counts as one that never gets whole (chosen)."""
 
 
 @dataclass
@@ -129,12 +95,12 @@ class Tally:
 
 
 def drive(workspace: Path, grid: _Grid, chance: random.Random, tally: Tally, faults: int) -> None:
-    """Ask until the grid is whole; so many faults strike meanwhile, at random moments.
+    """Ask until the grid is whole; at most ``faults`` faults strike meanwhile, at random moments.
 
     Raises:
         RuntimeError: it never was.
     """
-    for _ in range(MOST_CALLS):
+    for _ in range(_MOST_CALLS):
         process = _server(workspace, grid)
         tally.calls += 1
         faults -= _strike(process, chance, tally, faults)
@@ -149,7 +115,7 @@ def drive(workspace: Path, grid: _Grid, chance: random.Random, tally: Tally, fau
             tally.see(result.notes[-1])
         elif result.batch_id and not result.lost:
             return
-    raise RuntimeError(f"a grid was not whole after {MOST_CALLS} calls")
+    raise RuntimeError(f"a grid was not whole after {_MOST_CALLS} calls")
 
 
 def _server(workspace: Path, grid: _Grid) -> subprocess.Popen[str]:
@@ -166,8 +132,8 @@ def _server(workspace: Path, grid: _Grid) -> subprocess.Popen[str]:
 def _strike(process: subprocess.Popen[str], chance: random.Random, tally: Tally, most: int) -> int:
     """Strike a server again and again until it has ended or enough was done; gives the number of faults."""
     struck = 0
-    while struck < most and _still_runs(process, chance.uniform(*BETWEEN_FAULTS_S)):
-        fault = chance.choices(list(FAULTS), weights=list(FAULTS.values()))[0]
+    while struck < most and _still_runs(process, chance.uniform(*_BETWEEN_FAULTS_S)):
+        fault = chance.choices(list(_FAULTS), weights=list(_FAULTS.values()))[0]
         workers = workers_of_this_process()
         if fault == "server_killed":
             process.kill()
@@ -185,8 +151,8 @@ def _strike(process: subprocess.Popen[str], chance: random.Random, tally: Tally,
 def _fill_the_disk(process: subprocess.Popen[str], chance: random.Random) -> None:
     """Let the server's writes fail for a while."""
     _, most = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
-    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (FULL_AT_BYTES, most))
-    if _still_runs(process, chance.uniform(*FULL_FOR_S)):
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (_FULL_AT_BYTES, most))
+    if _still_runs(process, chance.uniform(*_FULL_FOR_S)):
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (most, most))
 
 
@@ -197,37 +163,9 @@ def _still_runs(process: subprocess.Popen[str], after_s: float) -> bool:
     return process.poll() is None
 
 
-# ---------- bench_planner_faults
-# ``make bench-faults``: planner batches while servers and workers are killed, runs hang or crash, the disk is full.
-#
-# Grids of small starter scenarios under fast configurations of both planners, their weights drawn at random. Of each
-# grid the runs of one scenario hang and those of another crash the native core, at first; then servers are asked for
-# the whole grid until it is whole, while faults strike at random moments. All moments and weights come from one seed.
-#
-# Keys: ``runs`` (asked for), ``results`` (runs stored), ``named_errors`` (runs and calls that ended in an error with
-# a code), ``lost`` (runs that ended in neither), ``double`` (runs made or listed more than once), ``resumed``
-# (servers that took up a grid of one that was killed), ``worker_killed``, ``server_killed``, ``disk_full``, ``hung``,
-# ``crashed`` (faults that struck), ``minutes``.
-
-HANG_LIMIT_S = 4.0
-HANG, CRASH = (
-    Operation(f"plannerforge.evals.faults.misbehaviour:{name}", RunRequest, RunResponse, timeout_s=HANG_LIMIT_S)
-    for name in ("hang", "crash")
-)
-SCENARIOS, CONFIGS, MISBEHAVING_CONFIGS = 10, 20, 4
-FAULTS_A_GRID = 15
-PLANNERS = {
-    "frenetix:Default": (["prediction", "velocity_offset", "lateral_jerk"], ["sampling_level=1", "replan_steps=5"]),
-    "idm": (["time_headway_s", "minimum_gap_m"], ["horizon_s=2"]),
-}
-"""Base configurations with the weights that are drawn and the settings that make their runs short."""
-
-
 @asynccontextmanager
-async def _misdirected_call(
-    workspace: Workspace, instead: Mapping[str, Operation[RunRequest, RunResponse]]
-) -> AsyncIterator[ToolCall]:
-    """A tool call in this process, in which the runs of some scenarios misbehave."""
+async def _faulty_call(workspace: Workspace, instead: Mapping[str, RunOperation]) -> AsyncIterator[ToolCall]:
+    """A tool call in this process, in which the runs of some scenarios hang or crash."""
 
     async def ignore(share: float, message: str) -> None:
         del share, message
@@ -238,43 +176,40 @@ async def _misdirected_call(
         anyio.create_task_group() as tasks,
     ):
         jobs = JobRunner(JobStore(workspace.database), tasks)
-        executor = _Misdirecting(pool, instead)
+        executor = FaultInjector(pool, instead)
         yield ToolCall(Services(workspace, executor, jobs, Claims(workspace.database), limits), ignore)
 
 
 def _small_scenarios(workspace: Workspace) -> list[str]:
     """Ids of the scenarios with the smallest files: reading is most of the time of a run."""
     known = sorted(artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000))
-    return sorted(known, key=lambda key: workspace.file("scenario", key, "scenario.xml").stat().st_size)[:SCENARIOS]
+    return sorted(known, key=lambda key: workspace.file("scenario", key, "scenario.xml").stat().st_size)[:_SCENARIOS]
 
 
 def _drawn_configs(call: ToolCall, chance: random.Random) -> tuple[str, ...]:
     """Ids of new configurations, the planners in turn."""
     made = []
-    for number in range(CONFIGS):
-        name = list(PLANNERS)[number % len(PLANNERS)]
-        weights, settings = PLANNERS[name]
-        base = named_configuration(name)
-        if base is None:
-            raise RuntimeError(f"the built-in configuration {name} is gone")
+    for number in range(_CONFIGS):
+        name = list(_PLANNERS)[number % len(_PLANNERS)]
+        weights, settings = _PLANNERS[name]
         factors = [f"{weight}*{chance.uniform(0.5, 2.0):.4f}" for weight in weights]
-        made.append(changed_configuration(base, None, factors, settings)[0])
+        made.append(changed_configuration(built_in(name), None, factors, settings)[0])
         store_configuration(call, made[-1])
     return tuple(configuration.config_id for configuration in made)
 
 
-async def _misbehaved_grid(workspace: Workspace, scenarios: list[str], chance: random.Random, tally: Tally) -> _Grid:
+async def _faulty_grid(workspace: Workspace, scenarios: list[str], chance: random.Random, tally: Tally) -> _Grid:
     """A new grid, of which the runs of a scenario that hangs and of one that crashes were tried."""
     hanging, crashing = chance.sample(scenarios, 2)
-    async with _misdirected_call(workspace, {hanging: HANG, crashing: CRASH}) as call:
+    async with _faulty_call(workspace, {hanging: HANG, crashing: CRASH}) as call:
         grid = _Grid(tuple(scenarios), _drawn_configs(call, chance))
-        misbehaving = grid.configs[:MISBEHAVING_CONFIGS]
-        arguments = RunPlannerArguments(scenarios=[hanging, crashing], configs=list(misbehaving), wait_s=50)
+        faulty = grid.configs[:_FAULTY_CONFIGS]
+        arguments = RunPlannerArguments(scenarios=[hanging, crashing], configs=list(faulty), wait_s=50)
         result = await run_planner(arguments, call)
         while result.state == "running":
             result = await run_planner(arguments, call)
-    tally.faults["hung"] += len(misbehaving)
-    tally.faults["crashed"] += len(misbehaving)
+    tally.faults["hung"] += len(faulty)
+    tally.faults["crashed"] += len(faulty)
     return grid
 
 
@@ -293,14 +228,14 @@ def _whole_batches(workspace: Workspace, grids: list[_Grid]) -> list[BatchRecord
 
 
 def measure(folder: Path, runs: int, seed: int) -> None:
-    """Grids until so many runs were asked for, one after the other."""
+    """Grids, one after the other, until at least ``runs`` runs were asked for."""
     began, chance, tally = time.monotonic(), random.Random(seed), Tally()  # noqa: S311 - moments of faults, no secret
     workspace, grids = Workspace(folder), list[_Grid]()
     open_catalogue(workspace)
     scenarios = _small_scenarios(workspace)
-    for number in range(math.ceil(runs / (len(scenarios) * CONFIGS))):
-        grids.append(anyio.run(_misbehaved_grid, workspace, scenarios, chance, tally))
-        drive(folder, grids[-1], chance, tally, FAULTS_A_GRID)
+    for number in range(math.ceil(runs / (len(scenarios) * _CONFIGS))):
+        grids.append(anyio.run(_faulty_grid, workspace, scenarios, chance, tally))
+        drive(folder, grids[-1], chance, tally, _FAULTS_A_GRID)
         minutes = (time.monotonic() - began) / 60
         sys.stderr.write(f"grid {number + 1} is whole after {minutes:.1f} minutes: {dict(tally.faults)}\n")
     _count_lost_cells(workspace, tally)

@@ -25,18 +25,19 @@ from mcp import Client
 from rich.console import Console
 from rich.table import Table
 
-from ...engine.analysis import rate
 from ...engine.commonroad import read_scenario
-from ...engine.tuning import named_configuration
 from ...engine.workspace import Workspace
 from ...schemas.base import Model
 from ...schemas.runs import BatchRecord, RunRecord, RunSteps, RunTiming
 from ...server.assembly import create_server
 from ..harness import (
+    built_in,
     drawn,
+    existing,
     finished_batch,
     import_scenarios,
     print_figures,
+    rate_text,
     scenario_files,
     settings_for,
     shared_scenarios,
@@ -50,15 +51,16 @@ from .rear_hits import BrakedRun, braked_runs
 CONFIGS = {"default": "frenetix:Default", "safety": "frenetix:Safety-Conservative"}
 PREDICTIONS = {"gt": "ground_truth", "cv": "constant_velocity"}
 TIMED_RUNS = 72
-"""So many that the worker that is left alone with the last run hardly counts."""
+"""Enough that the time in which one of two workers has the last run alone hardly counts (chosen)."""
 SITUATIONS = 12
+"""Scenarios whose starts decide which weights act (chosen)."""
 WORKERS = 2
 Content = TypeVar("Content", bound=Model)
 
 
 @dataclass(frozen=True)
 class Measured:
-    """All that is told: records, lost cells, causes of failures, step and run times, and the braked runs."""
+    """All that is printed: records, lost cells, causes of failures, step and run times, and the braked runs."""
 
     runs: tuple[RunRecord, ...]
     lost: int
@@ -132,11 +134,8 @@ def _file(workspace: Workspace, run_id: str, name: str, model: type[Content]) ->
 
 
 def _weights_acting(workspace: Workspace, scenarios: Sequence[str]) -> int:
-    configuration = named_configuration(CONFIGS["default"])
-    if configuration is None:
-        raise RuntimeError(f"the built-in configuration {CONFIGS['default']} is gone")
     files = (workspace.file("scenario", scenario_id, "scenario.xml") for scenario_id in scenarios)
-    return len(acting_weights(configuration, [read_scenario(file) for file in files]))
+    return len(acting_weights(built_in(CONFIGS["default"]), [read_scenario(file) for file in files]))
 
 
 def _of(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunRecord]:
@@ -147,7 +146,7 @@ def trapped(run: RunRecord, steps: RunSteps) -> bool:
     """Whether a run looks as if a heading wrap had made it infeasible: the yaw rate rejected more than all else did.
 
     The last attempt counts, however long the run went well before. At a wrap the heading leaps by 2π, which only the
-    check of the yaw rate sees as such. Where a bend is too tight, the curvature rate or the acceleration rejects more.
+    check of the yaw rate sees as such. Where a curve is too tight, the curvature rate or the acceleration rejects more.
     """
     counts = {name: values[-1] for name, values in steps.rejected.items()}
     return run.outcome == "infeasible" and counts.get("yaw_rate", 0) > max(
@@ -156,17 +155,17 @@ def trapped(run: RunRecord, steps: RunSteps) -> bool:
 
 
 def _print_outcomes(runs: Sequence[RunRecord]) -> dict[str, float]:
-    """The table of outcomes; gives the success of each group."""
+    """Print the table of outcomes; returns the success of each group."""
     outcomes = [name for name, _ in Counter(run.outcome for run in runs).most_common()]
     table = Table("configuration", "prediction", *outcomes, "success of the solvable (95 % Wilson)", title="Outcomes")
     success: dict[str, float] = {}
     for preset, config in CONFIGS.items():
         for short, prediction in PREDICTIONS.items():
             counts = Counter(run.outcome for run in _of(runs, preset, short))
-            reached = rate(counts["goal_reached"], counts.total() - counts["invalid"])
-            success[f"success_{preset}_{short}"] = round(reached.share or 0.0, 4)
-            told = "-" if reached.share is None else f"{reached.share:.1%} ({reached.low:.1%} to {reached.high:.1%})"
-            table.add_row(config, prediction, *(str(counts[name]) for name in outcomes), told)
+            reached, solvable = counts["goal_reached"], counts.total() - counts["invalid"]
+            success[f"success_{preset}_{short}"] = round(reached / solvable, 4) if solvable else 0.0
+            share = rate_text(reached, solvable)
+            table.add_row(config, prediction, *(str(counts[name]) for name in outcomes), share)
     Console(width=160).print(table)
     return success
 
@@ -179,31 +178,31 @@ def _print_failures(failures: Sequence[tuple[RunRecord, str]]) -> None:
     Console(width=180).print(table)
 
 
-def _print(found: Measured) -> None:
-    success = _print_outcomes(found.runs)
-    _print_failures(found.failures)
-    ratios = [t.planning_step_median_ms / t.core_step_median_ms for t in found.timings if t.core_step_median_ms]
+def _print(measured: Measured) -> None:
+    success = _print_outcomes(measured.runs)
+    _print_failures(measured.failures)
+    ratios = [t.planning_step_median_ms / t.core_step_median_ms for t in measured.timings if t.core_step_median_ms]
     print_figures(
         "Planner loop",
         [
             ("planning step ÷ core", spread(ratios, "×") if ratios else "the planner has no core"),
-            ("a run, in one warm worker", spread(found.wall_s, "s")),
-            ("throughput of two workers ÷ one", f"{found.speedup:.2f} ×"),
-            *rows(found.braked),
+            ("a run, in one warm worker", spread(measured.wall_s, "s")),
+            ("throughput of two workers ÷ one", f"{measured.speedup:.2f} ×"),
+            *rows(measured.braked),
         ],
         {
-            "runs": len(found.runs),
-            "lost": found.lost,
-            "solvable": sum(run.outcome != "invalid" for run in _of(found.runs, "default", "gt")),
+            "runs": len(measured.runs),
+            "lost": measured.lost,
+            "solvable": sum(run.outcome != "invalid" for run in _of(measured.runs, "default", "gt")),
             **success,
-            "trap_infeasible": found.trapped,
+            "trap_infeasible": measured.trapped,
             "step_over_core": round(statistics.median(ratios), 3) if ratios else 0.0,
-            "run_median_s": round(statistics.median(found.wall_s), 3),
-            "two_worker_speedup": round(found.speedup, 3),
-            "weights_acting": found.acting,
-            "rear_scenarios": len({run.scenario_id for run in found.braked}),
-            "reactive_rear_hits": hits(found.braked, "reactive"),
-            "recorded_rear_hits": hits(found.braked, "recorded"),
+            "run_median_s": round(statistics.median(measured.wall_s), 3),
+            "two_worker_speedup": round(measured.speedup, 3),
+            "weights_acting": measured.acting,
+            "rear_scenarios": len({run.scenario_id for run in measured.braked}),
+            "reactive_rear_hits": hits(measured.braked, "reactive"),
+            "recorded_rear_hits": hits(measured.braked, "recorded"),
         },
     )
 
@@ -214,10 +213,9 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
     parser.add_argument("--limit", type=int, default=None, help="only a sample of so many files")
     arguments = parser.parse_args()
-    if not arguments.folder.is_dir():
-        parser.error(f"there is no folder {arguments.folder}: name one with --folder, or set PLANNERFORGE_SHARED")
+    folder = existing(arguments.folder, parser, "--folder")
     with tempfile.TemporaryDirectory() as workspace:
-        anyio.run(measure, Path(workspace), arguments.folder.resolve(), arguments.limit)
+        anyio.run(measure, Path(workspace), folder, arguments.limit)
 
 
 if __name__ == "__main__":

@@ -5,12 +5,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ...engine.commonroad import LoadedScenario
+from ...engine.execution import silent
 from ...engine.geometry import Points
 from ...engine.planners import Frenetix, Observation, Plan, PlanningTask, simulate
 from ...schemas.planning import PlannerConfiguration
 
-RAISED = 1e6
-"""So much that the term outweighs all others."""
+_RAISED = 1e6
+"""A weight at which the term outweighs all others."""
 
 
 class _FirstPlan(Frenetix):
@@ -41,14 +42,16 @@ def acting_weights(configuration: PlannerConfiguration, situations: Sequence[Loa
 
 def _acts(name: str, configuration: PlannerConfiguration, situations: Iterable[LoadedScenario]) -> bool:
     return any(
-        not np.array_equal(_chosen(configuration, name, 0.0, one), _chosen(configuration, name, RAISED, one))
-        for one in situations
+        not np.array_equal(
+            _chosen(configuration, name, 0.0, situation), _chosen(configuration, name, _RAISED, situation)
+        )
+        for situation in situations
     )
 
 
 def _chosen(configuration: PlannerConfiguration, name: str, weight: float, situation: LoadedScenario) -> Points:
     weighted = configuration.model_copy(update={"weights": configuration.weights | {name: weight}})
     planner = _FirstPlan()
-    simulate(situation.scenario, situation.problem(), weighted, planner, "constant_velocity", lambda *_: None)
+    simulate(situation.scenario, situation.problem(), weighted, planner, "constant_velocity", silent)
     trajectory = planner.first.trajectory if planner.first else None
     return np.zeros((0, 2)) if trajectory is None else trajectory.positions

@@ -1,4 +1,4 @@
-"""Why a run failed, derived from what is stored of it and from the recording of whom it collided with."""
+"""Why a run failed, derived from its stored record and steps and from the motion of what it collided with."""
 
 import math
 from pathlib import Path
@@ -11,24 +11,26 @@ from ...engine.geometry import wrap_angle
 from ...engine.planners import RecordedTraffic
 from ...schemas.runs import RunRecord, RunSteps
 
-STANDING_MPS = 0.5
-SAME_WAY_RAD = math.pi / 4
-LISTED_CONSTRAINTS = 2
+_STANDING_MPS = 0.5
+"""Below it a vehicle counts as standing (chosen)."""
+_SAME_WAY_RAD = math.pi / 4
+"""Between headings that lead the same way; quarters of a turn beside it cross or lead against each other."""
+_LISTED_CONSTRAINTS = 2
 
 
 def cause(run: RunRecord, steps: RunSteps, scenario: Path) -> str:
-    """One line: what ended the run, and with whom and how they met where it is a collision."""
+    """One line: what ended the run; of a collision with an obstacle, how the two met."""
     if run.collision is not None and run.collision.obstacle_id is not None:
         other = _track(run.collision.obstacle_id, steps, scenario)
         return f"{meeting(run, steps, other)} at {run.collision.time_s:.1f} s"
-    stood_s = run.step_s * int((np.array(steps.speed_mps[1:]) < STANDING_MPS).sum())
+    stood_s = run.step_s * int((np.array(steps.speed_mps[1:]) < _STANDING_MPS).sum())
     return run.reason + (f"; the ego stood for {stood_s:.1f} s" if stood_s else "")
 
 
 def rejections(run: RunRecord) -> str:
     """The constraints that rejected most candidates over the whole run."""
     most = sorted(run.rejected_candidates.items(), key=lambda item: (-item[1], item[0]))
-    return ", ".join(f"{name} {count}" for name, count in most[:LISTED_CONSTRAINTS]) or "none"
+    return ", ".join(f"{name} {count}" for name, count in most[:_LISTED_CONSTRAINTS]) or "none"
 
 
 def meeting(run: RunRecord, steps: RunSteps, other: Track) -> str:
@@ -39,21 +41,21 @@ def meeting(run: RunRecord, steps: RunSteps, other: Track) -> str:
     ours = (steps.x_m[-1], steps.y_m[-1], steps.heading_rad[-1])
     speed, their_speed = steps.speed_mps[-1], float(other.speeds_mps[index])
     who = f"{other.kind} {other.obstacle_id}"
-    ego = "the standing ego" if speed < STANDING_MPS else f"the ego ({speed:.1f} m/s)"
-    them = f"the standing {who}" if their_speed < STANDING_MPS else f"{who} ({their_speed:.1f} m/s)"
+    ego = "the standing ego" if speed < _STANDING_MPS else f"the ego ({speed:.1f} m/s)"
+    them = f"the standing {who}" if their_speed < _STANDING_MPS else f"{who} ({their_speed:.1f} m/s)"
     turned = abs(wrap_angle(theirs[2] - ours[2]))
-    if speed >= STANDING_MPS and their_speed >= STANDING_MPS and turned > SAME_WAY_RAD:
-        way = "came towards" if turned > math.pi - SAME_WAY_RAD else "crossed the way of"
+    if speed >= _STANDING_MPS and their_speed >= _STANDING_MPS and turned > _SAME_WAY_RAD:
+        way = "came towards" if turned > math.pi - _SAME_WAY_RAD else "crossed the way of"
         return f"{them} {way} {ego}"
     if _is_in_front(theirs, ours, run.ego_width_m):
         return f"{ego} ran into {them}"
     if _is_in_front(ours, theirs, other.width_m):
-        return f"{them} ran into {ego}" + (" from behind" if turned < SAME_WAY_RAD else "")
+        return f"{them} ran into {ego}" + (" from behind" if turned < _SAME_WAY_RAD else "")
     return f"{ego} and {them} touched side by side"
 
 
 def _is_in_front(place: tuple[float, float, float], of: tuple[float, float, float], width_m: float) -> bool:
-    """Whether a place lies ahead of a body more than beside it."""
+    """Whether a place lies more ahead of a rectangle than to its side."""
     dx, dy = place[0] - of[0], place[1] - of[1]
     ahead = dx * math.cos(of[2]) + dy * math.sin(of[2])
     aside = abs(dy * math.cos(of[2]) - dx * math.sin(of[2]))

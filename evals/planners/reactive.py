@@ -1,4 +1,4 @@
-"""``make bench-reactive``: the ego brakes to a stand; who hits it from behind?
+"""``make bench-reactive``: rear hits of an ego that brakes to a stand.
 
 Scenarios with a follower in the ego's lane are driven with recorded and with reactive traffic: by a planner that brakes
 at once with 6 m/s², and by each of our planners, which drive for a second before the ego brakes so. Keys: ``scenarios``
@@ -24,13 +24,13 @@ def hits(runs: Sequence[BrakedRun], traffic: str, planner: str | None = None) ->
 
 def rows(runs: Sequence[BrakedRun]) -> list[tuple[str, str]]:
     """Hits by planner, then every hit of reactive traffic."""
-    found = []
+    lines = []
     for planner in BRAKES_AFTER_S:
         count = sum(run.planner == planner and run.traffic == "recorded" for run in runs)
-        told = f"recorded {hits(runs, 'recorded', planner)}, reactive {hits(runs, 'reactive', planner)} of {count}"
-        found.append((f"rear hits, driven by {planner}", told))
+        counts = f"recorded {hits(runs, 'recorded', planner)}, reactive {hits(runs, 'reactive', planner)} of {count}"
+        lines.append((f"rear hits, driven by {planner}", counts))
     reactive = [run for run in runs if run.traffic == "reactive"]
-    return found + [(f"{run.scenario_id}, {run.planner}", run.hit) for run in reactive if run.hit is not None]
+    return lines + [(f"{run.scenario_id}, {run.planner}", run.hit) for run in reactive if run.hit is not None]
 
 
 def main(arguments: Sequence[str]) -> None:

@@ -1,7 +1,7 @@
-"""Who runs into an ego that brakes to a stand in front of a follower, with recorded and with reactive traffic?
+"""Rear hits of an ego that brakes to a stand in front of a follower, in recorded and in reactive traffic.
 
-A rear hit is one by somebody who followed the ego in its lane when it began to brake; not by somebody whom the ego cut
-in on while it braked, because its reference path changes the lane.
+A rear hit is one by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego cut in
+on while it braked, because its reference path changes the lane, makes none.
 """
 
 import math
@@ -30,21 +30,106 @@ from ...engine.planners import (
     open_traffic,
     simulate,
 )
-from ...engine.tuning import named_configuration
 from ...engine.vehicles import BMW_320I
 from ...schemas.runs import Traffic
+from ..harness import built_in
 
-# ---------- braking_planner
-# A planner for experiments: it keeps its place beside the reference path and brakes to a stand.
+_BRAKING_MPS2 = 6.0
+"""Hard braking (chosen)."""
+_HORIZON_S = 3.0
+"""Length of the braking plan (chosen)."""
+_MODES: tuple[Traffic, ...] = ("recorded", "reactive")
+BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
+"""The planner that drives before the ego brakes, and for how long."""
+_BEHIND_M, _BESIDE_M, _ALIKE_RAD, _SLOWEST_MPS = 60.0, 1.75, 0.5, 1.0
+"""Largest distance behind the ego and to its side (half a lane), largest difference of headings, and smallest speed of
+a follower (chosen)."""
 
-BRAKING_MPS2 = 6.0
-HORIZON_S = 3.0
+
+@dataclass(frozen=True)
+class BrakedRun:
+    """A run of an ego that braked; ``hit`` names what hit it from behind, None where nothing did."""
+
+    scenario_id: str
+    planner: str
+    traffic: Traffic
+    outcome: str
+    hit: str | None
+    step_ms: float
+
+
+def braked_runs(files: Sequence[Path], processes: int) -> list[BrakedRun]:
+    """The runs of all planners in all traffic modes on the scenarios that have a follower."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=spawn) as pool:
+        return [run for runs in pool.map(_braked_runs_of, files) for run in runs]
+
+
+def _braked_runs_of(file: Path) -> list[BrakedRun]:
+    """The runs on one scenario; none where no vehicle follows the ego."""
+    loaded = read_scenario(file)
+    if not _has_follower(loaded, EgoState.of(loaded.problem().initial_state)):
+        return []
+    return [_braked(loaded, planner, traffic) for planner in BRAKES_AFTER_S for traffic in _MODES]
+
+
+def _has_follower(loaded: LoadedScenario, ego: EgoState) -> bool:
+    """Whether a vehicle drives behind a moving ego in its lane at its first step."""
+    return ego.speed_mps >= _SLOWEST_MPS and any(
+        follows(other, ego) for other in recorded_tracks(loaded.scenario).values()
+    )
+
+
+def follows(other: Track, ego: EgoState) -> bool:
+    """Whether another vehicle drives behind the ego in its lane."""
+    index = other.index_at(ego.step)
+    if index is None or other.speeds_mps[index] < _SLOWEST_MPS:
+        return False
+    behind, left = _place_behind(ego, *other.positions[index])
+    alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < _ALIKE_RAD
+    return 0.0 < behind < _BEHIND_M and abs(left) < _BESIDE_M and alike
+
+
+def _place_behind(ego: EgoState, x_m: float, y_m: float) -> tuple[float, float]:
+    """How far a point lies behind the ego, and to its left, in m."""
+    cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+    dx, dy = x_m - float(ego.position[0]), y_m - float(ego.position[1])
+    return -(dx * cos + dy * sin), dy * cos - dx * sin
+
+
+def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> BrakedRun:
+    configuration = built_in(name if name in PLANNERS else "frenetix")
+    planner = _BrakingFrom(make_planner(configuration.planner), BRAKES_AFTER_S[name])
+    began, problem = time.perf_counter(), loaded.problem()
+    with open_traffic(traffic, loaded, problem, BMW_320I, seed=0) as others:
+        run = simulate(loaded.scenario, problem, configuration, planner, "constant_velocity", silent, others)
+    step_ms = 1000 * (time.perf_counter() - began - sum(run.plan_s)) / len(run.states)
+    hit = _rear_hit(run, planner.brake_step)
+    return BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, hit, step_ms)
+
+
+def _rear_hit(run: DrivenRun, brake_step: int) -> str | None:
+    """What ran into the ego from behind, if it followed the ego when that began to brake."""
+    hit = run.final.collision
+    begin = next((state for state in run.states if state.step in run.plan_steps and state.step >= brake_step), None)
+    if hit is None or hit.obstacle_id is None or begin is None:
+        return None
+    ego = run.states[-1]
+    tracks = (*run.traffic.moving, *run.traffic.standing)
+    other = next(track for track in tracks if track.obstacle_id == hit.obstacle_id)
+    behind, _ = _place_behind(ego, *other.positions[other.index_at(ego.step) or 0])
+    if not (follows(other, begin) and behind > 0.0):
+        return None
+    driven = (
+        "driven" if any(track.obstacle_id == hit.obstacle_id for track in run.traffic.driven) else "on its recording"
+    )
+    return f"{hit.kind} {hit.obstacle_id} ({driven}) at {hit.time_s:.1f} s, ego {ego.speed_mps:.1f} m/s"
 
 
 class BrakingPlanner:
     """Brakes at once with 6 m/s² and stays where it stands."""
 
-    def __init__(self, braking_mps2: float = BRAKING_MPS2) -> None:
+    def __init__(self, braking_mps2: float = _BRAKING_MPS2) -> None:
         self._braking_mps2 = braking_mps2
         self._task: PlanningTask | None = None
 
@@ -53,11 +138,11 @@ class BrakingPlanner:
         self._task = task
 
     def plan(self, observation: Observation) -> Plan:
-        """The way to the stand along the reference path, at the present distance beside it."""
+        """The path to the stand along the reference path, at the present distance beside it."""
         if self._task is None:
             raise RuntimeError("reset the planner before it plans")
         ego, step_s = observation.ego, self._task.step_s
-        times = np.arange(round(HORIZON_S / step_s) + 1) * step_s
+        times = np.arange(round(_HORIZON_S / step_s) + 1) * step_s
         until_stand_s = ego.speed_mps / self._braking_mps2
         braked = np.minimum(times, until_stand_s)
         moved = ego.speed_mps * braked - self._braking_mps2 * braked**2 / 2
@@ -77,10 +162,10 @@ class BrakingPlanner:
 
 
 class _BrakingFrom:
-    """Drives as another planner does, and brakes to a stand from a time on; ``brake_step`` is that time's step.
+    """Drives as another planner does and brakes to a stand from a time on; ``brake_step`` is that time's step.
 
     Args:
-        planner: who drives first.
+        planner: drives first.
         after_s: time from the start of the run at which the ego begins to brake.
     """
 
@@ -95,97 +180,6 @@ class _BrakingFrom:
         self._braking.reset(task)
 
     def plan(self, observation: Observation) -> Plan:
-        """The plan of the planner whose time it is."""
+        """The plan of the other planner before the brake step, of the braking one from then on."""
         planner = self._planner if observation.ego.step < self.brake_step else self._braking
         return planner.plan(observation)
-
-
-# ---------- rear_hits
-# Who runs into an ego that brakes to a stand in front of a follower, with recorded and with reactive traffic?
-#
-# A rear hit is one by somebody who followed the ego in its lane when it began to brake; not by somebody whom the ego
-# cut in on while it braked, because its reference path changes the lane.
-
-MODES: tuple[Traffic, ...] = ("recorded", "reactive")
-BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
-"""Who drives before the ego brakes, and for how long."""
-BEHIND_M, BESIDE_M, ALIKE_RAD, SLOWEST_MPS = 60.0, 1.75, 0.5, 1.0
-
-
-@dataclass(frozen=True)
-class BrakedRun:
-    """A run of an ego that braked: ``hit`` tells by whom it was hit from behind, where it was."""
-
-    scenario_id: str
-    planner: str
-    traffic: Traffic
-    outcome: str
-    hit: str | None
-    step_ms: float
-
-
-def braked_runs(files: Sequence[Path], processes: int) -> list[BrakedRun]:
-    """The runs of all planners in all traffic modes on the scenarios that have a follower."""
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(processes, mp_context=spawn) as pool:
-        return [run for runs in pool.map(_braked_runs_of, files) for run in runs]
-
-
-def _braked_runs_of(file: Path) -> list[BrakedRun]:
-    """The runs on one scenario; none where nobody follows the ego."""
-    loaded = read_scenario(file)
-    if not _has_follower(loaded, EgoState.of(loaded.problem().initial_state)):
-        return []
-    return [_braked(loaded, planner, traffic) for planner in BRAKES_AFTER_S for traffic in MODES]
-
-
-def _has_follower(loaded: LoadedScenario, ego: EgoState) -> bool:
-    """Whether somebody drives behind a moving ego in its lane at its first step."""
-    return ego.speed_mps >= SLOWEST_MPS and any(
-        follows(other, ego) for other in recorded_tracks(loaded.scenario).values()
-    )
-
-
-def follows(other: Track, ego: EgoState) -> bool:
-    """Whether somebody drives behind the ego in its lane."""
-    index = other.index_at(ego.step)
-    if index is None or other.speeds_mps[index] < SLOWEST_MPS:
-        return False
-    behind, left = _place_behind(ego, *other.positions[index])
-    alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < ALIKE_RAD
-    return 0.0 < behind < BEHIND_M and abs(left) < BESIDE_M and alike
-
-
-def _place_behind(ego: EgoState, x_m: float, y_m: float) -> tuple[float, float]:
-    """How far a point lies behind the ego, and to its left, in m."""
-    cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
-    dx, dy = x_m - float(ego.position[0]), y_m - float(ego.position[1])
-    return -(dx * cos + dy * sin), dy * cos - dx * sin
-
-
-def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> BrakedRun:
-    configuration = named_configuration(name if name in PLANNERS else "frenetix")
-    if configuration is None:
-        raise RuntimeError("the built-in configuration is gone")
-    planner = _BrakingFrom(make_planner(configuration.planner), BRAKES_AFTER_S[name])
-    began, problem = time.perf_counter(), loaded.problem()
-    with open_traffic(traffic, loaded, problem, BMW_320I, seed=0) as others:
-        run = simulate(loaded.scenario, problem, configuration, planner, "constant_velocity", silent, others)
-    step_ms = 1000 * (time.perf_counter() - began - sum(run.plan_s)) / len(run.states)
-    hit = _rear_hit(run, planner.brake_step)
-    return BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, hit, step_ms)
-
-
-def _rear_hit(run: DrivenRun, brake_step: int) -> str | None:
-    """Who ran into the ego from behind, if it followed the ego when that began to brake."""
-    hit = run.final.collision
-    begin = next((state for state in run.states if state.step in run.plan_steps and state.step >= brake_step), None)
-    if hit is None or hit.obstacle_id is None or begin is None:
-        return None
-    ego = run.states[-1]
-    other = next(one for one in (*run.traffic.moving, *run.traffic.standing) if one.obstacle_id == hit.obstacle_id)
-    behind, _ = _place_behind(ego, *other.positions[other.index_at(ego.step) or 0])
-    if not (follows(other, begin) and behind > 0.0):
-        return None
-    driven = "driven" if any(one.obstacle_id == hit.obstacle_id for one in run.traffic.driven) else "on its recording"
-    return f"{hit.kind} {hit.obstacle_id} ({driven}) at {hit.time_s:.1f} s, ego {ego.speed_mps:.1f} m/s"

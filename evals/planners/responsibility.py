@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from ...engine.catalog import ARCHIVE
 from ...engine.commonroad import read_scenario
+from ...engine.execution import silent
 from ...engine.planners import CandidateBatch, Frenetix, Observation, Plan, PlanningTask, responsibility, simulate
-from ...engine.tuning import named_configuration
-from ..harness import print_figures
+from ..harness import built_in, print_figures
 
 if TYPE_CHECKING:
     import frenetix
@@ -34,7 +34,7 @@ ALL_PLANS = sys.maxsize
 
 
 @dataclass
-class Listened:
+class Collected:
     """Raw values of both terms, one a candidate, and the seconds that ``responsibility`` took, one a planning step."""
 
     scenarios: int = 0
@@ -44,7 +44,7 @@ class Listened:
 
     @property
     def either(self) -> NDArray[np.bool_]:
-        """The candidates of which at least one of the terms says something."""
+        """The candidates for which at least one of the terms is above 0."""
         return (np.array(self.prediction) > 0) | (np.array(self.responsibility) > 0)
 
     def spearman(self) -> float:
@@ -107,26 +107,20 @@ def scenario_files(folder: Path | None, count: int, scratch: Path) -> Iterator[P
         yield from found[:: max(len(found) // count, 1)][:count]
 
 
-def listened(paths: Iterable[Path], most_plans: int = ALL_PLANS) -> Listened:
-    """Drive Safety-Conservative through the files, so many planning steps of each, and collect both terms.
-
-    Raises:
-        RuntimeError: the preset is gone.
-    """
-    configuration = named_configuration("frenetix:Safety-Conservative")
-    if configuration is None:
-        raise RuntimeError("the preset is not here")
-    found = Listened()
+def collected_terms(paths: Iterable[Path], most_plans: int = ALL_PLANS) -> Collected:
+    """Drive Safety-Conservative through the files, at most ``most_plans`` steps of each, and collect both terms."""
+    configuration = built_in("frenetix:Safety-Conservative")
+    collected = Collected()
     for path in paths:
         loaded = read_scenario(path)
         planner = _ListeningFrenetix(most_plans)
-        run = simulate(loaded.scenario, loaded.problem(), configuration, planner, "constant_velocity", _silent)
+        run = simulate(loaded.scenario, loaded.problem(), configuration, planner, "constant_velocity", silent)
         if run.plans:
-            found.scenarios += 1
-            found.prediction += planner.prediction
-            found.responsibility += planner.responsibility
-            found.seconds += planner.seconds
-    return found
+            collected.scenarios += 1
+            collected.prediction += planner.prediction
+            collected.responsibility += planner.responsibility
+            collected.seconds += planner.seconds
+    return collected
 
 
 def main() -> None:
@@ -134,21 +128,17 @@ def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
     count = int(sys.argv[2]) if len(sys.argv) > 2 else FILES
     with tempfile.TemporaryDirectory() as scratch:
-        found = listened(scenario_files(folder, count, Path(scratch)))
+        collected = collected_terms(scenario_files(folder, count, Path(scratch)))
     figures: dict[str, float | int | str] = {
-        "scenarios": found.scenarios,
-        "candidates": len(found.prediction),
-        "candidates_with_either": int(found.either.sum()),
-        "spearman": round(found.spearman(), 3),
-        "spearman_with_either": round(found.spearman_with_either(), 3),
-        "step_median_ms": round(1000 * median(found.seconds), 2),
-        "step_p95_ms": round(1000 * float(np.quantile(found.seconds, 0.95)), 2),
+        "scenarios": collected.scenarios,
+        "candidates": len(collected.prediction),
+        "candidates_with_either": int(collected.either.sum()),
+        "spearman": round(collected.spearman(), 3),
+        "spearman_with_either": round(collected.spearman_with_either(), 3),
+        "step_median_ms": round(1000 * median(collected.seconds), 2),
+        "step_p95_ms": round(1000 * float(np.quantile(collected.seconds, 0.95)), 2),
     }
     print_figures("responsibility against prediction", [(key, str(value)) for key, value in figures.items()], figures)
-
-
-def _silent(share: float, message: str = "") -> None:
-    del share, message
 
 
 if __name__ == "__main__":

@@ -23,13 +23,14 @@ from rich.console import Console
 from rich.table import Table
 
 from ...engine.analysis import SignedRank, mean_terms, signed_rank
-from ...engine.tuning import named_configuration
 from ...engine.workspace import Workspace
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import BatchRecord, RunRecord, RunSteps
 from ...server.assembly import create_server
 from ..harness import (
     ask,
+    built_in,
+    existing,
     finished_batch,
     import_scenarios,
     print_figures,
@@ -41,20 +42,8 @@ from ..harness import (
 BASE = "frenetix:Default"
 PREDICTION = "constant_velocity"
 FACTOR, INSTEAD_OF_ZERO, RECORDED = 10.0, 1.0, 1e-6
-SCENARIOS = 30
-WORKERS = 2
-
-
-def _default_weights() -> dict[str, float]:
-    """The weights of Default.
-
-    Raises:
-        RuntimeError: there is no such configuration any more.
-    """
-    configuration = named_configuration(BASE)
-    if configuration is None:
-        raise RuntimeError(f"the built-in configuration {BASE} is gone")
-    return configuration.weights
+"""What a weight is raised by, what it is raised to where it is 0, and the weight at which a term is only recorded."""
+SCENARIOS, WORKERS = 30, 2
 
 
 def raised(value: float) -> float:
@@ -69,7 +58,7 @@ def difference(before: float, after: float) -> float:
 
 async def measure(workspace: Path, folder: Path, scenarios: int) -> None:
     """Make the configurations, run the grid, print."""
-    weights = _default_weights()
+    weights = built_in(BASE).weights
     recorded = [f"{name}={RECORDED:g}" for name, value in weights.items() if not value]
     async with Client(create_server(settings_for(workspace, folder, WORKERS))) as client:
         await import_scenarios(client, scenario_files(folder, scenarios))
@@ -90,7 +79,7 @@ async def measure(workspace: Path, folder: Path, scenarios: int) -> None:
 
 def own_terms(workspace: Workspace, batch: BatchRecord) -> dict[tuple[str, str], dict[str, float]]:
     """(configuration, scenario) → unweighted mean of each term over the planning steps of the run."""
-    found = {}
+    terms = {}
     for run_id in batch.runs:
         record = workspace.get(run_id, "run").read(RunRecord)
         configuration = workspace.get(record.config_id, "config").read(PlannerConfiguration)
@@ -99,8 +88,8 @@ def own_terms(workspace: Workspace, batch: BatchRecord) -> dict[tuple[str, str],
         means = mean_terms(steps)
         if means:
             raw = {name: means.get(name, 0.0) / weight for name, weight in configuration.weights.items()}
-            found[record.config_id, record.scenario_id] = raw
-    return found
+            terms[record.config_id, record.scenario_id] = raw
+    return terms
 
 
 def _print(
@@ -154,10 +143,9 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
     parser.add_argument("--scenarios", type=int, default=SCENARIOS)
     arguments = parser.parse_args()
-    if not arguments.folder.is_dir():
-        parser.error(f"there is no folder {arguments.folder}: name one with --folder, or set PLANNERFORGE_SHARED")
+    folder = existing(arguments.folder, parser, "--folder")
     with tempfile.TemporaryDirectory() as workspace:
-        anyio.run(measure, Path(workspace), arguments.folder.resolve(), arguments.scenarios)
+        anyio.run(measure, Path(workspace), folder, arguments.scenarios)
 
 
 if __name__ == "__main__":

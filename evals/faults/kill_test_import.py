@@ -1,8 +1,8 @@
 """Imports that are killed at random moments, and what must hold of the workspace that they leave.
 
-As a program (``python -m plannerforge.evals.faults.killed_import WORKSPACE FOLDER``) it is the server that gets killed:
-it imports the folder while a thread builds the text index again and again. Its vectors are made of hashes: what is
-struck here are the two stores, and a language model would take ten times as long to load as the import takes.
+As a program (``python -m plannerforge.evals.faults.kill_test_import WORKSPACE FOLDER``) it is the server that gets
+killed: it imports the folder while a thread builds the text index again and again. Its vectors are made of hashes: what
+is tested here are the two stores, and a language model would take ten times as long to load as the import takes.
 """
 
 import hashlib
@@ -40,41 +40,43 @@ from ...server.assembly import create_server
 from ...server.settings import Settings
 from ...tools.call import INDEX_FOLDER
 
-MODEL = "hashes"
-MOST = 1_000_000
-LATEST_S = 0.4
-"""So long after the chosen file was stored the blow falls at the latest."""
-GUARD_S = 300.0
+_MODEL = "hashes"
+_ALL = 1_000_000
+"""More artifacts than a test workspace holds."""
+_LATEST_S = 0.4
+"""Longest time from the moment at which the chosen file was stored to the kill (chosen)."""
+_GUARD_S = 300.0
+"""Longest time for which a server is waited for (chosen): an import of 40 files takes seconds."""
 
 
 @dataclass
-class _Struck:
-    """Blows by what was killed, how often nothing was left to kill, and what did not agree afterwards."""
+class KillTally:
+    """Kills by what was killed or had ended before, and what did not agree afterwards."""
 
-    blows: Counter[str] = field(default_factory=Counter)
+    kills: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
 
 
-def strike_imports(workspace: Path, folder: Path, chance: random.Random, blows: int) -> _Struck:
-    """Import the folder again and again, each time with a blow at a random moment, then once in peace.
+def kill_imports(workspace: Path, folder: Path, chance: random.Random, kills: int) -> KillTally:
+    """Import the folder again and again, each time with a kill at a random moment, then once undisturbed.
 
     The server is killed, or (one time in three) one of its processes only. After each the workspace is opened and
     checked. A workspace that is full is followed by a new one beside it.
     """
-    struck, number = _Struck(), 0
+    tally, number = KillTally(), 0
     total = len(list(folder.glob("*.xml")))
-    while struck.blows.total() < blows:
+    while tally.kills.total() < kills:
         root = workspace / str(number)
-        killed = _struck_once(root, folder, chance, total)
-        struck.blows[killed] += 1
-        struck.faults += disagreements(root)
+        killed = _kill_once(root, folder, chance, total)
+        tally.kills[killed] += 1
+        tally.faults += disagreements(root)
         if stored(root) == total:
             number += 1
     _wait(_server(workspace / str(number), folder))
-    struck.faults += disagreements(workspace / str(number))
+    tally.faults += disagreements(workspace / str(number))
     if (left := total - stored(workspace / str(number))) > 0:
-        struck.faults.append(f"{left} files are missing in the end")
-    return struck
+        tally.faults.append(f"{left} files are missing in the end")
+    return tally
 
 
 def stored(root: Path) -> int:
@@ -97,33 +99,33 @@ def disagreements(root: Path) -> list[str]:
         connection = workspace.database.connection()
         whole = connection.execute("PRAGMA integrity_check").fetchone()[0]
         refresh(workspace.database)
-        artifacts = workspace.newest(kind="scenario", limit=MOST)
-        found = [] if whole == "ok" else [f"SQLite says {whole}"]
-        for one in artifacts:
-            file = workspace.folder("scenario", one.artifact_id) / "scenario.xml"
+        artifacts = workspace.newest(kind="scenario", limit=_ALL)
+        faults = [] if whole == "ok" else [f"SQLite says {whole}"]
+        for artifact in artifacts:
+            file = workspace.folder("scenario", artifact.artifact_id) / "scenario.xml"
             content = hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else "no file"
-            if content != one.read(ScenarioRecord).content:
-                found.append(f"{one.artifact_id}: the file is not what was recorded ({content[:12]})")
+            if content != artifact.read(ScenarioRecord).content:
+                faults.append(f"{artifact.artifact_id}: the file is not what was recorded ({content[:12]})")
         texts = descriptions(connection)
-        listed = {listed_version(connection, one.artifact_id) for one in artifacts}
+        listed = {listed_version(connection, artifact.artifact_id) for artifact in artifacts}
         if {key.partition("#")[0] for key in texts} != listed:
-            found.append(f"the catalogue lists {len(texts)} entries of {len(listed)} scenarios")
+            faults.append(f"the catalogue lists {len(texts)} entries of {len(listed)} scenarios")
     finally:
         workspace.close()
-    return found + (_index_faults(root / INDEX_FOLDER, texts) if texts else [])
+    return faults + (_index_faults(root / INDEX_FOLDER, texts) if texts else [])
 
 
 def _index_faults(index: Path, texts: dict[str, str]) -> list[str]:
     """Every generation that is marked complete can be searched, and the current one holds what the catalogue lists."""
     vector = _hash_vectors(["a busy road"])[0]
-    found = [
+    faults = [
         f"the index {marker.parent.name} is empty"
         for marker in sorted(index.glob(f"*/{COMPLETE}"))
         if not query(marker.parent, vector, None, 1)
     ]
-    folder, _ = ensure_generation(index, texts, MODEL, _hash_vectors)
+    folder, _ = ensure_generation(index, texts, _MODEL, _hash_vectors)
     held = {key for key, _ in query(folder, vector, None, len(texts))}
-    return found if held == set(texts) else [*found, f"the index holds {len(held)} of {len(texts)} entries"]
+    return faults if held == set(texts) else [*faults, f"the index holds {len(held)} of {len(texts)} entries"]
 
 
 def _hash_vectors(texts: Sequence[str]) -> Vectors:
@@ -135,10 +137,10 @@ def _hash_vectors(texts: Sequence[str]) -> Vectors:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True), dtype=np.float32)
 
 
-def _struck_once(root: Path, folder: Path, chance: random.Random, total: int) -> str:
+def _kill_once(root: Path, folder: Path, chance: random.Random, total: int) -> str:
     """Start an import and kill it, or one of its processes, when a random number of files more is in."""
     moment = chance.randint(stored(root), total - 1)
-    delay_s, spares_the_server = chance.uniform(0.0, LATEST_S), chance.random() < 1 / 3
+    delay_s, spares_the_server = chance.uniform(0.0, _LATEST_S), chance.random() < 1 / 3
     process = _server(root, folder)
     while stored(root) < moment and process.poll() is None:
         time.sleep(0.01)
@@ -154,7 +156,9 @@ def _struck_once(root: Path, folder: Path, chance: random.Random, total: int) ->
 
 
 def _server(root: Path, folder: Path) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, "-m", "plannerforge.evals.faults.killed_import", str(root), str(folder)])
+    return subprocess.Popen(
+        [sys.executable, "-m", "plannerforge.evals.faults.kill_test_import", str(root), str(folder)]
+    )
 
 
 def _wait(process: subprocess.Popen[bytes]) -> None:
@@ -163,7 +167,7 @@ def _wait(process: subprocess.Popen[bytes]) -> None:
     Raises:
         RuntimeError: it failed by itself.
     """
-    if process.wait(GUARD_S) not in (0, -signal.SIGKILL):
+    if process.wait(_GUARD_S) not in (0, -signal.SIGKILL):
         raise RuntimeError(f"an import ended with status {process.returncode}")
 
 
@@ -183,7 +187,7 @@ def _keep_indexing(root: Path, ended: threading.Event) -> None:
     while not ended.is_set():
         texts = _listed_texts(root / "workspace.sqlite")
         if texts:
-            ensure_generation(root / INDEX_FOLDER, texts, MODEL, _hash_vectors)
+            ensure_generation(root / INDEX_FOLDER, texts, _MODEL, _hash_vectors)
         time.sleep(0.01)
 
 

@@ -11,20 +11,20 @@ from support.catalog import facts
 from plannerforge.engine.catalog.updates import refresh
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.evals.faults.killed_import import disagreements, strike_imports
+from plannerforge.evals.faults.kill_test_import import disagreements, kill_imports
 from plannerforge.schemas.scenarios import ScenarioRecord
 
-FILES, BLOWS = 8, 2
+FILES, KILLS = 8, 2
 
 
-def test_blows_at_random_moments_leave_nothing_that_disagrees(tmp_path: Path) -> None:
+def test_kills_at_random_moments_leave_nothing_that_disagrees(tmp_path: Path) -> None:
     folder = tmp_path / "files"
     folder.mkdir()
     for index in range(1, FILES + 1):
         replace(town_road().cut(4), benchmark_id=f"ZAM_Struck-1_{index}_T-1").write(folder / f"{index}.xml")
-    struck = strike_imports(tmp_path / "workspaces", folder, random.Random(4), BLOWS)
-    assert struck.faults == []
-    assert struck.blows.total() == BLOWS
+    tally = kill_imports(tmp_path / "workspaces", folder, random.Random(4), KILLS)
+    assert tally.faults == []
+    assert tally.kills.total() == KILLS
 
 
 def test_what_disagrees_is_found(tmp_path: Path) -> None:
