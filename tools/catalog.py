@@ -23,14 +23,21 @@ from .maps import maps_seen
 from .operations import RANK
 from .scenarios import one_scenario, searched_within
 
-# ---------- catalog_facets
-# The facets that are not about scenarios: maps, behaviours of drivers, planners with their presets.
+_MAPS_SHOWN = 12
+"""Maps that the facet lists by name; chosen to keep the answer short."""
 
-MAPS_SHOWN = 12
+
+async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) -> DescribeCatalogResult:
+    """Facets with counts."""
+    open_catalogue(call.workspace, with_starter=call.services.with_starter)
+    within = searched_within(arguments.within, call)
+    connection = call.workspace.database.connection()
+    count, facets = scenario_facets(connection, arguments.facet, frozenset(within) if within is not None else None)
+    return DescribeCatalogResult(scenarios=count, facets=(*facets, *_other_facets(arguments.facet, call)))
 
 
 def _other_facets(wanted: str, call: ToolCall) -> list[FacetCounts]:
-    """Facets ``maps``, ``behaviours`` and ``planners``, or the one that is wanted."""
+    """The facets that are not about scenarios: ``maps``, ``behaviours``, ``planners``, or the wanted one of them."""
     makers = {"maps": _maps, "behaviours": _behaviours, "planners": _planners}
     return [make(call) for name, make in makers.items() if wanted in ("all", name)]
 
@@ -39,10 +46,10 @@ def _maps(call: ToolCall) -> FacetCounts:
     """The built-in maps and those that were imported, with the number of sites that can be cut from each."""
     seen = maps_seen(call)
     counts: dict[str, int] = {}
-    for facts in (entry.facts for entry in seen.entries[:MAPS_SHOWN]):
+    for facts in (entry.facts for entry in seen.entries[:_MAPS_SHOWN]):
         name = facts.place if facts.place not in counts else f"{facts.place} ({facts.map_id})"
         counts[name] = sum(facts.sites.values())
-    more = len(seen.entries) - MAPS_SHOWN
+    more = len(seen.entries) - _MAPS_SHOWN
     notes = ["with their sites", *([f"{more} more maps"] if more > 0 else []), *seen.notes]
     return FacetCounts(facet="maps", counts=counts, note="; ".join(notes))
 
@@ -59,37 +66,24 @@ def _planners(call: ToolCall) -> FacetCounts:
     return FacetCounts(facet="planners", counts=dict.fromkeys(PLANNERS, 0), note=f"PLANNER:PRESET with {presets}")
 
 
-# ---------- catalog
-# The tools that look into the catalogue.
-
-
-async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) -> DescribeCatalogResult:
-    """Facets with counts."""
-    open_catalogue(call.workspace, with_starter=call.services.with_starter)
-    within = searched_within(arguments.within, call)
-    connection = call.workspace.database.connection()
-    count, facets = scenario_facets(connection, arguments.facet, frozenset(within) if within is not None else None)
-    return DescribeCatalogResult(scenarios=count, facets=(*facets, *_other_facets(arguments.facet, call)))
-
-
 async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosResult:
     """Filter by slots, rank by text, store the search, answer with one page of it."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     arguments = _resolved(arguments, call)
     search = Search(call.workspace.database.connection(), arguments, searched_within(arguments.within, call))
     ranking = await _ranking(search, call) if search.needs_ranking else None
-    found = search.find(ranking)
+    hits = search.find(ranking)
     stages = search.stage_counts()
     recipe = Recipe(
         tool="find_scenarios",
         arguments=arguments.model_dump(mode="json", exclude={"limit", "offset"})
-        | {"found": _digest(found.matches), "left": [stage.left for stage in stages]},
+        | {"found": _digest(hits.matches), "left": [stage.left for stage in stages]},
         parents=tuple(key.partition("#")[0] for key in (arguments.within, arguments.like) if key),
     )
     search_id = f"search_{recipe.digest}"
-    record = SearchRecord(arguments=arguments, scenario_ids=found.matches, stages=stages)
+    record = SearchRecord(arguments=arguments, scenario_ids=hits.matches, stages=stages)
     call.workspace.put("search", search_id, recipe=recipe, record=record)
-    return search.answer(search_id, found, ranking)
+    return search.answer(search_id, hits, ranking)
 
 
 def _digest(scenario_ids: Sequence[str]) -> str:

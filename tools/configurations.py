@@ -1,14 +1,26 @@
-"""Which configuration a word means, and storing configurations."""
+"""Planner configurations: which one a word means, importing and storing them."""
 
-from ..engine.tuning import DEFAULT_CONFIGURATION, named_configuration, to_yaml
-from ..engine.workspace import Artifact, Recipe, write_text
+from pathlib import Path
+
+from ..engine.tuning import (
+    DEFAULT_CONFIGURATION,
+    changed_configuration,
+    named_configuration,
+    preset_configuration,
+    read_weight_file,
+    to_yaml,
+)
+from ..engine.workspace import Artifact, Recipe, content_digest, write_text
 from ..schemas.errors import UnknownName, closest
+from ..schemas.importing import ImportedItem
 from ..schemas.planning import PlannerConfiguration
 from .call import ToolCall
 
-CURRENT = ("current", "latest")
+_CURRENT = ("current", "latest")
 _BY_NAME = "preset"
+"""The tool in the recipe of a preset that was stored because it was run."""
 _SEARCHED = 1000
+"""The newest configurations that are looked through; chosen, more than a workspace has."""
 
 
 def resolve_configuration(text: str, call: ToolCall) -> PlannerConfiguration:
@@ -19,12 +31,12 @@ def resolve_configuration(text: str, call: ToolCall) -> PlannerConfiguration:
     Raises:
         UnknownName: nothing of that name.
     """
-    if text.lower() in CURRENT:
+    if text.lower() in _CURRENT:
         made = made_configurations(call, 1)
         return made[0] if made else _default()
-    found = call.workspace.find("config", text)
-    if found is not None:
-        return found.read(PlannerConfiguration)
+    stored = call.workspace.find("config", text)
+    if stored is not None:
+        return stored.read(PlannerConfiguration)
     named = None if text.lower().startswith("cfg_") else named_configuration(text)
     if named is None:
         known = [made.config_id for made in made_configurations(call, _SEARCHED)]
@@ -63,6 +75,23 @@ def store_configuration(
             files={"config.yaml": path},
             name=name or configuration.name,
         )
+
+
+async def import_configuration(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
+    """Store a cost-weight file, as the Frenetix reference has it or as exported here, as a configuration."""
+    content = read_weight_file(path)
+    base = preset_configuration(content.planner)
+    configuration, _ = changed_configuration(base, None, content.weights, content.settings)
+    before = call.workspace.find("config", configuration.config_id)
+    arguments = {"content": content_digest(path)} | ({"name": name} if name else {})
+    store_configuration(call, configuration, Recipe(tool="import_files", arguments=arguments), name)
+    return ImportedItem(
+        file=path.name,
+        kind="config",
+        artifact_id=configuration.config_id,
+        summary=configuration.name,
+        reused=before is not None,
+    )
 
 
 def _default() -> PlannerConfiguration:

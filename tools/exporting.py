@@ -1,4 +1,7 @@
-"""The tool that writes files, pictures and reports into a folder of the user's."""
+"""The tool that writes files, pictures and reports into a folder of the user's.
+
+Stored files are copied; solution files, tables, pictures and the report are made for the export.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,13 +27,85 @@ from .operations import WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
 from .rendering import draw
 from .results import analyze_results, compare_results, run_sources
 
-# ---------- reporting
-# Draws and computes what a report on stored artifacts shows, and has it written.
-
-FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early")
+_FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early")
+"""Outcomes whose run a report shows first, whatever the order: any of them is a failure of the planner."""
 
 
-async def write_report(call: ToolCall, artifacts: Sequence[Artifact], path: Path) -> ReportWritten:
+async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) -> ExportArtifactsResult:
+    """Write what was asked for; every name is checked before the first file is written."""
+    folder = call.allowed_path(arguments.folder)
+    artifacts = [call.workspace.get(key, call.workspace.kind_of(key)) for key in dict.fromkeys(arguments.ids)]
+    planned = plan_exports(call.workspace, artifacts, arguments.formats, folder)
+    report = folder / REPORT_NAME if "html" in arguments.formats else None
+    if not arguments.overwrite:
+        refuse_taken([export.path for export in planned] + ([report] if report else []))
+    for export in planned:
+        if export.is_computed:
+            with call.workspace.scratch() as scratch:
+                write_export(call.workspace, export, await _compute(call, export, scratch / "made"))
+        else:
+            write_export(call.workspace, export, await _drawn(call, export) if export.is_drawn else None)
+    if report is not None:
+        await _write_report(call, artifacts, report)
+    files = [_written(export.artifact.artifact_id, export.format, export.path) for export in planned]
+    if report is not None:
+        files.append(_written(", ".join(artifact.artifact_id for artifact in artifacts), "html", report))
+    return ExportArtifactsResult(folder=str(folder), files=tuple(files))
+
+
+async def _drawn(call: ToolCall, export: Export) -> Path:
+    kind: PictureKind = "animation" if export.format == "gif" else "auto"
+    scenario_ids = [export.artifact.artifact_id] if export.artifact.kind == "scenario" else []
+    made = await draw(call, kind, scenario_ids=scenario_ids, run_ids=_runs(export.artifact))
+    return Path(made.images[0].path)
+
+
+def _runs(artifact: Artifact) -> list[str]:
+    if artifact.kind == "run":
+        return [artifact.artifact_id]
+    return list(artifact.record["runs"]) if artifact.kind == "batch" else []
+
+
+def _written(artifact_id: str, form: str, path: Path) -> ExportedFile:
+    return ExportedFile(artifact_id=artifact_id, format=form, path=str(path), size_bytes=path.stat().st_size)
+
+
+async def _compute(call: ToolCall, export: Export, target: Path) -> Path:
+    """Have a worker write the file of an export to ``target``.
+
+    Raises:
+        UnknownName: the export's run, configuration or scenario is not in the workspace any more.
+    """
+    if export.format == "solution":
+        await call.run(WRITE_SOLUTION, _solution(call, export, target))
+    else:
+        await call.run(WRITE_RUN_TABLE, _table(call, export, target))
+    return target
+
+
+def _solution(call: ToolCall, export: Export, target: Path) -> SolutionRequest:
+    record = export.artifact.read(RunRecord)
+    return SolutionRequest(
+        record=record,
+        configuration=call.workspace.get(record.config_id, "config").read(PlannerConfiguration),
+        scenario_path=str(call.workspace.file("scenario", record.scenario_id, "scenario.xml")),
+        steps_path=str(call.workspace.file("run", record.run_id, "steps.json")),
+        target_path=str(target),
+    )
+
+
+def _table(call: ToolCall, export: Export, target: Path) -> RunTableRequest:
+    batch = export.artifact.read(BatchRecord)
+    return RunTableRequest(
+        records=tuple(call.workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs),
+        lost=batch.lost,
+        configurations=tuple(call.workspace.get(key, "config").read(PlannerConfiguration) for key in batch.configs),
+        form="csv" if export.format == "csv" else "parquet",
+        target_path=str(target),
+    )
+
+
+async def _write_report(call: ToolCall, artifacts: Sequence[Artifact], path: Path) -> ReportWritten:
     """One page on scenarios and batches, in their order.
 
     Raises:
@@ -85,7 +160,7 @@ async def _run_images(call: ToolCall, runs: Sequence[RunSource]) -> list[ReportI
     """The run that failed, or the first one, as an animation, and the speeds on its scenario."""
     if not runs:
         return []
-    failed = [run.record for run in runs if run.record.outcome in FAILURES]
+    failed = [run.record for run in runs if run.record.outcome in _FAILURES]
     shown = (failed or [run.record for run in runs])[0]
     together = [run.record.run_id for run in runs if run.record.scenario_id == shown.scenario_id]
     moving = await draw(call, "animation", run_ids=[shown.run_id])
@@ -94,85 +169,3 @@ async def _run_images(call: ToolCall, runs: Sequence[RunSource]) -> list[ReportI
     return [report_image(image, caption) for image in moving.images] + [
         report_image(image, f"Speed and acceleration of the runs on {shown.scenario_id}") for image in speeds.images
     ]
-
-
-# ---------- exporting_kinds
-# Exports that a worker computes: the solution file of a run, the tables of a batch.
-
-
-async def compute(call: ToolCall, export: Export, target: Path) -> Path:
-    """Have a worker write the file of an export to ``target``.
-
-    Raises:
-        UnknownName: the export's run, configuration or scenario is not in the workspace any more.
-    """
-    if export.format == "solution":
-        await call.run(WRITE_SOLUTION, _solution(call, export, target))
-    else:
-        await call.run(WRITE_RUN_TABLE, _table(call, export, target))
-    return target
-
-
-def _solution(call: ToolCall, export: Export, target: Path) -> SolutionRequest:
-    record = export.artifact.read(RunRecord)
-    return SolutionRequest(
-        record=record,
-        configuration=call.workspace.get(record.config_id, "config").read(PlannerConfiguration),
-        scenario_path=str(call.workspace.file("scenario", record.scenario_id, "scenario.xml")),
-        steps_path=str(call.workspace.file("run", record.run_id, "steps.json")),
-        target_path=str(target),
-    )
-
-
-def _table(call: ToolCall, export: Export, target: Path) -> RunTableRequest:
-    batch = export.artifact.read(BatchRecord)
-    return RunTableRequest(
-        records=tuple(call.workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs),
-        lost=batch.lost,
-        configurations=tuple(call.workspace.get(key, "config").read(PlannerConfiguration) for key in batch.configs),
-        form="csv" if export.format == "csv" else "parquet",
-        target_path=str(target),
-    )
-
-
-# ---------- exporting
-# The tool that writes files, pictures and reports into a folder of the user's.
-
-
-async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) -> ExportArtifactsResult:
-    """Write what was asked for; every name is checked before the first file is written."""
-    folder = call.allowed_path(arguments.folder)
-    artifacts = [call.workspace.get(key, call.workspace.kind_of(key)) for key in dict.fromkeys(arguments.ids)]
-    planned = plan_exports(call.workspace, artifacts, arguments.formats, folder)
-    report = folder / REPORT_NAME if "html" in arguments.formats else None
-    if not arguments.overwrite:
-        refuse_taken([export.path for export in planned] + ([report] if report else []))
-    for export in planned:
-        if export.is_computed:
-            with call.workspace.scratch() as scratch:
-                write_export(call.workspace, export, await compute(call, export, scratch / "made"))
-        else:
-            write_export(call.workspace, export, await _drawn(call, export) if export.is_drawn else None)
-    if report is not None:
-        await write_report(call, artifacts, report)
-    files = [_written(export.artifact.artifact_id, export.format, export.path) for export in planned]
-    if report is not None:
-        files.append(_written(", ".join(artifact.artifact_id for artifact in artifacts), "html", report))
-    return ExportArtifactsResult(folder=str(folder), files=tuple(files))
-
-
-async def _drawn(call: ToolCall, export: Export) -> Path:
-    kind: PictureKind = "animation" if export.format == "gif" else "auto"
-    scenario_ids = [export.artifact.artifact_id] if export.artifact.kind == "scenario" else []
-    made = await draw(call, kind, scenario_ids=scenario_ids, run_ids=_runs(export.artifact))
-    return Path(made.images[0].path)
-
-
-def _runs(artifact: Artifact) -> list[str]:
-    if artifact.kind == "run":
-        return [artifact.artifact_id]
-    return list(artifact.record["runs"]) if artifact.kind == "batch" else []
-
-
-def _written(artifact_id: str, form: str, path: Path) -> ExportedFile:
-    return ExportedFile(artifact_id=artifact_id, format=form, path=str(path), size_bytes=path.stat().st_size)

@@ -17,42 +17,15 @@ from ..schemas.generation import (
 from ..schemas.runs import NO_TRAJECTORY
 from .call import ToolCall
 from .configurations import resolve_configuration, store_configuration
-from .generation_plan import Order, Orders, plan_maps, plan_orders, request_for
+from .generation_plan import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
 from .generation_record import REPORT, summarise
 from .maps import maps_at_hand
 from .operations import GENERATE_SCENARIO
 from .runs import Cell, run_grid
 from .scenario_storage import store_scenario
 
-# ---------- trial_run
-# A run of the default planner on a scenario that was just made, before it is handed out.
-
 CHECK = "planner can run"
 ADVICE = "the default planner cannot run here; another seed makes other traffic and another ego"
-
-
-async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSummary:
-    """The summary with what the default planner made of the scenario; the run is stored as any other.
-
-    A collision or a missed goal is a result, not a fault of the scenario. The check fails where no run was possible:
-    the planner found the problem invalid or no trajectory for it, or the run was lost. The scenario is handed out all
-    the same, with a note.
-    """
-    configuration = resolve_configuration(DEFAULT_CONFIGURATION, call)
-    store_configuration(call, configuration)
-    (result,) = await run_grid(call, [Cell(summary.scenario_id, None, configuration)], lambda _: None)
-    if result.record is not None:
-        told = f"{result.record.outcome} ({DEFAULT_CONFIGURATION}, {result.record.run_id}): {result.record.reason}"
-    else:
-        told = result.lost.error if result.lost is not None else "no result"
-    if result.record is not None and result.record.outcome not in NO_TRAJECTORY:
-        return summary.model_copy(update={"trial_run": told, "checks_passed": [*summary.checks_passed, CHECK]})
-    failed = {"checks_failed": [*summary.checks_failed, CHECK], "notes": [*summary.notes, ADVICE]}
-    return summary.model_copy(update={"trial_run": told, **failed})
-
-
-# ---------- generation
-# The tool that makes scenarios from maps.
 
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
@@ -66,7 +39,7 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     open_catalogue(call.workspace, with_starter=call.services.with_starter)  # first, or a starter would be the latest
     at_hand = await maps_at_hand(call)
     plan = plan_maps(arguments, at_hand.entries)
-    orders = await plan_orders(arguments, call, plan.matches)
+    orders = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, orders)
     notes = [*plan.notes, *at_hand.notes, *failures]
     if len(orders.planned) < arguments.count:
@@ -77,7 +50,7 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
 
 
 async def _make_all(
-    arguments: GenerateScenariosArguments, call: ToolCall, orders: Orders
+    arguments: GenerateScenariosArguments, call: ToolCall, orders: SiteAssignment
 ) -> tuple[list[ScenarioSummary], list[str]]:
     """The scenarios that could be made, and notes on those that could not.
 
@@ -110,7 +83,7 @@ async def _make_all(
 async def _make_somewhere(
     arguments: GenerateScenariosArguments,
     call: ToolCall,
-    order: Order,
+    order: AssignedSite,
     spare: list[MapMatch],
     index: int,
     share: tuple[float, float],
@@ -131,7 +104,7 @@ async def _make_somewhere(
             refusals.append(refusal)
         if not spare or arguments.goal.startswith("lanelet:"):  # an id means another lanelet elsewhere
             raise refusals[0]
-        order = Order(spare.pop(0))
+        order = AssignedSite(spare.pop(0))
 
 
 async def _make(call: ToolCall, request: GenerationRequest, share: tuple[float, float]) -> ScenarioSummary:
@@ -165,3 +138,23 @@ def _recipe(request: GenerationRequest) -> Recipe:
 
 def _is_built_in(request: GenerationRequest) -> bool:
     return Path(request.map_path).parent.name == "library"
+
+
+async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSummary:
+    """The summary with what the default planner made of the scenario; the run is stored as any other.
+
+    A collision or a missed goal is a result, not a fault of the scenario. The check fails where no run was possible:
+    the planner found the problem invalid or no trajectory for it, or the run was lost. The scenario is handed out all
+    the same, with a note.
+    """
+    configuration = resolve_configuration(DEFAULT_CONFIGURATION, call)
+    store_configuration(call, configuration)
+    (result,) = await run_grid(call, [Cell(summary.scenario_id, None, configuration)], lambda _: None)
+    if result.record is not None:
+        told = f"{result.record.outcome} ({DEFAULT_CONFIGURATION}, {result.record.run_id}): {result.record.reason}"
+    else:
+        told = result.lost.error if result.lost is not None else "no result"
+    if result.record is not None and result.record.outcome not in NO_TRAJECTORY:
+        return summary.model_copy(update={"trial_run": told, "checks_passed": [*summary.checks_passed, CHECK]})
+    failed = {"checks_failed": [*summary.checks_failed, CHECK], "notes": [*summary.notes, ADVICE]}
+    return summary.model_copy(update={"trial_run": told, **failed})

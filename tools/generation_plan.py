@@ -1,4 +1,7 @@
-"""From the arguments of generate_scenarios to the requests for the engine: maps, classes, numbers of vehicles."""
+"""From the arguments of generate_scenarios to the requests for the engine: maps, sites, classes, numbers of vehicles.
+
+Each scenario of a call is assigned a site of a map; maps without one may stand in for a map that fails.
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -11,12 +14,12 @@ from ..schemas.grammar import parse_condition
 from .call import ToolCall
 from .operations import COUNT_SITES
 
-# ---------- generation_plan
-# From the arguments of generate_scenarios to the requests for the engine: maps, classes, numbers of vehicles.
-
 MOST_VEHICLES = 300
 """A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
-SHOWN_PLACES = 4
+_SHOWN_PLACES = 4
+"""Places that a note or refusal names; chosen to keep it short."""
+_MOST_SPARE_MAPS = 3
+"""Four extracts meet at a corner; trying more would only make the caller wait for the refusal."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,23 @@ class _GenerationPlan:
 
     matches: tuple[MapMatch, ...]
     notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AssignedSite:
+    """One scenario: its map, the number of its site there, and how far on the sites lie that may stand in for it."""
+
+    match: MapMatch
+    site_index: int = 0
+    site_step: int = 1
+
+
+@dataclass(frozen=True)
+class SiteAssignment:
+    """A site for every scenario, and the maps without one, which may stand in for a map that fails."""
+
+    planned: tuple[AssignedSite, ...]
+    spare: tuple[MapMatch, ...]
 
 
 def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> _GenerationPlan:
@@ -58,8 +78,8 @@ def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -
 
 def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> NotPossible:
     facts = [match.entry.facts for match in matches]
-    names = [f"{f.place} ({f.map_id})" for f in facts[:SHOWN_PLACES]]
-    more = f" nor any of {len(facts) - SHOWN_PLACES} more" * (len(facts) > SHOWN_PLACES)
+    names = [f"{f.place} ({f.map_id})" for f in facts[:_SHOWN_PLACES]]
+    more = f" nor any of {len(facts) - _SHOWN_PLACES} more" * (len(facts) > _SHOWN_PLACES)
     return NotPossible(
         f"none of {len(facts)} maps holds any {scenario_type} site: not {', '.join(names)}{more}",
         valid=sorted({kind for f in facts for kind in f.sites}),
@@ -75,10 +95,53 @@ def _beyond_the_maps(box: Box, matches: Sequence[MapMatch]) -> list[str]:
     if any(f.south <= south and f.west <= west and north <= f.north and east <= f.east for f in shown):
         return []
     places = list(dict.fromkeys(facts.place for facts in shown))
-    named = ", ".join(places[:SHOWN_PLACES]) + (
-        f" and {len(places) - SHOWN_PLACES} more" * (len(places) > SHOWN_PLACES)
+    named = ", ".join(places[:_SHOWN_PLACES]) + (
+        f" and {len(places) - _SHOWN_PLACES} more" * (len(places) > _SHOWN_PLACES)
     )
     return [f"no map shows the whole bbox; sites were looked for where the maps lie in it: {named}"]
+
+
+async def assign_sites(
+    arguments: GenerateScenariosArguments, call: ToolCall, matches: tuple[MapMatch, ...]
+) -> SiteAssignment:
+    """Sites for as many scenarios as were asked for, or as many as there are.
+
+    Raises:
+        NotPossible: no map holds a fitting site; the reason of the first one.
+    """
+    if arguments.count == 1:
+        return SiteAssignment((AssignedSite(matches[0]),), matches[1 : 1 + _MOST_SPARE_MAPS])
+    counts: list[int] = []
+    refusals: list[NotPossible] = []
+    for match in matches:
+        try:
+            counts.append(await _site_count(arguments, call, match))
+        except NotPossible as refusal:
+            refusals.append(refusal)
+            counts.append(0)
+    if not any(counts):
+        raise refusals[0]
+    planned = share_sites(matches, counts, arguments.count)
+    taken = {order.match.entry.facts.map_id for order in planned}
+    held = [match for match, count in zip(matches, counts, strict=True) if count]
+    spare = [match for match in held if match.entry.facts.map_id not in taken]
+    return SiteAssignment(planned, tuple(spare[:_MOST_SPARE_MAPS]))
+
+
+def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int) -> tuple[AssignedSite, ...]:
+    """At most ``wanted`` sites, maps in turn, none twice; ``counts``: how many sites fit on every map.
+
+    A step is how many scenarios the map has, so that a site that stands in is never another scenario's.
+    """
+    turns = [(site_index, place) for place, count in enumerate(counts) for site_index in range(count)]
+    chosen = sorted(turns)[:wanted]
+    on_map = Counter(place for _, place in chosen)
+    return tuple(AssignedSite(matches[place], site_index, on_map[place]) for site_index, place in chosen)
+
+
+async def _site_count(arguments: GenerateScenariosArguments, call: ToolCall, match: MapMatch) -> int:
+    request = request_for(arguments, match, 0, 0)
+    return (await call.run(COUNT_SITES, request, share=(0.0, 0.0))).count
 
 
 def request_for(
@@ -141,18 +204,18 @@ def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
 
 def _vehicle_demand(text: str) -> VehicleDemand:
     """``truck``: some; ``truck=2``: a least number; ``car=4..4``: bounds on both sides; ``bicycle=0``: none at all."""
-    wish = parse_condition(text, whole=True)
-    low, high = wish.interval.low, wish.interval.high
-    if wish.negated:
-        return VehicleDemand(vehicle_class=wish.name, least=0, most=0)
-    if text.strip() == wish.name:
-        return VehicleDemand(vehicle_class=wish.name)
+    demand = parse_condition(text, whole=True)
+    low, high = demand.interval.low, demand.interval.high
+    if demand.negated:
+        return VehicleDemand(vehicle_class=demand.name, least=0, most=0)
+    if text.strip() == demand.name:
+        return VehicleDemand(vehicle_class=demand.name)
     least = 0 if low is None else round(low)
-    at_least = wish.interval.exact and least > 0
+    at_least = demand.interval.exact and least > 0
     most = None if high is None or at_least else round(high)
-    if wish.value is not None or wish.scope is not None or least < 0 or (most is not None and most < least):
+    if demand.value is not None or demand.scope is not None or least < 0 or (most is not None and most < least):
         raise InvalidRequest(f"vehicles {text!r} cannot be meant", valid=["truck", "truck=2", "car=4..4", "bicycle=0"])
-    return VehicleDemand(vehicle_class=wish.name, least=least, most=most)
+    return VehicleDemand(vehicle_class=demand.name, least=least, most=most)
 
 
 def _box_of(bbox: list[float] | None) -> Box | None:
@@ -165,68 +228,3 @@ def _box_of(bbox: list[float] | None) -> Box | None:
     if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
         raise InvalidRequest(f"bbox {bbox} is no box", valid=["[south, west, north, east] in degrees, south < north"])
     return south, west, north, east
-
-
-# ---------- generation_orders
-# Which site of which map every scenario of a call is made at, and the maps that are left when one fails.
-
-MOST_SPARE_MAPS = 3
-"""Four extracts meet at a corner; trying more would only make the caller wait for the refusal."""
-
-
-@dataclass(frozen=True)
-class Order:
-    """One scenario: its map, the number of its site there, and how far on the sites lie that may stand in for it."""
-
-    match: MapMatch
-    site_index: int = 0
-    site_step: int = 1
-
-
-@dataclass(frozen=True)
-class Orders:
-    """One order for every scenario, and the maps without one, which may stand in for a map that fails."""
-
-    planned: tuple[Order, ...]
-    spare: tuple[MapMatch, ...]
-
-
-async def plan_orders(arguments: GenerateScenariosArguments, call: ToolCall, matches: tuple[MapMatch, ...]) -> Orders:
-    """Orders for as many scenarios as were asked for, or for as many as there are sites.
-
-    Raises:
-        NotPossible: no map holds a fitting site; the reason of the first one.
-    """
-    if arguments.count == 1:
-        return Orders((Order(matches[0]),), matches[1 : 1 + MOST_SPARE_MAPS])
-    counts: list[int] = []
-    refusals: list[NotPossible] = []
-    for match in matches:
-        try:
-            counts.append(await _site_count(arguments, call, match))
-        except NotPossible as refusal:
-            refusals.append(refusal)
-            counts.append(0)
-    if not any(counts):
-        raise refusals[0]
-    planned = share_out(matches, counts, arguments.count)
-    taken = {order.match.entry.facts.map_id for order in planned}
-    held = [match for match, count in zip(matches, counts, strict=True) if count]
-    spare = [match for match in held if match.entry.facts.map_id not in taken]
-    return Orders(planned, tuple(spare[:MOST_SPARE_MAPS]))
-
-
-def share_out(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int) -> tuple[Order, ...]:
-    """At most ``wanted`` orders, maps in turn, no site twice; ``counts``: how many sites fit on every map.
-
-    The step of an order is how many scenarios its map has, so that a site that stands in is never another order's.
-    """
-    turns = [(site_index, place) for place, count in enumerate(counts) for site_index in range(count)]
-    chosen = sorted(turns)[:wanted]
-    on_map = Counter(place for _, place in chosen)
-    return tuple(Order(matches[place], site_index, on_map[place]) for site_index, place in chosen)
-
-
-async def _site_count(arguments: GenerateScenariosArguments, call: ToolCall, match: MapMatch) -> int:
-    request = request_for(arguments, match, 0, 0)
-    return (await call.run(COUNT_SITES, request, share=(0.0, 0.0))).count

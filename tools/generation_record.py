@@ -1,15 +1,16 @@
-"""A generated scenario in the words of the answer."""
+"""A generated scenario in the words of the answer, and the report on it that is kept for ``describe_scenario``."""
 
 from ..engine.workspace import Artifact
 from ..schemas.generation import Checks, DensityFacts, GeneratedScenario, GenerationRequest, ScenarioSummary
 from ..schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
 from .call import ToolCall
 
-# ---------- generation_answer
-# A generated scenario in the words of the answer.
-
-SHOWN_STREETS = 4
-SHOWN_WARNINGS = 3
+REPORT = "generation.json"
+"""What came out of the generation, kept with the scenario for when it is asked for again."""
+_IN_FULL: tuple[Detail, ...] = ("checks", "recipe")
+"""Details that list notes and warnings."""
+_SHOWN_STREETS, _SHOWN_WARNINGS = 4, 3
+"""How many of each an answer lists; chosen to keep it short."""
 
 
 def summarise(
@@ -17,7 +18,7 @@ def summarise(
 ) -> ScenarioSummary:
     """What was asked beside what came out, for one scenario."""
     site, ego = scenario.site, scenario.ego
-    streets = " / ".join(site.streets[:SHOWN_STREETS]) or "unnamed roads"
+    streets = " / ".join(site.streets[:_SHOWN_STREETS]) or "unnamed roads"
     passed, failed = verdicts(scenario.checks)
     unusual = [f"road network, {warning}" for warning in scenario.checks.network_warnings]
     return ScenarioSummary(
@@ -51,22 +52,23 @@ def _warnings(warnings: tuple[str, ...]) -> list[str]:
     """The first of netconvert's warnings and how many there are; all of them are kept with the scenario."""
     if not warnings:
         return []
-    more = len(warnings) - SHOWN_WARNINGS
+    more = len(warnings) - _SHOWN_WARNINGS
     rest = f"; and {more} more (describe_scenario with detail checks lists all)" if more > 0 else ""
-    return [f"netconvert warned {len(warnings)} time(s): {'; '.join(warnings[:SHOWN_WARNINGS])}{rest}"]
+    return [f"netconvert warned {len(warnings)} time(s): {'; '.join(warnings[:_SHOWN_WARNINGS])}{rest}"]
 
 
-def _density(found: DensityFacts) -> str:
+def _density(density: DensityFacts) -> str:
     return (
-        f"{found.at_start_per_lane_km:g} vehicles per lane-km at the start, {found.at_end_per_lane_km:g} at the end "
-        f"(asked: {found.wish}, {found.target_per_lane_km:g} on {found.lane_km:.1f} lane-km; the paper: "
-        f"{found.paper_trips} trips)"
+        f"{density.at_start_per_lane_km:g} vehicles per lane-km at the start, "
+        f"{density.at_end_per_lane_km:g} at the end (asked: {density.wish}, "
+        f"{density.target_per_lane_km:g} on {density.lane_km:.1f} lane-km; the paper: "
+        f"{density.paper_trips} trips)"
     )
 
 
 def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
     """The checks that a scenario passed, and those that it failed, in words."""
-    found = {
+    by_name = {
         "schema-valid": checks.schema_valid,
         "goal reachable": checks.goal_reachable,
         "no collision at the start": checks.collisions_at_start == 0,
@@ -74,15 +76,7 @@ def verdicts(checks: Checks) -> tuple[list[str], list[str]]:
         "recorded ego free of collisions": checks.recorded_ego_collision_free,
         "no error in the road network": not checks.network_errors,
     }
-    return [name for name, good in found.items() if good], [name for name, good in found.items() if not good]
-
-
-# ---------- generation_record
-# The report that is kept with a generated scenario, read back for ``describe_scenario``.
-
-REPORT = "generation.json"
-"""What came out of the generation, kept with the scenario for when it is asked for again."""
-IN_FULL: tuple[Detail, ...] = ("checks", "recipe")
+    return [name for name, good in by_name.items() if good], [name for name, good in by_name.items() if not good]
 
 
 def kept_report(artifact: Artifact, call: ToolCall) -> GeneratedScenario | None:
@@ -93,7 +87,7 @@ def kept_report(artifact: Artifact, call: ToolCall) -> GeneratedScenario | None:
 
 def described_generation(report: GeneratedScenario, artifact: Artifact, detail: Detail) -> DescribedGeneration:
     """What was asked beside what came out; notes and warnings as the detail asks for."""
-    full = detail in IN_FULL
+    full = detail in _IN_FULL
     return DescribedGeneration(
         site=report.site,
         scenario_type_asked=artifact.recipe.arguments["scenario_type"],

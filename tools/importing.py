@@ -1,4 +1,7 @@
-"""The tool that takes in files of the user's."""
+"""The tool that takes in files of the user's.
+
+Many files are a job: it goes on when the call has answered, and the same call takes up what a crash left.
+"""
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
@@ -14,20 +17,32 @@ from ..engine.workspace import Recipe
 from ..schemas.errors import InvalidRequest, PlannerForgeError
 from ..schemas.importing import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from .call import ToolCall
-from .maps import import_configuration, import_map, known_country
+from .configurations import import_configuration
+from .maps import import_map, known_country
 from .scenario_storage import import_scenarios
 
-# ---------- importing_many
-# Taking in a list of files of any kind: what went in, what was refused, and how far it is.
-
 ImportKind = Literal["scenario", "map", "config"]
-Tell = Callable[[float, str], Awaitable[None]]
-SHOWN = 20
-TELL_EVERY_S = 0.5
+Report = Callable[[float, str], Awaitable[None]]
+_SHOWN = 20
+"""Items that an answer lists; its model says so."""
+_REPORT_EVERY_S = 0.5
+"""How often the progress of an import is reported; chosen."""
+_WAIT_S = 45.0
+"""The call answers after this time at most; clients wait 60 s."""
+_SUFFIXES: dict[str, ImportKind] = {
+    **dict.fromkeys(MAP_ENDINGS, "map"),
+    ".xml": "scenario",
+    ".yaml": "config",
+    ".yml": "config",
+}
+_MOST_FILES = 5000
+"""Chosen; the call lists all of them before it begins."""
+_MOST_IN_THE_CALL = 100
+"""More files are a job: they may take longer than a client waits for an answer."""
 
 
 @dataclass
-class Tally:
+class _Tally:
     """What has become of the files so far."""
 
     total: int
@@ -55,97 +70,11 @@ class Tally:
             added=len(self.items) - reused,
             reused=reused,
             refused=len(self.refusals),
-            items=tuple(self.items[:SHOWN]),
-            refusals=tuple(self.refusals[:SHOWN]),
+            items=tuple(self.items[:_SHOWN]),
+            refusals=tuple(self.refusals[:_SHOWN]),
             job_id=job_id,
             state=state,
         )
-
-
-async def _take_in(
-    call: ToolCall, files: Sequence[tuple[Path, ImportKind]], arguments: ImportFilesArguments, tally: Tally, tell: Tell
-) -> None:
-    """Import the files; ``tell`` hears every half second how far it is."""
-    async with anyio.create_task_group() as tasks:
-        tasks.start_soon(_keep_telling, tally, tell)
-        await import_scenarios(call, [path for path, kind in files if kind == "scenario"], tally.note)
-        for path, kind in files:
-            if kind != "scenario":
-                await _import_other(call, path, kind, arguments, tally)
-        tasks.cancel_scope.cancel()
-
-
-async def _keep_telling(tally: Tally, tell: Tell) -> None:
-    while True:
-        await tell(tally.done / tally.total, f"{tally.done} of {tally.total} files")
-        await anyio.sleep(TELL_EVERY_S)
-
-
-async def _import_other(
-    call: ToolCall, path: Path, kind: ImportKind, arguments: ImportFilesArguments, tally: Tally
-) -> None:
-    try:
-        checked = call.allowed_path(str(path))
-        call.limits.check_size(checked)
-        if kind == "map":
-            tally.note(path, await import_map(call, checked, arguments.name, arguments.country))
-        else:
-            tally.note(path, await import_configuration(call, checked, arguments.name))
-    except (PlannerForgeError, OSError) as error:
-        tally.note(path, error)
-
-
-def _reason(error: FileFailure) -> str:
-    return error.text if isinstance(error, PlannerForgeError) else str(error.strerror or error)
-
-
-# ---------- import_job
-# Many files as a job: it goes on when the call has answered, and the same call takes up what a crash left.
-
-WAIT_S = 45.0
-
-
-async def _import_as_job(
-    call: ToolCall, arguments: ImportFilesArguments, files: Sequence[tuple[Path, ImportKind]]
-) -> ImportFilesResult:
-    """Start the import, or join the one that runs, and answer with what is done after 45 s at most."""
-    tally = Tally(len(files))
-
-    async def work(progress: JobProgress) -> None:
-        async def tell(share: float, message: str) -> None:
-            progress.report(share, message)
-
-        await _take_in(ToolCall(call.services, _nobody_hears), files, arguments, tally, tell)
-        progress.report(1.0, tally.result().to_line())
-
-    async def tell_client(job: Job) -> None:
-        await call.progress(job.share, job.message)
-
-    resolved = {"path": str(call.allowed_path(arguments.path))}
-    recipe = Recipe(tool="import_files", arguments=arguments.model_dump(mode="json") | resolved)
-    job = call.jobs.start("import", recipe, work)
-    job = await call.jobs.wait(job.job_id, WAIT_S, tell_client)
-    result = tally.result(job.job_id, job.state)
-    return result.model_copy(update={"note": job.error or ("" if tally.done else job.message)})
-
-
-async def _nobody_hears(share: float, message: str) -> None:
-    """The call that started the job may have been answered already."""
-    del share, message
-
-
-# ---------- importing
-# The tool that takes in files of the user's.
-
-SUFFIXES: dict[str, ImportKind] = {
-    **dict.fromkeys(MAP_ENDINGS, "map"),
-    ".xml": "scenario",
-    ".yaml": "config",
-    ".yml": "config",
-}
-MOST_FILES = 5000
-MOST_IN_THE_CALL = 100
-"""More files are a job: they may take longer than a client waits for an answer."""
 
 
 async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> ImportFilesResult:
@@ -153,9 +82,9 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     files = _files(call, arguments)
     arguments = arguments.model_copy(update={"country": _country(arguments, files)})
-    if len(files) > MOST_IN_THE_CALL:
+    if len(files) > _MOST_IN_THE_CALL:
         return await _import_as_job(call, arguments, files)
-    tally = Tally(len(files))
+    tally = _Tally(len(files))
     await _take_in(call, files, arguments, tally, call.progress)
     if len(files) == 1 and tally.failures:
         raise tally.failures[0]
@@ -174,24 +103,94 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
         raise InvalidRequest(f"'{arguments.path}' does not exist", next_step="name a file or folder that does")
     if path.is_file():
         return [(path, _kind(path, arguments.kind))]
-    wanted = [suffix for suffix, kind in SUFFIXES.items() if arguments.kind in ("auto", kind)]
-    found = sorted(entry for entry in path.rglob("*") if entry.name.lower().endswith(tuple(wanted)) and entry.is_file())
+    wanted = [suffix for suffix, kind in _SUFFIXES.items() if arguments.kind in ("auto", kind)]
+    paths = sorted(entry for entry in path.rglob("*") if entry.name.lower().endswith(tuple(wanted)) and entry.is_file())
     if arguments.kind != "map":  # networks lie beside scenarios; they are taken in where maps are asked for
-        found = [entry for entry in found if not is_net(entry)]
-    if not found:
+        paths = [entry for entry in paths if not is_net(entry)]
+    if not paths:
         raise InvalidRequest(f"'{arguments.path}' holds no file to import", valid=[f"*{end}" for end in wanted])
-    if len(found) > MOST_FILES:
+    if len(paths) > _MOST_FILES:
         raise InvalidRequest(
-            f"'{arguments.path}' holds {len(found):,} files; at most {MOST_FILES:,} are taken in by one call",
+            f"'{arguments.path}' holds {len(paths):,} files; at most {_MOST_FILES:,} are taken in by one call",
             next_step="import its subfolders one by one",
         )
-    return [(entry, _kind(entry, arguments.kind)) for entry in found]
+    return [(entry, _kind(entry, arguments.kind)) for entry in paths]
 
 
 def _kind(path: Path, wanted: str) -> ImportKind:
-    known = next((kind for ending, kind in SUFFIXES.items() if path.name.lower().endswith(ending)), None)
+    known = next((kind for ending, kind in _SUFFIXES.items() if path.name.lower().endswith(ending)), None)
     if known is None:
-        raise InvalidRequest(f"{path.name} is of no kind that can be imported", valid=[f"*{end}" for end in SUFFIXES])
+        raise InvalidRequest(f"{path.name} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES])
     if wanted not in ("auto", known):
         raise InvalidRequest(f"{path.name} is a {known}, not a {wanted}", valid=[known, "auto"])
     return known
+
+
+async def _import_as_job(
+    call: ToolCall, arguments: ImportFilesArguments, files: Sequence[tuple[Path, ImportKind]]
+) -> ImportFilesResult:
+    """Start the import, or join the one that runs, and answer with what is done after 45 s at most."""
+    tally = _Tally(len(files))
+
+    async def work(progress: JobProgress) -> None:
+        async def report(share: float, message: str) -> None:
+            progress.report(share, message)
+
+        await _take_in(ToolCall(call.services, _no_client), files, arguments, tally, report)
+        progress.report(1.0, tally.result().to_line())
+
+    async def report_to_client(job: Job) -> None:
+        await call.progress(job.share, job.message)
+
+    resolved = {"path": str(call.allowed_path(arguments.path))}
+    recipe = Recipe(tool="import_files", arguments=arguments.model_dump(mode="json") | resolved)
+    job = call.jobs.start("import", recipe, work)
+    job = await call.jobs.wait(job.job_id, _WAIT_S, report_to_client)
+    result = tally.result(job.job_id, job.state)
+    return result.model_copy(update={"note": job.error or ("" if tally.done else job.message)})
+
+
+async def _no_client(share: float, message: str) -> None:
+    """The call that started the job may have been answered already."""
+    del share, message
+
+
+async def _take_in(
+    call: ToolCall,
+    files: Sequence[tuple[Path, ImportKind]],
+    arguments: ImportFilesArguments,
+    tally: _Tally,
+    report: Report,
+) -> None:
+    """Import the files; the share done is reported every half second."""
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(_keep_reporting, tally, report)
+        await import_scenarios(call, [path for path, kind in files if kind == "scenario"], tally.note)
+        for path, kind in files:
+            if kind != "scenario":
+                await _import_other(call, path, kind, arguments, tally)
+        tasks.cancel_scope.cancel()
+
+
+async def _keep_reporting(tally: _Tally, report: Report) -> None:
+    while True:
+        await report(tally.done / tally.total, f"{tally.done} of {tally.total} files")
+        await anyio.sleep(_REPORT_EVERY_S)
+
+
+async def _import_other(
+    call: ToolCall, path: Path, kind: ImportKind, arguments: ImportFilesArguments, tally: _Tally
+) -> None:
+    try:
+        checked = call.allowed_path(str(path))
+        call.limits.check_size(checked)
+        if kind == "map":
+            tally.note(path, await import_map(call, checked, arguments.name, arguments.country))
+        else:
+            tally.note(path, await import_configuration(call, checked, arguments.name))
+    except (PlannerForgeError, OSError) as error:
+        tally.note(path, error)
+
+
+def _reason(error: FileFailure) -> str:
+    return error.text if isinstance(error, PlannerForgeError) else str(error.strerror or error)

@@ -16,29 +16,101 @@ from ..engine.maps import (
     stored_name,
     unpacked,
 )
-from ..engine.tuning import changed_configuration, preset_configuration, read_weight_file
 from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.importing import ImportedItem
 from .call import ToolCall
-from .configurations import store_configuration
 from .operations import CONVERT_MAP, READ_MAP
 
-# ---------- importing_kinds
-# How the files go in that are no scenarios: OpenStreetMap maps and cost-weight files.
+_MOST_FILES, _MOST_MAPS = 200, 1000
+"""Files that are read of one map folder, and imported maps that are listed; chosen, more than users have."""
+_SHOWN_NOTES = 3
+"""Notes on files that were left out; chosen to keep answers short."""
 
 
-def known_country(text: str | None) -> str | None:
-    """The ISO alpha-3 code of a country's code or name.
+@dataclass(frozen=True)
+class MapInventory:
+    """Maps with what they show, and notes on what in the map folders cannot be used, a sentence each."""
 
-    Raises:
-        InvalidRequest: there is no such country.
+    entries: tuple[MapEntry, ...]
+    notes: tuple[str, ...]
+
+
+async def maps_at_hand(call: ToolCall) -> MapInventory:
+    """All maps; files in the map folders that are new or changed are read and kept first.
+
+    A file that cannot be used is left out and named in a note. Imported maps come first, newest first; then the
+    package's own.
     """
-    code = None if text is None else country_code(text)
-    if code is None and text is not None:
-        raise InvalidRequest(f"there is no country {text!r}", valid=["DEU", "Germany", "de"])
-    return code
+    seen = SeenFiles(call.workspace.database)
+    notes = [note for folder in call.services.map_folders for note in await _taken_in(call, seen, folder)]
+    return _together(call, notes)
+
+
+def maps_seen(call: ToolCall) -> MapInventory:
+    """All maps that are known already, without reading a file; a note counts those that are not."""
+    seen = SeenFiles(call.workspace.database)
+    notes: list[str] = []
+    unread = 0
+    for folder in call.services.map_folders:
+        paths, complaints = _files(folder)
+        known = [(path, seen.find(path)) for path in paths]
+        unread += sum(file is None for _, file in known)
+        notes += complaints + [_left_out(path, file) for path, file in known if file and file.refusal]
+    if unread:
+        notes.insert(0, f"{unread} more map files will be read by the next generate_scenarios")
+    return _together(call, notes)
+
+
+def _together(call: ToolCall, notes: list[str]) -> MapInventory:
+    imported = [_entry(call, artifact) for artifact in call.workspace.newest(kind="map", limit=_MOST_MAPS)]
+    more = len(notes) - _SHOWN_NOTES
+    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{more} more map files were left out"]
+    return MapInventory((*imported, *built_in_maps()), tuple(shown))
+
+
+def _entry(call: ToolCall, artifact: Artifact) -> MapEntry:
+    facts = artifact.read(MapFacts)
+    return MapEntry(facts, call.workspace.file("map", artifact.artifact_id, stored_name(Path(facts.file_name))))
+
+
+def _files(folder: Path) -> tuple[list[Path], list[str]]:
+    """The map files of a folder, and notes on what is wrong with the folder."""
+    try:
+        paths = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
+    except OSError as error:
+        return [], [f"the map folder {folder.name} cannot be read: {error.strerror}"]
+    surplus = [
+        f"{len(paths) - _MOST_FILES} files of the map folder {folder.name} were left out: {_MOST_FILES} are read"
+    ]
+    return paths[:_MOST_FILES], surplus if len(paths) > _MOST_FILES else []
+
+
+def _left_out(path: Path, file: SeenFile) -> str:
+    return f"the map {path.name} was left out: {file.refusal}"
+
+
+async def _taken_in(call: ToolCall, seen: SeenFiles, folder: Path) -> list[str]:
+    """Take the maps of a folder in; returns notes on what was left out."""
+    paths, notes = _files(folder)
+    for path in paths:
+        try:
+            file = seen.find(path) or await _read(call, seen, path)
+        except OSError as error:
+            file = SeenFile("", error.strerror or str(error))
+        if file.refusal:
+            notes.append(_left_out(path, file))
+    return notes
+
+
+async def _read(call: ToolCall, seen: SeenFiles, path: Path) -> SeenFile:
+    try:
+        file = SeenFile((await import_map(call, path, None)).artifact_id, "")
+    except (UnsafeInput, InvalidRequest, WorkerFailure, UnexpectedFailure) as error:
+        file = SeenFile("", error.message)
+    seen.keep(path, file)
+    return file
 
 
 async def import_map(call: ToolCall, path: Path, name: str | None, country: str | None = None) -> ImportedItem:
@@ -59,6 +131,18 @@ async def import_map(call: ToolCall, path: Path, name: str | None, country: str 
     )
 
 
+def known_country(text: str | None) -> str | None:
+    """The ISO alpha-3 code of a country's code or name.
+
+    Raises:
+        InvalidRequest: there is no such country.
+    """
+    code = None if text is None else country_code(text)
+    if code is None and text is not None:
+        raise InvalidRequest(f"there is no country {text!r}", valid=["DEU", "Germany", "de"])
+    return code
+
+
 async def _plain(call: ToolCall, path: Path, folder: Path) -> Path:
     """The map itself, or unpacked into the folder."""
     if not is_binary(path):
@@ -75,113 +159,7 @@ async def _store_map(call: ToolCall, path: Path, recipe: Recipe, name: str | Non
     )
 
 
-async def import_configuration(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
-    """Store a cost-weight file of the Frenetix reference's form, or one that we exported, as a configuration."""
-    content = read_weight_file(path)
-    base = preset_configuration(content.planner)
-    configuration, _ = changed_configuration(base, None, content.weights, content.settings)
-    before = call.workspace.find("config", configuration.config_id)
-    store_configuration(call, configuration, _recipe(path, name), name)
-    return ImportedItem(
-        file=path.name,
-        kind="config",
-        artifact_id=configuration.config_id,
-        summary=configuration.name,
-        reused=before is not None,
-    )
-
-
-def _recipe(path: Path, name: str | None = None, country: str | None = None) -> Recipe:
+def _recipe(path: Path, name: str | None, country: str | None) -> Recipe:
     arguments = {"content": content_digest(path)}
     arguments |= ({"name": name} if name else {}) | ({"country": country} if country else {})
     return Recipe(tool="import_files", arguments=arguments)
-
-
-# ---------- maps
-# The maps that a call may use: those of the package, of the user's map folders, and the imported ones.
-
-MOST_FILES = 200
-MOST_MAPS = 1000
-SHOWN_NOTES = 3
-
-
-@dataclass(frozen=True)
-class MapInventory:
-    """Maps with what they show, and in a sentence each what in the map folders cannot be used."""
-
-    entries: tuple[MapEntry, ...]
-    notes: tuple[str, ...]
-
-
-async def maps_at_hand(call: ToolCall) -> MapInventory:
-    """All maps; files in the map folders that are new or changed are read and kept first.
-
-    A file that cannot be used is left out and told of; the others are there. Imported maps come first, newest first;
-    then the maps that we drew ourselves.
-    """
-    seen = SeenFiles(call.workspace.database)
-    notes = [note for folder in call.services.map_folders for note in await _taken_in(call, seen, folder)]
-    return _together(call, notes)
-
-
-def maps_seen(call: ToolCall) -> MapInventory:
-    """All maps that are known already, without reading a file; the notes tell of those that are not."""
-    seen = SeenFiles(call.workspace.database)
-    notes: list[str] = []
-    unread = 0
-    for folder in call.services.map_folders:
-        paths, complaints = _files(folder)
-        known = [(path, seen.find(path)) for path in paths]
-        unread += sum(found is None for _, found in known)
-        notes += complaints + [_left_out(path, found) for path, found in known if found and found.refusal]
-    if unread:
-        notes.insert(0, f"{unread} more map files will be read by the next generate_scenarios")
-    return _together(call, notes)
-
-
-def _together(call: ToolCall, notes: list[str]) -> MapInventory:
-    imported = [_entry(call, artifact) for artifact in call.workspace.newest(kind="map", limit=MOST_MAPS)]
-    more = len(notes) - SHOWN_NOTES
-    shown = notes if more <= 0 else [*notes[:SHOWN_NOTES], f"{more} more map files were left out"]
-    return MapInventory((*imported, *built_in_maps()), tuple(shown))
-
-
-def _entry(call: ToolCall, artifact: Artifact) -> MapEntry:
-    facts = artifact.read(MapFacts)
-    return MapEntry(facts, call.workspace.file("map", artifact.artifact_id, stored_name(Path(facts.file_name))))
-
-
-def _files(folder: Path) -> tuple[list[Path], list[str]]:
-    """The map files of a folder, and what is wrong with the folder in words."""
-    try:
-        paths = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
-    except OSError as error:
-        return [], [f"the map folder {folder.name} cannot be read: {error.strerror}"]
-    surplus = [f"{len(paths) - MOST_FILES} files of the map folder {folder.name} were left out: {MOST_FILES} are read"]
-    return paths[:MOST_FILES], surplus if len(paths) > MOST_FILES else []
-
-
-def _left_out(path: Path, found: SeenFile) -> str:
-    return f"the map {path.name} was left out: {found.refusal}"
-
-
-async def _taken_in(call: ToolCall, seen: SeenFiles, folder: Path) -> list[str]:
-    """Take the maps of a folder in; what was left out, in words."""
-    paths, notes = _files(folder)
-    for path in paths:
-        try:
-            found = seen.find(path) or await _read(call, seen, path)
-        except OSError as error:
-            found = SeenFile("", error.strerror or str(error))
-        if found.refusal:
-            notes.append(_left_out(path, found))
-    return notes
-
-
-async def _read(call: ToolCall, seen: SeenFiles, path: Path) -> SeenFile:
-    try:
-        found = SeenFile((await import_map(call, path, None)).artifact_id, "")
-    except (UnsafeInput, InvalidRequest, WorkerFailure, UnexpectedFailure) as error:
-        found = SeenFile("", error.message)
-    seen.keep(path, found)
-    return found

@@ -1,4 +1,4 @@
-"""The tool that draws."""
+"""The tool that draws; what was drawn of the same artifacts before is not drawn again."""
 
 import hashlib
 import os
@@ -14,10 +14,44 @@ from .call import Image, ImageAnswer, ToolCall
 from .operations import RENDER
 from .results import WORDS, choose_results, config_weights, run_sources, scenario_sources
 
-# ---------- drawings
-# Drawing with a memory: what was drawn of the same artifacts before is not drawn again.
-
 FOLDER = "pictures"
+"""The folder of the drawn pictures in the workspace."""
+
+
+async def render(arguments: RenderArguments, call: ToolCall) -> ImageAnswer:
+    """A picture, animation or chart."""
+    scenario_ids, run_ids = _meant(arguments.ids, call)
+    made = await draw(call, arguments.kind, scenario_ids=scenario_ids, run_ids=run_ids, time_s=arguments.time_s)
+    links = tuple(f"{SCHEME}picture/{Path(image.path).name}" for image in made.images)
+    lines = [f"{made.kind}: {image.alt_text}" for image in made.images]
+    lines += [f"{link} ({image.width_px}×{image.height_px})" for link, image in zip(links, made.images, strict=True)]
+    lines += [f"Note: {note}" for note in made.notes]
+    return ImageAnswer("\n".join(lines), tuple(Image(Path(i.path), i.mime_type) for i in made.images), links)
+
+
+def _meant(words: list[str], call: ToolCall) -> tuple[list[str], list[str]]:
+    """Scenario ids and run ids; ``latest`` is the newest scenario, run or batch."""
+    scenarios: list[str] = []
+    runs: list[str] = []
+    for word in words:
+        artifact = _newest(call) if word == "latest" else None
+        name = artifact.artifact_id if artifact is not None else word
+        kind = artifact.kind if artifact is not None else None if name in WORDS else call.workspace.kind_of(name)
+        if kind == "scenario":
+            scenarios.append(name)
+        elif kind in (None, "run", "batch"):
+            runs += [run_id for result in choose_results([name], call) for run_id in result.run_ids]
+        else:
+            raise InvalidRequest(f"'{name}' is a {kind}, which cannot be drawn", valid=["scenario", "run", "batch"])
+    return scenarios, runs
+
+
+def _newest(call: ToolCall) -> Artifact:
+    kinds = ("scenario", "run", "batch")
+    newest = [artifact for kind in kinds for artifact in call.workspace.newest(kind=kind, limit=1)]  # type: ignore[arg-type]
+    if not newest:
+        raise UnknownName("there is nothing to draw yet", next_step="call find_scenarios or generate_scenarios")
+    return max(newest, key=lambda artifact: artifact.sequence)
 
 
 async def draw(
@@ -78,43 +112,3 @@ def _kept(made: Rendered, note: Path, workspace: Workspace) -> Rendered:
             f"{workspace.root / FOLDER} cannot be written: {error.strerror or error}", next_step="free disk space"
         ) from error
     return kept
-
-
-# ---------- rendering
-# The tool that draws.
-
-
-async def render(arguments: RenderArguments, call: ToolCall) -> ImageAnswer:
-    """A picture, animation or chart."""
-    scenario_ids, run_ids = _meant(arguments.ids, call)
-    made = await draw(call, arguments.kind, scenario_ids=scenario_ids, run_ids=run_ids, time_s=arguments.time_s)
-    links = tuple(f"{SCHEME}picture/{Path(image.path).name}" for image in made.images)
-    lines = [f"{made.kind}: {image.alt_text}" for image in made.images]
-    lines += [f"{link} ({image.width_px}×{image.height_px})" for link, image in zip(links, made.images, strict=True)]
-    lines += [f"Note: {note}" for note in made.notes]
-    return ImageAnswer("\n".join(lines), tuple(Image(Path(i.path), i.mime_type) for i in made.images), links)
-
-
-def _meant(words: list[str], call: ToolCall) -> tuple[list[str], list[str]]:
-    """Scenario ids and run ids; ``latest`` is the newest scenario, run or batch."""
-    scenarios: list[str] = []
-    runs: list[str] = []
-    for word in words:
-        artifact = _newest(call) if word == "latest" else None
-        name = artifact.artifact_id if artifact is not None else word
-        kind = artifact.kind if artifact is not None else None if name in WORDS else call.workspace.kind_of(name)
-        if kind == "scenario":
-            scenarios.append(name)
-        elif kind in (None, "run", "batch"):
-            runs += [run_id for found in choose_results([name], call) for run_id in found.run_ids]
-        else:
-            raise InvalidRequest(f"'{name}' is a {kind}, which cannot be drawn", valid=["scenario", "run", "batch"])
-    return scenarios, runs
-
-
-def _newest(call: ToolCall) -> Artifact:
-    kinds = ("scenario", "run", "batch")
-    found = [artifact for kind in kinds for artifact in call.workspace.newest(kind=kind, limit=1)]  # type: ignore[arg-type]
-    if not found:
-        raise UnknownName("there is nothing to draw yet", next_step="call find_scenarios or generate_scenarios")
-    return max(found, key=lambda artifact: artifact.sequence)

@@ -1,4 +1,7 @@
-"""The tools that say what runs show: figures of a set, and one set against another."""
+"""The tools that say what runs show: figures of a set, and one set against another.
+
+Results are named by run and batch ids and by words for the newest ones (``WORDS``).
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -21,9 +24,6 @@ from ..schemas.scenarios import ScenarioRecord
 from .call import ToolCall
 from .operations import ANALYSE, COMPARE
 
-# ---------- result_choice
-# Which runs the words of a call mean: run and batch ids, and words for the newest ones.
-
 WORDS = ("latest", "latest_run", "previous_run", "latest_batch", "previous_batch")
 
 
@@ -37,6 +37,58 @@ class _ChosenResult:
     lost: tuple[LostCell, ...] = ()
 
 
+async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) -> AnalyzeResultsResult:
+    """Rates, metrics, costs and findings of runs."""
+    chosen = choose_results(arguments.results, call)
+    runs = run_sources((run_id for result in chosen for run_id in result.run_ids), call)
+    _refuse_empty(chosen, bool(runs))
+    request = AnalyseRequest(
+        results=tuple(result.result_id for result in chosen),
+        runs=runs,
+        configs=config_weights(runs, call),
+        scenarios=scenario_sources((run.record.scenario_id for run in runs), call),
+        lost=tuple(cell for result in chosen for cell in result.lost),
+        breakdown=arguments.breakdown,
+        where=tuple(arguments.where),
+        detail=arguments.detail,
+    )
+    return await call.run(ANALYSE, request)
+
+
+async def compare_results(arguments: CompareResultsArguments, call: ToolCall) -> CompareResultsResult:
+    """Paired tests of every side against the first."""
+    words, notes = _words_of(arguments, call.workspace)
+    chosen = choose_results(words, call)
+    runs = run_sources((run_id for result in chosen for run_id in result.run_ids), call)
+    _refuse_empty(chosen, bool(runs))
+    request = CompareRequest(
+        sides=_sides_of(chosen, runs),
+        runs=runs,
+        configs=config_weights(runs, call),
+        metrics=tuple(arguments.metrics),
+        limit=arguments.limit,
+    )
+    result = await call.run(COMPARE, request)
+    return result.model_copy(update={"notes": (*notes, *result.notes)})
+
+
+def _words_of(arguments: CompareResultsArguments, workspace: Workspace) -> tuple[list[str], tuple[str, ...]]:
+    """What is compared; left out while there is one batch only, its configurations."""
+    if "results" not in arguments.model_fields_set and len(workspace.newest(kind="batch", limit=2)) == 1:
+        return ["latest_batch"], ("there is one batch only: its configurations are compared",)
+    return arguments.results, ()
+
+
+def _refuse_empty(chosen: tuple[_ChosenResult, ...], any_run: bool) -> None:
+    if any_run:
+        return
+    errors = [cell.error for result in chosen for cell in result.lost]
+    raise NotPossible(
+        f"{', '.join(result.result_id for result in chosen)} holds no run{f': {errors[0]}' if errors else ''}",
+        next_step="call run_planner again",
+    )
+
+
 def choose_results(words: Sequence[str], call: ToolCall) -> tuple[_ChosenResult, ...]:
     """Resolve words and ids, each result once.
 
@@ -45,53 +97,12 @@ def choose_results(words: Sequence[str], call: ToolCall) -> tuple[_ChosenResult,
         InvalidRequest: the id of something that is no result.
     """
     chosen = (_chosen(_artifact(word.strip(), call)) for word in words)
-    return tuple({found.result_id: found for found in chosen}.values())
-
-
-def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]:
-    """Records and step files of runs, each once."""
-    found = []
-    for run_id in dict.fromkeys(run_ids):
-        record = call.workspace.get(run_id, "run").read(RunRecord)
-        steps = call.workspace.folder("run", run_id) / "steps.json"
-        found.append(RunSource(record=record, steps_path=str(steps) if steps.is_file() else None))
-    return tuple(found)
-
-
-def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWeights, ...]:
-    """The configurations of runs, as far as they are stored."""
-    found = []
-    for config_id in dict.fromkeys(run.record.config_id for run in runs):
-        artifact = call.workspace.find("config", config_id)
-        if artifact is not None:
-            config = artifact.read(PlannerConfiguration)
-            found.append(
-                ConfigWeights(
-                    config_id=config_id,
-                    name=config.name,
-                    planner=config.planner,
-                    weights=config.weights | config.external_weights,
-                    settings=config.settings.model_dump(exclude_defaults=True),
-                )
-            )
-    return tuple(found)
-
-
-def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:
-    """Files and obstacle counts of scenarios, each once."""
-    return tuple(_scenario_source(call.workspace.get(key, "scenario"), call) for key in dict.fromkeys(scenario_ids))
-
-
-def _scenario_source(artifact: Artifact, call: ToolCall) -> ScenarioSource:
-    """File and obstacle counts of a stored scenario."""
-    path = call.workspace.file("scenario", artifact.artifact_id, "scenario.xml")
-    counts = artifact.read(ScenarioRecord).facts.participants.counts
-    return ScenarioSource(scenario_id=artifact.artifact_id, path=str(path), obstacles=counts)
+    return tuple({result.result_id: result for result in chosen}.values())
 
 
 def _artifact(word: str, call: ToolCall) -> Artifact:
     if word == "latest":
-        newest = [found for kind in ("run", "batch") for found in _newest(kind, 1, call)]
+        newest = [artifact for kind in ("run", "batch") for artifact in _newest(kind, 1, call)]
         if newest:
             return max(newest, key=lambda artifact: artifact.sequence)
         raise UnknownName("there is no run yet", next_step="call run_planner")
@@ -122,8 +133,45 @@ def _chosen(artifact: Artifact) -> _ChosenResult:
     return _ChosenResult(artifact.artifact_id, "batch", batch.runs, batch.lost)
 
 
-# ---------- comparison_sides
-# What is compared with what: runs, batches, or the configurations of one batch.
+def run_sources(run_ids: Iterable[str], call: ToolCall) -> tuple[RunSource, ...]:
+    """Records and step files of runs, each once."""
+    sources = []
+    for run_id in dict.fromkeys(run_ids):
+        record = call.workspace.get(run_id, "run").read(RunRecord)
+        steps = call.workspace.folder("run", run_id) / "steps.json"
+        sources.append(RunSource(record=record, steps_path=str(steps) if steps.is_file() else None))
+    return tuple(sources)
+
+
+def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWeights, ...]:
+    """The configurations of runs, as far as they are stored."""
+    weights = []
+    for config_id in dict.fromkeys(run.record.config_id for run in runs):
+        artifact = call.workspace.find("config", config_id)
+        if artifact is not None:
+            config = artifact.read(PlannerConfiguration)
+            weights.append(
+                ConfigWeights(
+                    config_id=config_id,
+                    name=config.name,
+                    planner=config.planner,
+                    weights=config.weights | config.external_weights,
+                    settings=config.settings.model_dump(exclude_defaults=True),
+                )
+            )
+    return tuple(weights)
+
+
+def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:
+    """Files and obstacle counts of scenarios, each once."""
+    return tuple(_scenario_source(call.workspace.get(key, "scenario"), call) for key in dict.fromkeys(scenario_ids))
+
+
+def _scenario_source(artifact: Artifact, call: ToolCall) -> ScenarioSource:
+    """File and obstacle counts of a stored scenario."""
+    path = call.workspace.file("scenario", artifact.artifact_id, "scenario.xml")
+    counts = artifact.read(ScenarioRecord).facts.participants.counts
+    return ScenarioSource(scenario_id=artifact.artifact_id, path=str(path), obstacles=counts)
 
 
 def _sides_of(chosen: Sequence[_ChosenResult], runs: Sequence[RunSource]) -> tuple[Side, ...]:
@@ -136,15 +184,15 @@ def _sides_of(chosen: Sequence[_ChosenResult], runs: Sequence[RunSource]) -> tup
         InvalidRequest: there is only one side.
     """
     by_id = {run.record.run_id: run for run in runs}
-    if all(found.kind == "run" for found in chosen) and len({run.record.config_id for run in runs}) > 1:
+    if all(result.kind == "run" for result in chosen) and len({run.record.config_id for run in runs}) > 1:
         groups = [("", list(by_id.values()))]
     else:
-        groups = [(found.result_id, [by_id[run_id] for run_id in found.run_ids]) for found in chosen]
+        groups = [(result.result_id, [by_id[run_id] for run_id in result.run_ids]) for result in chosen]
     sides = [side for label, members in groups for side in _by_config(label, members, alone=len(groups) == 1)]
     if len(sides) < 2:
-        found = ", ".join(side.label for side in sides)
+        labels = ", ".join(side.label for side in sides)
         raise InvalidRequest(
-            f"only one side: {found}",
+            f"only one side: {labels}",
             valid=["two runs or batches", "one batch with several configurations"],
             next_step="run another configuration on the same scenarios with run_planner",
         )
@@ -169,59 +217,3 @@ def _by_config(label: str, members: Sequence[RunSource], *, alone: bool) -> list
             )
         )
     return sides
-
-
-# ---------- results
-# The tools that say what runs show: figures of a set, and one set against another.
-
-
-async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) -> AnalyzeResultsResult:
-    """Rates, metrics, costs and findings of runs."""
-    chosen = choose_results(arguments.results, call)
-    runs = run_sources((run_id for found in chosen for run_id in found.run_ids), call)
-    _refuse_empty(chosen, bool(runs))
-    request = AnalyseRequest(
-        results=tuple(found.result_id for found in chosen),
-        runs=runs,
-        configs=config_weights(runs, call),
-        scenarios=scenario_sources((run.record.scenario_id for run in runs), call),
-        lost=tuple(cell for found in chosen for cell in found.lost),
-        breakdown=arguments.breakdown,
-        where=tuple(arguments.where),
-        detail=arguments.detail,
-    )
-    return await call.run(ANALYSE, request)
-
-
-async def compare_results(arguments: CompareResultsArguments, call: ToolCall) -> CompareResultsResult:
-    """Paired tests of every side against the first."""
-    words, notes = _words_of(arguments, call.workspace)
-    chosen = choose_results(words, call)
-    runs = run_sources((run_id for found in chosen for run_id in found.run_ids), call)
-    _refuse_empty(chosen, bool(runs))
-    request = CompareRequest(
-        sides=_sides_of(chosen, runs),
-        runs=runs,
-        configs=config_weights(runs, call),
-        metrics=tuple(arguments.metrics),
-        limit=arguments.limit,
-    )
-    result = await call.run(COMPARE, request)
-    return result.model_copy(update={"notes": (*notes, *result.notes)})
-
-
-def _words_of(arguments: CompareResultsArguments, workspace: Workspace) -> tuple[list[str], tuple[str, ...]]:
-    """What is compared; left out while there is one batch only, its configurations."""
-    if "results" not in arguments.model_fields_set and len(workspace.newest(kind="batch", limit=2)) == 1:
-        return ["latest_batch"], ("there is one batch only: its configurations are compared",)
-    return arguments.results, ()
-
-
-def _refuse_empty(chosen: tuple[_ChosenResult, ...], any_run: bool) -> None:
-    if any_run:
-        return
-    errors = [cell.error for found in chosen for cell in found.lost]
-    raise NotPossible(
-        f"{', '.join(found.result_id for found in chosen)} holds no run{f': {errors[0]}' if errors else ''}",
-        next_step="call run_planner again",
-    )

@@ -1,4 +1,8 @@
-"""Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored."""
+"""Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored.
+
+A grid is a job: it goes on when the call has answered, and ends in a batch artifact. A cell's recipe is claimed while
+it is run, so that batches and servers that overlap make no run twice.
+"""
 
 import logging
 from collections import Counter, deque
@@ -22,11 +26,8 @@ from ..schemas.runs import BatchRecord, LostCell, Prediction, RunRecord, Traffic
 from .call import ToolCall
 from .operations import RUN_PLANNER
 
-# ---------- run_grid
-# Runs of a grid: each cell is one scenario's problem under one configuration, run in a worker and stored.
-
 CLAIM_POLL_S = 0.1
-"""How often a run that somebody else makes is looked at."""
+"""How often a run that another call or server makes is looked at; chosen."""
 logger = logging.getLogger(__name__)
 
 
@@ -74,7 +75,7 @@ class CellResult:
 
 
 async def run_cell(call: ToolCall, cell: Cell, *, tell_client: bool = False) -> CellResult:
-    """The run of a cell: the stored one if its recipe was made before, or is made by somebody else just now.
+    """The run of a cell: the stored one if its recipe was made before, or made by another call or server just now.
 
     Raises:
         PlannerForgeError: the scenario cannot be read, or the worker died or ran past its limit.
@@ -123,7 +124,7 @@ async def _isolated(call: ToolCall, cell: Cell) -> CellResult | None:
 
 
 async def _attempt(call: ToolCall, cell: Cell, *, tell_client: bool) -> CellResult | None:
-    """The cell's run; None where somebody else makes it just now."""
+    """The cell's run; None where another call or server makes it just now."""
     recipe = cell.recipe()
     stored = call.workspace.find_by_recipe("run", recipe)
     if stored is not None:
@@ -165,8 +166,88 @@ async def _made(call: ToolCall, cell: Cell, recipe: Recipe, *, tell_client: bool
     return CellResult(stored.read(RunRecord))
 
 
-# ---------- run_answer
-# What run_planner answers about the runs that are finished.
+async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: Sequence[str]) -> RunPlannerResult:
+    """Start the grid, or find what was made of it, and answer with what is finished after ``wait_s``."""
+    recipe = _batch_recipe(cells)
+    stored = call.workspace.find_by_recipe("batch", recipe)
+    if stored is not None:
+        batch = stored.read(BatchRecord)
+        results = [_stored(call, run_id) for run_id in batch.runs]
+        return answer(cells, results, batch_id=batch.batch_id, notes=notes)
+
+    finished: list[CellResult] = []
+    known = sum(call.workspace.find_by_recipe("run", cell.recipe()) is not None for cell in cells)
+
+    async def work(progress: JobProgress) -> None:
+        def on_done(result: CellResult) -> None:
+            finished.append(result)
+            if result.record is not None:
+                progress.add_result(result.record.run_id)
+            progress.report(own_share(finished, known, len(cells)), f"{len(finished)} of {len(cells)} runs")
+
+        results = await run_grid(call, cells, on_done)
+        progress.add_result(_store_batch(call, cells, results))
+
+    async def tell(job: Job) -> None:
+        await call.progress(job.share, job.message)
+
+    job = call.jobs.start("batch", recipe, work)
+    job = await call.jobs.wait(job.job_id, wait_s, tell)
+    batch_id = next((key for key in job.results if key.startswith("batch_")), None)
+    if batch_id is not None:
+        record = call.workspace.get(batch_id, "batch").read(BatchRecord)
+        lost = [CellResult(None, cell) for cell in record.lost]
+        reused = {r.record.run_id for r in finished if r.record is not None and r.reused}
+        results = [_stored(call, run_id, reused=run_id in reused) for run_id in record.runs] + lost
+        return answer(cells, results, batch_id=batch_id, notes=notes)
+    results = [_stored(call, key, reused=False) for key in job.results if key.startswith("run_")]
+    problem = [job.error] if job.error else []
+    return answer(cells, results, job_id=job.job_id, state=job.state, notes=[*notes, *problem])
+
+
+def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
+    """The share done of what was not known before: runs that are only looked up say nothing about the time left."""
+    reused = sum(result.reused for result in finished)
+    return (len(finished) - min(reused, known)) / max(total - known, 1)
+
+
+def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
+    """The recipe of a grid; one with lost cells has another, so that asking again tries them again."""
+    scenarios = list(dict.fromkeys(cell.scenario for cell in cells))
+    configs = list(dict.fromkeys(cell.configuration.config_id for cell in cells))
+    arguments = {
+        "scenarios": scenarios,
+        "configs": configs,
+        "prediction": cells[0].prediction,
+        "traffic": cells[0].traffic,
+    }
+    return Recipe(
+        tool="run_planner",
+        arguments=arguments | ({"lost": list(lost)} if lost else {}),
+        parents=tuple(dict.fromkeys([*(cell.scenario_id for cell in cells), *configs])),
+        seed=cells[0].seed,
+        versions=cells[0].recipe().versions,
+    )
+
+
+def _store_batch(call: ToolCall, cells: Sequence[Cell], results: Sequence[CellResult]) -> str:
+    """Store the finished grid as a batch and give its id."""
+    lost = tuple(result.lost for result in results if result.lost is not None)
+    recipe = _batch_recipe(cells, [f"{cell.scenario_id} {cell.config_id}" for cell in lost])
+    record = BatchRecord(
+        batch_id=f"batch_{recipe.digest}",
+        scenarios=tuple(recipe.arguments["scenarios"]),
+        configs=tuple(recipe.arguments["configs"]),
+        prediction=cells[0].prediction,
+        traffic=cells[0].traffic,
+        runs=tuple(result.record.run_id for result in results if result.record is not None),
+        lost=lost,
+    )
+    return call.workspace.put("batch", record.batch_id, recipe=recipe, record=record).artifact_id
+
+
+def _stored(call: ToolCall, run_id: str, *, reused: bool = True) -> CellResult:
+    return CellResult(call.workspace.get(run_id, "run").read(RunRecord), reused=reused)
 
 
 def answer(
@@ -211,21 +292,21 @@ def _prediction_notes(records: Sequence[RunRecord]) -> list[str]:
 
 
 def _traffic_notes(records: Sequence[RunRecord]) -> list[str]:
-    """Who did not react although the traffic is reactive."""
+    """Which vehicles did not react although the traffic is reactive."""
     counts = [len(record.on_recording) for record in records if record.on_recording]
     if not counts:
         return []
-    told = f"{sum(counts)} (in {len(counts)} of {len(records)} runs)"
-    return [f"reactive traffic: moving obstacles that followed their recording all the same: {told}"]
+    shown = f"{sum(counts)} (in {len(counts)} of {len(records)} runs)"
+    return [f"reactive traffic: moving obstacles that followed their recording all the same: {shown}"]
 
 
 def _path_notes(records: Sequence[RunRecord]) -> list[str]:
-    """Whose start is too askew or too fast for the lane's centre line."""
+    """Starts with an angle or speed that allows no path along the lane's centre line."""
     lengths_m = sorted(record.eased_over_m for record in records if record.eased_over_m is not None)
     if not lengths_m:
         return []
-    told = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
-    return [f"the ego's start allows no way along the lane's centre in {len(lengths_m)} runs: joined within {told}"]
+    shown = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
+    return [f"the ego's start allows no way along the lane's centre in {len(lengths_m)} runs: joined within {shown}"]
 
 
 def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:
@@ -258,91 +339,3 @@ def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str |
     if batch_id:
         return f"analyze_results or compare_results with results ['{batch_id}']"
     return f"analyze_results with results ['{records[0].run_id}'], or render it" if records else "see what was lost"
-
-
-# ---------- planner_batches
-# A grid of runs as a job: it goes on when the call has answered, and ends in a batch artifact.
-
-
-async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: Sequence[str]) -> RunPlannerResult:
-    """Start the grid, or find what was made of it, and answer with what is finished after ``wait_s``."""
-    recipe = _batch_recipe(cells)
-    stored = call.workspace.find_by_recipe("batch", recipe)
-    if stored is not None:
-        batch = stored.read(BatchRecord)
-        results = [_stored(call, run_id) for run_id in batch.runs]
-        return answer(cells, results, batch_id=batch.batch_id, notes=notes)
-
-    finished: list[CellResult] = []
-    known = sum(call.workspace.find_by_recipe("run", cell.recipe()) is not None for cell in cells)
-
-    async def work(progress: JobProgress) -> None:
-        def on_done(result: CellResult) -> None:
-            finished.append(result)
-            if result.record is not None:
-                progress.add_result(result.record.run_id)
-            progress.report(own_share(finished, known, len(cells)), f"{len(finished)} of {len(cells)} runs")
-
-        results = await run_grid(call, cells, on_done)
-        progress.add_result(_store_batch(call, cells, results))
-
-    async def tell(job: Job) -> None:
-        await call.progress(job.share, job.message)
-
-    job = call.jobs.start("batch", recipe, work)
-    job = await call.jobs.wait(job.job_id, wait_s, tell)
-    batch_id = next((key for key in job.results if key.startswith("batch_")), None)
-    if batch_id is not None:
-        record = call.workspace.get(batch_id, "batch").read(BatchRecord)
-        lost = [CellResult(None, cell) for cell in record.lost]
-        reused = {r.record.run_id for r in finished if r.record is not None and r.reused}
-        results = [_stored(call, run_id, reused=run_id in reused) for run_id in record.runs] + lost
-        return answer(cells, results, batch_id=batch_id, notes=notes)
-    results = [_stored(call, key, reused=False) for key in job.results if key.startswith("run_")]
-    problem = [job.error] if job.error else []
-    return answer(cells, results, job_id=job.job_id, state=job.state, notes=[*notes, *problem])
-
-
-def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
-    """The recipe of a grid; one with lost cells has another, so that asking again tries them again."""
-    scenarios = list(dict.fromkeys(cell.scenario for cell in cells))
-    configs = list(dict.fromkeys(cell.configuration.config_id for cell in cells))
-    arguments = {
-        "scenarios": scenarios,
-        "configs": configs,
-        "prediction": cells[0].prediction,
-        "traffic": cells[0].traffic,
-    }
-    return Recipe(
-        tool="run_planner",
-        arguments=arguments | ({"lost": list(lost)} if lost else {}),
-        parents=tuple(dict.fromkeys([*(cell.scenario_id for cell in cells), *configs])),
-        seed=cells[0].seed,
-        versions=cells[0].recipe().versions,
-    )
-
-
-def _store_batch(call: ToolCall, cells: Sequence[Cell], results: Sequence[CellResult]) -> str:
-    """Store the finished grid as a batch and give its id."""
-    lost = tuple(result.lost for result in results if result.lost is not None)
-    recipe = _batch_recipe(cells, [f"{cell.scenario_id} {cell.config_id}" for cell in lost])
-    record = BatchRecord(
-        batch_id=f"batch_{recipe.digest}",
-        scenarios=tuple(recipe.arguments["scenarios"]),
-        configs=tuple(recipe.arguments["configs"]),
-        prediction=cells[0].prediction,
-        traffic=cells[0].traffic,
-        runs=tuple(result.record.run_id for result in results if result.record is not None),
-        lost=lost,
-    )
-    return call.workspace.put("batch", record.batch_id, recipe=recipe, record=record).artifact_id
-
-
-def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
-    """The share done of what was not known before: runs that are only looked up say nothing about the time left."""
-    reused = sum(result.reused for result in finished)
-    return (len(finished) - min(reused, known)) / max(total - known, 1)
-
-
-def _stored(call: ToolCall, run_id: str, *, reused: bool = True) -> CellResult:
-    return CellResult(call.workspace.get(run_id, "run").read(RunRecord), reused=reused)

@@ -1,4 +1,8 @@
-"""The tool that describes one scenario."""
+"""The tool that describes one scenario, and which scenarios the words of a call mean.
+
+A word is an id, ``ID#problem``, a search, a stage of one (``SEARCH:STAGE``), or ``preset:N``. A stored search keeps the
+counts of its stages only; the scenarios of a stage are looked up again.
+"""
 
 import hashlib
 import re
@@ -14,43 +18,9 @@ from .call import ToolCall
 from .generation_record import described_generation, kept_report, with_classes
 from .operations import DESCRIBE_SCENARIO
 
-# ---------- search_stages
-# What a stage of a stored search left: a search keeps the counts of its stages, the scenarios are looked up again.
-
-
-def _stage_hits(search: Artifact, stage: str, call: ToolCall) -> tuple[tuple[str, ...], list[str]]:
-    """Ids of what the stage left, alphabetically, and a remark where versions have changed since the search.
-
-    What was added to the catalogue after the search is not among them.
-
-    Raises:
-        UnknownName: the search has no conditions for this stage, or an earlier stage left nothing.
-    """
-    record, connection = search.read(SearchRecord), call.workspace.database.connection()
-    counts = {one.stage: one.left for one in record.stages}
-    if stage not in counts:
-        valid = [f"{search.artifact_id}:{name}" for name in counts]
-        raise UnknownName(f"{search.artifact_id} has no stage '{stage}'", valid=valid)
-    again = Search(connection, record.arguments, searched_within(record.arguments.within, call))
-    numbers = next((left.numbers for left in again.funnel.stages if left.stage == stage), frozenset[int]())
-    known = frozenset(number for number in numbers if number < search.sequence * MOST_ENTRIES)
-    changed = len(known) != counts[stage]
-    note = f"{search.artifact_id}:{stage} left {counts[stage]}; {len(known)} of them are in the catalogue as they were"
-    return tuple(entry.scenario_id for entry in entries_of(connection, known)), [note] if changed else []
-
-
-def searched_within(search_id: str | None, call: ToolCall) -> tuple[str, ...] | None:
-    """The hits of the search that another one refines; None where the whole catalogue is searched."""
-    if search_id is None:
-        return None
-    return call.workspace.get(search_id, "search").read(SearchRecord).scenario_ids
-
-
-# ---------- scenario_choice
-# Which scenarios the words of a call mean: ids, ``ID#problem``, a search, a stage of one, or ``preset:N``.
-
-LARGEST_PRESET = 500
-PRESET_SIZES = (10, 50, 100, 200, 300, 400, 500)
+_LARGEST_PRESET = 500
+_PRESET_SIZES = (10, 50, 100, 200, 300, 400, 500)
+"""Sizes that a refusal proposes; the largest grid that a workspace of shared scenarios is meant for. Chosen."""
 
 
 @dataclass(frozen=True)
@@ -63,88 +33,10 @@ class ChosenScenario:
 
 @dataclass(frozen=True)
 class _Choice:
-    """The scenarios in order, each once, and remarks."""
+    """The scenarios in order, each once, and notes."""
 
     scenarios: tuple[ChosenScenario, ...]
     notes: tuple[str, ...]
-
-
-def choose_scenarios(words: Sequence[str], call: ToolCall) -> _Choice:
-    """Resolve the words of a call; ``latest`` and ``search:latest`` become concrete ids.
-
-    Raises:
-        UnknownName: a scenario, planning problem, search or stage of it that does not exist.
-        InvalidRequest: ``preset:`` without a number from 1 to 500.
-        NotPossible: a search without hits, or no scenario that could be run.
-    """
-    open_catalogue(call.workspace, with_starter=call.services.with_starter)
-    chosen: dict[ChosenScenario, None] = {}
-    notes: list[str] = []
-    for word in words:
-        found, remarks = _meant(word.strip(), call)
-        chosen.update(dict.fromkeys(found))
-        notes += remarks
-    if not chosen:
-        raise NotPossible("no scenario is left to run", next_step="name scenario ids, a search id or preset:10")
-    return _Choice(tuple(chosen), tuple(notes))
-
-
-def _meant(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
-    if word.startswith("preset:"):
-        return _preset(word, call)
-    if word.startswith(("search:", "search_")):
-        return _hits(word.removeprefix("search:"), call)
-    artifact, problem_id = one_scenario(word, call)
-    return [ChosenScenario(artifact.artifact_id, problem_id)], []
-
-
-def _hits(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
-    """The hits of a search, or with ``:STAGE`` behind its id what one of its stages left."""
-    name, mark, stage = word.partition(":")
-    search = call.workspace.get(name, "search")
-    ids, notes = _stage_hits(search, stage, call) if mark else (search.read(SearchRecord).scenario_ids, [])
-    if not ids:
-        left = [f"{name}:{one.stage}" for one in search.read(SearchRecord).stages if one.left]
-        raise NotPossible(f"{word} has no hits", valid=left, next_step="relax the search with find_scenarios")
-    return [_entry(key) for key in ids], notes
-
-
-def _entry(scenario_id: str) -> ChosenScenario:
-    scenario, _, problem = scenario_id.partition("#")
-    return ChosenScenario(scenario, int(problem) if problem else None)
-
-
-def one_scenario(word: str, call: ToolCall) -> tuple[Artifact, int | None]:
-    """The scenario that an id or ``ID#problem`` names, and the planning problem; None where none is named.
-
-    Raises:
-        UnknownName: there is no such scenario or planning problem.
-    """
-    scenario, mark, problem = word.partition("#")
-    artifact = call.workspace.get(scenario, "scenario")
-    if not mark:
-        return artifact, None
-    known = [ego.problem_id for ego in artifact.read(ScenarioRecord).facts.egos]
-    if not re.fullmatch(r"\d+", problem) or int(problem) not in known:
-        raise UnknownName(f"{artifact.artifact_id} has no planning problem '{problem}'", valid=known)
-    return artifact, int(problem)
-
-
-def _preset(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
-    """The first N scenarios with a planning problem, in an order that looks random but is always the same."""
-    number = word.removeprefix("preset:")
-    if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= LARGEST_PRESET:
-        raise InvalidRequest(f"'{word}' names no size", valid=[f"preset:{size}" for size in PRESET_SIZES])
-    stored = call.workspace.newest(kind="scenario", limit=100_000)
-    runnable = [artifact.artifact_id for artifact in stored if artifact.read(ScenarioRecord).facts.egos]
-    ordered = sorted(runnable, key=lambda key: hashlib.sha256(key.encode()).hexdigest())
-    found = [ChosenScenario(key) for key in ordered[: int(number)]]
-    few = [f"{word}: only {len(found)} scenarios with a planning problem are here"] if len(found) < int(number) else []
-    return found, few
-
-
-# ---------- scenarios
-# The tool that describes one scenario.
 
 
 async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall) -> DescribeScenarioResult:
@@ -183,3 +75,105 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
         generation=described_generation(report, artifact, arguments.detail) if report is not None else None,
         recipe=artifact.recipe.model_dump(mode="json") if arguments.detail == "recipe" else None,
     )
+
+
+def one_scenario(word: str, call: ToolCall) -> tuple[Artifact, int | None]:
+    """The scenario that an id or ``ID#problem`` names, and the planning problem; None where none is named.
+
+    Raises:
+        UnknownName: there is no such scenario or planning problem.
+    """
+    scenario, mark, problem = word.partition("#")
+    artifact = call.workspace.get(scenario, "scenario")
+    if not mark:
+        return artifact, None
+    known = [ego.problem_id for ego in artifact.read(ScenarioRecord).facts.egos]
+    if not re.fullmatch(r"\d+", problem) or int(problem) not in known:
+        raise UnknownName(f"{artifact.artifact_id} has no planning problem '{problem}'", valid=known)
+    return artifact, int(problem)
+
+
+def choose_scenarios(words: Sequence[str], call: ToolCall) -> _Choice:
+    """Resolve the words of a call; ``latest`` and ``search:latest`` become concrete ids.
+
+    Raises:
+        UnknownName: a scenario, planning problem, search or stage of it that does not exist.
+        InvalidRequest: ``preset:`` without a number from 1 to 500.
+        NotPossible: a search without hits, or no scenario that could be run.
+    """
+    open_catalogue(call.workspace, with_starter=call.services.with_starter)
+    chosen: dict[ChosenScenario, None] = {}
+    notes: list[str] = []
+    for word in words:
+        scenarios, remarks = _meant(word.strip(), call)
+        chosen.update(dict.fromkeys(scenarios))
+        notes += remarks
+    if not chosen:
+        raise NotPossible("no scenario is left to run", next_step="name scenario ids, a search id or preset:10")
+    return _Choice(tuple(chosen), tuple(notes))
+
+
+def _meant(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
+    if word.startswith("preset:"):
+        return _preset(word, call)
+    if word.startswith(("search:", "search_")):
+        return _hits(word.removeprefix("search:"), call)
+    artifact, problem_id = one_scenario(word, call)
+    return [ChosenScenario(artifact.artifact_id, problem_id)], []
+
+
+def _preset(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
+    """The first N scenarios with a planning problem, in an order that looks random but is always the same."""
+    number = word.removeprefix("preset:")
+    if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= _LARGEST_PRESET:
+        raise InvalidRequest(f"'{word}' names no size", valid=[f"preset:{size}" for size in _PRESET_SIZES])
+    stored = call.workspace.newest(kind="scenario", limit=100_000)
+    runnable = [artifact.artifact_id for artifact in stored if artifact.read(ScenarioRecord).facts.egos]
+    ordered = sorted(runnable, key=lambda key: hashlib.sha256(key.encode()).hexdigest())
+    chosen = [ChosenScenario(key) for key in ordered[: int(number)]]
+    notes = [f"{word}: only {len(chosen)} scenarios with a planning problem are here"]
+    return chosen, notes if len(chosen) < int(number) else []
+
+
+def _hits(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
+    """The hits of a search, or with ``:STAGE`` behind its id what one of its stages left."""
+    name, mark, stage = word.partition(":")
+    search = call.workspace.get(name, "search")
+    ids, notes = _stage_hits(search, stage, call) if mark else (search.read(SearchRecord).scenario_ids, [])
+    if not ids:
+        left = [f"{name}:{count.stage}" for count in search.read(SearchRecord).stages if count.left]
+        raise NotPossible(f"{word} has no hits", valid=left, next_step="relax the search with find_scenarios")
+    return [_entry(key) for key in ids], notes
+
+
+def _entry(scenario_id: str) -> ChosenScenario:
+    scenario, _, problem = scenario_id.partition("#")
+    return ChosenScenario(scenario, int(problem) if problem else None)
+
+
+def _stage_hits(search: Artifact, stage: str, call: ToolCall) -> tuple[tuple[str, ...], list[str]]:
+    """Ids of what the stage left, alphabetically, and a remark where versions have changed since the search.
+
+    What was added to the catalogue after the search is not among them.
+
+    Raises:
+        UnknownName: the search has no conditions for this stage, or an earlier stage left nothing.
+    """
+    record, connection = search.read(SearchRecord), call.workspace.database.connection()
+    counts = {count.stage: count.left for count in record.stages}
+    if stage not in counts:
+        valid = [f"{search.artifact_id}:{name}" for name in counts]
+        raise UnknownName(f"{search.artifact_id} has no stage '{stage}'", valid=valid)
+    again = Search(connection, record.arguments, searched_within(record.arguments.within, call))
+    numbers = next((left.numbers for left in again.funnel.stages if left.stage == stage), frozenset[int]())
+    known = frozenset(number for number in numbers if number < search.sequence * MOST_ENTRIES)
+    changed = len(known) != counts[stage]
+    note = f"{search.artifact_id}:{stage} left {counts[stage]}; {len(known)} of them are in the catalogue as they were"
+    return tuple(entry.scenario_id for entry in entries_of(connection, known)), [note] if changed else []
+
+
+def searched_within(search_id: str | None, call: ToolCall) -> tuple[str, ...] | None:
+    """The hits of the search that another one refines; None where the whole catalogue is searched."""
+    if search_id is None:
+        return None
+    return call.workspace.get(search_id, "search").read(SearchRecord).scenario_ids

@@ -17,7 +17,7 @@ from ...schemas.errors import NotPossible, PlannerForgeError
 from ...schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
 from ...schemas.runs import NO_TRAJECTORY
 from ...server.argument_errors import read_arguments
-from ...tools.generation_plan import Order, Orders, plan_maps, plan_orders, request_for
+from ...tools.generation_plan import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
 from ..harness import call_in_process
 from .figures import Made, Stages, tell
 from .judges import (
@@ -106,8 +106,8 @@ def make_all(request: BenchRequest, session: Session, seed: int) -> list[Made]:
     return made
 
 
-def _orders(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> Orders:
-    return asyncio.run(plan_orders(arguments, call_in_process(), plan_maps(arguments, maps).matches))
+def _orders(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> SiteAssignment:
+    return asyncio.run(assign_sites(arguments, call_in_process(), plan_maps(arguments, maps).matches))
 
 
 def _failed(request: BenchRequest, error: PlannerForgeError) -> Made:
@@ -115,7 +115,7 @@ def _failed(request: BenchRequest, error: PlannerForgeError) -> Made:
 
 
 def _make_somewhere(
-    request: BenchRequest, order: Order, spare: list[MapMatch], session: Session, index: int, seed: int
+    request: BenchRequest, order: AssignedSite, spare: list[MapMatch], session: Session, index: int, seed: int
 ) -> Made:
     """A scenario as ordered, otherwise on the first spare map where it can be made, as the tool does it."""
     try:
@@ -124,7 +124,7 @@ def _make_somewhere(
     except NotPossible as error:
         if not spare:
             return _failed(request, error)
-        return _make_somewhere(request, Order(spare.pop(0)), spare, session, index, seed)
+        return _make_somewhere(request, AssignedSite(spare.pop(0)), spare, session, index, seed)
     except PlannerForgeError as error:
         return _failed(request, error)
     except Exception as error:  # noqa: BLE001 - a defect of ours is the failure of one scenario, not the bench's end

@@ -15,7 +15,7 @@ from plannerforge.engine.maps.index import MapMatch, built_in_maps
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest
 from plannerforge.tools.call import ToolCall
-from plannerforge.tools.generation_plan import request_for, share_out
+from plannerforge.tools.generation_plan import request_for, share_sites
 from plannerforge.tools.operations import GENERATE_SCENARIO
 
 MAPS = {entry.facts.place: MapMatch(entry) for entry in built_in_maps()}
@@ -24,7 +24,7 @@ OVER_THREE_MAPS = [54.602, 5.195, 54.634, 5.2434]
 
 
 def test_maps_take_turns_and_a_site_that_stands_in_is_no_other_scenarios_own() -> None:
-    orders = share_out([MAPS["Fahrhausen"], MAPS["Landmoor"], MAPS["Neuland"]], [4, 0, 1], 4)
+    orders = share_sites([MAPS["Fahrhausen"], MAPS["Landmoor"], MAPS["Neuland"]], [4, 0, 1], 4)
     assert [(o.match.entry.facts.place, o.site_index) for o in orders] == [
         ("Fahrhausen", 0),
         ("Neuland", 0),
@@ -41,7 +41,7 @@ def test_a_site_that_fails_is_replaced_by_one_that_no_other_scenario_takes(
     arguments = GenerateScenariosArguments.model_validate(
         {"place": "Quadratstadt", "scenario_type": "intersection", "duration_s": 5, "count": 3}
     )
-    order = share_out([MAPS["Quadratstadt"]], [21], arguments.count)[0]
+    order = share_sites([MAPS["Quadratstadt"]], [21], arguments.count)[0]
     request = request_for(arguments, order.match, order.site_index, 0, order.site_step)
     asked: list[tuple[float, float]] = []
 
