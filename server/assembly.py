@@ -19,7 +19,7 @@ from .journal import Journal
 from .settings import Settings
 
 logger = logging.getLogger(__name__)
-WARM_UP_DELAY_S = 1.0
+_WARM_UP_DELAY_S = 1.0
 """The first answers come before the first worker: both want the same cores."""
 
 
@@ -55,7 +55,7 @@ async def open_services(settings: Settings, start_folder: Path) -> AsyncIterator
         async with WorkerPool.open(limits, log) as workers, anyio.create_task_group() as tasks:
             jobs, claims = JobRunner(JobStore(workspace.database), tasks), Claims(workspace.database)
             if settings.warm_up:
-                tasks.start_soon(_warm_up, workers, workspace, settings.embedding_model)
+                tasks.start_soon(warm_up, workers, workspace, settings.embedding_model)
             yield Services(
                 workspace,
                 workers,
@@ -80,8 +80,9 @@ def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
     )
 
 
-async def _warm_up(workers: WorkerPool, workspace: Workspace, model: str) -> None:
-    await anyio.sleep(WARM_UP_DELAY_S)
+async def warm_up(workers: WorkerPool, workspace: Workspace, model: str, *, delay_s: float = _WARM_UP_DELAY_S) -> None:
+    """Start a worker of each lane and build the text index, before they are asked for; failures are logged."""
+    await anyio.sleep(delay_s)
     from ..tools.operations import BUILD_INDEX  # its models are not needed before the first answers
 
     await workers.warm_up("compute")
@@ -89,5 +90,5 @@ async def _warm_up(workers: WorkerPool, workspace: Workspace, model: str) -> Non
     request = BuildIndexRequest(database=workspace.database.path, index=workspace.root / INDEX_FOLDER, model=model)
     try:
         await workers.run(BUILD_INDEX, request)
-    except PlannerForgeError as error:  # nobody asked for it yet: whoever searches by text is told
+    except PlannerForgeError as error:  # not asked for yet: a search by text gets the error
         logger.warning("the text index could not be made ready: %s", error.text)

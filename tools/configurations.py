@@ -20,7 +20,7 @@ _CURRENT = ("current", "latest")
 _BY_NAME = "preset"
 """The tool in the recipe of a preset that was stored because it was run."""
 _SEARCHED = 1000
-"""The newest configurations that are looked through; chosen, more than a workspace has."""
+"""How many of the newest configurations are looked through; chosen."""
 
 
 def resolve_configuration(text: str, call: ToolCall) -> PlannerConfiguration:

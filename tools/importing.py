@@ -22,13 +22,13 @@ from .maps import import_map, known_country
 from .scenario_storage import import_scenarios
 
 ImportKind = Literal["scenario", "map", "config"]
-Report = Callable[[float, str], Awaitable[None]]
+_Report = Callable[[float, str], Awaitable[None]]
 _SHOWN = 20
 """Items that an answer lists; its model says so."""
 _REPORT_EVERY_S = 0.5
 """How often the progress of an import is reported; chosen."""
 _WAIT_S = 45.0
-"""The call answers after this time at most; clients wait 60 s."""
+"""The call answers after this time at most; chosen to be less than clients wait."""
 _SUFFIXES: dict[str, ImportKind] = {
     **dict.fromkeys(MAP_ENDINGS, "map"),
     ".xml": "scenario",
@@ -160,7 +160,7 @@ async def _take_in(
     files: Sequence[tuple[Path, ImportKind]],
     arguments: ImportFilesArguments,
     tally: _Tally,
-    report: Report,
+    report: _Report,
 ) -> None:
     """Import the files; the share done is reported every half second."""
     async with anyio.create_task_group() as tasks:
@@ -172,7 +172,7 @@ async def _take_in(
         tasks.cancel_scope.cancel()
 
 
-async def _keep_reporting(tally: _Tally, report: Report) -> None:
+async def _keep_reporting(tally: _Tally, report: _Report) -> None:
     while True:
         await report(tally.done / tally.total, f"{tally.done} of {tally.total} files")
         await anyio.sleep(_REPORT_EVERY_S)

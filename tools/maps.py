@@ -24,7 +24,7 @@ from .call import ToolCall
 from .operations import CONVERT_MAP, READ_MAP
 
 _MOST_FILES, _MOST_MAPS = 200, 1000
-"""Files that are read of one map folder, and imported maps that are listed; chosen, more than users have."""
+"""Files that are read of one map folder, and imported maps that are known; chosen."""
 _SHOWN_NOTES = 3
 """Notes on files that were left out; chosen to keep answers short."""
 

@@ -4,8 +4,7 @@ The table is what type checkers see of the way between the server's process and 
 request)`` takes the operation's request only and returns its response. Entry points are strings because the server's
 process must not import what they name; a test resolves each one and compares its signature.
 
-Time limits are chosen: many times what the largest files of the test data take, and below 50 s where a client waits for
-the answer to a question.
+Time limits are chosen, generously: they end what hangs. Where a client waits for an answer, they are 50 s.
 """
 
 from ..engine.execution import Operation

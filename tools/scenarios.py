@@ -20,7 +20,7 @@ from .operations import DESCRIBE_SCENARIO
 
 _LARGEST_PRESET = 500
 _PRESET_SIZES = (10, 50, 100, 200, 300, 400, 500)
-"""Sizes that a refusal proposes; the largest grid that a workspace of shared scenarios is meant for. Chosen."""
+"""The largest size and those that a refusal proposes; chosen."""
 
 
 @dataclass(frozen=True)

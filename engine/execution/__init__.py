@@ -1,22 +1,22 @@
 """Work outside the server's process: warm workers, jobs that outlive their call, claims, limits.
 
-``Claims``: Claims of this process on recipes.
-``Executor``: Runs operations somewhere, each apart from the others.
+``Claims``: Claims of this process on recipes, so that no other makes the same at the same time.
+``Executor``: Runs operations, each apart from the others; gives their responses.
 ``Lane``: Which workers carry an operation out: ``compute`` or ``retrieval``.
 ``OnProgress``: A listener to progress: an async function of the share done in [0, 1] and a few words.
 ``Operation``: A function of the engine that runs in a worker, with its request, response and time limit in seconds.
 ``ProgressReporter``: Called by an operation with the share done in [0, 1] and a few words.
 ``Request``: Type variable of what an operation takes.
 ``Response``: Type variable of what an operation returns.
-``no_progress``: A listener for callers that do not want to know.
-``silent``: A reporter for callers that do not want to know.
-``Job``: A piece of work.
-``JobProgress``: What the work of a job uses to say how far it is.
+``no_progress``: A listener to progress that drops what it is given.
+``silent``: A progress reporter that drops what it is given.
+``Job``: A piece of long work: its state, the share done in [0, 1], ids of results.
+``JobProgress``: Records the progress and the results of a job.
 ``JobRunner``: Starts, waits for and cancels jobs.
-``JobState``: TODO.
+``JobState``: ``running``, ``done``, ``failed``, ``cancelled`` or ``interrupted``.
 ``JobStore``: Reads and writes job records.
-``Limits``: The bounds that every tool call works within.
-``PRELOAD``: TODO.
+``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
+``PRELOAD``: Names of the modules that a worker imports before its first order, by lane.
 ``WorkerPool``: Runs operations in worker processes.
 ``warm_up``: Import modules and leave them out of later garbage collections, which need not walk through what stays.
 """

@@ -17,7 +17,7 @@ class Claims:
 
     @contextmanager
     def claimed(self, digest: str) -> Iterator[bool]:
-        """Claim a recipe for the block; gives False, and claims nothing, where somebody else makes it just now.
+        """Claim a recipe for the block; gives False, and claims nothing, where it is being made already.
 
         Raises:
             ResourceFailure: the database cannot be written.

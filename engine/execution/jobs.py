@@ -1,4 +1,4 @@
-"""Durable records of long work: what was asked, how far it is, what came out.
+"""Durable records of long work, and the runner that carries jobs of this server out in the background.
 
 The record lives in the workspace's database, so that any server on the workspace can answer for it. A job that runs in
 a server that went away is shown as interrupted; asking for the same again takes up what was finished.
@@ -21,12 +21,9 @@ from ...schemas.base import Model
 from ...schemas.errors import PlannerForgeError, ResourceFailure, UnexpectedFailure, UnknownName, closest
 from ..workspace import Database, Recipe, still_runs
 
-# ---------- jobs
-# Durable records of long work: what was asked, how far it is, what came out.
-#
-# The record lives in the workspace's database, so that any server on the workspace can answer for it. A job that runs
-# in a server that went away is shown as interrupted; asking for the same again takes up what was finished.
-
+logger = logging.getLogger(__name__)
+_POLL_S = 0.5
+"""How often a job of another server is looked at; chosen."""
 JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
 
 
@@ -52,7 +49,7 @@ class Job(Model):
     @property
     def remaining_s(self) -> float | None:
         """Estimated time to the end in seconds; None while too little is done to say."""
-        if self.ended or self.share < 0.02:
+        if self.ended or self.share < 0.02:  # chosen: an estimate from less is mostly the start-up
             return None
         return (self.updated_at - self.started_at) * (1 - self.share) / self.share
 
@@ -99,9 +96,9 @@ class JobStore:
             UnknownName: with the nearest ids.
         """
         if job_id == "latest":
-            found = self.newest(1)
-            if found:
-                return found[0]
+            newest = self.newest(1)
+            if newest:
+                return newest[0]
             raise UnknownName("there is no job yet", next_step="start one, for instance with run_planner")
         row = self._database.connection().execute("SELECT * FROM jobs WHERE job_id = ?", (job_id,)).fetchone()
         if row is None:
@@ -146,16 +143,8 @@ def _job(row: sqlite3.Row) -> Job:
     )
 
 
-# ---------- job_runner
-# Runs jobs of this server in the background and lets callers wait for news.
-
-logger = logging.getLogger(__name__)
-POLL_S = 0.5
-"""How often a job of another server is looked at."""
-
-
 class JobProgress:
-    """What the work of a job uses to say how far it is."""
+    """Records the progress and the results of a job while its work goes on."""
 
     def __init__(self, store: JobStore, job_id: str, news: Callable[[], None]) -> None:
         self._store, self._job_id, self._news = store, job_id, news
@@ -172,15 +161,6 @@ class JobProgress:
     def add_result(self, artifact_id: str) -> None:
         """Record the id of something that is finished and stored."""
         self.results = (*self.results, artifact_id)
-
-
-@dataclass(frozen=True)
-class _JobEnd:
-    """How a job ended."""
-
-    state: JobState
-    results: tuple[str, ...]
-    error: str
 
 
 JobWork = Callable[[JobProgress], Awaitable[None]]
@@ -214,7 +194,7 @@ class JobRunner:
         with anyio.move_on_after(wait_s):
             while not job.ended:
                 changed = self._changed
-                with anyio.move_on_after(POLL_S):
+                with anyio.move_on_after(_POLL_S):
                     await changed.wait()
                 self._record_missed_ends()
                 job = self.store.get(job_id)
@@ -264,6 +244,15 @@ class JobRunner:
     def _announce(self) -> None:
         self._changed.set()
         self._changed = anyio.Event()
+
+
+@dataclass(frozen=True)
+class _JobEnd:
+    """How a job ended."""
+
+    state: JobState
+    results: tuple[str, ...]
+    error: str
 
 
 async def _ignore(job: Job) -> None:

@@ -10,10 +10,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import IO
 
 import anyio
@@ -25,11 +23,121 @@ from .executor import Lane, OnProgress, Operation, Request, Response, no_progres
 from .limits import Limits
 from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progress, read_report
 
-# ---------- worker_process
-# One worker process, seen from the server: start, give an order, kill.
-
+PRELOAD: dict[Lane, tuple[str, ...]] = {
+    "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix"),
+    "retrieval": ("sentence_transformers", "chromadb"),
+}
+"""What a worker imports before its first order: the libraries that take longest."""
+_RETRIEVAL_MEMORY_BYTES = 8 * 1024**3
+"""Data memory of the retrieval worker; chosen: PyTorch reserves far more than the model uses."""
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """More threads would make sums depend on their order, and the cores are shared by the workers anyway."""
+logger = logging.getLogger(__name__)
+
+
+class WorkerPool:
+    """Runs operations in worker processes; use as ``async with WorkerPool.open(limits, log) as pool``."""
+
+    def __init__(self, limits: Limits, log: Path) -> None:
+        self._limits, self._log = limits, log
+        self._idle: dict[Lane, list[_WorkerProcess]] = {"compute": [], "retrieval": []}
+        self._busy: set[_WorkerProcess] = set()
+        self._slots = {"compute": anyio.Semaphore(limits.worker_count), "retrieval": anyio.Semaphore(1)}
+
+    @classmethod
+    @contextlib.asynccontextmanager
+    async def open(cls, limits: Limits, log: Path) -> AsyncIterator["WorkerPool"]:
+        """A pool whose processes are all gone when the block is left."""
+        pool = cls(limits, log)
+        try:
+            yield pool
+        finally:
+            await pool.close()
+
+    @property
+    def capacity(self) -> int:
+        """How many operations of the compute lane run at once."""
+        return self._limits.worker_count
+
+    async def run(
+        self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
+    ) -> Response:
+        """Run the operation on a request and return its response.
+
+        A cancelled caller, a time-out and a dead process all end the worker; the next call gets a fresh one.
+
+        Raises:
+            PlannerForgeError: what the operation raised.
+            WorkerTimeout: the operation took longer than its time limit, or that of the pool where it has none.
+            WorkerFailure: the process died.
+        """
+        lane = operation.lane
+        limit_s = operation.timeout_s or self._limits.operation_timeout_s
+        async with self._slots[lane]:
+            worker = await self._take(lane)
+            finished = False
+            try:
+                order = Order(operation.entry_point, request.model_dump_json())
+                with anyio.fail_after(limit_s):
+                    report = await worker.carry_out(order, on_progress)
+                finished = True
+            except TimeoutError as error:
+                raise WorkerTimeout(
+                    f"{operation.name} took longer than {limit_s:g} s and was ended",
+                    next_step="ask for less at once, or raise the operation_timeout_s setting",
+                ) from error
+            finally:
+                self._busy.discard(worker)
+                if finished:
+                    self._idle[lane].append(worker)
+                else:
+                    await worker.kill()
+        return self._response(operation, report)
+
+    async def warm_up(self, lane: Lane = "compute") -> None:
+        """Have one idle worker with its heavy imports done, before the first operation needs it."""
+        is_idle = self._slots[lane].value == (1 if lane == "retrieval" else self._limits.worker_count)
+        if is_idle and not self._idle[lane]:
+            self._idle[lane].append(await self._start(lane))
+
+    async def close(self) -> None:
+        """Kill every worker."""
+        with anyio.CancelScope(shield=True):
+            for worker in [*self._busy, *self._idle["compute"], *self._idle["retrieval"]]:
+                await worker.kill()
+            for idle in self._idle.values():
+                idle.clear()
+            self._busy.clear()
+
+    @property
+    def worker_pids(self) -> tuple[int, ...]:
+        """Process ids of all workers, busy ones first."""
+        return tuple(worker.pid for worker in [*self._busy, *self._idle["compute"], *self._idle["retrieval"]])
+
+    async def _take(self, lane: Lane) -> "_WorkerProcess":
+        while self._idle[lane]:
+            worker = self._idle[lane].pop()
+            if worker.alive:
+                self._busy.add(worker)
+                return worker
+            await worker.kill()
+        worker = await self._start(lane)
+        self._busy.add(worker)
+        return worker
+
+    async def _start(self, lane: Lane) -> "_WorkerProcess":
+        memory = self._limits.worker_memory_bytes if lane == "compute" else _RETRIEVAL_MEMORY_BYTES
+        return await _WorkerProcess.start(memory_bytes=memory, log=self._log, preload=PRELOAD[lane])
+
+    @staticmethod
+    def _response(operation: Operation[Request, Response], report: Answer | Failure) -> Response:
+        if isinstance(report, Answer):
+            return operation.response_type.model_validate_json(report.response)
+        if report.code == UnexpectedFailure.code:
+            raise UnexpectedFailure(operation.name, report.unexpected)
+        if report.unexpected:
+            logger.error("operation %s failed:\n%s", operation.entry_point, report.unexpected)
+        raise report.error()
 
 
 class _WorkerProcess:
@@ -46,7 +154,7 @@ class _WorkerProcess:
     async def start(cls, *, memory_bytes: int, log: Path, preload: tuple[str, ...] = ()) -> "_WorkerProcess":
         """Spawn a worker that imports ``preload`` before its first order; its stray output goes to ``log``."""
         environment = {**os.environ, **_ONE_THREAD, "PLANNERFORGE_WORKER_MEMORY": str(memory_bytes)}
-        with _opened(log) as stderr:
+        with _opened_log(log) as stderr:
             process = await anyio.open_process(
                 [sys.executable, "-m", "plannerforge.engine.execution.worker"],
                 stdin=subprocess.PIPE,
@@ -115,141 +223,13 @@ class _WorkerProcess:
             os.killpg(self.pid, signal.SIGKILL)
 
 
-class _opened:  # noqa: N801 - reads as a verb where it is used
-    """The log file for the time it takes to hand it to a child."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> IO[bytes]:
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = self._path.open("ab")
-        return self._file
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._file.close()
+@contextlib.contextmanager
+def _opened_log(path: Path) -> Iterator[IO[bytes]]:
+    """The log file, opened for the time that it takes to hand it to a child."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("ab") as file:
+        yield file
 
 
 def _cause(status: int) -> str:
     return f"signal {-status}" if status < 0 else f"exit status {status}"
-
-
-# ---------- pool
-# Warm worker processes that carry out engine operations, one at a time each.
-#
-# Two lanes: ``compute`` for SUMO, planners, files and pictures, and ``retrieval`` for the one process that holds the
-# embedding model, which takes seconds to import and hundreds of megabytes.
-
-PRELOAD: dict[Lane, tuple[str, ...]] = {
-    "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix"),
-    "retrieval": ("sentence_transformers", "chromadb"),
-}
-RETRIEVAL_MEMORY_BYTES = 8 * 1024**3
-logger = logging.getLogger(__name__)
-
-
-class WorkerPool:
-    """Runs operations in worker processes; use as ``async with WorkerPool.open(limits, log) as pool``."""
-
-    def __init__(self, limits: Limits, log: Path) -> None:
-        self._limits, self._log = limits, log
-        self._idle: dict[Lane, list[_WorkerProcess]] = {"compute": [], "retrieval": []}
-        self._busy: set[_WorkerProcess] = set()
-        self._slots = {"compute": anyio.Semaphore(limits.worker_count), "retrieval": anyio.Semaphore(1)}
-
-    @classmethod
-    @asynccontextmanager
-    async def open(cls, limits: Limits, log: Path) -> AsyncIterator["WorkerPool"]:
-        """A pool whose processes are all gone when the block is left."""
-        pool = cls(limits, log)
-        try:
-            yield pool
-        finally:
-            await pool.close()
-
-    @property
-    def capacity(self) -> int:
-        """How many operations of the compute lane run at once."""
-        return self._limits.worker_count
-
-    async def run(
-        self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
-    ) -> Response:
-        """Run the operation on a request and return its response.
-
-        A cancelled caller, a time-out and a dead process all end the worker; the next call gets a fresh one.
-
-        Raises:
-            PlannerForgeError: what the operation raised.
-            WorkerTimeout: the operation took longer than its time limit, or that of the pool where it has none.
-            WorkerFailure: the process died.
-        """
-        lane = operation.lane
-        limit_s = operation.timeout_s or self._limits.operation_timeout_s
-        async with self._slots[lane]:
-            worker = await self._take(lane)
-            finished = False
-            try:
-                order = Order(operation.entry_point, request.model_dump_json())
-                with anyio.fail_after(limit_s):
-                    report = await worker.carry_out(order, on_progress)
-                finished = True
-            except TimeoutError as error:
-                raise WorkerTimeout(
-                    f"{operation.name} took longer than {limit_s:g} s and was ended",
-                    next_step="ask for less at once, or raise the operation_timeout_s setting",
-                ) from error
-            finally:
-                self._busy.discard(worker)
-                if finished:
-                    self._idle[lane].append(worker)
-                else:
-                    await worker.kill()
-        return self._response(operation, report)
-
-    async def warm_up(self, lane: Lane = "compute") -> None:
-        """Have one idle worker with its heavy imports done, before anybody waits for it."""
-        nobody_works = self._slots[lane].value == (1 if lane == "retrieval" else self._limits.worker_count)
-        if nobody_works and not self._idle[lane]:
-            self._idle[lane].append(await self._start(lane))
-
-    async def close(self) -> None:
-        """Kill every worker."""
-        with anyio.CancelScope(shield=True):
-            for worker in [*self._busy, *self._idle["compute"], *self._idle["retrieval"]]:
-                await worker.kill()
-            for idle in self._idle.values():
-                idle.clear()
-            self._busy.clear()
-
-    @property
-    def worker_pids(self) -> tuple[int, ...]:
-        """Process ids of all workers, busy ones first."""
-        return tuple(worker.pid for worker in [*self._busy, *self._idle["compute"], *self._idle["retrieval"]])
-
-    async def _take(self, lane: Lane) -> _WorkerProcess:
-        while self._idle[lane]:
-            worker = self._idle[lane].pop()
-            if worker.alive:
-                self._busy.add(worker)
-                return worker
-            await worker.kill()
-        worker = await self._start(lane)
-        self._busy.add(worker)
-        return worker
-
-    async def _start(self, lane: Lane) -> _WorkerProcess:
-        memory = self._limits.worker_memory_bytes if lane == "compute" else RETRIEVAL_MEMORY_BYTES
-        return await _WorkerProcess.start(memory_bytes=memory, log=self._log, preload=PRELOAD[lane])
-
-    @staticmethod
-    def _response(operation: Operation[Request, Response], report: Answer | Failure) -> Response:
-        if isinstance(report, Answer):
-            return operation.response_type.model_validate_json(report.response)
-        if report.code == UnexpectedFailure.code:
-            raise UnexpectedFailure(operation.name, report.unexpected)
-        if report.unexpected:
-            logger.error("operation %s failed:\n%s", operation.entry_point, report.unexpected)
-        raise report.error()

@@ -1,4 +1,6 @@
-"""The main program of a worker process: read an order, run the operation, write its reports.
+"""The main program of a worker process, and the messages between it and the server's process.
+
+Messages are one JSON object a line: an order goes in; progress, then an answer or a failure come out.
 
 Native code writes past ``sys.stdout``, so file descriptor 1 is pointed at standard error before anything else, and the
 reports go to a private duplicate. The process ends when its standard input closes or, on Linux, when its parent dies.
@@ -22,10 +24,8 @@ from typing import Any, BinaryIO
 from ...schemas.base import Model
 from ...schemas.errors import PlannerForgeError, ResourceFailure, rebuild
 
-# ---------- messages
-# What the server's process and a worker process say to each other: one JSON object a line.
-
 LONGEST_LINE_BYTES = 256 * 1024**2
+"""The longest report that the server reads; chosen."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Failure:
-    """An error of an operation; ``unexpected`` holds the traceback of one that nobody foresaw."""
+    """An error of an operation; ``unexpected`` holds the traceback of a defect."""
 
     code: str
     message: str
@@ -110,22 +110,17 @@ def _line(content: dict[str, Any]) -> bytes:
     return json.dumps(content, separators=(",", ":")).encode() + b"\n"
 
 
-# ---------- worker
-# The main program of a worker process: read an order, run the operation, write its reports.
-#
-# Native code writes past ``sys.stdout``, so file descriptor 1 is pointed at standard error before anything else, and
-# the reports go to a private duplicate. The process ends when its standard input closes or, on Linux, when its parent
-# dies.
-
 _DIE_WITH_PARENT = 1
+"""PR_SET_PDEATHSIG of Linux's prctl."""
 WARM_UP = "warm-up"
+"""In place of an entry point: import the modules that the request names."""
 
 
 def main() -> None:
     """Serve orders from standard input until it closes."""
     reports, orders_in = os.fdopen(os.dup(1), "wb", buffering=0), os.fdopen(os.dup(0), "rb")
     os.dup2(2, 1)
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # programs that an operation starts must not read our orders
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # programs that an operation starts must not read the orders
     _end_with_parent()
     _limit_memory(int(os.environ.get("PLANNERFORGE_WORKER_MEMORY", "0")))
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
@@ -148,7 +143,7 @@ def warm_up(modules: Iterable[str]) -> None:
 def _read_orders(orders_in: BinaryIO, orders: "queue.SimpleQueue[bytes]") -> None:
     for line in orders_in:
         orders.put(line)
-    if os.getpgrp() == os.getpid():  # the server is gone: whatever runs here has nobody to report to
+    if os.getpgrp() == os.getpid():  # the server is gone: what runs here has no receiver
         os.killpg(0, signal.SIGKILL)
     os._exit(0)
 

@@ -1,4 +1,8 @@
-"""Immutable artifacts: a record in SQLite and a folder of files, both there whole or not at all."""
+"""Immutable artifacts: a record in SQLite and a folder of files, both there whole or not at all.
+
+Files are copied to the workspace's disk and flushed there (*staged*) before the database is locked. Temporary folders
+lie on the same disk; what servers that were killed left of them is removed.
+"""
 
 import json
 import os
@@ -18,58 +22,36 @@ from ...schemas.errors import ResourceFailure, UnknownName, closest
 from .database import Database, still_runs
 from .recipe import Recipe
 
-# ---------- text_files
-# Writing what becomes a file of an artifact.
-
-
-def write_text(path: Path, text: str, what: str) -> None:
-    """Write a file; ``what`` names its content in the error.
-
-    Raises:
-        ResourceFailure: the disk is full, or the folder cannot be written.
-    """
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ResourceFailure(
-            f"{what} cannot be written: {error.strerror or error}",
-            next_step="free disk space and call again: what is finished is reused",
-        ) from error
-
-
-# ---------- scratch
-# Temporary folders on the workspace's disk, and what servers that were killed left of them.
-
-ABANDONED_S = 3600.0
-"""A folder is left alone for so long even where its process cannot be seen: it may run in another container."""
-
-
-def _new_folder(parent: Path) -> Path:
-    """A new folder that tells by its name which process made it.
-
-    Raises:
-        OSError: it cannot be made.
-    """
-    parent.mkdir(parents=True, exist_ok=True)
-    return Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=parent))
-
-
-def _remove_abandoned(parent: Path) -> None:
-    """Remove the folders of processes that are gone, an hour after they were last written to."""
-    for folder in sorted(parent.glob("*-*")):
-        pid = folder.name.partition("-")[0]
-        try:
-            written_at = folder.stat().st_mtime
-        except FileNotFoundError:  # its owner has just removed it
-            continue
-        if pid.isdecimal() and time.time() - written_at > ABANDONED_S and not still_runs(int(pid), written_at):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-# ---------- staging
-# Files on their way into the workspace: copied to its disk and safe there before anything is locked.
-
 ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map"]
+Record = TypeVar("Record", bound=Model)
+ABANDONED_S = 3600.0
+"""A scratch folder is left alone for this time: its process may run in another container, unseen. Chosen."""
+_MAKERS: dict[ArtifactKind, str] = {
+    "scenario": "call find_scenarios, generate_scenarios or import_files",
+    "search": "call find_scenarios",
+    "config": "call configure_planner, or name PLANNER:PRESET such as frenetix:Default",
+    "run": "call run_planner",
+    "batch": "call run_planner with several scenarios or configurations",
+    "map": "call describe_catalog with facet maps",
+}
+"""What makes an artifact of each kind, for the next step of a refusal."""
+_ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
+
+
+class Artifact(Model):
+    """What was made: its id, its recipe, and its record as JSON; the files lie in the workspace."""
+
+    artifact_id: str
+    kind: ArtifactKind
+    name: str
+    recipe: Recipe
+    record: dict[str, Any]
+    sequence: int
+    made_at: str
+
+    def read(self, record_type: type[Record]) -> Record:
+        """The record as the model that wrote it."""
+        return record_type.model_validate(self.record)
 
 
 @dataclass(frozen=True)
@@ -90,64 +72,6 @@ class Staged:
 
     artifact: NewArtifact
     copies: Path | None = None
-
-
-def stage(artifacts: Sequence[NewArtifact], folder: Path) -> list[Staged]:
-    """Copy the files of artifacts into subfolders of a scratch folder; touches no database, so any thread may do it.
-
-    Raises:
-        ResourceFailure: the disk is full, or a file cannot be read.
-    """
-    return [_staged(artifact, folder / str(index)) for index, artifact in enumerate(artifacts)]
-
-
-def disk_failure(path: Path, error: OSError) -> ResourceFailure:
-    """The error of a workspace that cannot be written."""
-    return ResourceFailure(
-        f"{path} cannot be written: {error.strerror or error}",
-        next_step="free disk space, or choose another --workspace",
-    )
-
-
-def _staged(artifact: NewArtifact, copies: Path) -> Staged:
-    if not artifact.files:
-        return Staged(artifact)
-    try:
-        copies.mkdir()
-        for name, source in sorted(artifact.files.items()):
-            shutil.copyfile(source, copies / name)
-            _flush(copies / name)
-    except OSError as error:
-        raise disk_failure(copies, error) from error
-    return Staged(artifact, copies)
-
-
-def _flush(path: Path) -> None:
-    with path.open("rb") as stream:
-        os.fsync(stream.fileno())
-
-
-# ---------- artifacts
-# Immutable artifacts: a record in SQLite and a folder of files, both there whole or not at all.
-
-Record = TypeVar("Record", bound=Model)
-_ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
-
-
-class Artifact(Model):
-    """What was made: its id, its recipe, and its record as JSON; the files lie in the workspace."""
-
-    artifact_id: str
-    kind: ArtifactKind
-    name: str
-    recipe: Recipe
-    record: dict[str, Any]
-    sequence: int
-    made_at: str
-
-    def read(self, record_type: type[Record]) -> Record:
-        """The record as the model that wrote it."""
-        return record_type.model_validate(self.record)
 
 
 class Workspace:
@@ -176,9 +100,9 @@ class Workspace:
         Raises:
             ResourceFailure: the disk is full; nothing of the artifact is left then.
         """
-        found = self.find(kind, artifact_id)
-        if found is not None:
-            return found
+        stored = self.find(kind, artifact_id)
+        if stored is not None:
+            return stored
         new = NewArtifact(kind, artifact_id, recipe, record, files or {}, name)
         if not new.files:
             self.put_staged([Staged(new)])
@@ -238,13 +162,13 @@ class Workspace:
             if newest:
                 return newest[0]
             raise UnknownName(f"there is no {kind} yet", next_step=_MAKERS[kind])
-        found = self.find(kind, artifact_id)
-        if found is None:
+        stored = self.find(kind, artifact_id)
+        if stored is None:
             known = [row[0] for row in self._ids(kind)]
             raise UnknownName(
                 f"there is no {kind} '{artifact_id}'", valid=closest(artifact_id, known), next_step=_MAKERS[kind]
             )
-        return found
+        return stored
 
     def newest(
         self,
@@ -344,21 +268,6 @@ class Workspace:
             raise disk_failure(target, error) from error
 
 
-_MAKERS: dict[ArtifactKind, str] = {
-    "scenario": "call find_scenarios, generate_scenarios or import_files",
-    "search": "call find_scenarios",
-    "config": "call configure_planner, or name PLANNER:PRESET such as frenetix:Default",
-    "run": "call run_planner",
-    "batch": "call run_planner with several scenarios or configurations",
-    "map": "call describe_catalog with facet maps",
-}
-
-
-def artifact_kinds() -> tuple[str, ...]:
-    """All kinds of artifacts."""
-    return get_args(ArtifactKind)
-
-
 def _artifact(row: sqlite3.Row) -> Artifact:
     return Artifact(
         artifact_id=row["artifact_id"],
@@ -369,3 +278,80 @@ def _artifact(row: sqlite3.Row) -> Artifact:
         sequence=row["sequence"],
         made_at=row["made_at"],
     )
+
+
+def artifact_kinds() -> tuple[str, ...]:
+    """All kinds of artifacts."""
+    return get_args(ArtifactKind)
+
+
+def stage(artifacts: Sequence[NewArtifact], folder: Path) -> list[Staged]:
+    """Copy the files of artifacts into subfolders of a scratch folder; touches no database, so any thread may do it.
+
+    Raises:
+        ResourceFailure: the disk is full, or a file cannot be read.
+    """
+    return [_staged(artifact, folder / str(index)) for index, artifact in enumerate(artifacts)]
+
+
+def _staged(artifact: NewArtifact, copies: Path) -> Staged:
+    if not artifact.files:
+        return Staged(artifact)
+    try:
+        copies.mkdir()
+        for name, source in sorted(artifact.files.items()):
+            shutil.copyfile(source, copies / name)
+            _flush(copies / name)
+    except OSError as error:
+        raise disk_failure(copies, error) from error
+    return Staged(artifact, copies)
+
+
+def _flush(path: Path) -> None:
+    with path.open("rb") as stream:
+        os.fsync(stream.fileno())
+
+
+def write_text(path: Path, text: str, what: str) -> None:
+    """Write a file that is to become one of an artifact; ``what`` names its content in the error.
+
+    Raises:
+        ResourceFailure: the disk is full, or the folder cannot be written.
+    """
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ResourceFailure(
+            f"{what} cannot be written: {error.strerror or error}",
+            next_step="free disk space and call again: what is finished is reused",
+        ) from error
+
+
+def disk_failure(path: Path, error: OSError) -> ResourceFailure:
+    """The error of a workspace that cannot be written."""
+    return ResourceFailure(
+        f"{path} cannot be written: {error.strerror or error}",
+        next_step="free disk space, or choose another --workspace",
+    )
+
+
+def _new_folder(parent: Path) -> Path:
+    """A new folder that tells by its name which process made it.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    parent.mkdir(parents=True, exist_ok=True)
+    return Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=parent))
+
+
+def _remove_abandoned(parent: Path) -> None:
+    """Remove the folders of processes that are gone, an hour after they were last written to."""
+    for folder in sorted(parent.glob("*-*")):
+        pid = folder.name.partition("-")[0]
+        try:
+            written_at = folder.stat().st_mtime
+        except FileNotFoundError:  # its owner has just removed it
+            continue
+        if pid.isdecimal() and time.time() - written_at > ABANDONED_S and not still_runs(int(pid), written_at):
+            shutil.rmtree(folder, ignore_errors=True)

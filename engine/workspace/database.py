@@ -11,29 +11,9 @@ from pathlib import Path
 
 from ...schemas.errors import ResourceFailure
 
-# ---------- ownership
-# Whether the process that owns a record still runs; process ids are given again, so the time counts too.
-
-
-def still_runs(pid: int, since: float) -> bool:
-    """Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) is still there."""
-    import psutil
-
-    try:
-        return bool(psutil.Process(pid).create_time() <= since + 1.0)  # clocks of file systems and kernels differ
-    except psutil.NoSuchProcess:
-        return False
-    except psutil.AccessDenied:
-        return True
-
-
-# ---------- database
-# The SQLite file of a workspace: one connection a server, write-ahead log, a schema with a version.
-#
-# Several servers work on one workspace at once (every IDE window starts its own), so writers wait for each other.
-
 SCHEMA_VERSION = 1
-BUSY_TIMEOUT_S = 10.0
+_BUSY_TIMEOUT_S = 10.0
+"""How long a writer waits for another server's transaction; chosen: a batch of an import takes less."""
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS artifacts (
     sequence INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -134,7 +114,7 @@ class Database:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             connection = sqlite3.connect(
-                self.path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
+                self.path, timeout=_BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
             )
             connection.row_factory = sqlite3.Row
             _write_ahead(connection)
@@ -154,7 +134,7 @@ class Database:
 
 def _write_ahead(connection: sqlite3.Connection) -> None:
     """Switch to the write-ahead log; SQLite's own busy time-out does not cover two servers that do so at once."""
-    give_up = time.monotonic() + BUSY_TIMEOUT_S
+    give_up = time.monotonic() + _BUSY_TIMEOUT_S
     while True:
         try:
             connection.execute("PRAGMA journal_mode = WAL")
@@ -176,3 +156,18 @@ def _failure(path: Path, error: Exception) -> ResourceFailure:
         f"the workspace database {path} cannot be used: {error}",
         next_step="check that the folder is writable and the disk has room, or choose another --workspace",
     )
+
+
+def still_runs(pid: int, since: float) -> bool:
+    """Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) still runs.
+
+    Process ids are given again, so the time counts too.
+    """
+    import psutil
+
+    try:
+        return bool(psutil.Process(pid).create_time() <= since + 1.0)  # clocks of file systems and kernels differ
+    except psutil.NoSuchProcess:
+        return False
+    except psutil.AccessDenied:
+        return True

@@ -14,6 +14,7 @@ _WRITTEN = ("json", "recipe")
 _DRAWN = ("png", "gif")
 _MADE = {"scenario": ("png",), "run": ("png", "gif", "solution"), "batch": ("png", "csv", "parquet")}
 _ENDINGS = {"net": ".net.xml", "recipe": ".recipe.json", "solution": ".solution.xml"}
+"""Where files of a format come from: stored, written from the record, drawn, or made by kind; endings that differ."""
 REPORT_NAME = "report.html"
 
 

@@ -10,7 +10,7 @@ from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.catalog import BuildIndexRequest, BuildIndexResponse
 from plannerforge.schemas.errors import PlannerForgeError, ResourceFailure
-from plannerforge.server import assembly
+from plannerforge.server.assembly import warm_up
 from plannerforge.tools.operations import BUILD_INDEX
 
 pytestmark = pytest.mark.anyio
@@ -35,14 +35,13 @@ class NotedPool:
         return BuildIndexResponse(descriptions=0, built=False)
 
 
-async def warmed(pool: Any, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(assembly, "WARM_UP_DELAY_S", 0.0)
-    await assembly._warm_up(pool, Workspace(root), "own/model")
+async def warmed(pool: Any, root: Path) -> None:
+    await warm_up(pool, Workspace(root), "own/model", delay_s=0.0)
 
 
-async def test_both_lanes_and_the_text_index_are_made_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_both_lanes_and_the_text_index_are_made_ready(tmp_path: Path) -> None:
     pool = NotedPool()
-    await warmed(pool, tmp_path, monkeypatch)
+    await warmed(pool, tmp_path)
     assert pool.warmed == ["compute", "retrieval"]
     assert pool.asked == [
         BuildIndexRequest(database=tmp_path / "workspace.sqlite", index=tmp_path / "index", model="own/model")
@@ -50,7 +49,7 @@ async def test_both_lanes_and_the_text_index_are_made_ready(tmp_path: Path, monk
 
 
 async def test_an_index_that_cannot_be_made_ready_is_logged_and_does_no_harm(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    await warmed(NotedPool(ResourceFailure("no model of that name")), tmp_path, monkeypatch)
+    await warmed(NotedPool(ResourceFailure("no model of that name")), tmp_path)
     assert "no model of that name" in caplog.text
