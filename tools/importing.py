@@ -27,7 +27,7 @@ _SHOWN = 20
 """Items that an answer lists; its model says so."""
 _REPORT_EVERY_S = 0.5
 """How often the progress of an import is reported; chosen."""
-_WAIT_S = 45.0
+WAIT_S = 45.0
 """The call answers after this time at most; chosen to be less than clients wait."""
 _SUFFIXES: dict[str, ImportKind] = {
     **dict.fromkeys(MAP_ENDINGS, "map"),
@@ -37,7 +37,7 @@ _SUFFIXES: dict[str, ImportKind] = {
 }
 _MOST_FILES = 5000
 """Chosen; the call lists all of them before it begins."""
-_MOST_IN_THE_CALL = 100
+MOST_IN_THE_CALL = 100
 """More files are a job: they may take longer than a client waits for an answer."""
 
 
@@ -82,7 +82,7 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     files = _files(call, arguments)
     arguments = arguments.model_copy(update={"country": _country(arguments, files)})
-    if len(files) > _MOST_IN_THE_CALL:
+    if len(files) > MOST_IN_THE_CALL:
         return await _import_as_job(call, arguments, files)
     tally = _Tally(len(files))
     await _take_in(call, files, arguments, tally, call.progress)
@@ -145,7 +145,7 @@ async def _import_as_job(
     resolved = {"path": str(call.allowed_path(arguments.path))}
     recipe = Recipe(tool="import_files", arguments=arguments.model_dump(mode="json") | resolved)
     job = call.jobs.start("import", recipe, work)
-    job = await call.jobs.wait(job.job_id, _WAIT_S, report_to_client)
+    job = await call.jobs.wait(job.job_id, WAIT_S, report_to_client)
     result = tally.result(job.job_id, job.state)
     return result.model_copy(update={"note": job.error or ("" if tally.done else job.message)})
 

@@ -21,7 +21,7 @@ from plannerforge.evals.modification.cases import measure_line, several_calls_eq
 from plannerforge.evals.modification.requests import edit_of
 from plannerforge.evals.modification.results import Case, Effort, Measured, Refusal
 from plannerforge.schemas.errors import NotPossible, WorkerFailure
-from plannerforge.schemas.modification import Operation
+from plannerforge.schemas.modification import EditOperation
 from plannerforge.tools import modification
 from plannerforge.tools.call import ToolCall
 
@@ -31,7 +31,7 @@ def base(tmp_path: Path) -> Path:
     return town_road().cut(100).write(tmp_path / "ZAM_Builder-1_1_T-1.xml")
 
 
-def spoil(monkeypatch: pytest.MonkeyPatch, op: Operation, **instead: Any) -> None:
+def spoil(monkeypatch: pytest.MonkeyPatch, op: EditOperation, **instead: Any) -> None:
     """Let an operation carry out its edit with other arguments than were given."""
     carry_out = OPERATIONS[op]
     spoiled = {**OPERATIONS, op: lambda edit, *rest: carry_out(edit.model_copy(update=instead), *rest)}

@@ -7,11 +7,11 @@ from support.edits import Apply
 
 from plannerforge.engine.edits.operations import OPERATIONS
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
-from plannerforge.schemas.modification import ARGUMENTS_OF, LETTERS, Edit, Operation
+from plannerforge.schemas.modification import ARGUMENTS_OF, LETTERS, Edit, EditOperation
 
 
 def test_every_operation_of_the_schema_is_carried_out_by_a_function() -> None:
-    assert set(OPERATIONS) == set(get_args(Operation)) == set(ARGUMENTS_OF) == set(LETTERS)
+    assert set(OPERATIONS) == set(get_args(EditOperation)) == set(ARGUMENTS_OF) == set(LETTERS)
 
 
 def test_every_argument_belongs_to_some_operation() -> None:
