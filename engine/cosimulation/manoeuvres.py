@@ -9,7 +9,6 @@ is room where the vehicle behind can still brake for it (:func:`required_gap_m`)
 """
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..network import USUAL_SPEED_MPS
@@ -49,29 +48,6 @@ def required_gap_m(closing_mps: float) -> float:
     return closing * (INTO_LANE_S + REACTION_S) + closing**2 / (2 * HARD_BRAKING_MPS2)
 
 
-class _GapAcceptance:
-    """Whether the lane beside a vehicle of one simulation has room for it."""
-
-    def __init__(self, sumo: Sumo) -> None:
-        self._sumo = sumo
-
-    def blocking(self, key: str, lanes_left: int) -> tuple[str, ...]:
-        """SUMO's ids of the vehicles in the lane to the left (above 0) or right that are too near for a change."""
-        left, speed_mps = lanes_left > 0, self._sumo.speed_mps(key)
-        return (
-            *self._too_near(self._sumo.followers_beside(key, left=left), 1.0, speed_mps),
-            *self._too_near(self._sumo.leaders_beside(key, left=left), -1.0, speed_mps),
-        )
-
-    def _too_near(self, others: Sequence[tuple[str, float]], sign: float, speed_mps: float) -> list[str]:
-        """Those of the others whose gap is too small; ``sign``: 1 where a faster one closes in, -1 a slower one."""
-        return [
-            str(other)
-            for other, gap_m in others
-            if gap_m < required_gap_m(sign * (self._sumo.speed_mps(other) - speed_mps))
-        ]
-
-
 class ManoeuvreExecutor:
     """Gives the orders of all driven vehicles, step by step, to one simulation.
 
@@ -81,7 +57,6 @@ class ManoeuvreExecutor:
 
     def __init__(self, sumo: Sumo) -> None:
         self._sumo = sumo
-        self._gaps = _GapAcceptance(sumo)
         self._begun: dict[tuple[str, Manoeuvre], tuple[str, int]] = {}
         self._done: set[tuple[str, Manoeuvre]] = set()
         self._waited_for: dict[tuple[str, Manoeuvre], Counter[str]] = {}
@@ -148,7 +123,17 @@ class ManoeuvreExecutor:
             self._waited_for.pop((key, manoeuvre), None)
             self._sumo.allow_lane_changes(key, LaneChanges.FOR_THE_ROUTE)
             return
-        blocking = self._gaps.blocking(key, wanted - int(index))
+        blocking = self._too_near_beside(key, left=wanted > int(index))
         self._waited_for.setdefault((key, manoeuvre), Counter()).update(blocking)
         self._sumo.allow_lane_changes(key, LaneChanges.DRIVERS_OWN if blocking else LaneChanges.INTO_ANY_ROOM)
         self._sumo.change_lane(key, wanted, LANE_CHANGE_S)
+
+    def _too_near_beside(self, key: str, *, left: bool) -> tuple[str, ...]:
+        """The vehicles in the lane beside that leave less than the required gap, followers first."""
+        speed_mps = self._sumo.speed_mps(key)
+        return tuple(
+            str(other)
+            for ahead in (False, True)
+            for other, gap_m in self._sumo.neighbours(key, left=left, ahead=ahead)
+            if gap_m < required_gap_m((-1.0 if ahead else 1.0) * (self._sumo.speed_mps(other) - speed_mps))
+        )

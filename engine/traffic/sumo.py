@@ -37,8 +37,6 @@ _NO_LIMIT_SPEED_MODE = 95
 """SUMO's speed mode with all checks (gaps, power, brakes, right of way, lights) but that of the speed limit."""
 _DRIVERS_CHOICE = -1
 """SUMO's value for a speed that the driver model chooses."""
-_FOLLOWERS, _LEADERS = 0, 2
-"""SUMO's modes of asking for neighbours on the left; those on the right are one more."""
 _PASSING_MPS = "100"
 """The speed of a stop that is passed and not stopped at: above all that vehicles drive."""
 
@@ -340,16 +338,9 @@ class Sumo:
             )
         )
 
-    def followers_beside(self, key: str, *, left: bool) -> Sequence[tuple[str, float]]:
-        """The vehicles behind in the lane beside, and their gaps in m beyond those kept when standing."""
-        return self._neighbours(key, _FOLLOWERS, left)
-
-    def leaders_beside(self, key: str, *, left: bool) -> Sequence[tuple[str, float]]:
-        """The vehicles ahead in the lane beside, and the gaps in m to them beyond those kept when standing."""
-        return self._neighbours(key, _LEADERS, left)
-
-    def _neighbours(self, key: str, mode: int, left: bool) -> Sequence[tuple[str, float]]:
-        return tuple(self._vehicle.getNeighbors(key, mode + (0 if left else 1)))
+    def neighbours(self, key: str, *, left: bool, ahead: bool) -> Sequence[tuple[str, float]]:
+        """The vehicles ahead or behind in the lane beside, and the gaps to them beyond those kept when standing."""
+        return tuple(self._vehicle.getNeighbors(key, (0 if left else 1) + (2 if ahead else 0)))
 
     # Lanes
 

@@ -45,7 +45,7 @@ COMFORTABLE_DECELERATION_MPS2 = 4.5
 @contextmanager
 def reactive_traffic(
     loaded: LoadedScenario, problem: "PlanningProblem", ego: EgoState, vehicle: VehicleParameters, seed: int
-) -> "Iterator[_ReactiveTraffic]":
+) -> Iterator[Traffic]:
     """The others of a scenario, driven by SUMO from the ego's first step on.
 
     Raises:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import libsumo
 import pytest
 from support.builders import Vehicle, driving, town_road
 
@@ -14,6 +13,7 @@ from plannerforge.engine.cosimulation.replay import front_of, resimulate
 from plannerforge.engine.cosimulation.session import SimulationSetup
 from plannerforge.engine.network.sumo_export.writer import write_sumo_net
 from plannerforge.engine.scene.scene import Scene
+from plannerforge.engine.traffic.sumo import Sumo
 
 ASTRAY = driving(36, (20, 6.8), 10.0, 151)
 """Recorded nearer to the oncoming lane than to its own."""
@@ -24,23 +24,22 @@ class Runs:
     """The steps of every simulation so far."""
 
     steps: list[int] = field(default_factory=list)
+    simulations: list[Sumo] = field(default_factory=list)
 
 
 @pytest.fixture
 def runs(monkeypatch: pytest.MonkeyPatch) -> Runs:
     """Counts the steps of the test's simulations."""
-    counted, start, step = Runs(), libsumo.start, libsumo.simulationStep
+    counted, step = Runs(), Sumo.step
 
-    def counted_start(arguments: list[str]) -> None:
-        counted.steps.append(0)
-        start(arguments)
-
-    def counted_step() -> None:
+    def counted_step(sumo: Sumo) -> None:
+        if not any(known is sumo for known in counted.simulations):
+            counted.simulations.append(sumo)
+            counted.steps.append(0)
         counted.steps[-1] += 1
-        step()
+        step(sumo)
 
-    monkeypatch.setattr(libsumo, "start", counted_start)
-    monkeypatch.setattr(libsumo, "simulationStep", counted_step)
+    monkeypatch.setattr(Sumo, "step", counted_step)
     return counted
 
 
@@ -75,23 +74,9 @@ def test_it_looks_for_those_astray_until_the_last_hand_over(tmp_path: Path, runs
 
 
 def test_poses_for_sumo_are_the_front_bumpers(tmp_path: Path) -> None:
-    for one in _driving(_scene(tmp_path), 31):
-        fronts = [tuple(front_of(one.track, index)) for index in range(len(one.track.positions))]
-        assert [pose[:2] for pose in one.poses] == fronts
-
-
-def test_the_lanelets_of_all_poses_are_those_of_each(tmp_path: Path) -> None:
-    for match in _scene(tmp_path).matches.values():
-        assert match.at_each(151) == [match.at(index) for index in range(151)]
-
-
-def test_vehicles_matched_together_are_matched_as_each_alone(tmp_path: Path) -> None:
-    beside = driving(36, (20, 90), 10.0, 151)
-    scene = _scene(tmp_path, *town_road().vehicles, beside, driving(37, (165, 3), 9.0, 7))
-    alone = {key: scene.matcher.match(track) for key, track in scene.tracks.items()}
-    assert alone[36] is None
-    assert scene.matches == {key: match for key, match in alone.items() if match is not None}
-    assert scene.matcher.match_all({}) == {}
+    for actor in _driving(_scene(tmp_path), 31):
+        fronts = [tuple(front_of(actor.track, index)) for index in range(len(actor.track.positions))]
+        assert [pose[:2] for pose in actor.poses] == fronts
 
 
 def _scene(folder: Path, *vehicles: Vehicle) -> Scene:
