@@ -45,11 +45,11 @@ class Actor:
     track: Track
     edges: tuple[str, ...]
     hints: tuple[LaneHint, ...]
-    drive_from: int | None
-    target: LaneHint | None
-    keep_to_route: bool
     behaviour: Behaviour
-    sumo_class: str
+    sumo_class: str = "passenger"
+    drive_from: int | None = None
+    target: LaneHint | None = None
+    keep_to_route: bool = False
     manoeuvres: tuple[Manoeuvre, ...] = ()
     through: tuple[LaneHint, ...] = ()
     lanes_to_target: frozenset[str] = frozenset()
@@ -155,7 +155,6 @@ def driven_actor(scene: Scene, plan: DrivePlan) -> Actor:
         hints=_hints(scene, plan.start, match, plan.edges),
         drive_from=plan.from_step,
         target=target,
-        keep_to_route=False,
         behaviour=plan.behaviour,
         sumo_class=plan.vehicle_class.sumo_class,
         manoeuvres=plan.manoeuvres,
@@ -196,17 +195,7 @@ def replayed_actor(scene: Scene, track: Track, match: LaneMatch) -> Actor:
     """A road user that moves by its track and that the driven ones see."""
     route = scene.edge_graph.route(match.sequence) or scene.edge_graph.route(match.sequence[:1])
     edges = route or next(iter(scene.layout.edges.items()))[:1]
-    vehicle_class = class_of(track.kind)
-    return Actor(
-        track=track,
-        edges=edges,
-        hints=_hints(scene, track, match, edges),
-        drive_from=None,
-        target=None,
-        keep_to_route=False,
-        behaviour=usual_behaviour(vehicle_class),
-        sumo_class="passenger",
-    )
+    return Actor(track, edges, _hints(scene, track, match, edges), usual_behaviour(class_of(track.kind)))
 
 
 def _hints(scene: Scene, track: Track, match: LaneMatch, edges: tuple[str, ...]) -> tuple[LaneHint, ...]:

@@ -61,8 +61,7 @@ class TakenOverTrack:
     @property
     def fronts(self) -> Points:
         """The front bumper (n, 2) in m at every step of the motion."""
-        forward = np.stack([np.cos(self.motion.headings_rad), np.sin(self.motion.headings_rad)], axis=1)
-        return self.motion.positions + self.length_m / 2 * forward
+        return self.motion.positions + self.length_m / 2 * _directions(self.motion.headings_rad)
 
     def whole(self, start: Track) -> Track:
         """The recorded track up to the hand-over, and this motion from there on."""

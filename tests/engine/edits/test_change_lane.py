@@ -6,7 +6,6 @@ import pytest
 from support.builders import Problem, driving, town_road
 from support.edits import Apply
 
-from plannerforge.engine.cosimulation.manoeuvres import required_gap_m
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
 FREE = town_road().with_vehicles(driving(31, (70, 0), 10.0, 101))
@@ -53,11 +52,6 @@ def test_it_lets_a_vehicle_pass_that_comes_too_fast_to_brake(apply: Apply) -> No
     assert applied.tracks()[31].positions[12][1] < 0.5
     assert applied.outcome.edits[0].routes[0].arrives
     assert not applied.outcome.handed_over
-
-
-@pytest.mark.parametrize(("closing_mps", "gap_m"), [(-10.0, 0.0), (0.0, 0.0), (6.0, 9.9), (12.0, 25.8)])
-def test_the_gap_that_is_needed_grows_with_the_speed_at_which_it_closes(closing_mps: float, gap_m: float) -> None:
-    assert required_gap_m(closing_mps) == pytest.approx(gap_m)
 
 
 def test_where_there_is_no_room_the_report_says_so(apply: Apply) -> None:

@@ -11,7 +11,6 @@ from support.edits import apply_to
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.cosimulation.controllers import next_speed_mps
 from plannerforge.engine.cosimulation.handover import TakenOverTrack
 from plannerforge.engine.cosimulation.manoeuvres import Halt
 from plannerforge.engine.cosimulation.plans import Cause, DrivePlan, recorded_plan
@@ -113,20 +112,3 @@ def test_a_halt_that_cures_nothing_leaves_the_motion_as_it_was(
     assert applied.xml.read_bytes() == without.xml.read_bytes()
     kept = [(tmp_path / name / ROUTES_FILE).read_text(encoding="utf-8") for name in ("with", "without")]
     assert kept[0].partition("<routes")[2] == kept[1].partition("<routes")[2]
-
-
-def test_braking_exceeds_the_vehicles_own_deceleration_only_where_that_is_too_late() -> None:
-    def stopped(speed_mps: float, room_m: float) -> tuple[float, float]:
-        hardest, rolled_m = 0.0, 0.0
-        for _ in range(200):
-            after = next_speed_mps(speed_mps, 4.0, 0.1, room_m - rolled_m, room_m - rolled_m)
-            after = speed_mps if after is None else after
-            hardest, rolled_m, speed_mps = max(hardest, (speed_mps - after) / 0.1), rolled_m + after * 0.1, after
-        return hardest, rolled_m
-
-    hardest, rolled_m = stopped(10.0, 60.0)
-    assert hardest == pytest.approx(4.0, abs=0.5)
-    assert 57.0 < rolled_m <= 60.0
-    hardest, rolled_m = stopped(10.0, 8.0)
-    assert 6.0 < hardest < 8.01
-    assert rolled_m < 8.3
