@@ -151,9 +151,11 @@ class FindScenariosResult(Result):
         if self.stages:
             steps = [f"{stage.stage} [{', '.join(stage.conditions)}] {stage.left}" for stage in self.stages]
             lines.append(f"Left after: {' → '.join(steps)}")
-        lines += [_line(found) for found in self.matches]
+        lines += [_line(scenario) for scenario in self.matches]
         if self.coverage:
-            lines.append(f"Chosen: {len(self.matches)}. They cover {'; '.join(_covered(one) for one in self.coverage)}")
+            lines.append(
+                f"Chosen: {len(self.matches)}. They cover {'; '.join(_covered(coverage) for coverage in self.coverage)}"
+            )
         elif self.total > len(self.matches) > 0:
             lines.append(f"… {self.total - len(self.matches)} more: raise offset or limit.")
         if self.emptied_by:
@@ -164,19 +166,19 @@ class FindScenariosResult(Result):
             lines.append(f"Without {' and '.join(relaxation.drop)}: {relaxation.matches} match ({shown})")
         if self.fallback:
             lines.append("FALLBACK, not matches (unmet conditions named):")
-            lines += [_line(found) for found in self.fallback]
+            lines += [_line(scenario) for scenario in self.fallback]
         return "\n".join(lines)
 
 
-def _covered(one: Coverage) -> str:
-    missed = f" (not {', '.join(one.missed)})" if one.missed else ""
-    return f"{one.dimension} {', '.join(one.covered)}{missed}"
+def _covered(coverage: Coverage) -> str:
+    missed = f" (not {', '.join(coverage.missed)})" if coverage.missed else ""
+    return f"{coverage.dimension} {', '.join(coverage.covered)}{missed}"
 
 
-def _line(found: FoundScenario) -> str:
-    unmet = f" · UNMET: {', '.join(found.unmet)}" if found.unmet else ""
-    satisfied = f" · {'; '.join(found.satisfied)}" if found.satisfied else ""
-    return f"- {found.scenario_id}: {found.summary}{satisfied}{unmet}"
+def _line(scenario: FoundScenario) -> str:
+    unmet = f" · UNMET: {', '.join(scenario.unmet)}" if scenario.unmet else ""
+    satisfied = f" · {'; '.join(scenario.satisfied)}" if scenario.satisfied else ""
+    return f"- {scenario.scenario_id}: {scenario.summary}{satisfied}{unmet}"
 
 
 class RankRequest(Model):

@@ -128,19 +128,19 @@ class Cancelled(PlannerForgeError):
 
 def error_classes() -> dict[str, type[PlannerForgeError]]:
     """All error classes by their code; codes are unique (a test holds it)."""
-    found: dict[str, type[PlannerForgeError]] = {}
+    by_code: dict[str, type[PlannerForgeError]] = {}
     waiting: list[type[PlannerForgeError]] = [PlannerForgeError]
     while waiting:
         current = waiting.pop()
-        found[current.code] = current
+        by_code[current.code] = current
         waiting.extend(current.__subclasses__())
-    return found
+    return by_code
 
 
 def rebuild(code: str, message: str, valid: Sequence[str], next_step: str, reason: str = "") -> PlannerForgeError:
     """The error that a worker process reported, made again in the server's process.
 
-    A defect (``unexpected``) takes its message as the details to log; a code that nobody knows gives the base class.
+    A defect (``unexpected``) takes its message as the details to log; an unknown code gives the base class.
     """
     if code == UnexpectedFailure.code:
         return UnexpectedFailure("an operation", message)

@@ -35,7 +35,7 @@ class RefusedItem(Model):
 
 
 class ImportFilesResult(Result):
-    """What was added and what was refused; so far, where the job of a long import still runs."""
+    """What was added and what was refused; until now, where the job of a long import still runs."""
 
     added: int
     reused: int

@@ -151,10 +151,11 @@ class EditCollision(Model):
 
 
 class EgoDanger(Model):
-    """The most critical figures of an ego that drives ordinarily; None where nobody is near (or met in 60 s).
+    """The most critical figures of an ego that drives ordinarily; None where no road user is near, or met in 60 s.
 
     ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions).
-    ``most_critical_*``: whom it met when the score was lowest (the first collision, else the shortest time to one).
+    ``most_critical_*``: the road user that it met when the score was lowest (the first collision, else the shortest
+    time to one).
     """
 
     minimum_distance_m: float | None

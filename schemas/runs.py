@@ -22,7 +22,7 @@ Outcome = Literal[
 ``goal_early``, ``goal_late``: the ego was in the goal's place, but only before or after its time; ``goal_missed``: it
 passed the goal or ended elsewhere, or was there in time without the goal's speed or heading; ``timeout``: it had not
 come to the goal when 1.7 times the steps to the goal's last step were over; ``infeasible``: the planner found no
-trajectory that the vehicle can drive; ``invalid``: the problem cannot be solved by anybody, said before the run and
+trajectory that the vehicle can drive; ``invalid``: the problem has no solution, which is stated before the run and is
 never a planner's failure.
 """
 NO_TRAJECTORY: tuple[Outcome, ...] = ("invalid", "infeasible")
@@ -39,7 +39,7 @@ Traffic = Literal["recorded", "reactive"]
 
 
 class CollisionRecord(Model):
-    """The first collision of a run: with whom (None: the road boundary), at which step and time."""
+    """The first collision of a run: the obstacle (None: the road boundary), the step and the time."""
 
     obstacle_id: int | None
     kind: str

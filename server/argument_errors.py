@@ -82,9 +82,9 @@ def _nested(annotation: Any) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for part in getattr(annotation, "__args__", ()):
-        found = _nested(part)
-        if found is not None:
-            return found
+        model = _nested(part)
+        if model is not None:
+            return model
     return None
 
 

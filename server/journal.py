@@ -27,7 +27,7 @@ _ID = re.compile(
 
 @dataclass(frozen=True)
 class _JournalEntry:
-    """One call: when (UTC), by whom, what was asked, what came out and how long it took."""
+    """One call: when (UTC), by which client, what was asked, what came out and how long it took."""
 
     time: str
     client: str
@@ -91,7 +91,7 @@ class Journal:
 
 
 class _Appending(logging.handlers.RotatingFileHandler):
-    """Makes its folder when the first line is written; a line that cannot be written costs no call, but is told."""
+    """Makes its folder when the first line is written; a line that cannot be written costs no call, but is logged."""
 
     def _open(self) -> TextIOWrapper:
         Path(self.baseFilename).parent.mkdir(parents=True, exist_ok=True)

@@ -64,15 +64,15 @@ def list_maps(settings: Settings) -> int:
 async def _add(
     settings: Settings, paths: Sequence[Path], place: str | None, country: str | None
 ) -> list[tuple[Path, ImportedItem | PlannerForgeError]]:
-    found: list[tuple[Path, ImportedItem | PlannerForgeError]] = []
+    outcomes: list[tuple[Path, ImportedItem | PlannerForgeError]] = []
     async with open_services(settings, Path.cwd()) as services:
         call = ToolCall(services, _silent)
         for path in paths:
             try:
-                found.append((path, await import_map(call, path, place, country)))
+                outcomes.append((path, await import_map(call, path, place, country)))
             except PlannerForgeError as error:
-                found.append((path, error))
-    return found
+                outcomes.append((path, error))
+    return outcomes
 
 
 async def _all(settings: Settings) -> MapInventory:

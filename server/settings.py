@@ -25,7 +25,7 @@ Folders = Annotated[tuple[Path, ...], NoDecode]
 
 
 class Settings(BaseSettings):
-    """What a server can be told at its start. Every field is a flag, a variable and a key of the file."""
+    """The settings of a server, read at its start. Every field is a flag, a variable and a key of the file."""
 
     model_config = SettingsConfigDict(env_prefix="PLANNERFORGE_", extra="forbid", frozen=True)
 

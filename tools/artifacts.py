@@ -10,15 +10,15 @@ async def list_artifacts(arguments: ListArtifactsArguments, call: ToolCall) -> L
     """Artifacts or jobs, newest first."""
     if arguments.kind == "job":
         return _jobs(arguments, call)
-    found = call.workspace.newest(
+    artifacts = call.workspace.newest(
         kind=arguments.kind,
         parent=arguments.parent,
         text=arguments.text,
         limit=arguments.limit + 1,
         offset=arguments.offset,
     )
-    listed = tuple(_listed(artifact) for artifact in found[: arguments.limit])
-    return ListArtifactsResult(artifacts=listed, more=len(found) > arguments.limit)
+    listed = tuple(_listed(artifact) for artifact in artifacts[: arguments.limit])
+    return ListArtifactsResult(artifacts=listed, more=len(artifacts) > arguments.limit)
 
 
 def _listed(artifact: Artifact) -> ListedArtifact:

@@ -39,18 +39,18 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     open_catalogue(call.workspace, with_starter=call.services.with_starter)  # first, or a starter would be the latest
     at_hand = await maps_at_hand(call)
     plan = plan_maps(arguments, at_hand.entries)
-    orders = await assign_sites(arguments, call, plan.matches)
-    made, failures = await _make_all(arguments, call, orders)
+    sites = await assign_sites(arguments, call, plan.matches)
+    made, failures = await _make_all(arguments, call, sites)
     notes = [*plan.notes, *at_hand.notes, *failures]
-    if len(orders.planned) < arguments.count:
-        notes.append(f"only {len(orders.planned)} different site(s) fit; {arguments.count} were asked for")
+    if len(sites.planned) < arguments.count:
+        notes.append(f"only {len(sites.planned)} different site(s) fit; {arguments.count} were asked for")
     used = {summary.map_id for summary in made}
     attributions = sorted({m.entry.facts.attribution for m in plan.matches if m.entry.facts.map_id in used})
     return GenerateScenariosResult(scenarios=made, notes=notes, attribution=attributions)
 
 
 async def _make_all(
-    arguments: GenerateScenariosArguments, call: ToolCall, orders: SiteAssignment
+    arguments: GenerateScenariosArguments, call: ToolCall, sites: SiteAssignment
 ) -> tuple[list[ScenarioSummary], list[str]]:
     """The scenarios that could be made, and notes on those that could not.
 
@@ -60,11 +60,11 @@ async def _make_all(
     made: list[ScenarioSummary] = []
     notes: list[str] = []
     refusals: list[NotPossible] = []
-    spare = list(orders.spare)
-    for index, order in enumerate(orders.planned):
-        share = (index / len(orders.planned), (index + 1) / len(orders.planned))
+    spare = list(sites.spare)
+    for index, site in enumerate(sites.planned):
+        share = (index / len(sites.planned), (index + 1) / len(sites.planned))
         try:
-            summary, given_up = await _make_somewhere(arguments, call, order, spare, index, share)
+            summary, given_up = await _make_somewhere(arguments, call, site, spare, index, share)
             made.append(await with_trial_run(call, summary) if arguments.trial_run else summary)
             notes += [f"another map was taken: {refusal.message}" for refusal in given_up]
         except NotPossible as refusal:
@@ -83,28 +83,28 @@ async def _make_all(
 async def _make_somewhere(
     arguments: GenerateScenariosArguments,
     call: ToolCall,
-    order: AssignedSite,
+    site: AssignedSite,
     spare: list[MapMatch],
     index: int,
     share: tuple[float, float],
 ) -> tuple[ScenarioSummary, list[NotPossible]]:
-    """A scenario as ordered, otherwise on the first spare map where it can be made; and the refusals on the way.
+    """A scenario at its site, otherwise on the first spare map where it can be made; and the refusals on the way.
 
     Spare maps that were tried are taken off the list.
 
     Raises:
-        NotPossible: it can be made on none; the reason of the ordered site.
+        NotPossible: it can be made on none; the reason of the assigned site.
     """
     refusals: list[NotPossible] = []
     while True:
         try:
-            request = request_for(arguments, order.match, order.site_index, index, order.site_step)
+            request = request_for(arguments, site, index)
             return await _make(call, request, share), refusals
         except NotPossible as refusal:
             refusals.append(refusal)
         if not spare or arguments.goal.startswith("lanelet:"):  # an id means another lanelet elsewhere
             raise refusals[0]
-        order = AssignedSite(spare.pop(0))
+        site = AssignedSite(spare.pop(0))
 
 
 async def _make(call: ToolCall, request: GenerationRequest, share: tuple[float, float]) -> ScenarioSummary:
@@ -151,10 +151,10 @@ async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSu
     store_configuration(call, configuration)
     (result,) = await run_grid(call, [Cell(summary.scenario_id, None, configuration)], lambda _: None)
     if result.record is not None:
-        told = f"{result.record.outcome} ({DEFAULT_CONFIGURATION}, {result.record.run_id}): {result.record.reason}"
+        outcome = f"{result.record.outcome} ({DEFAULT_CONFIGURATION}, {result.record.run_id}): {result.record.reason}"
     else:
-        told = result.lost.error if result.lost is not None else "no result"
+        outcome = result.lost.error if result.lost is not None else "no result"
     if result.record is not None and result.record.outcome not in NO_TRAJECTORY:
-        return summary.model_copy(update={"trial_run": told, "checks_passed": [*summary.checks_passed, CHECK]})
+        return summary.model_copy(update={"trial_run": outcome, "checks_passed": [*summary.checks_passed, CHECK]})
     failed = {"checks_failed": [*summary.checks_failed, CHECK], "notes": [*summary.notes, ADVICE]}
-    return summary.model_copy(update={"trial_run": told, **failed})
+    return summary.model_copy(update={"trial_run": outcome, **failed})

@@ -32,7 +32,11 @@ class _GenerationPlan:
 
 @dataclass(frozen=True)
 class AssignedSite:
-    """One scenario: its map, the number of its site there, and how far on the sites lie that may stand in for it."""
+    """Where a scenario is made: the map, and the number of the site on it.
+
+    Where the site fails, the one ``site_step`` further on is tried: the number of scenarios that the call makes on this
+    map, so that no site is another scenario's.
+    """
 
     match: MapMatch
     site_index: int = 0
@@ -122,17 +126,14 @@ async def assign_sites(
     if not any(counts):
         raise refusals[0]
     planned = share_sites(matches, counts, arguments.count)
-    taken = {order.match.entry.facts.map_id for order in planned}
+    taken = {site.match.entry.facts.map_id for site in planned}
     held = [match for match, count in zip(matches, counts, strict=True) if count]
     spare = [match for match in held if match.entry.facts.map_id not in taken]
     return SiteAssignment(planned, tuple(spare[:_MOST_SPARE_MAPS]))
 
 
 def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int) -> tuple[AssignedSite, ...]:
-    """At most ``wanted`` sites, maps in turn, none twice; ``counts``: how many sites fit on every map.
-
-    A step is how many scenarios the map has, so that a site that stands in is never another scenario's.
-    """
+    """At most ``wanted`` sites, maps in turn, none twice; ``counts``: how many sites fit on every map."""
     turns = [(site_index, place) for place, count in enumerate(counts) for site_index in range(count)]
     chosen = sorted(turns)[:wanted]
     on_map = Counter(place for _, place in chosen)
@@ -140,30 +141,26 @@ def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int)
 
 
 async def _site_count(arguments: GenerateScenariosArguments, call: ToolCall, match: MapMatch) -> int:
-    request = request_for(arguments, match, 0, 0)
+    request = request_for(arguments, AssignedSite(match), 0)
     return (await call.run(COUNT_SITES, request, share=(0.0, 0.0))).count
 
 
-def request_for(
-    arguments: GenerateScenariosArguments, match: MapMatch, site_index: int, index: int, site_step: int = 1
-) -> GenerationRequest:
-    """What the engine is asked for the scenario number ``index`` of a call, at the site number ``site_index`` of a map.
-
-    ``site_step``: how many scenarios the call makes on this map (``GenerationRequest``).
+def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index: int) -> GenerationRequest:
+    """What the engine is asked for the scenario number ``index`` of a call.
 
     Raises:
         UnknownName: no such road class.
         InvalidRequest: numbers of vehicles that cannot be meant.
     """
-    facts = match.entry.facts
+    facts = site.match.entry.facts
     return GenerationRequest(
-        map_path=str(match.entry.path),
+        map_path=str(site.match.entry.path),
         map_id=facts.map_id,
         place=facts.place,
         country=facts.country or _code_of(arguments.country),
         attribution=facts.attribution,
         scenario_type=arguments.scenario_type,
-        streets=match.streets,
+        streets=site.match.streets,
         bbox=_box_of(arguments.bbox),
         road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
         density=arguments.density,
@@ -173,8 +170,8 @@ def request_for(
         goal=arguments.goal,
         seed=arguments.seed,
         index=index,
-        site_index=site_index,
-        site_step=site_step,
+        site_index=site.site_index,
+        site_step=site.site_step,
         folder="",
     )
 

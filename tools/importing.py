@@ -43,7 +43,7 @@ MOST_IN_THE_CALL = 100
 
 @dataclass
 class _Tally:
-    """What has become of the files so far."""
+    """What has become of the files until now."""
 
     total: int
     items: list[ImportedItem] = field(default_factory=list)

@@ -106,7 +106,7 @@ def _problem(given: Artifact, named: int | None) -> int | None:
 
 
 def _base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:
-    """The scenario that all edits start from, and the edits so far."""
+    """The scenario that all edits start from, and the edits until now."""
     if artifact.recipe.tool != TOOL:
         return artifact.artifact_id, ()
     edits = artifact.recipe.arguments["edits"]

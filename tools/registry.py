@@ -1,6 +1,6 @@
 """Every tool by name: where its function, its arguments and its result are. Nothing is imported until used.
 
-Adding a tool: its file, one line here, one contract test.
+Adding a tool: its file, one entry here, one contract test. What it has workers do stands in ``operations.py``.
 """
 
 import importlib
@@ -40,8 +40,8 @@ class ToolSpec:
     @property
     def arguments_type(self) -> type[Arguments]:
         """The model of the arguments; its docstring is the tool's description."""
-        found: type[Arguments] = _load("plannerforge.schemas", self.arguments)
-        return found
+        arguments: type[Arguments] = _load("plannerforge.schemas", self.arguments)
+        return arguments
 
     @property
     def result_type(self) -> type[Result] | None:
@@ -50,8 +50,8 @@ class ToolSpec:
 
     def load_function(self) -> ToolFunction:
         """The function, imported now."""
-        found: ToolFunction = _load("plannerforge.tools", self.function)
-        return found
+        function: ToolFunction = _load("plannerforge.tools", self.function)
+        return function
 
 
 def _load(package: str, entry_point: str) -> Any:

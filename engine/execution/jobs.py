@@ -28,7 +28,7 @@ JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
 
 
 class Job(Model):
-    """A piece of work: ``share`` done in [0, 1], ids of the results so far, and the error's text where it failed."""
+    """A piece of work: ``share`` done in [0, 1], ids of the finished results, and the error's text where it failed."""
 
     job_id: str
     kind: str
@@ -61,7 +61,7 @@ class JobStore:
         self._database = database
 
     def start(self, kind: str, recipe: Recipe) -> Job:
-        """A new running job of this process; the id tells the attempt (``job_<digest>``, ``job_<digest>_2``, …)."""
+        """A new running job of this process; the id counts the attempts (``job_<digest>``, ``job_<digest>_2``, …)."""
         return self.start_or_join(kind, recipe, join=False)[0]
 
     def start_or_join(self, kind: str, recipe: Recipe, *, join: bool = True) -> tuple[Job, bool]:

@@ -53,7 +53,7 @@ class Limits:
             )
 
     def _resolved(self, text: str) -> Path | None:
-        """The absolute path; None for what cannot be one: a null byte, a loop of links, the home of nobody."""
+        """The absolute path; None for what cannot be one: a null byte, a loop of links, the home of no user."""
         try:
             path = Path(text).expanduser()
             return (path if path.is_absolute() else self.roots[0] / path).resolve()

@@ -336,7 +336,7 @@ def disk_failure(path: Path, error: OSError) -> ResourceFailure:
 
 
 def _new_folder(parent: Path) -> Path:
-    """A new folder that tells by its name which process made it.
+    """A new folder; its name holds the id of this process.
 
     Raises:
         OSError: it cannot be made.

@@ -119,11 +119,12 @@ class Database:
             connection.row_factory = sqlite3.Row
             _write_ahead(connection)
             connection.execute("PRAGMA synchronous = NORMAL")
-            found = int(connection.execute("PRAGMA user_version").fetchone()[0])
-            if found > SCHEMA_VERSION:
+            version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+            if version > SCHEMA_VERSION:
                 connection.close()
                 raise ResourceFailure(
-                    f"the workspace {self.path.parent} has schema version {found}, this program knows {SCHEMA_VERSION}",
+                    f"the workspace {self.path.parent} has schema version {version}, "
+                    f"this program knows {SCHEMA_VERSION}",
                     next_step="use the newer PlannerForge that made it, or another --workspace",
                 )
             connection.executescript(f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;")

@@ -119,7 +119,7 @@ def _make_somewhere(
 ) -> Made:
     """A scenario as ordered, otherwise on the first spare map where it can be made, as the tool does it."""
     try:
-        wish = request_for(request.arguments, order.match, order.site_index, index, order.site_step)
+        wish = request_for(request.arguments, order, index)
         return make(request, wish, session, seed)
     except NotPossible as error:
         if not spare:
@@ -204,7 +204,7 @@ def refused_right(refusal: Refusal, maps: Sequence[MapEntry]) -> str:
         given = read_arguments(GenerateScenariosArguments, refusal.given)
         arguments = GenerateScenariosArguments.model_validate(given)
         order = _orders(arguments, maps).planned[0]
-        wish = request_for(arguments, order.match, order.site_index, 0, order.site_step)
+        wish = request_for(arguments, order, 0)
         with tempfile.TemporaryDirectory() as folder:
             generate_scenario(wish.model_copy(update={"folder": folder}), silent)
     except PlannerForgeError as error:

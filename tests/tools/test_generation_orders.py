@@ -15,7 +15,7 @@ from plannerforge.engine.maps.index import MapMatch, built_in_maps
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest
 from plannerforge.tools.call import ToolCall
-from plannerforge.tools.generation_plan import request_for, share_sites
+from plannerforge.tools.generation_plan import AssignedSite, request_for, share_sites
 from plannerforge.tools.operations import GENERATE_SCENARIO
 
 MAPS = {entry.facts.place: MapMatch(entry) for entry in built_in_maps()}
@@ -42,7 +42,7 @@ def test_a_site_that_fails_is_replaced_by_one_that_no_other_scenario_takes(
         {"place": "Quadratstadt", "scenario_type": "intersection", "duration_s": 5, "count": 3}
     )
     order = share_sites([MAPS["Quadratstadt"]], [21], arguments.count)[0]
-    request = request_for(arguments, order.match, order.site_index, 0, order.site_step)
+    request = request_for(arguments, order, 0)
     asked: list[tuple[float, float]] = []
 
     def fails_once(*given: object) -> SiteNetwork:
@@ -63,7 +63,7 @@ def test_a_country_named_for_a_map_without_one_reaches_the_engine_as_its_code(sp
     entry = MAPS["Fahrhausen"].entry
     nowhere = replace(entry, facts=entry.facts.model_copy(update={"country": None}))
     arguments = GenerateScenariosArguments.model_validate({"country": spelled})
-    assert request_for(arguments, MapMatch(nowhere), 0, 0).country == "GBR"
+    assert request_for(arguments, AssignedSite(MapMatch(nowhere)), 0).country == "GBR"
 
 
 @pytest.mark.anyio
