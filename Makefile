@@ -9,7 +9,7 @@ DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 
 .PHONY: help demo test check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
-	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes starter format clean
+	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes starter house format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -17,6 +17,7 @@ help:
 	@echo "make check   lint, types and import directions (developers)"
 	@echo "make bench   measure what the README states, one bench after the other; takes long (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
+	@echo "make house   draw the map of the packages anew (developers)"
 	@echo "make clean   remove what was built"
 
 demo: $(STAMP)
@@ -90,6 +91,10 @@ bench-import-crashes: $(DEV_STAMP)
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.drawn_library
 	@$(PYTHON) -m plannerforge.engine.generation.starter_catalog
+
+house: $(DEV_STAMP)
+	@echo "==> Drawing docs/house.svg from the imports"
+	@$(PYTHON) scripts/draw_house.py
 
 format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff format .
