@@ -1,37 +1,34 @@
 """The catalogue: strict filters in SQLite, ranking by text, the starter scenarios.
 
-``download``: The file behind the address, from the folder where it was fetched before.
-``unpack``: A temporary folder with the XML files of the archive, whatever folders they lay in.
-``scenario_facets``: Number of scenarios, and the facets ``places``, ``tags``, ``features``, ``road_net``,
-    ``obstacles``.
-``rank``: The candidates ordered by likeness of their descriptions to the text.
-``Ranking``: Scenario ids by likeness of their text, best first, with their scores.
-``Search``: A search against the catalogue's tables.
-``entries_of``: These entries in the alphabetical order of their ids.
+``download``: Fetch the file at an address, checked by its SHA-256; returns its path.
+``unpack``: A context with a temporary folder of the XML files in an archive.
+``scenario_facets``: The number of scenarios, and counts of places, tags, features, signs and obstacles.
 ``FileFailure``: Why a file was not taken in: an error of ours or of the operating system.
 ``ReadFile``: A file with its SHA-256 and, where its content is new, its facts.
 ``ScenarioIntake``: Decides on the files of an import and stores them: new, known, or new versions of a scenario.
 ``put_scenario``: The stored artifact of a scenario whose facts are known.
-``ARCHIVE``: TODO.
-``open_catalogue``: Make the catalogue ready.
+``build_index``: An operation: load the embedding model and build the text index.
+``rank``: An operation: scenario ids by likeness of their descriptions to a text, with scores.
+``Ranking``: Scenario ids by likeness of their text, best first, with their scores.
+``Search``: A search against the tables of the catalogue, with its answer.
+``entries_of``: The entries of these numbers by their ids.
+``ARCHIVE``: The name of the archive with the starter scenarios.
+``open_catalogue``: Make the catalogue of a workspace ready, starter scenarios included.
 ``MOST_ENTRIES``: Planning problems of one file that are entered, and the step of the numbers between two artifacts.
-``add_facts``: Enter one entry.
-``describe``: A few plain sentences.
-``descriptions``: The readable description of every scenario, by id in alphabetical order.
-``facts_of``: The facts of these scenarios.
+``add_facts``: Enter one entry in the tables.
+``description_of``: A scenario in a few plain sentences, from its facts.
+``descriptions``: The description of every scenario by id.
+``facts_of``: The facts of scenarios by id.
 ``is_ready``: Whether the tables exist in this version.
-``prepare``: Make the tables.
-``summary``: One line.
-``family``: All versions that hang together with this stored one, in the order in which they were added.
-``list_again``: List an earlier version in place of the later ones.
-``listed_version``: The version of this scenario that the catalogue lists.
-``refresh``: Enter the scenarios that are stored but not yet in the tables.
-``COMPLETE``: TODO.
-``EmbeddingModel``: A model by its name in the setting.
-``Vectors``: TODO.
-``ensure_generation``: The complete generation for these texts, built if it is not there.
-``query``: The nearest scenarios with their cosine likeness in [−1, 1], best first.
-``build_index``: An operation: loads the embedding model and builds the text index.
+``prepare``: Make the tables, empty.
+``summary``: A scenario in one line.
+``listed_version``: The version of a scenario that the catalogue lists.
+``refresh``: Enter the scenarios that are stored but not yet in the tables; returns their number.
+``COMPLETE``: The name of the file that marks a generation of the text index as complete.
+``EmbeddingModel``: A model that turns texts into vectors, by its name in the setting.
+``Vectors``: The type of vectors: an array of 32-bit floats.
+``ensure_generation``: The folder of the text index for these texts, and whether it was built now.
+``query``: The scenarios nearest to a vector, with cosine likeness in [−1, 1].
 """
 
 from typing import TYPE_CHECKING
@@ -55,14 +52,12 @@ if TYPE_CHECKING:
     from .starter import open_catalogue as open_catalogue
     from .tables import MOST_ENTRIES as MOST_ENTRIES
     from .tables import add_facts as add_facts
-    from .tables import describe as describe
+    from .tables import description_of as description_of
     from .tables import descriptions as descriptions
     from .tables import facts_of as facts_of
     from .tables import is_ready as is_ready
     from .tables import prepare as prepare
     from .tables import summary as summary
-    from .updates import family as family
-    from .updates import list_again as list_again
     from .updates import listed_version as listed_version
     from .updates import refresh as refresh
     from .vector_index import COMPLETE as COMPLETE

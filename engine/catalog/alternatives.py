@@ -1,4 +1,4 @@
-"""What exists where a search found nothing: names that no scenario carries, and the candidates' nearest values."""
+"""What exists where a search matches nothing: names that no scenario carries, and the candidates' nearest values."""
 
 import sqlite3
 from collections.abc import Collection, Sequence
@@ -6,11 +6,12 @@ from itertools import islice
 
 from ...schemas.errors import closest
 from ...schemas.vocabulary import FEATURES, ROAD_NET_KEYS, TAGS
-from .constraints import Constraint, known_places, measure_name
+from .constraints import MEASURE_COLUMNS, Constraint, known_places, measure_name
 from .funnel import EmptiedBy, Funnel
 from .tables import NEVER_S
 
 SHOWN = 8
+"""Values that a note lists, at most (chosen)."""
 _KINDS = {
     "tag": ("tags", TAGS),
     "feature": ("features", FEATURES),
@@ -29,8 +30,8 @@ def never_carried(connection: sqlite3.Connection, constraints: Sequence[Constrai
             if _carriers(connection, kind, word):
                 continue
             sentence = f"No scenario of this catalogue carries {kind.replace('sign@', 'sign on ')} '{word}'"
-            if kind == "tag" and word in FEATURES and (there := _carriers(connection, "feature", word)):
-                sentence += f"; the computed feature '{word}' holds for {there}: use features"
+            if kind == "tag" and word in FEATURES and (holding := _carriers(connection, "feature", word)):
+                sentence += f"; the computed feature '{word}' holds for {holding}: use features"
             sentences.append(sentence + ".")
     return sentences
 
@@ -38,14 +39,18 @@ def never_carried(connection: sqlite3.Connection, constraints: Sequence[Constrai
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
     """Which conditions left nothing, and what the candidates of that stage have instead."""
     entering = funnel.entering()
-    names = ", ".join(one.label for one in reason.constraints)
+    names = ", ".join(constraint.label for constraint in reason.constraints)
     if reason.together:
         return f"each of {names} holds for some of the {len(entering)} candidates, but no candidate has them together"
-    there = [values for values in (_there(connection, one, funnel, entering) for one in reason.constraints) if values]
-    return f"none of the {len(entering)} candidates has {names}" + (f"; there are {'; '.join(there)}" if there else "")
+    alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
+    existing = "; ".join(values for values in alternatives if values)
+    return f"none of the {len(entering)} candidates has {names}" + (f"; there are {existing}" if existing else "")
 
 
-def _there(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: frozenset[int]) -> str:
+def _alternatives(
+    connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: frozenset[int]
+) -> str:
+    """What the candidates have of what a condition is about; empty where that is not worth saying."""
     if constraint.stage == "location":
         return _places(connection, constraint, funnel.within)
     if constraint.stage == "obstacles":
@@ -58,8 +63,8 @@ def _there(connection: sqlite3.Connection, constraint: Constraint, funnel: Funne
         return _limits(connection, constraint, entering)
     what, column = _column(constraint)
     rows = connection.execute(f"SELECT number, {column} FROM catalog_scenarios")  # noqa: S608 - fixed names
-    there = {round(row[1], 1) for row in rows if row[0] in entering and row[1] is not None and row[1] < NEVER_S}
-    return _nearest(what, constraint, there)
+    values = {round(row[1], 1) for row in rows if row[0] in entering and row[1] is not None and row[1] < NEVER_S}
+    return _nearest(what, constraint, values)
 
 
 def _column(constraint: Constraint) -> tuple[str, str]:
@@ -68,9 +73,8 @@ def _column(constraint: Constraint) -> tuple[str, str]:
         return "initial speeds in m/s", "speed_mps"
     if constraint.stage == "road_net":
         return "lanes", "lanes"
-    columns = {"ttc": "ttc_s", "horizon": "horizon_s", "density": "density_per_km"}
     name = measure_name(constraint.subject) or ""
-    return name, columns[name]
+    return name, MEASURE_COLUMNS[name]
 
 
 def _places(connection: sqlite3.Connection, constraint: Constraint, within: frozenset[int] | None) -> str:
@@ -96,16 +100,16 @@ def _words(connection: sqlite3.Connection, constraint: Constraint, entering: fro
     query = "SELECT number FROM catalog_words WHERE kind = ? AND word = ?"
     like_it = closest(word, vocabulary, len(vocabulary))
     carried = (name for name in like_it if any(row[0] in entering for row in connection.execute(query, (kind, name))))
-    found = list(islice(carried, SHOWN + 1))
-    return _listed(what, found[:SHOWN], len(found))
+    names = list(islice(carried, SHOWN + 1))
+    return _listed(what, names[:SHOWN], len(names))
 
 
-def _nearest(what: str, constraint: Constraint, there: Collection[float]) -> str:
+def _nearest(what: str, constraint: Constraint, values: Collection[float]) -> str:
     """The values nearest to the interval that was asked for, and the range of all where there are more."""
     low, high = (float(value) for value in constraint.values[-2:])
-    ordered = sorted(there, key=lambda value: (max(low - value, value - high, 0.0), value))
+    ordered = sorted(values, key=lambda value: (max(low - value, value - high, 0.0), value))
     listed = _listed(what, [f"{value:g}" for value in ordered[:SHOWN]], len(ordered))
-    return f"{listed} ({min(there):g} to {max(there):g})" if len(ordered) > SHOWN else listed
+    return f"{listed} ({min(values):g} to {max(values):g})" if len(ordered) > SHOWN else listed
 
 
 def _carriers(connection: sqlite3.Connection, kind: str, word: str) -> int:

@@ -1,4 +1,8 @@
-"""Getting an archive of scenarios from the internet: checked by its hash, unpacked within limits."""
+"""Getting an archive of scenarios from the internet: checked by its hash, unpacked within limits.
+
+pooch fetches files with a known hash too, but reads whatever length is sent; a limit would need a downloader of our
+own, which is most of what stands here, besides its dependencies (requests, platformdirs, packaging).
+"""
 
 import hashlib
 import re
@@ -17,16 +21,19 @@ from ...schemas.errors import InvalidRequest, ResourceFailure, UnsafeInput
 LARGEST_DOWNLOAD_BYTES = 4 * 1024**3
 LARGEST_MEMBER_BYTES = 100_000_000
 LARGEST_WHOLE_BYTES = 20 * 1024**3
+"""Of all files of an archive: a few bytes of a zip can hold gigabytes (chosen, as the limits above)."""
 TIMEOUT_S = 30.0
+"""Without a byte from the server (chosen)."""
 _BLOCK = 1 << 20
 OnProgress = Callable[[int, int | None], None]
+"""Is told the bytes that have come, and of how many, where the server says so."""
 
 
 def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Path:
-    """The file behind the address, from the folder where it was fetched before.
+    """The file at an address, named after its hash in a folder; fetched only if it is not there yet.
 
     Args:
-        on_progress: hears the bytes so far, and of how many where the server says so.
+        on_progress: called after each block.
 
     Raises:
         InvalidRequest: no http(s) address, or no SHA-256.
@@ -45,9 +52,9 @@ def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Pa
     part = target.with_suffix(".part")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        found = _stream(url, part, on_progress)
-        if found != wanted:
-            raise UnsafeInput(f"{url} has the SHA-256 {found}, not {wanted}", next_step="check address and hash")
+        digest = _stream(url, part, on_progress)
+        if digest != wanted:
+            raise UnsafeInput(f"{url} has the SHA-256 {digest}, not {wanted}", next_step="check address and hash")
         part.replace(target)
     except (URLError, OSError) as error:
         raise ResourceFailure(f"{url} cannot be fetched: {getattr(error, 'reason', error)}") from error
@@ -77,6 +84,7 @@ def unpack(file: Path) -> Iterator[Path]:
 
 
 def _stream(url: str, part: Path, on_progress: OnProgress) -> str:
+    """Write what the address sends into a file; its SHA-256."""
     digest, done = hashlib.sha256(), 0
     with urlopen(url, timeout=TIMEOUT_S) as answer, part.open("wb") as stream:  # noqa: S310 - http(s) only, checked above
         length = answer.headers.get("Content-Length")

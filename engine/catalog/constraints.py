@@ -1,7 +1,8 @@
 """From the arguments of a search to conditions on the catalogue, each with its stage, its words and its query.
 
 Semantics: Methodology, Scenario Selection (five slots, velocity ± 2 m/s where one value is given); counts are exact,
-a posted limit matches within 0.5 km/h. Features computed from the geometry belong to the stage of the tags.
+a posted limit matches within 0.5 km/h. Features computed from the geometry belong to the stage of the tags. Words of
+the vocabulary are understood in any case, in the plural and by everyday names; others are refused with the nearest.
 """
 
 import sqlite3
@@ -14,9 +15,6 @@ from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval
 from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
 from ..maps import country_code, place_keys
-
-# ---------- vocabulary_words
-# Words of a request to the vocabulary's names: case, plural and everyday words are understood, others refused.
 
 NameOf = Callable[[str], str]
 _OBSTACLE_WORDS = {
@@ -32,75 +30,16 @@ _OBSTACLE_WORDS = {
 }
 _MEASURE_WORDS = {"timetocollision": "ttc", "duration": "horizon", "trafficdensity": "density"}
 _ROAD_NET_WORDS = {"signal": "traffic_light", "trafficsignal": "traffic_light", "stopsign": "stop", "giveway": "yield"}
-
-
-def _tag_name(word: str) -> str:
-    """A tag of the vocabulary.
-
-    Raises:
-        UnknownName: with the nearest tags.
-    """
-    return _name(word, TAGS, {}, "tag", "use text for what no tag says, or features for what the geometry shows")
-
-
-def _feature_name(word: str) -> str:
-    """A computed feature.
-
-    Raises:
-        UnknownName: with the nearest features.
-    """
-    return _name(word, [*FEATURES, *MEASURES], {}, "feature", "describe_catalog lists the features")
-
-
-def measure_name(word: str) -> str | None:
-    """A measure that features are compared by; None for any other word."""
-    key = _key(word)
-    return _MEASURE_WORDS.get(key, key if key in MEASURES else None)
-
-
-def road_net_name(word: str) -> str:
-    """A sign, ``traffic_light`` or ``lanes``.
-
-    Raises:
-        UnknownName: with the nearest keys.
-    """
-    return _name(word, ROAD_NET_KEYS, _ROAD_NET_WORDS, "road_net key", "describe_catalog lists the road_net keys")
-
-
-def obstacle_name(word: str) -> str:
-    """A CommonRoad obstacle type.
-
-    Raises:
-        UnknownName: with the nearest types.
-    """
-    return _name(word, OBSTACLE_TYPES, _OBSTACLE_WORDS, "obstacle type", "describe_catalog lists the obstacle types")
-
-
-def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, next_step: str) -> str:
-    names = list(known)
-    by_key = {**everyday, **{_key(name): name for name in names}}
-    key = _key(word)
-    for spelling in (key, key.removesuffix("s")):
-        if spelling in by_key:
-            return by_key[spelling]
-    raise UnknownName(f"'{word.strip()}' is no {what}", valid=closest(word, names), next_step=next_step)
-
-
-def _key(word: str) -> str:
-    return "".join(letter for letter in word.casefold() if letter.isalnum())
-
-
-# ---------- constraints
-# From the arguments of a search to conditions on the catalogue, each with its stage, its words and its query.
-#
-# Semantics: Methodology, Scenario Selection (five slots, velocity ± 2 m/s where one value is given); counts are exact,
-# a posted limit matches within 0.5 km/h. Features computed from the geometry belong to the stage of the tags.
-
 SPEED_TOLERANCE_MPS = 2.0
+"""To either side of a single speed (the paper)."""
 LIMIT_TOLERANCE_KMH = 0.5
-_MEASURE_COLUMNS = {"ttc": "ttc_s", "horizon": "horizon_s", "density": "density_per_km"}
+"""To either side of a posted limit: files state it in m/s, rounded."""
+MEASURE_COLUMNS = {"ttc": "ttc_s", "horizon": "horizon_s", "density": "density_per_km"}
+"""The column of ``catalog_scenarios`` that holds a measure; ``ttc_s`` is the time to conflict."""
 _ROUNDING = 1e-6
+"""Added to either side of an interval, so that converted units do not lose its ends."""
 _FAR = 1e12
+"""Stands for an open end of an interval."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +73,7 @@ class Constraint:
 
 
 def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constraint]) -> tuple[Constraint, ...]:
-    """All conditions in the paper's order of stages; ``location`` comes from :mod:`.locations`.
+    """All conditions in the paper's order of stages; ``location`` comes from :func:`location_constraints`.
 
     Raises:
         UnknownName: a tag, feature, key or obstacle outside the vocabulary; all wrong names at once.
@@ -146,17 +85,17 @@ def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constra
         *((_road_net, text) for text in arguments.road_net),
         *((_obstacles, text) for text in arguments.obstacles),
     ]
-    found, unknown = list(location), list[UnknownName]()
+    constraints, unknown = list(location), list[UnknownName]()
     for make, text in makers:
         try:
-            found.append(make(text))
+            constraints.append(make(text))
         except UnknownName as error:
             unknown.append(error)
     if unknown:
         raise _together(unknown)
     if arguments.ego_speed is not None:
-        found.append(_ego_speed(arguments.ego_speed))
-    return tuple(found)
+        constraints.append(_ego_speed(arguments.ego_speed))
+    return tuple(constraints)
 
 
 def _together(errors: list[UnknownName]) -> UnknownName:
@@ -199,7 +138,7 @@ def _feature(text: str) -> Constraint:
             f"'{text}' compares {measure} with nothing", valid=["ttc<=3s", "horizon>=10s", "density>=10"]
         )
     low, high = _bounds(condition.interval, 0.0)
-    query = f"SELECT number FROM catalog_scenarios WHERE {_MEASURE_COLUMNS[measure]} BETWEEN ? AND ?"  # noqa: S608 - fixed names
+    query = f"SELECT number FROM catalog_scenarios WHERE {MEASURE_COLUMNS[measure]} BETWEEN ? AND ?"  # noqa: S608 - fixed names
     return Constraint("tags", text.strip(), query, (low, high), condition.negated)
 
 
@@ -306,10 +245,6 @@ def _bounds(interval: Interval, tolerance: float) -> tuple[float, float]:
     return low, _FAR if interval.high is None else interval.high + slack
 
 
-# ---------- locations
-# The location of a search: country and city in any spelling, as conditions on what the catalogue holds.
-
-
 @dataclass(frozen=True)
 class Places:
     """What the catalogue holds: countries, and places with their countries, alphabetically."""
@@ -335,7 +270,7 @@ def location_constraints(connection: sqlite3.Connection, country: str | None, ci
     Raises:
         UnknownName: the country is neither an ISO alpha-3 code nor a known name.
     """
-    found = []
+    constraints = []
     if country is not None:
         code = country_code(country)
         if code is None:
@@ -345,10 +280,57 @@ def location_constraints(connection: sqlite3.Connection, country: str | None, ci
                 next_step="give the ISO 3166-1 alpha-3 code, ZAM for artificial networks",
             )
         query = "SELECT number FROM catalog_scenarios WHERE country = ?"
-        found.append(Constraint("location", f"country {code}", query, (code,)))
+        constraints.append(Constraint("location", f"country {code}", query, (code,)))
     if city is not None:
         keys = tuple(sorted(place_keys(city)))
         holes = ", ".join("?" * len(keys))
         query = f"SELECT DISTINCT number FROM catalog_words WHERE kind = 'place' AND word IN ({holes})"  # noqa: S608 - only ? marks
-        found.append(Constraint("location", f"city {city.strip()}", query, keys))
-    return found
+        constraints.append(Constraint("location", f"city {city.strip()}", query, keys))
+    return constraints
+
+
+def _tag_name(word: str) -> str:
+    return _name(word, TAGS, {}, "tag", "use text for what no tag says, or features for what the geometry shows")
+
+
+def _feature_name(word: str) -> str:
+    return _name(word, [*FEATURES, *MEASURES], {}, "feature", "describe_catalog lists the features")
+
+
+def measure_name(word: str) -> str | None:
+    """A measure that features are compared by; None for any other word."""
+    key = _key(word)
+    return _MEASURE_WORDS.get(key, key if key in MEASURES else None)
+
+
+def road_net_name(word: str) -> str:
+    """A sign, ``traffic_light`` or ``lanes``.
+
+    Raises:
+        UnknownName: with the nearest keys.
+    """
+    return _name(word, ROAD_NET_KEYS, _ROAD_NET_WORDS, "road_net key", "describe_catalog lists the road_net keys")
+
+
+def obstacle_name(word: str) -> str:
+    """A CommonRoad obstacle type.
+
+    Raises:
+        UnknownName: with the nearest types.
+    """
+    return _name(word, OBSTACLE_TYPES, _OBSTACLE_WORDS, "obstacle type", "describe_catalog lists the obstacle types")
+
+
+def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, next_step: str) -> str:
+    """The name of the vocabulary that a word means, or an UnknownName with the nearest names."""
+    names = list(known)
+    by_key = {**everyday, **{_key(name): name for name in names}}
+    key = _key(word)
+    for spelling in (key, key.removesuffix("s")):
+        if spelling in by_key:
+            return by_key[spelling]
+    raise UnknownName(f"'{word.strip()}' is no {what}", valid=closest(word, names), next_step=next_step)
+
+
+def _key(word: str) -> str:
+    return "".join(letter for letter in word.casefold() if letter.isalnum())

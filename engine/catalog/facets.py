@@ -1,13 +1,14 @@
 """What the catalogue holds, counted: small enough for a model to read before it filters."""
 
 import sqlite3
+from collections import Counter
 from collections.abc import Callable
 
 from ...schemas.catalog import FacetCounts
 from ...schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAGS
 
-PLACES_SHOWN = 6
-KEYS_SHOWN = 3
+PLACES_SHOWN, COUNTRIES_SHOWN, KEYS_SHOWN, LIMITS_SHOWN = 6, 12, 3, 3
+"""Of each, where all facets are asked for at once: the answer is read by a model (chosen)."""
 
 
 def scenario_facets(
@@ -43,7 +44,7 @@ def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     hidden = len(places) - len(shown)
     note = f"{hidden} more with facet places" if hidden else ""
     return [
-        FacetCounts(facet="countries", counts=countries if whole else dict(list(countries.items())[:12])),
+        FacetCounts(facet="countries", counts=countries if whole else dict(list(countries.items())[:COUNTRIES_SHOWN])),
         FacetCounts(facet="places", counts=shown, note=note),
     ]
 
@@ -81,7 +82,7 @@ def _road_net(
         *facets,
         FacetCounts(
             facet="speed_limit",
-            counts=posted if whole else dict(list(posted.items())[:3]),
+            counts=posted if whole else dict(list(posted.items())[:LIMITS_SHOWN]),
             note="km/h, on the ego's lane",
         ),
     ]
@@ -111,7 +112,5 @@ def _speeds(speeds: list[float]) -> list[FacetCounts]:
 
 
 def _counted(words: list[str]) -> dict[str, int]:
-    counts: dict[str, int] = {}
-    for word in words:
-        counts[word] = counts.get(word, 0) + 1
-    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+    """The number of each word, the most frequent first, equal ones alphabetically."""
+    return dict(sorted(Counter(words).items(), key=lambda item: (-item[1], item[0])))

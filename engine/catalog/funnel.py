@@ -1,4 +1,9 @@
-"""The strict filter: stage after stage, what is left, which condition emptied it, and what giving it up would give."""
+"""The strict filter: stage after stage, what is left, which condition emptied it, and what giving it up would give.
+
+Where nothing is left, the nearest entries are weighed by the user's own words too: a condition that they name was asked
+for, while others may be a model's guess. The paper's models hardly miss a slot that was asked for; they add some that
+were not (Results, Slot-level extraction).
+"""
 
 import math
 import re
@@ -13,37 +18,12 @@ from ...schemas.catalog import STAGES, Stage
 from .bm25 import words_of
 from .constraints import Constraint
 
-# ---------- mentions
-# Whether the user's own words name a condition: such a one was asked for, while others may be a model's guess.
-#
-# The paper's models hardly miss a slot that was asked for; they add some that were not (Results, Slot-level
-# extraction).
-
 _STEM_LETTERS = 5
 """Words that begin alike count as one: trucks and truck, intersections and intersection."""
-
-
-def is_mentioned(condition: Constraint, text: str) -> bool:
-    """Whether all words of a name that the condition is about, or all numbers of a speed, stand in the text."""
-    if condition.stage == "velocity":
-        numbers = re.findall(r"\d+", condition.label)
-        return bool(numbers) and set(numbers) <= set(re.findall(r"\d+", text))
-    said = _stems(text)
-    names = [word for _, word in condition.words] or [condition.subject]
-    return any(_stems(name) <= said for name in names)
-
-
-def _stems(text: str) -> set[str]:
-    return {word[:_STEM_LETTERS] for word in words_of(text)}
-
-
-# ---------- funnel
-# The strict filter: stage after stage, what is left, which condition emptied it, and what giving it up would give.
-
 FEW = 5000
-"""Up to so many entries a condition is looked up one by one."""
+"""Up to this number of entries, a condition is looked up for each of them (chosen)."""
 WEIGHTS: dict[Stage, float] = {"location": 8.0, "obstacles": 4.0, "road_net": 3.0, "velocity": 1.5, "tags": 1.0}
-"""What a satisfied condition counts for in a fallback, before its rarity is added."""
+"""What a satisfied condition counts for in a fallback, before its rarity is added (measured: docs/selection.md)."""
 MENTIONED = 3.0
 """What a condition counts for more where the user's own words name it; with it, a tag counts as much as a count."""
 
@@ -119,17 +99,17 @@ class Funnel:
     @cached_property
     def stages(self) -> tuple[_StageLeft, ...]:
         """The stages that have conditions, in the paper's order; ends at the one that leaves nothing."""
-        left, found = self.within, []
+        left, stages = self.within, []
         for stage in STAGES:
             own = tuple(one for one in self.constraints if one.stage == stage)
             if not own:
                 continue
             for one in reversed(own):  # the city before its country: the less is left, the less is looked up
                 left = self.holds(one) if left is None else self._among(one, left)
-            found.append(_StageLeft(stage, own, left or frozenset()))
+            stages.append(_StageLeft(stage, own, left or frozenset()))
             if not left:
                 break
-        return tuple(found)
+        return tuple(stages)
 
     def holds(self, one: Constraint) -> frozenset[int]:
         """Numbers of all entries that satisfy the condition."""
@@ -236,3 +216,17 @@ class Funnel:
             return chosen
         cities = [one for one in self.constraints if one.label.startswith("city ") and one not in chosen]
         return tuple(one for one in self.constraints if one in chosen or one in cities)
+
+
+def is_mentioned(condition: Constraint, text: str) -> bool:
+    """Whether all words of a name that the condition is about, or all numbers of a speed, stand in the text."""
+    if condition.stage == "velocity":
+        numbers = re.findall(r"\d+", condition.label)
+        return bool(numbers) and set(numbers) <= set(re.findall(r"\d+", text))
+    asked = _stems(text)
+    names = [word for _, word in condition.words] or [condition.subject]
+    return any(_stems(name) <= asked for name in names)
+
+
+def _stems(text: str) -> set[str]:
+    return {word[:_STEM_LETTERS] for word in words_of(text)}

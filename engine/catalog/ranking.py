@@ -27,7 +27,7 @@ def rank(request: RankRequest, report: ProgressReporter) -> RankResponse:
 
 
 def build_index(request: BuildIndexRequest, report: ProgressReporter) -> BuildIndexResponse:
-    """Load the model and have the text index ready before anybody waits for it.
+    """Load the model and have the text index ready before the first search by text.
 
     Raises:
         ResourceFailure: the model cannot be loaded, or the index not be written.
@@ -53,10 +53,10 @@ def _semantic(request: RankRequest, texts: dict[str, str], report: ProgressRepor
     folder, built = ensure_generation(request.index, texts, model.identity, model.embed, report)
     report(0.9, "ranking by text")
     candidates = None if request.candidates is None else [key for key in request.candidates if key in texts]
-    found = query(folder, model.embed([request.text])[0], candidates, request.limit)
+    nearest = query(folder, model.embed([request.text])[0], candidates, request.limit)
     return RankResponse(
-        scenario_ids=tuple(key for key, _ in found),
-        scores=tuple(round(score, 4) for _, score in found),
+        scenario_ids=tuple(key for key, _ in nearest),
+        scores=tuple(round(score, 4) for _, score in nearest),
         built_index=built,
     )
 

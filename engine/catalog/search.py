@@ -1,4 +1,10 @@
-"""One search: the strict filter, the order of what is left, and the answer with its evidence and its way out."""
+"""One search: the strict filter, the order of what is left, and the answer with its evidence and its way out.
+
+A diverse choice takes few matches that cover much. An entry covers values of several dimensions: features, obstacle
+types, lanes, bands of speed, traffic and time to conflict. The greedy choice takes the entry that covers most that is
+not yet covered; it reaches at least 1 − 1/e of the best cover (Nemhauser, Wolsey and Fisher 1978). When all is covered,
+it begins anew with the rest.
+"""
 
 import sqlite3
 from collections.abc import Iterable, Mapping, Sequence
@@ -24,201 +30,27 @@ from .constraints import Constraint, constraints_of, location_constraints, measu
 from .funnel import Funnel
 from .tables import facts_of, summary
 
-# ---------- entries
-# Entries of the catalogue by number or by id, with what results are ordered by.
-
-_AT_ONCE = 500
-_MANY = 20_000
-_COLUMNS = "number, scenario_id, size, ttc_s"
+FALLBACKS, EXAMPLES = 3, 3
+"""Entries that come nearest, and examples of a relaxation, that an answer shows at most (chosen)."""
+RANKED_FALLBACKS = 50
+"""Of the nearest entries, those that a text is compared with where nothing matches (chosen)."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A scenario with one of its planning problems: ``size`` counts obstacles, ``ttc_s`` is None without an ego."""
+    """A scenario with one of its planning problems: ``size`` counts obstacles.
+
+    ``time_to_conflict_s`` is None without an ego, and ``NEVER_S`` where it never meets the recording.
+    """
 
     number: int
     scenario_id: str
     size: int
-    ttc_s: float | None
+    time_to_conflict_s: float | None
 
-
-def entries_of(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[Entry]:
-    """These entries in the alphabetical order of their ids."""
-    if len(numbers) > _MANY:
-        rows = connection.execute(f"SELECT {_COLUMNS} FROM catalog_scenarios ORDER BY scenario_id")  # noqa: S608 - fixed
-        return [Entry(*row) for row in rows if row[0] in numbers]
-    found = [Entry(*row) for chunk in _chunks(numbers) for row in _selected(connection, "number", chunk)]
-    return sorted(found, key=lambda entry: entry.scenario_id)
-
-
-def _numbers_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, int]:
-    """Numbers by id; ids that are not in the catalogue are left out."""
-    rows = (row for chunk in _chunks(scenario_ids) for row in _selected(connection, "scenario_id", chunk))
-    return {row[1]: row[0] for row in rows}
-
-
-def _selected(connection: sqlite3.Connection, column: str, values: list[object]) -> list[sqlite3.Row]:
-    holes = ", ".join("?" * len(values))
-    query = f"SELECT {_COLUMNS} FROM catalog_scenarios WHERE {column} IN ({holes})"  # noqa: S608 - fixed names, ? marks
-    return connection.execute(query, values).fetchall()
-
-
-def _chunks(values: Iterable[object]) -> Iterable[list[object]]:
-    remaining = iter(values)
-    while chunk := list(islice(remaining, _AT_ONCE)):
-        yield chunk
-
-
-# ---------- diverse
-# Choosing few matches that cover the feature space, and saying what they cover.
-#
-# An entry covers values of several dimensions: features, obstacle types, lanes, bands of speed, traffic and time to
-# collision. The greedy choice takes whoever covers most that is not yet covered; it reaches at least 1 − 1/e of the
-# best cover (Nemhauser, Wolsey and Fisher 1978). When all is covered, it begins anew with the rest.
-
-_BANDS: dict[str, tuple[float, ...]] = {
-    "ego_speed_mps": (0.5, 5, 10, 15, 25),
-    "obstacles_total": (1, 6, 20, 50),
-    "ttc_s": (1, 3, 6, 1e8),
-    "density_per_km": (2, 5, 10, 20),
-}
-_COLUMN_OF = {"ego_speed_mps": "speed_mps", "obstacles_total": "size"}
-MOST_CONSIDERED = 5000
-Values = frozenset[tuple[str, str]]
-"""What an entry covers: pairs of dimension and value."""
-
-
-def _covered_values(connection: sqlite3.Connection, entries: Sequence[Entry]) -> dict[str, Values]:
-    """What every entry covers, by id."""
-    chosen = {entry.number: entry.scenario_id for entry in entries}
-    found: dict[str, set[tuple[str, str]]] = {entry.scenario_id: set() for entry in entries}
-
-    def add(query: str, dimension: str) -> None:
-        for number, value in connection.execute(query):
-            if number in chosen and value is not None:
-                found[chosen[number]].add((dimension, str(value)))
-
-    add("SELECT number, word FROM catalog_words WHERE kind = 'feature'", "features")
-    add("SELECT number, obstacle FROM catalog_counts WHERE count > 0", "obstacles")
-    add("SELECT number, lanes FROM catalog_scenarios", "lanes")
-    add("SELECT number, country FROM catalog_scenarios", "countries")
-    for dimension, edges in _BANDS.items():
-        column = _COLUMN_OF.get(dimension, dimension)
-        for number, value in connection.execute(f"SELECT number, {column} FROM catalog_scenarios"):  # noqa: S608 - fixed
-            if number in chosen and value is not None:
-                found[chosen[number]].add((dimension, _band(value, edges)))
-    return {key: frozenset(values) for key, values in found.items()}
-
-
-def _most_diverse(values: Mapping[str, Values], wanted: int) -> list[str]:
-    """The ids of the greedy choice in its order; ties go to whoever stands earlier in ``values``."""
-    remaining, chosen = list(values), list[str]()
-    covered: set[tuple[str, str]] = set()
-    while remaining and len(chosen) < wanted:
-        best = max(remaining, key=lambda key: len(values[key] - covered))
-        if covered and not values[best] - covered:
-            covered = set()
-            continue
-        chosen.append(best)
-        remaining.remove(best)
-        covered |= values[best]
-        if not values[best]:
-            chosen += remaining[: wanted - len(chosen)]
-            break
-    return chosen
-
-
-def coverage(values: Mapping[str, Values], chosen: Sequence[str]) -> tuple[Coverage, ...]:
-    """What the chosen ones cover of all that occurs among the matches, dimension by dimension."""
-    there = frozenset().union(*values.values())
-    taken = frozenset().union(*(values[key] for key in chosen))
-    dimensions = sorted({dimension for dimension, _ in there})
-    return tuple(
-        Coverage(
-            dimension=dimension,
-            covered=tuple(sorted(value for name, value in taken if name == dimension)),
-            missed=tuple(sorted(value for name, value in there - taken if name == dimension)),
-        )
-        for dimension in dimensions
-    )
-
-
-def _band(value: float, edges: Sequence[float]) -> str:
-    for low, high in zip((None, *edges), (*edges, None), strict=True):
-        if high is None:
-            return f">={low:g}" if low != 1e8 else "never"
-        if value < high:
-            return f"<{high:g}" if low is None else f">={low:g}" if high == 1e8 else f"{low:g}..{high:g}"
-    return ""
-
-
-# ---------- evidence
-# The facts of a scenario behind a condition: why it is satisfied, or what stands in its way.
-
-
-def evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
-    """The fact that a condition looks at, in a few words: ``truck=2``, ``limit 50 km/h``, ``place Munich``."""
-    if constraint.stage == "location":
-        return f"{facts.location.place}, {facts.location.country}"
-    if constraint.stage == "tags":
-        return _tags(constraint, facts)
-    if constraint.stage == "obstacles":
-        name = obstacle_name(constraint.subject)
-        return f"{name}={facts.participants.counts.get(name, 0)}"
-    if constraint.stage == "velocity":
-        return f"ego {facts.ego.speed_mps:.2f} m/s ({facts.ego.speed_mps * 3.6:.1f} km/h)" if facts.ego else "no ego"
-    return _road_net(constraint, facts)
-
-
-def _unmet_label(constraint: Constraint, facts: ScenarioFacts) -> str:
-    """The condition and the fact that fails it: ``truck>=2 (truck=0)``."""
-    return f"{constraint.label} ({evidence(constraint, facts)})"
-
-
-def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
-    if not constraint.words:
-        return _measure(constraint, facts)
-    kind = constraint.words[0][0]
-    held = facts.tags if kind == "tag" else facts.features
-    shown = [word if word in held else f"no {word}" for _, word in constraint.words]
-    if constraint.negated or len(shown) == 1:
-        return f"{kind} {', '.join(shown)}"
-    carried = [word for word in shown if not word.startswith("no ")]
-    return f"{kind} {', '.join(carried or shown)}"
-
-
-def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
-    name = measure_name(constraint.subject)
-    if name == "horizon":
-        return f"horizon {facts.horizon_s:g} s"
-    if name == "density":
-        return f"density {facts.density_per_km:g} vehicles/km"
-    time_s = facts.ego.time_to_conflict_s if facts.ego else None
-    return "no collision if the ego keeps on" if time_s is None else f"ttc {time_s:g} s"
-
-
-def _road_net(constraint: Constraint, facts: ScenarioFacts) -> str:
-    name, roads = road_net_name(constraint.subject), facts.roads
-    everywhere = "@map" in constraint.label
-    if name == "lanes":
-        return f"lanes={facts.ego.lanes}" if facts.ego else "no ego"
-    if name == "speed_limit":
-        limits = roads.limits_map_kmh if everywhere else roads.limits_ego_kmh
-        return f"limit {'/'.join(f'{limit:g}' for limit in limits)} km/h" if limits else "no limit posted"
-    if name == "traffic_light":
-        there = bool(roads.traffic_lights_map) if everywhere else roads.traffic_light_ego
-    else:
-        there = name in (roads.signs_map if everywhere else roads.signs_ego)
-    return f"{'' if there else 'no '}{name}{' on the map' if everywhere else ''}"
-
-
-# ---------- search
-# One search: the strict filter, the order of what is left, and the answer with its evidence and its way out.
-
-FALLBACKS = 3
-EXAMPLES = 3
-RANKED_FALLBACKS = 50
-"""So many of the nearest entries a text is compared with where nothing matches."""
+    def criticality(self) -> tuple[bool, float, str]:
+        """By this the most critical entry comes first, entries without an ego last."""
+        return self.time_to_conflict_s is None, self.time_to_conflict_s or 0.0, self.scenario_id
 
 
 @dataclass(frozen=True)
@@ -299,13 +131,13 @@ class Search:
         if self.arguments.sort == "size":
             matches.sort(key=lambda entry: (-entry.size, entry.scenario_id))
         elif self.arguments.sort == "criticality":
-            matches.sort(key=lambda entry: (entry.ttc_s is None, entry.ttc_s or 0.0, entry.scenario_id))
+            matches.sort(key=Entry.criticality)
         ids = [entry.scenario_id for entry in matches]
         if self.arguments.diverse is None:
             return _Found(tuple(ordered), tuple(ids))
         values = _covered_values(self._connection, matches[:MOST_CONSIDERED])
         chosen = _most_diverse(values, self.arguments.diverse)
-        return _Found(tuple(ordered), tuple(chosen), coverage(values, chosen) if chosen else ())
+        return _Found(tuple(ordered), tuple(chosen), _coverage(values, chosen) if chosen else ())
 
     def answer(self, search_id: str, found: _Found, ranking: Ranking | None) -> FindScenariosResult:
         """The page that was asked for, and why nothing matches where nothing does."""
@@ -373,7 +205,7 @@ class Search:
         )
 
     def _fallback(self, found: _Found, ranking: Ranking | None) -> list[str]:
-        """What comes nearest: the text's best that leave conditions unmet, else who satisfies most conditions."""
+        """What comes nearest: by text, the best that leave conditions unmet, else what satisfies most conditions."""
         if not self.funnel.constraints:
             return []
         if self.arguments.method != "funnel":
@@ -403,7 +235,7 @@ class Search:
                 FoundScenario(
                     scenario_id=key,
                     summary=summary(facts[key]),
-                    satisfied=_once([evidence(one, facts[key]) for one in satisfied]),
+                    satisfied=_once([_evidence(one, facts[key]) for one in satisfied]),
                     unmet=tuple(_unmet_label(one, facts[key]) for one in unmet),
                     score=scores.get(key),
                 )
@@ -413,3 +245,171 @@ class Search:
 
 def _once(parts: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(part for part in parts if part))
+
+
+def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
+    """The fact that a condition looks at, in a few words: ``truck=2``, ``limit 50 km/h``, ``place Munich``."""
+    if constraint.stage == "location":
+        return f"{facts.location.place}, {facts.location.country}"
+    if constraint.stage == "tags":
+        return _tags(constraint, facts)
+    if constraint.stage == "obstacles":
+        name = obstacle_name(constraint.subject)
+        return f"{name}={facts.participants.counts.get(name, 0)}"
+    if constraint.stage == "velocity":
+        return f"ego {facts.ego.speed_mps:.2f} m/s ({facts.ego.speed_mps * 3.6:.1f} km/h)" if facts.ego else "no ego"
+    return _road_net(constraint, facts)
+
+
+def _unmet_label(constraint: Constraint, facts: ScenarioFacts) -> str:
+    """The condition and the fact that fails it: ``truck>=2 (truck=0)``."""
+    return f"{constraint.label} ({_evidence(constraint, facts)})"
+
+
+def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
+    if not constraint.words:
+        return _measure(constraint, facts)
+    kind = constraint.words[0][0]
+    held = facts.tags if kind == "tag" else facts.features
+    shown = [word if word in held else f"no {word}" for _, word in constraint.words]
+    if constraint.negated or len(shown) == 1:
+        return f"{kind} {', '.join(shown)}"
+    carried = [word for word in shown if not word.startswith("no ")]
+    return f"{kind} {', '.join(carried or shown)}"
+
+
+def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
+    name = measure_name(constraint.subject)
+    if name == "horizon":
+        return f"horizon {facts.horizon_s:g} s"
+    if name == "density":
+        return f"density {facts.density_per_km:g} vehicles/km"
+    time_s = facts.ego.time_to_conflict_s if facts.ego else None
+    return "no collision if the ego keeps on" if time_s is None else f"ttc {time_s:g} s"
+
+
+def _road_net(constraint: Constraint, facts: ScenarioFacts) -> str:
+    name, roads = road_net_name(constraint.subject), facts.roads
+    everywhere = "@map" in constraint.label
+    if name == "lanes":
+        return f"lanes={facts.ego.lanes}" if facts.ego else "no ego"
+    if name == "speed_limit":
+        limits = roads.limits_map_kmh if everywhere else roads.limits_ego_kmh
+        return f"limit {'/'.join(f'{limit:g}' for limit in limits)} km/h" if limits else "no limit posted"
+    if name == "traffic_light":
+        present = bool(roads.traffic_lights_map) if everywhere else roads.traffic_light_ego
+    else:
+        present = name in (roads.signs_map if everywhere else roads.signs_ego)
+    return f"{'' if present else 'no '}{name}{' on the map' if everywhere else ''}"
+
+
+_AT_ONCE = 500
+"""Values in one query: SQLite bounds them, in old versions to 999."""
+_MANY = 20_000
+"""Of more entries the whole table is read in its order, instead of these (chosen)."""
+_COLUMNS = "number, scenario_id, size, ttc_s"
+
+
+def entries_of(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[Entry]:
+    """These entries in the alphabetical order of their ids."""
+    if len(numbers) > _MANY:
+        rows = connection.execute(f"SELECT {_COLUMNS} FROM catalog_scenarios ORDER BY scenario_id")  # noqa: S608 - fixed
+        return [Entry(*row) for row in rows if row[0] in numbers]
+    entries = [Entry(*row) for chunk in _chunks(numbers) for row in _selected(connection, "number", chunk)]
+    return sorted(entries, key=lambda entry: entry.scenario_id)
+
+
+def _numbers_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, int]:
+    """Numbers by id; ids that are not in the catalogue are left out."""
+    rows = (row for chunk in _chunks(scenario_ids) for row in _selected(connection, "scenario_id", chunk))
+    return {row[1]: row[0] for row in rows}
+
+
+def _selected(connection: sqlite3.Connection, column: str, values: list[object]) -> list[sqlite3.Row]:
+    holes = ", ".join("?" * len(values))
+    query = f"SELECT {_COLUMNS} FROM catalog_scenarios WHERE {column} IN ({holes})"  # noqa: S608 - fixed names, ? marks
+    return connection.execute(query, values).fetchall()
+
+
+def _chunks(values: Iterable[object]) -> Iterable[list[object]]:
+    remaining = iter(values)
+    while chunk := list(islice(remaining, _AT_ONCE)):
+        yield chunk
+
+
+_BANDS: dict[str, tuple[float, ...]] = {
+    "ego_speed_mps": (0.5, 5, 10, 15, 25),
+    "obstacles_total": (1, 6, 20, 50),
+    "ttc_s": (1, 3, 6, 1e8),
+    "density_per_km": (2, 5, 10, 20),
+}
+"""Bounds of the bands by dimension (chosen); ``ttc_s`` is the time to conflict, beyond 1e8 where there is none."""
+_COLUMN_OF = {"ego_speed_mps": "speed_mps", "obstacles_total": "size"}
+MOST_CONSIDERED = 5000
+"""Matches that a diverse choice looks at, at most (chosen)."""
+Values = frozenset[tuple[str, str]]
+"""What an entry covers: pairs of dimension and value."""
+
+
+def _covered_values(connection: sqlite3.Connection, entries: Sequence[Entry]) -> dict[str, Values]:
+    """What every entry covers, by id."""
+    chosen = {entry.number: entry.scenario_id for entry in entries}
+    found: dict[str, set[tuple[str, str]]] = {entry.scenario_id: set() for entry in entries}
+
+    def add(query: str, dimension: str) -> None:
+        for number, value in connection.execute(query):
+            if number in chosen and value is not None:
+                found[chosen[number]].add((dimension, str(value)))
+
+    add("SELECT number, word FROM catalog_words WHERE kind = 'feature'", "features")
+    add("SELECT number, obstacle FROM catalog_counts WHERE count > 0", "obstacles")
+    add("SELECT number, lanes FROM catalog_scenarios", "lanes")
+    add("SELECT number, country FROM catalog_scenarios", "countries")
+    for dimension, edges in _BANDS.items():
+        column = _COLUMN_OF.get(dimension, dimension)
+        for number, value in connection.execute(f"SELECT number, {column} FROM catalog_scenarios"):  # noqa: S608 - fixed
+            if number in chosen and value is not None:
+                found[chosen[number]].add((dimension, _band(value, edges)))
+    return {key: frozenset(values) for key, values in found.items()}
+
+
+def _most_diverse(values: Mapping[str, Values], wanted: int) -> list[str]:
+    """The ids of the greedy choice in its order; of equal ones the earlier in ``values``."""
+    remaining, chosen = list(values), list[str]()
+    covered: set[tuple[str, str]] = set()
+    while remaining and len(chosen) < wanted:
+        best = max(remaining, key=lambda key: len(values[key] - covered))
+        if covered and not values[best] - covered:
+            covered = set()
+            continue
+        chosen.append(best)
+        remaining.remove(best)
+        covered |= values[best]
+        if not values[best]:
+            chosen += remaining[: wanted - len(chosen)]
+            break
+    return chosen
+
+
+def _coverage(values: Mapping[str, Values], chosen: Sequence[str]) -> tuple[Coverage, ...]:
+    """What the chosen ones cover of all that occurs among the matches, dimension by dimension."""
+    occurring = frozenset().union(*values.values())
+    taken = frozenset().union(*(values[key] for key in chosen))
+    dimensions = sorted({dimension for dimension, _ in occurring})
+    return tuple(
+        Coverage(
+            dimension=dimension,
+            covered=tuple(sorted(value for name, value in taken if name == dimension)),
+            missed=tuple(sorted(value for name, value in occurring - taken if name == dimension)),
+        )
+        for dimension in dimensions
+    )
+
+
+def _band(value: float, edges: Sequence[float]) -> str:
+    for low, high in zip((None, *edges), (*edges, None), strict=True):
+        if high is None:
+            return f">={low:g}" if low != 1e8 else "never"
+        if value < high:
+            return f"<{high:g}" if low is None else f">={low:g}" if high == 1e8 else f"{low:g}..{high:g}"
+    return ""

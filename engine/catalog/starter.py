@@ -1,4 +1,4 @@
-"""The starter catalogue: scenarios that come with the package, made by our own generator from our own maps.
+"""The starter catalogue: scenarios that come with the package, made by the generator from the built-in maps.
 
 The archive holds ``manifest.json``, ``facts.json`` (facts by scenario id, so that nothing has to be parsed when a
 workspace is new) and, for every scenario, ``scenarios/<id>.xml`` with ``scenarios/<id>.net.xml``.
@@ -19,7 +19,7 @@ from .updates import refresh
 
 ARCHIVE = "starter.zip"
 THREADS = 4
-"""Unpacking and waiting for the disk let go of the interpreter."""
+"""Unpacking and waiting for the disk release the interpreter's lock (chosen)."""
 _MARK = "CREATE TABLE IF NOT EXISTS catalog_starter (content TEXT PRIMARY KEY)"
 
 

@@ -2,7 +2,7 @@
 
 A row is an entry: a scenario with one of its planning problems. Its number is made of the sequence of the scenario's
 artifact, so that a server sees at once what another one added, and a crash between storing and cataloguing heals with
-the next search.
+the next search. Each entry holds its description in words, which is embedded and searched, beside its facts.
 """
 
 import sqlite3
@@ -11,108 +11,12 @@ from collections.abc import Iterable
 from ...schemas.scenarios import EgoFacts, ScenarioFacts
 from ..maps import place_keys
 
-# ---------- describe_text
-# A readable description of a scenario from its facts: what is embedded, and what a search shows in one line.
-
-_FEATURE_WORDS = {
-    "intersection": "an intersection",
-    "roundabout": "a roundabout",
-    "oncoming_traffic": "oncoming traffic",
-    "lead_vehicle": "a vehicle ahead in the ego's lane",
-}
-_MANOEUVRES = {
-    "ego_turns_left": "turns left",
-    "ego_turns_right": "turns right",
-    "ego_goes_straight": "goes straight on",
-    "ego_changes_lane": "changes lane",
-}
-
-
-def describe(facts: ScenarioFacts) -> str:
-    """A few plain sentences: place, kind of road, signs, traffic, the ego's start and task."""
-    where = f"{facts.location.place}, {facts.location.country}"
-    parts = [f"Traffic scenario in {where}."]
-    if facts.tags:
-        parts.append(f"Tagged {', '.join(tag.replace('_', ' ') for tag in facts.tags)}.")
-    seen = [words for feature, words in _FEATURE_WORDS.items() if feature in facts.features]
-    if seen:
-        parts.append(f"The road shows {', '.join(seen)}.")
-    parts.append(_road_sentence(facts))
-    parts.append(_traffic_sentence(facts))
-    if facts.ego:
-        parts.append(_ego_sentence(facts, facts.ego))
-    return " ".join(part for part in parts if part)
-
-
-def summary(facts: ScenarioFacts) -> str:
-    """One line: traffic, lanes, ego speed, manoeuvre."""
-    counts = ", ".join(f"{count} {kind}" for kind, count in _by_number(facts.participants.counts)) or "no traffic"
-    ego = facts.ego
-    parts = [counts]
-    if ego:
-        parts.append(f"ego {ego.speed_mps:.1f} m/s on {_lanes(ego.lanes)}")
-        parts += [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
-    return ", ".join(parts)
-
-
-def _road_sentence(facts: ScenarioFacts) -> str:
-    roads, parts = facts.roads, []
-    if facts.ego and facts.ego.lanes:
-        parts.append(f"{_lanes(facts.ego.lanes)} in the ego's direction")
-    if roads.limits_ego_kmh:
-        parts.append(f"speed limit {' and '.join(f'{limit:g}' for limit in roads.limits_ego_kmh)} km/h")
-    if roads.traffic_light_ego:
-        parts.append("a traffic light on the ego's lane")
-    elif roads.traffic_lights_map:
-        parts.append("traffic lights elsewhere on the map")
-    signs = [sign.replace("_", " ") for sign in roads.signs_ego if sign != "speed_limit"]
-    if signs:
-        parts.append(f"signs: {', '.join(signs)}")
-    return f"Road: {'; '.join(parts)}." if parts else ""
-
-
-def _traffic_sentence(facts: ScenarioFacts) -> str:
-    counts = _by_number(facts.participants.counts)
-    if not counts:
-        return "No other traffic."
-    amount = "Dense" if facts.participants.total >= 20 else "Some" if facts.participants.total >= 6 else "Little"
-    return f"{amount} traffic: {', '.join(f'{count} {_plural(kind, count)}' for kind, count in counts)}."
-
-
-def _ego_sentence(facts: ScenarioFacts, ego: EgoFacts) -> str:
-    pace = "stands" if ego.speed_mps < 0.5 else f"starts at {ego.speed_mps:.0f} m/s ({ego.speed_mps * 3.6:.0f} km/h)"
-    ways = [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
-    way = f" and {' and '.join(ways)} to its goal" if ways else ""
-    return f"The ego vehicle {pace}{way}, within {facts.horizon_steps * facts.step_s:.0f} s."
-
-
-def _by_number(counts: dict[str, int]) -> list[tuple[str, int]]:
-    return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
-
-
-def _plural(kind: str, count: int) -> str:
-    words = {"parkedVehicle": "parked vehicle", "priorityVehicle": "priority vehicle", "unknown": "unknown object"}
-    word = words.get(kind, kind)
-    return word if count == 1 else f"{word}es" if word == "bus" else f"{word}s"
-
-
-def _lanes(count: int) -> str:
-    return "1 lane" if count == 1 else f"{count} lanes"
-
-
-# ---------- tables
-# The catalogue's tables in SQLite: filled from the facts of scenarios, and rebuilt from them at any time.
-#
-# A row is an entry: a scenario with one of its planning problems. Its number is made of the sequence of the scenario's
-# artifact, so that a server sees at once what another one added, and a crash between storing and cataloguing heals with
-# the next search.
-
 VERSION = 3
 """Raised when tables or descriptions change: older tables are dropped and filled again."""
 MOST_ENTRIES = 1024
 """Planning problems of one file that are entered, and the step of the numbers between two artifacts."""
 NEVER_S = 1e9
-"""Stands in the tables for a time to collision that never comes."""
+"""Stands in the column ``ttc_s``, the time to conflict, where the ego never meets the recording."""
 _TABLES = ("catalog_scenarios", "catalog_words", "catalog_counts", "catalog_limits", "catalog_version")
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS catalog_scenarios (
@@ -140,8 +44,7 @@ CREATE TABLE IF NOT EXISTS catalog_version (version INTEGER NOT NULL, last_enter
 
 def is_ready(connection: sqlite3.Connection) -> bool:
     """Whether the tables exist in this version."""
-    found = connection.execute("SELECT name FROM sqlite_master WHERE name = 'catalog_version'").fetchone()
-    if found is None:
+    if connection.execute("SELECT name FROM sqlite_master WHERE name = 'catalog_version'").fetchone() is None:
         return False
     row = connection.execute("SELECT max(version) FROM catalog_version").fetchone()
     return row is not None and row[0] == VERSION
@@ -201,7 +104,7 @@ def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts)
             facts.horizon_s,
             facts.density_per_km,
             facts.model_dump_json(),
-            describe(facts),
+            description_of(facts),
         ),
     )
     if entered.rowcount == 0:
@@ -222,12 +125,12 @@ def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts)
 
 def facts_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, ScenarioFacts]:
     """The facts of these scenarios; ids that are not in the catalogue are left out."""
-    found = {}
+    facts = {}
     for scenario_id in scenario_ids:
         row = connection.execute("SELECT facts FROM catalog_scenarios WHERE scenario_id = ?", (scenario_id,)).fetchone()
         if row is not None:
-            found[scenario_id] = ScenarioFacts.model_validate_json(row[0])
-    return found
+            facts[scenario_id] = ScenarioFacts.model_validate_json(row[0])
+    return facts
 
 
 def descriptions(connection: sqlite3.Connection) -> dict[str, str]:
@@ -247,3 +150,89 @@ def _words(facts: ScenarioFacts) -> list[tuple[str, str]]:
     words += [("sign@ego", "speed_limit")] if roads.limits_ego_kmh else []
     words += [("sign@map", "speed_limit")] if roads.limits_map_kmh else []
     return words
+
+
+_FEATURE_WORDS = {
+    "intersection": "an intersection",
+    "roundabout": "a roundabout",
+    "oncoming_traffic": "oncoming traffic",
+    "lead_vehicle": "a vehicle ahead in the ego's lane",
+}
+_MANOEUVRES = {
+    "ego_turns_left": "turns left",
+    "ego_turns_right": "turns right",
+    "ego_goes_straight": "goes straight on",
+    "ego_changes_lane": "changes lane",
+}
+
+
+def description_of(facts: ScenarioFacts) -> str:
+    """A few plain sentences: place, kind of road, signs, traffic, the ego's start and task."""
+    where = f"{facts.location.place}, {facts.location.country}"
+    parts = [f"Traffic scenario in {where}."]
+    if facts.tags:
+        parts.append(f"Tagged {', '.join(tag.replace('_', ' ') for tag in facts.tags)}.")
+    seen = [words for feature, words in _FEATURE_WORDS.items() if feature in facts.features]
+    if seen:
+        parts.append(f"The road shows {', '.join(seen)}.")
+    parts.append(_road_sentence(facts))
+    parts.append(_traffic_sentence(facts))
+    if facts.ego:
+        parts.append(_ego_sentence(facts, facts.ego))
+    return " ".join(part for part in parts if part)
+
+
+def summary(facts: ScenarioFacts) -> str:
+    """A scenario in one line: traffic, lanes, ego speed, manoeuvre."""
+    counts = ", ".join(f"{count} {kind}" for kind, count in _by_number(facts.participants.counts)) or "no traffic"
+    ego = facts.ego
+    parts = [counts]
+    if ego:
+        parts.append(f"ego {ego.speed_mps:.1f} m/s on {_lanes(ego.lanes)}")
+        parts += [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
+    return ", ".join(parts)
+
+
+def _road_sentence(facts: ScenarioFacts) -> str:
+    roads, parts = facts.roads, []
+    if facts.ego and facts.ego.lanes:
+        parts.append(f"{_lanes(facts.ego.lanes)} in the ego's direction")
+    if roads.limits_ego_kmh:
+        parts.append(f"speed limit {' and '.join(f'{limit:g}' for limit in roads.limits_ego_kmh)} km/h")
+    if roads.traffic_light_ego:
+        parts.append("a traffic light on the ego's lane")
+    elif roads.traffic_lights_map:
+        parts.append("traffic lights elsewhere on the map")
+    signs = [sign.replace("_", " ") for sign in roads.signs_ego if sign != "speed_limit"]
+    if signs:
+        parts.append(f"signs: {', '.join(signs)}")
+    return f"Road: {'; '.join(parts)}." if parts else ""
+
+
+def _traffic_sentence(facts: ScenarioFacts) -> str:
+    counts = _by_number(facts.participants.counts)
+    if not counts:
+        return "No other traffic."
+    amount = "Dense" if facts.participants.total >= 20 else "Some" if facts.participants.total >= 6 else "Little"
+    return f"{amount} traffic: {', '.join(f'{count} {_plural(kind, count)}' for kind, count in counts)}."
+
+
+def _ego_sentence(facts: ScenarioFacts, ego: EgoFacts) -> str:
+    pace = "stands" if ego.speed_mps < 0.5 else f"starts at {ego.speed_mps:.0f} m/s ({ego.speed_mps * 3.6:.0f} km/h)"
+    manoeuvres = [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
+    task = f" and {' and '.join(manoeuvres)} to its goal" if manoeuvres else ""
+    return f"The ego vehicle {pace}{task}, within {facts.horizon_steps * facts.step_s:.0f} s."
+
+
+def _by_number(counts: dict[str, int]) -> list[tuple[str, int]]:
+    return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+
+
+def _plural(kind: str, count: int) -> str:
+    words = {"parkedVehicle": "parked vehicle", "priorityVehicle": "priority vehicle", "unknown": "unknown object"}
+    word = words.get(kind, kind)
+    return word if count == 1 else f"{word}es" if word == "bus" else f"{word}s"
+
+
+def _lanes(count: int) -> str:
+    return "1 lane" if count == 1 else f"{count} lanes"

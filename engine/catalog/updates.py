@@ -1,7 +1,12 @@
 """Bringing the catalogue's tables up to date with the scenarios of the workspace.
 
 The stored artifacts are the truth: what another server stored, or what a crash left uncatalogued, is entered by the
-next search. Of a scenario's versions only one is listed.
+next search.
+
+A file that was changed and imported again is a *version*, which names the one that it supersedes; all that hang
+together are a family. The catalogue lists the member that was added last, or an earlier one that was imported again
+since. The latter is kept in a table of its own: artifacts are never changed, and what a user listed again must stay
+listed when the catalogue is rebuilt.
 """
 
 import sqlite3
@@ -10,13 +15,6 @@ from collections.abc import Iterable
 from ...schemas.scenarios import ScenarioRecord
 from ..workspace import Database
 from .tables import add_scenario, is_ready, last_entered, prepare, remove_scenario, set_last_entered
-
-# ---------- versions
-# Versions of a scenario: a file that was changed and imported again takes the place of what was imported before.
-#
-# A version names the one that it supersedes; all that hang together are a family. The catalogue lists the member that
-# was added last, or an earlier one that was imported again since. The latter is kept in a table of its own: artifacts
-# are never changed, and what a user listed again must stay listed when the catalogue is rebuilt.
 
 _FAMILY = """
 WITH RECURSIVE
@@ -36,41 +34,8 @@ CREATE TABLE IF NOT EXISTS versions_listed_again (newest TEXT PRIMARY KEY, liste
 """Counts as long as nothing newer than ``newest`` was added to its family."""
 
 
-def family(connection: sqlite3.Connection, scenario_id: str) -> tuple[str, ...]:
-    """All versions that hang together with this stored one, in the order in which they were added."""
-    return tuple(str(row[0]) for row in connection.execute(_FAMILY, (scenario_id,)))
-
-
-def listed_version(connection: sqlite3.Connection, scenario_id: str) -> str:
-    """The version of this scenario that the catalogue lists."""
-    newest = family(connection, scenario_id)[-1]
-    if not _has_table(connection):
-        return newest
-    row = connection.execute("SELECT listed FROM versions_listed_again WHERE newest = ?", (newest,)).fetchone()
-    return newest if row is None else str(row[0])
-
-
-def _list_version(connection: sqlite3.Connection, scenario_id: str) -> None:
-    """Let the catalogue list this version instead of those that were added later; within a writing transaction."""
-    newest = family(connection, scenario_id)[-1]
-    connection.execute(_LISTED_AGAIN)
-    connection.execute("INSERT OR REPLACE INTO versions_listed_again VALUES (?, ?)", (newest, scenario_id))
-
-
-def _has_table(connection: sqlite3.Connection) -> bool:
-    query = "SELECT 1 FROM sqlite_master WHERE name = 'versions_listed_again'"
-    return connection.execute(query).fetchone() is not None
-
-
-# ---------- refresh
-# Bringing the catalogue's tables up to date with the scenarios of the workspace.
-#
-# The stored artifacts are the truth: what another server stored, or what a crash left uncatalogued, is entered by the
-# next search. Of a scenario's versions only one is listed.
-
-
 def refresh(database: Database) -> int:
-    """Enter the scenarios that are stored but not yet in the tables; gives their number.
+    """Enter the scenarios that are stored but not yet in the tables; returns their number.
 
     Raises:
         ResourceFailure: the database cannot be written.
@@ -83,7 +48,7 @@ def refresh(database: Database) -> int:
 
 
 def _enter_missing(connection: sqlite3.Connection) -> int:
-    """As ``refresh``, within a writing transaction and with tables that are there; gives the number entered."""
+    """As ``refresh``, within a writing transaction and with tables that exist."""
     rows = _missing(connection)
     changed = []
     for sequence, artifact_id, record in rows:
@@ -140,3 +105,29 @@ def _missing(connection: sqlite3.Connection) -> list[tuple[int, str, str]]:
         (last_entered(connection),),
     )
     return [(int(row[0]), str(row[1]), str(row[2])) for row in rows]
+
+
+def family(connection: sqlite3.Connection, scenario_id: str) -> tuple[str, ...]:
+    """All versions that hang together with this stored one, in the order in which they were added."""
+    return tuple(str(row[0]) for row in connection.execute(_FAMILY, (scenario_id,)))
+
+
+def listed_version(connection: sqlite3.Connection, scenario_id: str) -> str:
+    """The version of this scenario that the catalogue lists."""
+    newest = family(connection, scenario_id)[-1]
+    if not _has_table(connection):
+        return newest
+    row = connection.execute("SELECT listed FROM versions_listed_again WHERE newest = ?", (newest,)).fetchone()
+    return newest if row is None else str(row[0])
+
+
+def _list_version(connection: sqlite3.Connection, scenario_id: str) -> None:
+    """Let the catalogue list this version instead of those that were added later; within a writing transaction."""
+    newest = family(connection, scenario_id)[-1]
+    connection.execute(_LISTED_AGAIN)
+    connection.execute("INSERT OR REPLACE INTO versions_listed_again VALUES (?, ?)", (newest, scenario_id))
+
+
+def _has_table(connection: sqlite3.Connection) -> bool:
+    query = "SELECT 1 FROM sqlite_master WHERE name = 'versions_listed_again'"
+    return connection.execute(query).fetchone() is not None

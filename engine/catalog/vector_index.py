@@ -5,7 +5,9 @@ lock, marked complete last, and never written again: a second process that write
 reads of the first. Readers open a new client for a new generation.
 
 Chroma runs in this process only, without embedding functions (a stored one would be rebuilt by whoever opens the
-collection: CVE-2026-45829) and without telemetry.
+collection: CVE-2026-45829) and without telemetry. Texts become vectors by sentence-transformers: the packaged MiniLM, or
+any other model by setting. Loading one takes from seven seconds to half a minute, so workers only; a loaded model is kept
+for the life of the process.
 """
 
 import hashlib
@@ -30,14 +32,19 @@ from ...schemas.catalog import PACKAGED_MODEL
 from ...schemas.errors import ResourceFailure
 from ..execution import ProgressReporter, silent
 
-# ---------- embedding
-# Texts to vectors by sentence-transformers: the packaged MiniLM, or any other model by setting.
-#
-# Loading takes from seven seconds to half a minute, so workers only; a loaded model is kept for the life of the
-# process.
-
 Vectors = NDArray[np.float32]
 Embed = Callable[[Sequence[str]], Vectors]
+
+COLLECTION = "scenarios"
+COMPLETE = "complete"
+"""The file that marks a generation as complete; its date says when it was used last."""
+LOCK_TIMEOUT_S = 120.0
+"""For another process to build its generation (chosen; 100,000 descriptions are embedded in more)."""
+GRACE_S = 3600.0
+"""A generation that was opened less than an hour ago may still be read by another server."""
+_BATCH = 1000
+_EMBEDDED_AT_ONCE = 64
+"""Vectors that Chroma takes, and texts that are embedded, between two reports (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -109,25 +116,6 @@ def _folder_of(model: EmbeddingModel) -> str | None:
     return str(get_model_path())
 
 
-# ---------- vector_index
-# The Chroma index: a cache in immutable generations that is rebuilt from SQLite whenever the catalogue changes.
-#
-# A generation is a folder named after what is in it (ids, descriptions, model). It is written by one process under a
-# lock, marked complete last, and never written again: a second process that writes into a live collection breaks the
-# reads of the first. Readers open a new client for a new generation.
-#
-# Chroma runs in this process only, without embedding functions (a stored one would be rebuilt by whoever opens the
-# collection: CVE-2026-45829) and without telemetry.
-
-COLLECTION = "scenarios"
-COMPLETE = "complete"
-LOCK_TIMEOUT_S = 120.0
-GRACE_S = 3600.0
-"""A generation that was opened less than an hour ago may still be read by another server."""
-_BATCH = 1000
-_EMBEDDED_AT_ONCE = 64
-
-
 def _generation_name(texts: Mapping[str, str], model: str) -> str:
     """The name of the generation that holds these texts, by id, embedded by this model."""
     content = json.dumps([model, sorted(texts.items())], ensure_ascii=False, separators=(",", ":"))
@@ -169,7 +157,7 @@ def ensure_generation(
 def _used_now(folder: Path, at_most_unused_s: float = math.inf) -> bool:
     """Whether the generation is complete and was not unused for longer; its marker is dated now, so that it stays.
 
-    Without the lock only a generation that nobody may remove yet can be dated. And only an existing marker is: made
+    Without the lock only a generation that no process may remove yet can be dated. And only an existing marker is: made
     anew, it would call complete what another process has just removed.
     """
     marker = folder / COMPLETE
@@ -189,7 +177,7 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
         folder: a complete generation.
         vector: shape (384,), unit length.
         candidates: ids to choose from; None for all.
-        limit: at most so many.
+        limit: the most that are returned.
     """
     if candidates is not None and not candidates:
         return []
@@ -198,13 +186,15 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
     wanted = min(limit, count if candidates is None else len(candidates))
     if wanted == 0:
         return []
-    found = collection.query(
+    answer = collection.query(
         query_embeddings=[vector.tolist()],
         ids=None if candidates is None else list(candidates),
         n_results=wanted,
         include=["distances"],
     )
-    pairs = [(key, 1.0 - float(distance)) for key, distance in zip(found["ids"][0], found["distances"][0], strict=True)]
+    pairs = [
+        (key, 1.0 - float(distance)) for key, distance in zip(answer["ids"][0], answer["distances"][0], strict=True)
+    ]
     return sorted(pairs, key=lambda pair: (-round(pair[1], 6), pair[0]))
 
 
