@@ -33,7 +33,7 @@ _ROAD_NET_WORDS = {"signal": "traffic_light", "trafficsignal": "traffic_light", 
 SPEED_TOLERANCE_MPS = 2.0
 """To either side of a single speed (the paper)."""
 LIMIT_TOLERANCE_KMH = 0.5
-"""To either side of a posted limit: files state it in m/s, rounded."""
+"""To either side of a posted limit, which files state in m/s (chosen)."""
 MEASURE_COLUMNS = {"ttc": "ttc_s", "horizon": "horizon_s", "density": "density_per_km"}
 """The column of ``catalog_scenarios`` that holds a measure; ``ttc_s`` is the time to conflict."""
 _ROUNDING = 1e-6

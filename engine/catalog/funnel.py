@@ -23,7 +23,7 @@ _STEM_LETTERS = 5
 FEW = 5000
 """Up to this number of entries, a condition is looked up for each of them (chosen)."""
 WEIGHTS: dict[Stage, float] = {"location": 8.0, "obstacles": 4.0, "road_net": 3.0, "velocity": 1.5, "tags": 1.0}
-"""What a satisfied condition counts for in a fallback, before its rarity is added (measured: docs/selection.md)."""
+"""What a satisfied condition counts for in a fallback, before its rarity is added (chosen)."""
 MENTIONED = 3.0
 """What a condition counts for more where the user's own words name it; with it, a tag counts as much as a count."""
 

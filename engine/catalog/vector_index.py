@@ -5,9 +5,9 @@ lock, marked complete last, and never written again: a second process that write
 reads of the first. Readers open a new client for a new generation.
 
 Chroma runs in this process only, without embedding functions (a stored one would be rebuilt by whoever opens the
-collection: CVE-2026-45829) and without telemetry. Texts become vectors by sentence-transformers: the packaged MiniLM, or
-any other model by setting. Loading one takes from seven seconds to half a minute, so workers only; a loaded model is kept
-for the life of the process.
+collection: CVE-2026-45829) and without telemetry. Texts become vectors by sentence-transformers: the packaged MiniLM,
+or any other model by setting. Loading one takes from seven seconds to half a minute, so workers only; a loaded model is
+kept for the life of the process.
 """
 
 import hashlib
@@ -39,7 +39,7 @@ COLLECTION = "scenarios"
 COMPLETE = "complete"
 """The file that marks a generation as complete; its date says when it was used last."""
 LOCK_TIMEOUT_S = 120.0
-"""For another process to build its generation (chosen; 100,000 descriptions are embedded in more)."""
+"""For another process to build its generation (chosen)."""
 GRACE_S = 3600.0
 """A generation that was opened less than an hour ago may still be read by another server."""
 _BATCH = 1000
