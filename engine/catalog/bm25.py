@@ -1,8 +1,8 @@
 """BM25: ranking texts by the words they share with a query.
 
 Robertson and Zaragoza, The Probabilistic Relevance Framework (2009), with k1 = 1.5 and b = 0.75. SQLite's FTS5 has a
-bm25() too, with k1 = 1.2 and another weight of words, both fixed: of the 100 requests of the selection corpus it puts the
-same five scenarios first in the same order for 49, and all in the same order for 11.
+bm25() too, with k1 = 1.2 and another weight of words, both fixed: of the 100 requests of the selection corpus it puts
+the same five scenarios first in the same order for 49, and all in the same order for 11.
 """
 
 import math
