@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 
-from ..engine.catalog import Ranking, Search, describe, open_catalogue, scenario_facets
+from ..engine.catalog import Ranking, Search, description_of, open_catalogue, scenario_facets
 from ..engine.cosimulation import presets as behaviour_presets
 from ..engine.planners import PLANNERS
 from ..engine.tuning import tuning_of
@@ -111,7 +111,7 @@ async def _ranking(search: Search, call: ToolCall) -> Ranking:
     arguments, candidates = search.arguments, search.candidates()
     text = arguments.text or ""
     if arguments.like is not None:
-        text = f"{text} {describe(_example(arguments.like, call))}".strip()
+        text = f"{text} {description_of(_example(arguments.like, call))}".strip()
     request = RankRequest(
         database=call.workspace.database.path,
         index=call.workspace.root / INDEX_FOLDER,
