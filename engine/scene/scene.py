@@ -64,8 +64,8 @@ class Scene:
     lanelets as SUMO's edges, lanes and paths through junctions; ``matcher``, for questions by position; ``tracks``,
     recorded vehicles that move by a trajectory, by id; ``standing``, static obstacles as tracks of one pose;
     ``regions``, dynamic obstacles without a trajectory as bounding tracks, which are in the way of all others;
-    ``matches``, the lanelets of each of these tracks that is near any; ``last_step``, that of the recording; ``ego``,
-    the start of the planning problem, None without one.
+    ``matches``, the lanelets of each track, moving or standing, that is near any; ``last_step``, that of the recording;
+    ``ego``, the start of the planning problem, None without one.
 
     Made when first asked for, and kept: the graphs (``lanelet_graph``, ``driven_graph``, ``edge_graph``), the speeds of
     lanes, which are posted or usual ones raised to what was recorded (``straight_speeds_mps``, ``lane_speeds_mps``,

@@ -207,7 +207,7 @@ class Sumo:
         self.allow_lane_changes(key, LaneChanges.NONE)
 
     def show_speed(self, key: str, speed_mps: float) -> None:
-        """Tell the other drivers the speed of a vehicle that is placed by hand."""
+        """Set the speed that other drivers see of a vehicle that is placed by hand."""
         self._vehicle.setPreviousSpeed(key, max(speed_mps, 0.0))
 
     def set_width(self, key: str, width_m: float) -> None:

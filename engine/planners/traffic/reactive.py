@@ -282,7 +282,7 @@ class ShownVehicle:
         self._sumo.move_to(self._entry, pose, hint)
 
     def settle(self, speed_mps: float, there: frozenset[str]) -> None:
-        """After the step: tell the others its speed, and let the entry before leave; ``there``: what is in SUMO."""
+        """After the step: show its speed, and take the entry before out; ``there``: the vehicles on the network."""
         self._sumo.remove(self._entry_before)
         self._entry_before = ""
         if self._entry in there:

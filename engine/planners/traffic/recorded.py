@@ -46,7 +46,7 @@ class Traffic(Protocol):
 
 
 @dataclass(frozen=True)
-class _Body:
+class _CollisionBody:
     obstacle_id: int
     kind: str
     shape: "pycrcc.CollisionObject"
@@ -70,7 +70,7 @@ class RecordedTraffic:
         self.standing: tuple[Track, ...] = tuple(_static_track(obstacle) for obstacle in scenario.static_obstacles)
         obstacles = [*scenario.dynamic_obstacles, *scenario.static_obstacles]
         self._bodies = [
-            _Body(int(o.obstacle_id), str(o.obstacle_type.value), create_collision_object(o))
+            _CollisionBody(int(o.obstacle_id), str(o.obstacle_type.value), create_collision_object(o))
             for o in sorted(obstacles, key=lambda o: int(o.obstacle_id))
             if int(o.obstacle_id) not in without
         ]
