@@ -1,4 +1,4 @@
-# Two commands for everyone: `make demo` and `make test`. For developers: check, bench, format, clean.
+# Two commands for everyone: `make demo` and `make test`. For developers: check, coverage, bench, format, clean.
 .DEFAULT_GOAL := help
 SHELL := /bin/bash
 
@@ -8,12 +8,13 @@ STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 
-.PHONY: help demo test check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
+.PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes starter house format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
 	@echo "make test    set everything up and run the tests"
+	@echo "make coverage run the tests and fail where they reach less of the code than the figure in pyproject (developers)"
 	@echo "make check   lint, types and import directions (developers)"
 	@echo "make bench   measure what the README states, one bench after the other; takes long (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
@@ -36,6 +37,10 @@ $(DEV_STAMP): $(STAMP)
 	@echo "==> Installing what the tests need"
 	@bash scripts/setup.sh $(VENV) dev
 	@touch $@
+
+coverage: $(DEV_STAMP)
+	@echo "==> Running the tests on $(WORKERS) processes and measuring which lines and branches they reach"
+	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal --cov --cov-branch --cov-report term $(TESTS)
 
 check: lint types layers
 
@@ -101,5 +106,5 @@ format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff check --fix .
 
 clean:
-	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache demo-output
+	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output
 	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +

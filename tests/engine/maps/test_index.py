@@ -19,7 +19,7 @@ def test_a_map_is_found_by_what_people_call_it() -> None:
     assert places(place="Hauptstraße / Bahnhofstr.") == ["Musterstadt"]
     assert places(place="Torfweg, Landmoor") == ["Landmoor"]
     assert places(bbox=(54.59, 5.19, 54.601, 5.21)) == ["Musterstadt"]
-    assert len(places(country="ZAM")) == 6
+    assert places(country="ZAM") == [entry.facts.place for entry in built_in_maps() if entry.facts.country == "ZAM"]
 
 
 def test_maps_that_hold_the_wished_site_come_first() -> None:

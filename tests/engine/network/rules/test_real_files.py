@@ -2,7 +2,7 @@
 
 import io
 import zipfile
-from collections import Counter
+from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
 
@@ -10,34 +10,23 @@ import pytest
 
 from plannerforge.engine.network.rules.check import check_file
 
-FILES_WITH = {
-    "bound_crosses_itself": 4,
-    "bounds_cross": 1,
-    "heading_jump": 1,
-    "incoming_without_exit": 1,
-    "intersection_without_incoming": 34,
-    "neighbour_apart": 2,
-    "overlapping_lanelets": 1,
-    "repeated_points": 15,
-    "sign_without_plate": 2,
-    "too_tight": 1,
-    "unknown_lanelet_at_intersection": 4,
-}
-"""Files with at least one finding, by rule; docs/rules.md says what they are."""
-
-GOOD_FILES = tuple((Path(__file__).parent / "good_files.txt").read_text(encoding="utf-8").split())
+FOLDER = Path(__file__).parent
+GOOD_FILES = (FOLDER / "good_files.txt").read_text(encoding="utf-8").split()
 """Real files without a defect, by name."""
 
+DEFECTS = {
+    name: rules
+    for name, *rules in map(str.split, (FOLDER / "known_defects.txt").read_text(encoding="utf-8").splitlines())
+}
+"""The rules that real files break, by the file's name; docs/rules.md says what the defects are."""
 
-def test_rules_find_the_known_defects_of_100_real_files_and_nothing_else(shared_data: Path) -> None:
-    files = sorted((shared_data / "data" / "commonroad").glob("*.xml"))
-    chosen = [*files[::2], *files[1:5:2]]
-    checked = [check_file(path) for path in chosen]
-    found = Counter(rule for file in checked for rule in {finding.rule for finding in file.findings})
-    assert len(chosen) == 100
-    assert not any(file.unreadable for file in checked)
-    assert dict(found) == FILES_WITH
-    assert sum(not file.findings for file in checked) == 50
+
+def there(shared_data: Path, names: Iterable[str]) -> list[Path]:
+    """Those of the known real files that the shared folder holds; it may change, but most of them have to be there."""
+    paths = [shared_data / "data" / "commonroad" / name for name in names]
+    found = [path for path in paths if path.is_file()]
+    assert len(found) > len(paths) / 2
+    return found
 
 
 def findings_in(path: Path) -> dict[str, list[str]]:
@@ -47,10 +36,13 @@ def findings_in(path: Path) -> dict[str, list[str]]:
     return {path.name: broken} if broken else {}
 
 
-def test_rules_are_silent_on_94_good_real_files(shared_data: Path) -> None:
-    folder = shared_data / "data" / "commonroad"
-    false_alarms = [found for name in GOOD_FILES if (found := findings_in(folder / name))]
-    assert len(set(GOOD_FILES)) == 94
+def test_rules_find_the_known_defects_of_real_files_and_nothing_else(shared_data: Path) -> None:
+    broken = {path.name: sorted(set(findings_in(path).get(path.name, ()))) for path in there(shared_data, DEFECTS)}
+    assert broken == {name: DEFECTS[name] for name in broken}
+
+
+def test_rules_are_silent_on_good_real_files(shared_data: Path) -> None:
+    false_alarms = [found for path in there(shared_data, GOOD_FILES) if (found := findings_in(path))]
     assert false_alarms == []
 
 
@@ -66,5 +58,5 @@ def starter_files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 def test_rules_are_silent_on_the_starter_catalogue(starter_files: list[Path]) -> None:
     false_alarms = [found for path in starter_files if (found := findings_in(path))]
-    assert len(starter_files) >= 32
+    assert starter_files
     assert false_alarms == []
