@@ -11,7 +11,7 @@ ScenarioType = Literal[
     "any", "highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"
 ]
 Density = Literal["low", "medium", "high"]
-SHOWN_IN_FULL = 5
+_SHOWN_IN_FULL = 5
 """Scenarios that an answer shows with all figures; chosen to keep it short."""
 
 
@@ -292,8 +292,8 @@ class GenerateScenariosResult(Result):
 
     def to_text(self) -> str:
         """A few lines a scenario, asked beside realised; of many the first ones, and the ids of all."""
-        shown = self.scenarios[:SHOWN_IN_FULL]
-        rest = ", ".join(made.scenario_id for made in self.scenarios[SHOWN_IN_FULL:])
+        shown = self.scenarios[:_SHOWN_IN_FULL]
+        rest = ", ".join(made.scenario_id for made in self.scenarios[_SHOWN_IN_FULL:])
         body = [line for made in shown for line in made.lines()]
         notes = [f"Note: {note}" for note in self.notes]
         more = [f"Also made, alike: {rest}"] if rest else []

@@ -37,14 +37,15 @@ answers with runs, or with a job for get_job when it takes long. analyze_results
 against B, render draws. Everything made is kept under its id; "latest" means the newest of its kind. Pass the user's \
 words and units on; a refusal names what is valid and the next call. Figures in answers are computed: quote them with \
 their ids, and never invent ids or numbers."""
-PROGRESS_INTERVAL_S = 0.5
-ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
+_PROGRESS_INTERVAL_S = 0.5
+"""Reports of progress that follow each other faster are dropped; chosen."""
+_ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 
 
 class PlannerForgeServer(MCPServer[Services]):
     """An MCP server whose tools come from the registry and share the services of its lifespan."""
 
-    def __init__(self, tools: tuple[ToolSpec, ...], open_services: ServicesFactory, journal: Journal | None) -> None:
+    def __init__(self, tools: tuple[ToolSpec, ...], open_services: _ServicesFactory, journal: Journal | None) -> None:
         @asynccontextmanager
         async def lifespan(server: MCPServer[Services]) -> AsyncIterator[Services]:
             del server
@@ -151,7 +152,7 @@ class _PacedProgress:
     async def send(self, share: float, message: str) -> None:
         """Report the share done in [0, 1], if there is news and it is time."""
         now = anyio.current_time()
-        if share <= self._share or (now - self._sent_at < PROGRESS_INTERVAL_S and share < 1.0):
+        if share <= self._share or (now - self._sent_at < _PROGRESS_INTERVAL_S and share < 1.0):
             return
         self._share, self._sent_at = share, now
         await self._context.report_progress(round(share, 4), 1.0, message or None)

@@ -10,7 +10,8 @@ from pydantic_core import ErrorDetails
 
 from ..schemas.errors import InvalidRequest, closest
 
-SHOWN_CHARACTERS = 60
+_SHOWN_CHARACTERS = 60
+"""Characters of a given value that a refusal repeats; chosen."""
 
 
 def read_arguments(model: type[BaseModel], given: Mapping[str, Any]) -> BaseModel:
@@ -111,4 +112,4 @@ _BOUNDS = (("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "to")
 
 def _short(value: Any) -> str:
     text = repr(value) if isinstance(value, str) else json.dumps(value, default=str)
-    return text if len(text) <= SHOWN_CHARACTERS else text[:SHOWN_CHARACTERS] + "…"
+    return text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "…"

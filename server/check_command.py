@@ -10,7 +10,8 @@ from rich.table import Column, Table
 
 from ..schemas.network_rules import CheckedFile
 
-SHOWN_IDS = 4
+_SHOWN_IDS = 4
+"""Ids that a line lists of one finding; chosen."""
 
 
 def check_files(paths: Sequence[Path], *, as_json: bool) -> int:
@@ -56,8 +57,8 @@ def _print(checked: Sequence[CheckedFile]) -> None:
 
 
 def _ids(elements: tuple[int, ...]) -> str:
-    more = len(elements) - SHOWN_IDS
-    return " ".join(map(str, elements[:SHOWN_IDS])) + (f" +{more}" if more > 0 else "")
+    more = len(elements) - _SHOWN_IDS
+    return " ".join(map(str, elements[:_SHOWN_IDS])) + (f" +{more}" if more > 0 else "")
 
 
 def _plain(text: str) -> str:

@@ -17,8 +17,9 @@ from .tokens import count_tokens
 
 logger = logging.getLogger(__name__)
 KEPT_FILES = 5
-MOST_IDS = 20
-CLOSE_TIMEOUT_S = 10.0
+_MOST_IDS = 20
+"""Rotated files that are kept, and ids that a line holds of one answer; chosen."""
+_CLOSE_TIMEOUT_S = 10.0
 """Reading the tables of the token count takes about a second, which is longer than many a single call."""
 _ID = re.compile(
     r"\b(?:(?:cfg|run|batch|search|job)_[0-9a-f]{8,}(?:_\d+)?|map_\w+|(?:C-)?[A-Z]{3}_[A-Za-z]\w*-[\w\-]+)"
@@ -72,7 +73,7 @@ class Journal:
         """Write what is waiting, and stop."""
         if self._thread is not None:
             self._waiting.put(None)
-            self._thread.join(timeout=CLOSE_TIMEOUT_S)
+            self._thread.join(timeout=_CLOSE_TIMEOUT_S)
             self._thread = None
 
     def _write(self) -> None:
@@ -109,7 +110,7 @@ def _entry(call: dict[str, Any]) -> _JournalEntry:
         client=call["client"],
         tool=call["tool"],
         arguments=call["arguments"],
-        result_ids=() if call["failed"] else tuple(dict.fromkeys(_ID.findall(said)))[:MOST_IDS],
+        result_ids=() if call["failed"] else tuple(dict.fromkeys(_ID.findall(said)))[:_MOST_IDS],
         duration_s=call["duration_s"],
         result_tokens=count_tokens(call["text"]),
         error=call["text"] if call["failed"] else "",

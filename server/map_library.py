@@ -15,7 +15,8 @@ from ..tools.maps import MapInventory, import_map, known_country, maps_at_hand
 from .assembly import open_services
 from .settings import Settings
 
-SHOWN_STREETS = 3
+_SHOWN_STREETS = 3
+"""Streets that a row lists; chosen."""
 
 
 def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, country: str | None) -> int:
@@ -52,7 +53,7 @@ def list_maps(settings: Settings) -> int:
     for facts in (entry.facts for entry in at_hand.entries):
         box = ", ".join(f"{value:.4f}" for value in (facts.south, facts.west, facts.north, facts.east))
         sites = ", ".join(f"{count} {kind}" for kind, count in sorted(facts.sites.items()))
-        roads = ", ".join((*facts.streets, *facts.refs)[:SHOWN_STREETS])
+        roads = ", ".join((*facts.streets, *facts.refs)[:_SHOWN_STREETS])
         cells = (facts.map_id, facts.place, facts.country or "unknown", box, f"{facts.road_km:.1f}", sites, roads)
         table.add_row(*(escape(cell) for cell in cells))
     Console().print(table)

@@ -18,8 +18,8 @@ from pydantic_settings import (
 from ..engine.execution import Limits
 from ..schemas.catalog import PACKAGED_MODEL
 
-APPLICATION = "plannerforge"
-HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
+_APPLICATION = "plannerforge"
+_HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
 Folders = Annotated[tuple[Path, ...], NoDecode]
 """In a variable, folders are separated as in PATH."""
 
@@ -30,7 +30,7 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="PLANNERFORGE_", extra="forbid", frozen=True)
 
     workspace: Path = Field(
-        default_factory=lambda: user_data_path(APPLICATION), description="folder for everything that is made"
+        default_factory=lambda: user_data_path(_APPLICATION), description="folder for everything that is made"
     )
     roots: Folders = Field(
         (), description="folders that files may be read from and written to; default: workspace and start folder"
@@ -62,7 +62,7 @@ class Settings(BaseSettings):
         folder = Path(value).expanduser()
         if (folder / "config.json").is_file():
             return str(folder.resolve())
-        if value == PACKAGED_MODEL or (HUB_NAME.fullmatch(value) and not folder.exists()):
+        if value == PACKAGED_MODEL or (_HUB_NAME.fullmatch(value) and not folder.exists()):
             return value
         raise ValueError(
             f"'{value}' is neither {PACKAGED_MODEL}, nor a folder with a model, nor 'owner/model' on the hub"
@@ -96,4 +96,4 @@ class Settings(BaseSettings):
 
 def settings_file() -> Path:
     """Where the settings file is looked for."""
-    return user_config_path(APPLICATION) / "plannerforge.toml"
+    return user_config_path(_APPLICATION) / "plannerforge.toml"

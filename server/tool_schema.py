@@ -8,7 +8,8 @@ from pydantic import BaseModel
 
 from ..tools.registry import ToolSpec
 
-LENGTHS = ("minItems", "maxItems")
+_LENGTHS = ("minItems", "maxItems")
+"""Bounds that an input schema leaves out."""
 
 
 @cache
@@ -66,7 +67,7 @@ def _lean(schema: Any, definitions: dict[str, Any]) -> Any:
         if len(arms) == 1:
             return _lean({**arms[0], **kept}, definitions)
         kept["anyOf"] = arms
-    for bound in LENGTHS:
+    for bound in _LENGTHS:
         kept.pop(bound, None)
     if kept.get("default", "") in (None, []):  # what is left out anyway
         del kept["default"]

@@ -8,7 +8,7 @@ from ..engine.execution import Claims, Executor, JobRunner, Limits, Operation, R
 from ..engine.workspace import Workspace
 from ..schemas.catalog import PACKAGED_MODEL
 
-SendProgress = Callable[[float, str], Awaitable[None]]
+_SendProgress = Callable[[float, str], Awaitable[None]]
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
 
@@ -30,7 +30,7 @@ class Services:
 class ToolCall:
     """One call of a tool: the services, and the way to report progress to the client."""
 
-    def __init__(self, services: Services, send_progress: SendProgress) -> None:
+    def __init__(self, services: Services, send_progress: _SendProgress) -> None:
         self.services = services
         self._send_progress = send_progress
 

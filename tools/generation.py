@@ -25,7 +25,7 @@ from .runs import Cell, run_grid
 from .scenario_storage import store_scenario
 
 CHECK = "planner can run"
-ADVICE = "the default planner cannot run here; another seed makes other traffic and another ego"
+_ADVICE = "the default planner cannot run here; another seed makes other traffic and another ego"
 
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
@@ -156,5 +156,5 @@ async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSu
         outcome = result.lost.error if result.lost is not None else "no result"
     if result.record is not None and result.record.outcome not in NO_TRAJECTORY:
         return summary.model_copy(update={"trial_run": outcome, "checks_passed": [*summary.checks_passed, CHECK]})
-    failed = {"checks_failed": [*summary.checks_failed, CHECK], "notes": [*summary.notes, ADVICE]}
+    failed = {"checks_failed": [*summary.checks_failed, CHECK], "notes": [*summary.notes, _ADVICE]}
     return summary.model_copy(update={"trial_run": outcome, **failed})

@@ -21,7 +21,7 @@ from .configurations import import_configuration
 from .maps import import_map, known_country
 from .scenario_storage import import_scenarios
 
-ImportKind = Literal["scenario", "map", "config"]
+_ImportKind = Literal["scenario", "map", "config"]
 _Report = Callable[[float, str], Awaitable[None]]
 _SHOWN = 20
 """Items that an answer lists; its model says so."""
@@ -29,7 +29,7 @@ _REPORT_EVERY_S = 0.5
 """How often the progress of an import is reported; chosen."""
 WAIT_S = 45.0
 """The call answers after this time at most; chosen to be less than clients wait."""
-_SUFFIXES: dict[str, ImportKind] = {
+_SUFFIXES: dict[str, _ImportKind] = {
     **dict.fromkeys(MAP_ENDINGS, "map"),
     ".xml": "scenario",
     ".yaml": "config",
@@ -91,13 +91,13 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
     return tally.result()
 
 
-def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, ImportKind]]) -> str | None:
+def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]) -> str | None:
     if arguments.country is not None and all(kind != "map" for _, kind in files):
         raise InvalidRequest("country is for maps, and there is none among these files", next_step="leave country out")
     return known_country(arguments.country)
 
 
-def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, ImportKind]]:
+def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, _ImportKind]]:
     path = call.allowed_path(arguments.path)
     if not path.exists():
         raise InvalidRequest(f"'{arguments.path}' does not exist", next_step="name a file or folder that does")
@@ -117,7 +117,7 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
     return [(entry, _kind(entry, arguments.kind)) for entry in paths]
 
 
-def _kind(path: Path, wanted: str) -> ImportKind:
+def _kind(path: Path, wanted: str) -> _ImportKind:
     known = next((kind for ending, kind in _SUFFIXES.items() if path.name.lower().endswith(ending)), None)
     if known is None:
         raise InvalidRequest(f"{path.name} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES])
@@ -127,7 +127,7 @@ def _kind(path: Path, wanted: str) -> ImportKind:
 
 
 async def _import_as_job(
-    call: ToolCall, arguments: ImportFilesArguments, files: Sequence[tuple[Path, ImportKind]]
+    call: ToolCall, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]
 ) -> ImportFilesResult:
     """Start the import, or join the one that runs, and answer with what is done after 45 s at most."""
     tally = _Tally(len(files))
@@ -157,7 +157,7 @@ async def _no_client(share: float, message: str) -> None:
 
 async def _take_in(
     call: ToolCall,
-    files: Sequence[tuple[Path, ImportKind]],
+    files: Sequence[tuple[Path, _ImportKind]],
     arguments: ImportFilesArguments,
     tally: _Tally,
     report: _Report,
@@ -179,7 +179,7 @@ async def _keep_reporting(tally: _Tally, report: _Report) -> None:
 
 
 async def _import_other(
-    call: ToolCall, path: Path, kind: ImportKind, arguments: ImportFilesArguments, tally: _Tally
+    call: ToolCall, path: Path, kind: _ImportKind, arguments: ImportFilesArguments, tally: _Tally
 ) -> None:
     try:
         checked = call.allowed_path(str(path))

@@ -19,7 +19,7 @@ from .operations import APPLY_EDITS
 from .scenario_storage import store_scenario
 from .scenarios import one_scenario
 
-TOOL = "modify_scenario"
+_TOOL = "modify_scenario"
 
 
 async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) -> ModifyScenarioResult:
@@ -32,7 +32,7 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
     seed = arguments.seed if "seed" in arguments.model_fields_set or not earlier else given.recipe.seed
     traffic = _traffic(arguments, given)
     recipe = Recipe(
-        tool=TOOL,
+        tool=_TOOL,
         arguments={"base": base_id, "edits": [edit.model_dump(mode="json", exclude_defaults=True) for edit in edits]}
         | ({} if traffic == "recorded" else {"traffic": traffic})
         | ({} if problem_id is None else {"problem": problem_id}),
@@ -79,7 +79,7 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
 
 def _traffic(arguments: ModifyScenarioArguments, given: Artifact) -> TrafficAfterEdits:
     """The traffic that was asked for, or that the scenario was edited with before."""
-    if "traffic" in arguments.model_fields_set or given.recipe.tool != TOOL:
+    if "traffic" in arguments.model_fields_set or given.recipe.tool != _TOOL:
         return arguments.traffic
     return "reactive" if given.recipe.arguments.get("traffic") == "reactive" else "recorded"
 
@@ -93,7 +93,7 @@ def _problem(given: Artifact, named: int | None) -> int | None:
     egos = given.read(ScenarioRecord).facts.egos
     first = egos[0].problem_id if egos else None
     wanted = None if named == first else named
-    if given.recipe.tool != TOOL:
+    if given.recipe.tool != _TOOL:
         return wanted
     before = given.recipe.arguments.get("problem")
     if named is not None and wanted != before:
@@ -107,7 +107,7 @@ def _problem(given: Artifact, named: int | None) -> int | None:
 
 def _base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:
     """The scenario that all edits start from, and the edits until now."""
-    if artifact.recipe.tool != TOOL:
+    if artifact.recipe.tool != _TOOL:
         return artifact.artifact_id, ()
     edits = artifact.recipe.arguments["edits"]
     return str(artifact.recipe.arguments["base"]), tuple(Edit.model_validate(edit) for edit in edits)

@@ -26,7 +26,7 @@ from ..schemas.runs import BatchRecord, LostCell, Prediction, RunRecord, Traffic
 from .call import ToolCall
 from .operations import RUN_PLANNER
 
-CLAIM_POLL_S = 0.1
+_CLAIM_POLL_S = 0.1
 """How often a run that another call or server makes is looked at; chosen."""
 logger = logging.getLogger(__name__)
 
@@ -84,7 +84,7 @@ async def run_cell(call: ToolCall, cell: Cell, *, tell_client: bool = False) -> 
         result = await _attempt(call, cell, tell_client=tell_client)
         if result is not None:
             return result
-        await anyio.sleep(CLAIM_POLL_S)
+        await anyio.sleep(_CLAIM_POLL_S)
 
 
 async def run_grid(call: ToolCall, cells: Sequence[Cell], on_done: Callable[[CellResult], None]) -> list[CellResult]:
@@ -102,7 +102,7 @@ async def run_grid(call: ToolCall, cells: Sequence[Cell], on_done: Callable[[Cel
             result = await _isolated(call, cell)
             if result is None:
                 waiting.append((index, cell))
-                await anyio.sleep(CLAIM_POLL_S)
+                await anyio.sleep(_CLAIM_POLL_S)
                 continue
             results[index] = result
             on_done(result)

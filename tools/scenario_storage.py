@@ -18,9 +18,9 @@ from ..schemas.scenarios import Origin, ReadFactsRequest, ScenarioFacts
 from .call import ToolCall
 from .operations import READ_FACTS
 
-GATHER_S = 0.2
+_GATHER_S = 0.2
 """How long the store waits for more files (chosen): a transaction each would keep the disk busier than the readers."""
-OnDone = Callable[[Path, ImportedItem | FileFailure], None]
+_OnDone = Callable[[Path, ImportedItem | FileFailure], None]
 _Outcome = tuple[int, ReadFile | FileFailure]
 
 
@@ -46,7 +46,7 @@ async def store_scenario(
     return put_scenario(call.workspace, facts, xml=xml, net=net, recipe=recipe, origin=origin, beside=beside)
 
 
-async def import_scenarios(call: ToolCall, paths: Sequence[Path], on_done: OnDone) -> None:
+async def import_scenarios(call: ToolCall, paths: Sequence[Path], on_done: _OnDone) -> None:
     """Import the files; calls ``on_done`` for each, in their order, with what it became or why it was refused."""
     intake = ScenarioIntake(call.workspace)
     send, receive = anyio.create_memory_object_stream[_Outcome](len(paths))
@@ -88,14 +88,14 @@ async def _facts(call: ToolCall, path: Path) -> ScenarioFacts:
 
 
 async def _store_in_order(
-    intake: ScenarioIntake, paths: Sequence[Path], receive: MemoryObjectReceiveStream[_Outcome], on_done: OnDone
+    intake: ScenarioIntake, paths: Sequence[Path], receive: MemoryObjectReceiveStream[_Outcome], on_done: _OnDone
 ) -> None:
     waiting: dict[int, ReadFile | FileFailure] = {}
     read = stored = 0
     async for index, outcome in receive:
         waiting[index], read = outcome, read + 1
         if read < len(paths):
-            await anyio.sleep(GATHER_S)
+            await anyio.sleep(_GATHER_S)
         for index, outcome in _received(receive):
             waiting[index], read = outcome, read + 1
         batch: list[ReadFile | FileFailure] = []
