@@ -75,7 +75,7 @@ def drop_infeasible(everyone: Sequence[Participant], needed: Mapping[str, int]) 
 
 
 def _apart(kept: list[Participant], counts: Counter[str], needed: Mapping[str, int]) -> tuple[Participant, ...]:
-    """Without overlaps at any step: those are taken out first whose class can spare them, and that overlap most."""
+    """Without overlaps at any step: first go those whose class can spare them, of these the ones that overlap most."""
     pairs = [(kept[pair.first], kept[pair.second]) for pair in first_overlaps([vehicle.body for vehicle in kept])]
     gone: set[str] = set()
     while pairs:
