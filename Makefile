@@ -7,9 +7,11 @@ PYTHON := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
+RECORD ?= same-bytes.json
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
-	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes starter house format clean
+	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-same-bytes \
+	starter house format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -17,6 +19,8 @@ help:
 	@echo "make coverage run the tests and fail where they reach less of the code than the figure in pyproject (developers)"
 	@echo "make check   lint, types and import directions (developers)"
 	@echo "make bench   measure what the README states, one bench after the other; takes long (developers)"
+	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
+	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
 	@echo "make house   draw the map of the packages anew (developers)"
 	@echo "make clean   remove what was built"
@@ -92,6 +96,10 @@ bench-modification: $(DEV_STAMP)
 
 bench-import-crashes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.faults.imports
+
+bench-same-bytes: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.same_bytes record $(RECORD)
+	@if [ -n "$(BEFORE)" ]; then $(PYTHON) -m plannerforge.evals.same_bytes compare $(BEFORE) $(RECORD); fi
 
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.drawn_library

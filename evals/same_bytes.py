@@ -1,8 +1,9 @@
-"""``make bench-same-bytes``: digests of all that a fixed list of requests makes, to hold a changed program against.
+"""``make bench-same-bytes``: digests of all that a fixed list of requests makes, to compare a changed program with.
 
 ``record FILE`` asks a server for scenarios from maps, edits of each kind, planner runs and descriptions, through an MCP
 client, and writes a digest of every file and every answer; ``compare BEFORE AFTER`` names what differs. Only tools are
-called, so that the same list of requests runs on any version of the program.
+called, so that the same list of requests runs on any version of the program. With make: ``make bench-same-bytes
+RECORD=before.json``, then, after the change, ``make bench-same-bytes RECORD=after.json BEFORE=before.json``.
 """
 
 import argparse
@@ -23,15 +24,14 @@ from mcp.types import CallToolResult, TextContent
 
 from ..server.assembly import create_server
 from ..server.settings import Settings
+from .harness import shared_folder
 
-EVERY = 4
-"""Of the shared scenarios, sorted by name, every so many are taken: 49 of 195."""
-WRITTEN_AT = re.compile(r"\b\d{4}-\d\d-\d\dT[\d:.+Z-]+")
-UNSTEADY = ("_ms", "elapsed_s", "wall_s", "computing_s", "created", "run_time_s", "planning_s")
+_WRITTEN_AT = re.compile(r"\b\d{4}-\d\d-\d\dT[\d:.+Z-]+")
+_UNSTEADY = ("_ms", "elapsed_s", "wall_s", "computing_s", "created", "run_time_s", "planning_s")
 """Endings of fields that hold a duration or a moment of this very execution."""
-TIMING = "timing.json"
-"""What a run took; it is another at every execution."""
-Arguments = dict[str, Any]
+_TIMING = "timing.json"
+"""The times that a run took; they differ from execution to execution."""
+_Arguments = dict[str, Any]
 
 
 @dataclass
@@ -42,7 +42,7 @@ class _Digests:
     answers: dict[str, str] = field(default_factory=dict)
 
     def note(self, name: str, result: CallToolResult) -> None:
-        """Keep an answer: its structure where it has one, else its text; a refusal too."""
+        """Keep an answer: its text, and its structure where it has one; a refusal too."""
         text = "\n".join(block.text for block in result.content if isinstance(block, TextContent))
         structure = "" if result.structured_content is None else json.dumps(_steady(result.structured_content))
         self.answers[name] = self._plain(f"{text}\n{structure}")
@@ -50,8 +50,8 @@ class _Digests:
     def files(self) -> dict[str, str]:
         """A digest of each file of each artifact; JSON without its durations."""
         kept = (self.workspace / kind for kind in ("scenarios", "runs", "configs", "batches", "maps"))
-        found = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
-        return {str(path.relative_to(self.workspace)): self._digest(path) for path in found if path.name != TIMING}
+        files = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
+        return {str(path.relative_to(self.workspace)): self._digest(path) for path in files if path.name != _TIMING}
 
     def _digest(self, path: Path) -> str:
         content = path.read_bytes()
@@ -60,18 +60,18 @@ class _Digests:
         return hashlib.sha256(content).hexdigest()
 
     def _plain(self, text: str) -> str:
-        return WRITTEN_AT.sub("WHEN", text.replace(str(self.workspace), "WORKSPACE"))
+        return _WRITTEN_AT.sub("WHEN", text.replace(str(self.workspace), "WORKSPACE"))
 
 
 def _steady(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _steady(item) for key, item in value.items() if not str(key).endswith(UNSTEADY)}
+        return {key: _steady(item) for key, item in value.items() if not str(key).endswith(_UNSTEADY)}
     return [_steady(item) for item in value] if isinstance(value, list) else value
 
 
-def _edits_of(description: dict[str, Any]) -> Iterator[tuple[str, list[Arguments]]]:
+def _edits_of(description: dict[str, Any]) -> Iterator[tuple[str, list[_Arguments]]]:
     """One try of each kind of edit for a described scenario, by what is there; a refusal is an answer as well."""
-    ids = [str(one["vehicle_id"]) for one in description["vehicles"]]
+    ids = [str(vehicle["vehicle_id"]) for vehicle in description["vehicles"]]
     goal = (description["ego"] or {}).get("goal_lanelets") or []
     near, other, *_ = [*ids, "999998", "999999"]
     yield "reroute-left", [{"op": "reroute", "vehicles": [near], "turn": "left"}]
@@ -110,7 +110,7 @@ async def _record_scenario(client: Client, digests: _Digests, path: Path) -> Non
         return
     for kind, edits in _edits_of(description):
         for traffic in ("recorded", "reactive") if kind == "composite" else ("recorded",):
-            arguments: Arguments = {"scenario_id": name, "edits": edits, "traffic": traffic}
+            arguments: _Arguments = {"scenario_id": name, "edits": edits, "traffic": traffic}
             digests.note(f"{name} edit {kind} {traffic}", await client.call_tool("modify_scenario", arguments))
     for planner, traffic, prediction in (
         ("frenetix:Default", "recorded", "constant_velocity"),
@@ -125,11 +125,11 @@ async def _record_scenario(client: Client, digests: _Digests, path: Path) -> Non
 async def _record_map(client: Client, digests: _Digests, path: Path) -> None:
     result = await client.call_tool("import_files", {"path": str(path)})
     digests.note(f"map {path.name} import", result)
-    found = re.search(r"map_[0-9a-z]+", json.dumps(result.structured_content))
-    if found is None:
+    map_id = re.search(r"map_[0-9a-z]+", json.dumps(result.structured_content))
+    if map_id is None:
         return
     for density, vehicles in (("low", ["truck=1"]), ("medium", ["bicycle=1", "bus=1"])):
-        arguments = {"place": found[0], "density": density, "vehicles": vehicles, "count": 2, "seed": 3}
+        arguments = {"place": map_id[0], "density": density, "vehicles": vehicles, "count": 2, "seed": 3}
         digests.note(f"map {path.name} {density}", await client.call_tool("generate_scenarios", arguments))
 
 
@@ -180,11 +180,11 @@ def compare(before: Path, after: Path, *, subset: bool) -> int:
 
 def main() -> None:
     """Record or compare."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     recording = commands.add_parser("record")
     recording.add_argument("output", type=Path)
-    recording.add_argument("--data", type=Path, default=Path("../shared/data"))
+    recording.add_argument("--data", type=Path, default=shared_folder() / "data")
     recording.add_argument("--every", type=int, default=4, help="4 takes 49 of the 195 shared scenarios")
     recording.add_argument("--maps", type=int, default=24)
     comparing = commands.add_parser("compare")

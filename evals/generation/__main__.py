@@ -22,7 +22,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TypeVar
 
-from ..harness import shared_folder
+from ..harness import existing, shared_folder
 from .cases import convert_whole, make_group, refused_right
 from .figures import Made, print_generation
 from .maps import BenchMaps, read_maps
@@ -38,7 +38,9 @@ from .requests import (
 
 Item = TypeVar("Item")
 REQUESTS, MISSING = 200, 40
+"""Requests that can be met, and ones for a type of site that is not there."""
 SEEDS_APART = 100
+"""Between the seeds of two requests: more than scenarios of one."""
 
 
 def main() -> None:
@@ -49,9 +51,7 @@ def main() -> None:
     parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample so many further on")
     parser.add_argument("--workers", type=int, default=2, help="processes that make and judge (default: 2)")
     arguments = parser.parse_args()
-    maps_folder = arguments.shared / "data" / "osm"
-    if not maps_folder.is_dir():
-        parser.error(f"there is no folder {maps_folder}: name one with --shared, or set PLANNERFORGE_SHARED")
+    maps_folder = existing(arguments.shared / "data" / "osm", parser, "--shared")
     corpus = arguments.shared / "corpora" / "dev" / "generation.jsonl"
     with tempfile.TemporaryDirectory() as scratch:
         maps = read_maps(maps_folder, Path(scratch))
@@ -99,7 +99,7 @@ def _each(pool: ProcessPoolExecutor, items: Mapping[str, Item], job: Callable[[I
 
 
 def _spread(found: list[Item], limit: int, offset: int) -> list[Item]:
-    """So many of a list, evenly chosen, beginning at ``offset``."""
+    """``limit`` of a list, evenly chosen, beginning at ``offset``."""
     step = max(1, len(found) // limit)
     return found[offset % step :: step][:limit]
 

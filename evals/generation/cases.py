@@ -12,14 +12,13 @@ from ...engine.generation import convert_map, generate_scenario
 from ...engine.maps import MapEntry, MapMatch
 from ...engine.network import build_road_network, read_net
 from ...engine.planners import make_planner, simulate
-from ...engine.tuning import named_configuration
 from ...schemas.errors import NotPossible, PlannerForgeError
 from ...schemas.generation import GeneratedScenario, GenerateScenariosArguments, GenerationRequest
 from ...schemas.runs import NO_TRAJECTORY
 from ...server.argument_errors import read_arguments
 from ...tools.generation_plan import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
-from ..harness import call_in_process
-from .figures import Made, Stages, tell
+from ..harness import built_in, call_in_process
+from .figures import Made, Stages, print_verdict
 from .judges import (
     EXIT_WITHIN_M,
     STREET_WITHIN_M,
@@ -34,13 +33,15 @@ from .maps import BenchMaps, MapEvidence, read_evidence
 from .motion import measure_motion
 from .requests import BenchRequest, Refusal, is_right_reason
 
-# ---------- generation_session
-# What one process of ``make bench-generation`` keeps from request to request.
+_CHECKED_TRACKS = 3
+"""Of each scenario (chosen): a check takes half a second."""
+_BEYOND_MAP_DEG, _BEYOND_BOX_DEG = 0.01, 0.0001
+"""A map's roads lead beyond its bounds; in a box that was asked for, only rounding is let pass (10 m)."""
 
 
 @dataclass
 class Session:
-    """The maps, those that the generator has read here, and what the map files say beside it."""
+    """What one process keeps from request to request: the maps, which of them the generator has read, what they say."""
 
     maps: BenchMaps
     _read: set[str] = field(default_factory=set)
@@ -57,14 +58,6 @@ class Session:
         if map_path not in self._evidence:
             self._evidence[map_path] = read_evidence(Path(map_path))
         return self._evidence[map_path]
-
-
-# ---------- generation_cases
-# Single jobs of ``make bench-generation``: a map converted whole, a request made and judged, a request refused.
-
-CHECKED_TRACKS = 3
-BEYOND_MAP_DEG, BEYOND_BOX_DEG = 0.01, 0.0001
-"""A map's roads lead beyond its bounds; in a box that was asked for, only rounding is let pass (10 m)."""
 
 
 def convert_whole(name: str, maps: BenchMaps) -> str:
@@ -88,25 +81,25 @@ def make_group(requests: Sequence[tuple[BenchRequest, int]], maps: BenchMaps) ->
 
 
 def make_all(request: BenchRequest, session: Session, seed: int) -> list[Made]:
-    """Make and judge all scenarios of a request as the tool orders them; ``seed`` draws the tracks that are checked."""
+    """Make and judge all scenarios of a request as the tool assigns sites to them; ``seed`` draws the tracks that are checked."""
     try:
-        orders = _orders(request.arguments, session.maps.entries)
+        assigned = _assigned_sites(request.arguments, session.maps.entries)
     except PlannerForgeError as error:
         return [_failed(request, error)]
     if request.arguments.count > 1:  # the sites were counted, for which these maps were read
-        for order in orders.planned:
-            session.reads(order.match.entry.path)
-    spare = list(orders.spare)
+        for site in assigned.planned:
+            session.reads(site.match.entry.path)
+    spare = list(assigned.spare)
     made = [
-        _make_somewhere(request, order, spare, session, index, seed + index)
-        for index, order in enumerate(orders.planned)
+        _make_somewhere(request, site, spare, session, index, seed + index)
+        for index, site in enumerate(assigned.planned)
     ]
-    for one in made:
-        tell(one)
+    for scenario in made:
+        print_verdict(scenario)
     return made
 
 
-def _orders(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> SiteAssignment:
+def _assigned_sites(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> SiteAssignment:
     return asyncio.run(assign_sites(arguments, call_in_process(), plan_maps(arguments, maps).matches))
 
 
@@ -115,12 +108,12 @@ def _failed(request: BenchRequest, error: PlannerForgeError) -> Made:
 
 
 def _make_somewhere(
-    request: BenchRequest, order: AssignedSite, spare: list[MapMatch], session: Session, index: int, seed: int
+    request: BenchRequest, site: AssignedSite, spare: list[MapMatch], session: Session, index: int, seed: int
 ) -> Made:
     """A scenario as ordered, otherwise on the first spare map where it can be made, as the tool does it."""
     try:
-        wish = request_for(request.arguments, order, index)
-        return make(request, wish, session, seed)
+        asked = request_for(request.arguments, site, index)
+        return _make(request, asked, session, seed)
     except NotPossible as error:
         if not spare:
             return _failed(request, error)
@@ -131,69 +124,68 @@ def _make_somewhere(
         return Made(request, fault=f"defect: {error!r}")
 
 
-def make(request: BenchRequest, wish: GenerationRequest, session: Session, seed: int) -> Made:
+def _make(request: BenchRequest, asked: GenerationRequest, session: Session, seed: int) -> Made:
     """Make one scenario and judge it.
 
     Raises:
         PlannerForgeError: it cannot be made.
     """
     with tempfile.TemporaryDirectory() as text:
-        folder, stages = Path(text), Stages(first_read=session.reads(wish.map_path))
-        report = generate_scenario(wish.model_copy(update={"folder": text}), stages)
+        folder, stages = Path(text), Stages(first_read=session.reads(asked.map_path))
+        report = generate_scenario(asked.model_copy(update={"folder": text}), stages)
         stages(1.0)
         faults = schema_errors(folder / "scenario.xml")
         if faults:
             return Made(request, fault=f"breaks the schema: {faults[0]}")
         loaded = read_scenario(folder / "scenario.xml")
-        files, evidence = MadeFiles.read(folder), session.evidence(wish.map_path)
+        files, evidence = MadeFiles.read(folder), session.evidence(asked.map_path)
         executable, outcome = drive(loaded)
         return Made(
             request,
             executable=executable,
             outcome=outcome,
-            road_type=_is_of_type(wish, report, files, evidence),
-            vehicles=holds_vehicles(files, _wished_vehicles(wish)),
-            place=_place_is_right(request, wish, report, files, session),
-            density=judge_density(files, wish.density, report.notes),
-            motion=measure_motion(loaded, CHECKED_TRACKS, seed),
+            road_type=_is_of_type(asked, report, files, evidence),
+            vehicles=holds_vehicles(files, _required_vehicles(asked)),
+            place=_place_is_right(request, asked, report, files, session),
+            density=judge_density(files, asked.density, report.notes),
+            motion=measure_motion(loaded, _CHECKED_TRACKS, seed),
             stages=stages,
         )
 
 
-def _is_of_type(wish: GenerationRequest, report: GeneratedScenario, files: MadeFiles, evidence: MapEvidence) -> bool:
+def _is_of_type(asked: GenerationRequest, report: GeneratedScenario, files: MadeFiles, evidence: MapEvidence) -> bool:
     """Of the type asked for, or, where any would do, of the one that the answer states; the answer states no other."""
     stated = report.site.scenario_type
-    return wish.scenario_type in (stated, "any") and shows_type(files, stated, evidence)
+    return asked.scenario_type in (stated, "any") and shows_type(files, stated, evidence)
 
 
-def _wished_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int | None]]:
-    """(least, most) of every class that has to be there, that of a wished ego included."""
-    wished = {demand.vehicle_class: (demand.needed, demand.most) for demand in request.vehicles}
+def _required_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int | None]]:
+    """(least, most) of every class that has to be there, that of an ego of a class included."""
+    required = {demand.vehicle_class: (demand.needed, demand.most) for demand in request.vehicles}
     other = request.ego.removeprefix("type:")
-    return wished | ({other: (1, None)} if request.ego.startswith("type:") and other not in (*wished, "car") else {})
+    return required | (
+        {other: (1, None)} if request.ego.startswith("type:") and other not in (*required, "car") else {}
+    )
 
 
 def drive(loaded: LoadedScenario) -> tuple[bool, str]:
     """Whether Frenetix with its default weights finishes a trajectory, and the outcome."""
-    configuration = named_configuration("frenetix:Default")
-    if configuration is None:
-        raise RuntimeError("the built-in configuration is gone")
-    planner = make_planner("frenetix")
-    run = simulate(loaded.scenario, loaded.problem(), configuration, planner, "constant_velocity", silent)
+    default, planner = built_in("frenetix:Default"), make_planner("frenetix")
+    run = simulate(loaded.scenario, loaded.problem(), default, planner, "constant_velocity", silent)
     return run.final.outcome not in NO_TRAJECTORY, run.final.outcome
 
 
 def _place_is_right(
-    request: BenchRequest, wish: GenerationRequest, report: GeneratedScenario, files: MadeFiles, session: Session
+    request: BenchRequest, asked: GenerationRequest, report: GeneratedScenario, files: MadeFiles, session: Session
 ) -> bool:
     """On the map meant, or on another one of the same place; in the country and the box asked for; near the street."""
-    name, country = session.maps.name_of(wish.map_id), request.arguments.country
+    name, country = session.maps.name_of(asked.map_id), request.arguments.country
     shown, box, street = session.maps.places[name], request.arguments.bbox, request.street
     meant = name == request.map_name or request.arguments.place in shown["places"]
-    there = lies_in(files, shown["bbox"], BEYOND_MAP_DEG) and (box is None or lies_in(files, box, BEYOND_BOX_DEG))
-    within_m = EXIT_WITHIN_M if wish.scenario_type == "ramp" else STREET_WITHIN_M
+    there = lies_in(files, shown["bbox"], _BEYOND_MAP_DEG) and (box is None or lies_in(files, box, _BEYOND_BOX_DEG))
+    within_m = EXIT_WITHIN_M if asked.scenario_type == "ramp" else STREET_WITHIN_M
     on_street = street is None or lies_at_street(
-        files, street, shown["places"], session.evidence(wish.map_path), within_m
+        files, street, shown["places"], session.evidence(asked.map_path), within_m
     )
     return meant and there and on_street and country in (None, report.benchmark_id[:3])
 
@@ -203,10 +195,10 @@ def refused_right(refusal: Refusal, maps: Sequence[MapEntry]) -> str:
     try:
         given = read_arguments(GenerateScenariosArguments, refusal.given)
         arguments = GenerateScenariosArguments.model_validate(given)
-        order = _orders(arguments, maps).planned[0]
-        wish = request_for(arguments, order, 0)
+        site = _assigned_sites(arguments, maps).planned[0]
+        asked = request_for(arguments, site, 0)
         with tempfile.TemporaryDirectory() as folder:
-            generate_scenario(wish.model_copy(update={"folder": folder}), silent)
+            generate_scenario(asked.model_copy(update={"folder": folder}), silent)
     except PlannerForgeError as error:
         return "" if is_right_reason(refusal, error) else error.text
-    return f"was made in {wish.map_id}"
+    return f"was made in {asked.map_id}"

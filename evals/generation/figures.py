@@ -8,14 +8,15 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ...engine.analysis import rate
-from ..harness import print_figures
+from ..harness import print_figures, rate_text
 from .judges import DensityVerdict
 from .motion import MotionFigures
 from .requests import BenchRequest, Refusal
 
 READING = "reading the map"
+"""The message with which a generation reports that stage."""
 PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
+"""Shares of collisions that the paper states for its own scenarios and for those of Scenario Factory 2.0."""
 
 
 @dataclass(frozen=True)
@@ -88,11 +89,10 @@ def print_generation(
     motions = [one.motion for one in whole if one.motion is not None]
     densities = [one.density for one in whole if one.density is not None]
     for name, fault in converted.items():
-        _tell(f"map {name}", fault)
+        _print_fault(f"map {name}", fault)
     for refusal, fault in refusals:
-        _tell(f"to be refused {refusal.name} ({refusal.reason})", fault)
+        _print_fault(f"to be refused {refusal.name} ({refusal.reason})", fault)
     outcomes = Counter(one.outcome for one in whole)
-    collisions = rate(outcomes["collision"], len(whole))
     figures: dict[str, float | int | str] = {
         "maps": len(converted),
         "maps_converted": sum(not fault for fault in converted.values()),
@@ -101,7 +101,7 @@ def print_generation(
             key: _share(sum(bool(getattr(one, key)) for one in made), len(made))
             for key in ("executable", "road_type", "vehicles", "place")
         },
-        "density": _share(sum(found.honest for found in densities), len(made)),
+        "density": _share(sum(verdict.honest for verdict in densities), len(made)),
         "refused_right": _share(sum(not fault for _, fault in refusals), len(refusals)),
         "feasible": _share(sum(m.feasible for m in motions), sum(m.checked for m in motions)),
         "inside_lanelets": _share(sum(m.inside for m in motions), sum(m.positions for m in motions)),
@@ -113,13 +113,13 @@ def print_generation(
         figures[f"median_{density}_wall_s"] = _median([spent.wall_s for spent in counted])
     rows = [(key, str(value)) for key, value in figures.items()]
     rows += [("scenarios", str(len(made))), ("tracks checked", str(sum(m.checked for m in motions)))]
-    rows += [("density within 25 % of its target", f"{sum(found.met for found in densities)} of {len(made)}")]
-    rows += [(f"refused: {reason}", told) for reason, told in _by_reason(refusals)]
+    rows += [("density within 25 % of its target", f"{sum(verdict.met for verdict in densities)} of {len(made)}")]
+    rows += [(f"refused: {reason}", share) for reason, share in _by_reason(refusals)]
     rows += [(f"outcome {name}", str(count)) for name, count in outcomes.most_common()]
-    told = (
-        "-" if collisions.share is None else f"{collisions.share:.1%} ({collisions.low:.1%} to {collisions.high:.1%})"
-    )
-    rows += [("the default planner collides", f"{told}; paper {PAPER_COLLISIONS:.1%}, SF 2.0 {FACTORY_COLLISIONS:.1%}")]
+    collisions = rate_text(outcomes["collision"], len(whole))
+    rows += [
+        ("the default planner collides", f"{collisions}; paper {PAPER_COLLISIONS:.1%}, SF 2.0 {FACTORY_COLLISIONS:.1%}")
+    ]
     for density in ("low", "high"):
         rows += [
             (f"{density}: {stage}", f"{spent.processor_s:.3f} s, on the clock {spent.wall_s:.3f} s")
@@ -128,12 +128,12 @@ def print_generation(
     print_figures("Generation", rows, figures)
 
 
-def tell(one: Made) -> None:
-    """Say at once what came of a scenario, because a whole run takes long and may be broken off."""
+def print_verdict(one: Made) -> None:
+    """Print a line on a scenario as soon as it is judged, because a whole run takes long and may be broken off."""
     wrong = [f"not {key}" for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
     if one.density is not None and not one.density.met:
-        told = "told" if one.density.told else "not told"
-        wrong.append(f"{one.density.found:g} vehicles per lane-km instead of {one.density.target:g}, {told}")
+        stated = "told" if one.density.stated else "not told"
+        wrong.append(f"{one.density.found:g} vehicles per lane-km instead of {one.density.target:g}, {stated}")
     motion = one.motion
     if motion is not None:
         wrong += [f"{name} cannot be driven" for name in motion.infeasible_names]
@@ -151,7 +151,7 @@ def _by_reason(refusals: Sequence[tuple[Refusal, str]]) -> list[tuple[str, str]]
     return [(reason, f"{right[reason]} of {count}") for reason, count in sorted(asked.items())]
 
 
-def _tell(what: str, fault: str) -> None:
+def _print_fault(what: str, fault: str) -> None:
     if fault:
         sys.stderr.write(f"{what}: {fault}\n")
 

@@ -1,4 +1,8 @@
-"""Whether a made scenario shows the place and the vehicles asked for; read from the made files and the map file."""
+"""Whether a made scenario shows what was asked for: type of road, density, place, vehicles.
+
+Read from the made files and from the map file, apart from the site finder and from what the generator checks itself:
+nothing of theirs is imported. ``MadeFiles`` is a scenario as the judges see it.
+"""
 
 import itertools
 import math
@@ -14,9 +18,6 @@ from ...engine.geometry import Points, point_at, wrap_angle
 from ...engine.network import NetEdge, SumoNet, read_net
 from ...schemas.generation import Density
 from .maps import MapEvidence
-
-# ---------- made_files
-# The files of a made scenario as the judges of the bench see them: the SUMO net, the middle, the obstacles.
 
 SIZES = {
     "car": ("car", 3.0, 6.0),
@@ -84,104 +85,21 @@ class MadeFiles:
         return float(np.linalg.norm(points - self.middle, axis=1).min())
 
 
-# ---------- ring_judge
-# Whether there is a roundabout at a scenario's middle: a closed one-way ring in its net.
-
-LONGEST_RING_M = 1_200.0
-LEAST_ROUND = 0.55
-"""4π·area / perimeter² of a ring: 1 is a circle, 0.785 a square; oblong roundabouts have less."""
-LEAST_ENTRIES = 2
-ALONG = ("s", "L", "R")
-"""SUMO's words for going on along a road; a ring with a turn in it is a way about a block or across a crossing."""
-REACH_M, RING_BESIDE_M = 180.0, 30.0
-"""How far the roads of a ring may be from its middle, and how far outside it the scenario's middle may lie."""
-SIDES_APART_M = 12.0
-
-
-def _shows_roundabout(made: MadeFiles) -> bool:
-    """Whether a closed one-way ring surrounds the middle or passes by it, with at least two roads leading in.
-
-    It has to be driven round the proper way: against the clock where traffic keeps right.
-    """
-    edges = {key: edge for key, edge in made.net.edges.items() if not edge.internal}
-    one_way = {key for key, edge in edges.items() if not _has_other_side(made.net, edge)}
-    following: dict[str, set[str]] = {key: set() for key in one_way}
-    entering: dict[str, set[str]] = {key: set() for key in one_way}
-    for connection in made.net.connections:
-        if connection.to_edge in one_way and connection.from_edge in edges:
-            entering[connection.to_edge].add(connection.from_edge)
-            if connection.from_edge in one_way and connection.direction in ALONG:
-                following[connection.from_edge].add(connection.to_edge)
-    for start in sorted(edge.edge_id for edge in made.near(REACH_M) if edge.edge_id in one_way):
-        ring = _ring(made.net, following, start)
-        entries = {edge for key in ring for edge in entering[key]} - set(ring)
-        if len(entries) >= LEAST_ENTRIES and _is_round(made.net, ring) and _is_at_middle(made, ring):
-            return True
-    return False
-
-
-def _has_other_side(net: SumoNet, edge: NetEdge) -> bool:
-    """Whether traffic comes the other way beside a road; the other half of a ring runs elsewhere."""
-    middle = _edge_line(net, edge.edge_id).mean(axis=0)
-    return any(
-        float(np.linalg.norm(_edge_line(net, other.edge_id).mean(axis=0) - middle)) < SIDES_APART_M
-        for other in net.edges.values()
-        if other is not edge and (other.from_junction, other.to_junction) == (edge.to_junction, edge.from_junction)
-    )
-
-
-def _edge_line(net: SumoNet, edge: str) -> Points:
-    return net.lanes[net.edges[edge].lane_ids[0]].shape
-
-
-def _ring(net: SumoNet, following: dict[str, set[str]], start: str) -> list[str]:
-    """The shortest cycle of one-way roads through a road, none where it is longer than a roundabout can be."""
-    queue, seen = [(0.0, [start])], {start}
-    while queue:
-        gone, way = queue.pop(0)
-        gone += float(np.linalg.norm(np.diff(_edge_line(net, way[-1]), axis=0), axis=1).sum())
-        for edge in sorted(following[way[-1]]):
-            if edge == start:
-                return way
-            if edge not in seen and gone < LONGEST_RING_M:
-                seen.add(edge)
-                queue.append((gone, [*way, edge]))
-        queue.sort(key=lambda entry: entry[0])
-    return []
-
-
-def _is_at_middle(made: MadeFiles, ring: list[str]) -> bool:
-    from shapely import Point, Polygon
-
-    area = Polygon(np.vstack([_edge_line(made.net, edge) for edge in ring])).buffer(0.0)
-    return float(area.distance(Point(*made.middle))) < RING_BESIDE_M
-
-
-def _is_round(net: SumoNet, ring: list[str]) -> bool:
-    points = np.vstack([_edge_line(net, edge) for edge in ring])
-    following = np.roll(points, -1, axis=0)
-    perimeter = float(np.linalg.norm(following - points, axis=1).sum())
-    area = 0.5 * float((points[:, 0] * following[:, 1] - following[:, 0] * points[:, 1]).sum())
-    proper_way = (area > 0) != net.lefthand
-    return proper_way and 4 * math.pi * abs(area) / max(perimeter, 1.0) ** 2 > LEAST_ROUND
-
-
-# ---------- road_type_judge
-# Whether the roads at a scenario's middle are of the type asked for: read from its net and from the map file.
-#
-# Apart from the site finder and from what the generator checks itself: nothing of theirs is imported.
-
 AT_M, BESIDE_M, JUNCTION_M = 25.0, 40.0, 60.0
 """On the road that the middle lies on, with both carriageways; beside it; at its junction: signs of one place lie so
 far apart that is one site."""
 TOWN_M = 100.0
+"""Around the middle, in which streets with houses or built-up land make a town."""
 FAST_KMH, SLOW_KMH = 80.0, 60.0
 """Limits from which on a road is not in a town, and below which it is, whatever else lies there."""
 STREETS = frozenset({"residential", "living_street", "pedestrian"})
 FAST_CLASSES = frozenset({"motorway", "trunk"})
 LIGHTS = ("traffic_light", "traffic_light_right_on_red", "traffic_light_unregulated")
+"""SUMO's types of junctions with traffic lights."""
 ARM_M = 25.0
+"""From the junction to the point that gives the bearing of an arm."""
 SAME_ROAD_RAD, SAME_ARM_RAD = math.radians(45.0), math.radians(15.0)
+"""Carriageways of one name, and of any, whose bearings differ by less are one arm."""
 
 
 def shows_type(made: MadeFiles, kind: str, evidence: MapEvidence) -> bool:
@@ -307,47 +225,121 @@ def _line(net: SumoNet, edge: NetEdge) -> Points:
     return net.lanes[edge.lane_ids[0]].shape
 
 
-# ---------- generation_density
-# Whether a made scenario has the density asked for, counted in its files apart from the generator's own figures.
+LONGEST_RING_M = 1_200.0
+"""Longer cycles of one-way roads are no roundabout (chosen)."""
+LEAST_ROUND = 0.55
+"""4π·area / perimeter² of a ring: 1 is a circle, 0.785 a square; oblong roundabouts have less."""
+LEAST_ENTRIES = 2
+"""Roads that lead into a roundabout."""
+ALONG = ("s", "L", "R")
+"""SUMO's words for going on along a road; a ring with a turn in it leads about a block or across a crossing."""
+REACH_M, RING_BESIDE_M = 180.0, 30.0
+"""How far the roads of a ring may be from its middle, and how far outside it the scenario's middle may lie."""
+SIDES_APART_M = 12.0
+"""Between the middles of both directions of a road; the other half of a ring is farther off."""
+
+
+def _shows_roundabout(made: MadeFiles) -> bool:
+    """Whether a closed one-way ring surrounds the middle or passes by it, with at least two roads leading in.
+
+    It has to be driven round the proper way: against the clock where traffic keeps right.
+    """
+    edges = {key: edge for key, edge in made.net.edges.items() if not edge.internal}
+    one_way = {key for key, edge in edges.items() if not _has_other_side(made.net, edge)}
+    following: dict[str, set[str]] = {key: set() for key in one_way}
+    entering: dict[str, set[str]] = {key: set() for key in one_way}
+    for connection in made.net.connections:
+        if connection.to_edge in one_way and connection.from_edge in edges:
+            entering[connection.to_edge].add(connection.from_edge)
+            if connection.from_edge in one_way and connection.direction in ALONG:
+                following[connection.from_edge].add(connection.to_edge)
+    for start in sorted(edge.edge_id for edge in made.near(REACH_M) if edge.edge_id in one_way):
+        ring = _ring(made.net, following, start)
+        entries = {edge for key in ring for edge in entering[key]} - set(ring)
+        if len(entries) >= LEAST_ENTRIES and _is_round(made.net, ring) and _is_at_middle(made, ring):
+            return True
+    return False
+
+
+def _has_other_side(net: SumoNet, edge: NetEdge) -> bool:
+    """Whether oncoming traffic has a road beside this one; the other half of a ring runs elsewhere."""
+    middle = _line(net, edge).mean(axis=0)
+    return any(
+        float(np.linalg.norm(_line(net, other).mean(axis=0) - middle)) < SIDES_APART_M
+        for other in net.edges.values()
+        if other is not edge and (other.from_junction, other.to_junction) == (edge.to_junction, edge.from_junction)
+    )
+
+
+def _ring(net: SumoNet, following: dict[str, set[str]], start: str) -> list[str]:
+    """The shortest cycle of one-way roads through a road, none where it is longer than a roundabout can be."""
+    queue, seen = [(0.0, [start])], {start}
+    while queue:
+        length_m, route = queue.pop(0)
+        length_m += float(np.linalg.norm(np.diff(_line(net, net.edges[route[-1]]), axis=0), axis=1).sum())
+        for edge in sorted(following[route[-1]]):
+            if edge == start:
+                return route
+            if edge not in seen and length_m < LONGEST_RING_M:
+                seen.add(edge)
+                queue.append((length_m, [*route, edge]))
+        queue.sort(key=lambda entry: entry[0])
+    return []
+
+
+def _is_at_middle(made: MadeFiles, ring: list[str]) -> bool:
+    from shapely import Point, Polygon
+
+    area = Polygon(np.vstack([_line(made.net, made.net.edges[edge]) for edge in ring])).buffer(0.0)
+    return float(area.distance(Point(*made.middle))) < RING_BESIDE_M
+
+
+def _is_round(net: SumoNet, ring: list[str]) -> bool:
+    points = np.vstack([_line(net, net.edges[edge]) for edge in ring])
+    following = np.roll(points, -1, axis=0)
+    perimeter = float(np.linalg.norm(following - points, axis=1).sum())
+    area = 0.5 * float((points[:, 0] * following[:, 1] - following[:, 0] * points[:, 1]).sum())
+    proper_way = (area > 0) != net.lefthand
+    return proper_way and 4 * math.pi * abs(area) / max(perimeter, 1.0) ** 2 > LEAST_ROUND
+
 
 TARGETS: Mapping[Density, float] = {"low": 7.0, "medium": 16.0, "high": 28.0}
 """Vehicles per kilometre of lane, as ``docs/generation.md`` promises them."""
-WITHIN = 0.25
-TOLD = "density missed"
+_WITHIN = 0.25
+"""Of the target, a density counts as met (chosen)."""
+_STATED = "density missed"
+"""Stands in the note of a generation that misses its density."""
 
 
 @dataclass(frozen=True)
 class DensityVerdict:
-    """Vehicles per kilometre of lane at the start, the ego included, beside the target; whether a miss is told."""
+    """Vehicles per kilometre of lane at the start, the ego included, beside the target; whether a miss is stated."""
 
     target: float
     found: float
-    told: bool
+    stated: bool
 
     @property
     def met(self) -> bool:
         """Within a quarter of the target."""
-        return abs(self.found - self.target) <= WITHIN * self.target
+        return abs(self.found - self.target) <= _WITHIN * self.target
 
     @property
     def honest(self) -> bool:
         """Met, or missed with the reason in a note."""
-        return self.met or self.told
+        return self.met or self.stated
 
 
-def judge_density(made: MadeFiles, wish: Density, notes: Sequence[str]) -> DensityVerdict:
+def judge_density(made: MadeFiles, asked: Density, notes: Sequence[str]) -> DensityVerdict:
     """Count the obstacles and the ego on the lanes of the net that cars may use, insides of junctions left out."""
     found = (len(made.obstacles) + 1) / _lane_km(made.net)
-    return DensityVerdict(TARGETS[wish], round(found, 2), any(TOLD in note for note in notes))
+    return DensityVerdict(TARGETS[asked], round(found, 2), any(_STATED in note for note in notes))
 
 
 def _lane_km(net: SumoNet) -> float:
     shapes = [lane.shape for lane in net.lanes.values() if "passenger" in lane.allowed and not lane.internal]
     return sum(float(np.linalg.norm(np.diff(shape, axis=0), axis=1).sum()) for shape in shapes) / 1000
 
-
-# ---------- generation_judge
-# Whether a made scenario shows the place and the vehicles asked for; read from the made files and the map file.
 
 STREET_WITHIN_M, EXIT_WITHIN_M = 100.0, 200.0
 """How far the road may be that a site is called after; an exit is called after the road that it leads to, too."""
@@ -368,9 +360,9 @@ def lies_at_street(
     return all(part in places or evidence.names_near(part, made.latitude, made.longitude, within_m) for part in parts)
 
 
-def holds_vehicles(made: MadeFiles, wished: dict[str, tuple[int, int | None]]) -> bool:
+def holds_vehicles(made: MadeFiles, required: dict[str, tuple[int, int | None]]) -> bool:
     """Whether every class is there in the numbers asked for: (least, most) by class."""
     counts = made.classes()
     return all(
-        least <= counts[name] <= (counts[name] if most is None else most) for name, (least, most) in wished.items()
+        least <= counts[name] <= (counts[name] if most is None else most) for name, (least, most) in required.items()
     )

@@ -1,4 +1,8 @@
-"""The maps of ``make bench-generation``: every file of a folder as a user adds it, binary extracts written as .osm."""
+"""The maps of ``make bench-generation``, and what their files say about a spot.
+
+Maps are every file of a folder as a user adds it, binary extracts written as .osm. Evidence (names, houses, built-up
+land, signed limits) is read apart from the generator.
+"""
 
 import json
 import math
@@ -18,13 +22,12 @@ from ...engine.maps import MapEntry, is_binary, is_map, read_map, write_as_xml
 from ...schemas.errors import PlannerForgeError
 from ...schemas.generation import ConvertMapRequest, ReadMapRequest
 
-# ---------- map_evidence
-# What a map file says about a spot: names, houses, built-up land and signed limits. Read apart from the generator.
-
 NAMING = re.compile(r"(name(:.*)?|(alt|loc|int|official|short)_name|ref|addr:street|destination(:.*)?)$")
 BUILT_UP_LAND = ("residential", "commercial", "retail", "industrial")
 METRES_A_DEGREE = 111_200.0
+"""Of latitude, on a sphere of the Earth's mean radius."""
 MANY_HOUSES = 3
+"""Houses within reach that make a spot built up (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class MapEvidence:
         return any(found.tags.get(key) == value for found in self.mapped)
 
     def names_near(self, name: str, latitude: float, longitude: float, within_m: float) -> bool:
-        """Whether something whose name, number or sign has all words of ``name`` lies so near."""
+        """Whether something whose name, number or sign has all words of ``name`` lies within ``within_m``."""
         words = _words(name)
         return any(
             any(words <= _words(part) for part in _names(found)) and found.distance_m(latitude, longitude) <= within_m
@@ -70,7 +73,7 @@ class MapEvidence:
         )
 
     def houses(self, latitude: float, longitude: float, within_m: float) -> int:
-        """Buildings so near."""
+        """Buildings within ``within_m``."""
         return sum(
             "building" in found.tags and found.distance_m(latitude, longitude) <= within_m
             for found in self._around(latitude, longitude, within_m)
@@ -84,7 +87,7 @@ class MapEvidence:
         )
 
     def limits_kmh(self, latitude: float, longitude: float, within_m: float) -> list[float]:
-        """Signed speed limits of the roads so near."""
+        """Signed speed limits of the roads within ``within_m``."""
         near = (
             found
             for found in self._around(latitude, longitude, within_m)
@@ -94,7 +97,7 @@ class MapEvidence:
         return [float(sign[1]) * (1.609344 if sign[2] else 1.0) for sign in signed if sign is not None]
 
     def _around(self, latitude: float, longitude: float, within_m: float) -> Iterable[Mapped]:
-        """What can be so near by its bounds."""
+        """What can be within ``within_m`` by its bounds."""
         reach = within_m / METRES_A_DEGREE / max(math.cos(math.radians(latitude)), 0.1)
         spot = np.array((latitude, longitude))
         return (
@@ -130,10 +133,6 @@ def _words(name: str) -> frozenset[str]:
     """Words without case and accents; a number beside its letter (``A4``) counts as a word of its own."""
     plain = unicodedata.normalize("NFKD", name.casefold()).encode("ascii", "ignore").decode()
     return frozenset(re.findall(r"\d+|[a-z]+", plain) or [name.casefold()])
-
-
-# ---------- generation_maps
-# The maps of ``make bench-generation``: every file of a folder as a user adds it, binary extracts written as .osm.
 
 
 @dataclass(frozen=True)

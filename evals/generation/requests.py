@@ -1,4 +1,8 @@
-"""The requests of ``make bench-generation``: of a corpus where a map covers them, and seeded ones."""
+"""The requests of ``make bench-generation``: of a corpus where a map covers them, seeded ones, and ones to be refused.
+
+A refusal is right where the error is of the class that belongs to the reason and names both what is wrong and what it
+is wrong with.
+"""
 
 import json
 import random
@@ -10,11 +14,24 @@ from ...engine.vehicles import vehicle_classes
 from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from ...schemas.generation import GenerateScenariosArguments
 
-# ---------- generation_requests
-# The requests of ``make bench-generation``: of a corpus where a map covers them, and seeded ones.
-
 SEED = 2026
 DENSITIES = ("low", "medium", "high")
+MAY_BE_MISSING = ("roundabout", "highway", "ramp", "rural", "signalised_intersection", "intersection", "urban")
+VILLAGES = frozenset(
+    {"HND_Santa_Barbara-1.osm", "dueren-complete-excerpt.osm", "krautsand.osm", "o2s_overlapping_service_roads.osm"}
+)
+"""Maps whose list leaves ``urban`` out though they show streets among houses: the list is of towns, the type is not."""
+LEFT_OVER = {"urban": "motorway", "intersection": "motorway", "highway": "residential", "ramp": "motorway_link"}
+"""For each type a road class of which no site of it can be made."""
+Reason = Literal["unknown_place", "no_map_here", "no_such_site", "unknown_class", "invalid_value"]
+"""``no_map_here``: a real place, which could be met with another set of maps; refused like an unknown one."""
+AS_TYPED: dict[str, dict[str, Any]] = {
+    "gen-d050": {"vehicles": ["truck=-4"]},
+    "gen-d091": {"vehicles": ["pedestrian"]},
+    "gen-d092": {"vehicles": ["tank=5", "helicopter=1"]},
+    "gen-d093": {"duration_s": 0},
+}
+"""What the corpus's ground truth leaves out of the requests because it is invalid: as their texts have it."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +53,7 @@ def corpus_requests(lines: Sequence[str], maps: frozenset[str]) -> list[BenchReq
     return [
         BenchRequest(
             entry["id"],
-            GenerateScenariosArguments.model_validate(_corpus_wish(entry["truth"])),
+            GenerateScenariosArguments.model_validate(_corpus_arguments(entry["truth"])),
             entry["map"],
             entry["truth"]["location"]["place"],
         )
@@ -45,7 +62,7 @@ def corpus_requests(lines: Sequence[str], maps: frozenset[str]) -> list[BenchReq
     ]
 
 
-def _corpus_wish(truth: Mapping[str, Any]) -> dict[str, Any]:
+def _corpus_arguments(truth: Mapping[str, Any]) -> dict[str, Any]:
     """The ground truth of a request as arguments, not yet checked; what it leaves open takes its default."""
     where = truth["location"]
     words = [word for word in (where["place"], where["city"]) if word]
@@ -81,7 +98,7 @@ def _goal(goal: Mapping[str, Any]) -> str:
 
 
 def seeded_requests(places: Mapping[str, Any], maps: frozenset[str], count: int) -> list[BenchRequest]:
-    """So many requests that the maps can meet: site × density × classes, in turn over all maps and types."""
+    """``count`` requests that the maps can meet: site × density × classes, in turn over all maps and types."""
     choice = random.Random(SEED)  # noqa: S311 - reproducible, not secret
     pairs = [(name, kind) for name in sorted(maps & set(places)) for kind in _types_of(places[name])]
     choice.shuffle(pairs)
@@ -89,8 +106,8 @@ def seeded_requests(places: Mapping[str, Any], maps: frozenset[str], count: int)
     for number in range(count):
         name, kind = pairs[number % len(pairs)]
         classes = choice.sample(sorted(vehicle_classes()), choice.choice((0, 1, 1, 2)))
-        classes = [known for known in classes if known not in _unwelcome(kind) and known != "car"]
-        wish = {
+        classes = [known for known in classes if known not in _barred(kind) and known != "car"]
+        given = {
             "place": places[name]["places"][0],
             "country": places[name]["country"],
             "scenario_type": kind,
@@ -98,7 +115,7 @@ def seeded_requests(places: Mapping[str, Any], maps: frozenset[str], count: int)
             "vehicles": [f"{known}={choice.randint(1, 3)}" for known in classes],
             "seed": number,
         }
-        found.append(BenchRequest(f"seed-{number:03d}", GenerateScenariosArguments.model_validate(wish), name))
+        found.append(BenchRequest(f"seed-{number:03d}", GenerateScenariosArguments.model_validate(given), name))
     return found
 
 
@@ -108,32 +125,9 @@ def _types_of(shown: Mapping[str, Any]) -> list[str]:
     return [*shown["scenario_types"], *signalised]
 
 
-def _unwelcome(kind: str) -> frozenset[str]:
+def _barred(kind: str) -> frozenset[str]:
     """Classes that no motorway is open to."""
     return frozenset({"bicycle", "moped"}) if kind in ("highway", "ramp") else frozenset()
-
-
-# ---------- generation_refusals
-# Requests that generate_scenarios has to refuse, and whether it does so for the right reason.
-#
-# A reason is right where the error is of its class and names both what is wrong and what it is wrong with.
-
-MAY_BE_MISSING = ("roundabout", "highway", "ramp", "rural", "signalised_intersection", "intersection", "urban")
-VILLAGES = frozenset(
-    {"HND_Santa_Barbara-1.osm", "dueren-complete-excerpt.osm", "krautsand.osm", "o2s_overlapping_service_roads.osm"}
-)
-"""Maps whose list leaves ``urban`` out though they show streets among houses: the list is of towns, the type is not."""
-LEFT_OVER = {"urban": "motorway", "intersection": "motorway", "highway": "residential", "ramp": "motorway_link"}
-"""For each type a road class of which no site of it can be made."""
-Reason = Literal["unknown_place", "no_map_here", "no_such_site", "unknown_class", "invalid_value"]
-"""``no_map_here``: a real place, which could be met with another set of maps; refused like an unknown one."""
-AS_TYPED: dict[str, dict[str, Any]] = {
-    "gen-d050": {"vehicles": ["truck=-4"]},
-    "gen-d091": {"vehicles": ["pedestrian"]},
-    "gen-d092": {"vehicles": ["tank=5", "helicopter=1"]},
-    "gen-d093": {"duration_s": 0},
-}
-"""What the corpus's ground truth leaves out of the requests because it is invalid: as their texts have it."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +155,7 @@ def _corpus_refusal(entry: Mapping[str, Any]) -> Refusal:
     code, _, field = entry["truth"].get("reason", "no_map_here").partition(":")
     if code not in get_args(Reason):
         raise ValueError(f"{entry['id']}: unknown reason {code!r}")
-    given = _corpus_wish(entry["truth"]) | AS_TYPED.get(entry["id"], {})
+    given = _corpus_arguments(entry["truth"]) | AS_TYPED.get(entry["id"], {})
     if code == "unknown_class":
         given |= {"place": None, "country": None}
         return Refusal(entry["id"], given, code, tuple(word.partition("=")[0] for word in given["vehicles"]))

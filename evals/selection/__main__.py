@@ -111,24 +111,24 @@ async def _pages(settings: Settings, folder: Path, requests: Sequence[Request]) 
 
 def _page_figures(pages: Sequence[Answered]) -> dict[str, float]:
     """Over all pages of the tool: what was found where something should be, and nothing where nothing should."""
-    with_answer = [one for one in pages if one.request.expect == "ok"]
-    empty = [one for one in pages if one.request.expect == "empty"]
-    satisfied = [bool(one.facts) and set(one.facts) <= one.request.matching for one in with_answer]
+    with_answer = [answer for answer in pages if answer.request.expect == "ok"]
+    empty = [answer for answer in pages if answer.request.expect == "empty"]
+    satisfied = [bool(answer.facts) and set(answer.facts) <= answer.request.matching for answer in with_answer]
     return {
         "sat_all_funnel": round(statistics.mean(satisfied), 4),
-        "ids_exact": round(statistics.mean(one.is_exact for one in with_answer), 4),
-        "empty_right": round(statistics.mean(one.is_rightly_empty for one in empty), 4),
+        "ids_exact": round(statistics.mean(answer.is_exact for answer in with_answer), 4),
+        "empty_right": round(statistics.mean(answer.is_rightly_empty for answer in empty), 4),
     }
 
 
 def _page_rows(pages: Sequence[Answered]) -> list[tuple[str, str]]:
     shares = [(key, f"{value}") for key, value in _page_figures(pages).items()]
-    return shares + [("differs from the corpus", one.difference()) for one in pages if not one.is_exact]
+    return shares + [("differs from the corpus", answer.difference()) for answer in pages if not answer.is_exact]
 
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Measure selection.")
-    parser.add_argument("--seeds", type=int, default=SEEDS, help="so many rounds of spoiled slots")
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="rounds of spoiled slots")
     parser.add_argument("--first-seed", type=int, default=0, help="the seed of the first round")
     parser.add_argument("--largest", type=int, default=LARGE, help="entries of the large synthetic catalogue")
     return parser.parse_args()

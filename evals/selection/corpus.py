@@ -1,4 +1,8 @@
-"""The selection corpus: requests with ground truth, and their slots as arguments of find_scenarios."""
+"""The selection corpus: requests with ground truth, their slots as arguments of find_scenarios, and spoiled slots.
+
+Slots are spoiled as language models do it (paper, Results, Slot-level extraction), by a seed: one or two tags that were
+not asked for; in half of the requests also a wrong road_net key; in a third the velocity of an example of the prompt.
+"""
 
 import json
 import random
@@ -10,53 +14,9 @@ from typing import Any
 from ...schemas.catalog import FindScenariosArguments
 from ...schemas.vocabulary import SIGNS, TAGS
 
-# ---------- selection_spoiling
-# Spoiling the slots of a request as language models do (paper, Results, Slot-level extraction): seeded.
-#
-# One or two tags that nobody asked for; in half of the requests also a wrong road_net key; in a third the velocity of
-# an example of the prompt.
-
-EXAMPLE_SPEEDS = ("50km/h", "10m/s", "30km/h")
-WRONG_KEY_SHARE = 0.5
-COPIED_SPEED_SHARE = 1 / 3
-
-
-def spoiled(arguments: FindScenariosArguments, seed: str) -> FindScenariosArguments:
-    """The arguments with over-predicted tags, and by chance a wrong key and a copied velocity."""
-    chance = random.Random(seed)  # noqa: S311 - a reproducible choice, no secret
-    unasked = sorted(set(TAGS) - set(arguments.tags))
-    changes: dict[str, object] = {"tags": [*arguments.tags, *chance.sample(unasked, chance.randint(1, 2))]}
-    if chance.random() < WRONG_KEY_SHARE:
-        asked = " ".join(arguments.road_net)
-        changes["road_net"] = [*arguments.road_net, chance.choice([key for key in sorted(SIGNS) if key not in asked])]
-    if chance.random() < COPIED_SPEED_SHARE:
-        changes["ego_speed"] = chance.choice(EXAMPLE_SPEEDS)
-    return arguments.model_copy(update=changes)
-
-
-def extract_score(truth: FindScenariosArguments, given: FindScenariosArguments) -> float:
-    """The paper's *extract* of slots: the mean of five scores in [0, 1]; slots that are empty in both count as 1.
-
-    Tags by the overlap of the sets (Jaccard) as in the paper; it leaves the rest open: the other slots are compared in
-    the same way, condition by condition.
-    """
-    pairs = [
-        ({truth.country, truth.city}, {given.country, given.city}),
-        (truth.tags, given.tags),
-        (truth.road_net, given.road_net),
-        (truth.obstacles, given.obstacles),
-        ({truth.ego_speed}, {given.ego_speed}),
-    ]
-    return sum(_overlap(one, other) for one, other in pairs) / len(pairs)
-
-
-def _overlap(one: Collection[str | None], other: Collection[str | None]) -> float:
-    together = set(one) | set(other)
-    return len(set(one) & set(other)) / len(together) if together else 1.0
-
-
-# ---------- selection_corpus
-# The selection corpus: requests with ground truth, and their slots as arguments of find_scenarios.
+_EXAMPLE_SPEEDS = ("50km/h", "10m/s", "30km/h")
+"""Velocities of the examples in the paper's prompt."""
+_WRONG_KEY_SHARE, _COPIED_SPEED_SHARE = 0.5, 1 / 3
 
 
 @dataclass(frozen=True)
@@ -95,26 +55,26 @@ def arguments_of(truth: dict[str, Any]) -> FindScenariosArguments:
         country=location.get("country"),
         city=location.get("city"),
         tags=truth.get("tags", []),
-        road_net=[road_net(key, value) for key, value in truth.get("road_net", {}).items()],
+        road_net=[_road_net(key, value) for key, value in truth.get("road_net", {}).items()],
         obstacles=[
-            f"{kind}{compared(value['op'], value['count'])}" for kind, value in truth.get("obstacles", {}).items()
+            f"{kind}{_compared(value['op'], value['count'])}" for kind, value in truth.get("obstacles", {}).items()
         ],
-        ego_speed=speed(truth["velocity"]) if "velocity" in truth else None,
+        ego_speed=_speed(truth["velocity"]) if "velocity" in truth else None,
         limit=50,
     )
 
 
-def road_net(key: str, value: dict[str, Any]) -> str:
+def _road_net(key: str, value: dict[str, Any]) -> str:
     """A road_net slot as the argument's word."""
     if key == "lanes":
-        return key + compared(value["op"], value["count"])
+        return key + _compared(value["op"], value["count"])
     name = key + ("@map" if value["scope"] == "map" else "")
     if value["op"] in ("present", "absent"):
         return ("!" if value["op"] == "absent" else "") + name
-    return name + compared(value["op"], value["value"], value["unit"])
+    return name + _compared(value["op"], value["value"], value["unit"])
 
 
-def compared(operation: str, count: Any, unit: str = "") -> str:
+def _compared(operation: str, count: Any, unit: str = "") -> str:
     """An operation with its count or value, as it is written."""
     if operation == "range":
         return f"={count[0]}..{count[1]}{unit}"
@@ -123,8 +83,42 @@ def compared(operation: str, count: Any, unit: str = "") -> str:
     return {"exact": "=", "at_least": ">=", "at_most": "<="}[operation] + f"{count}{unit}"
 
 
-def speed(slot: dict[str, Any]) -> str:
+def _speed(slot: dict[str, Any]) -> str:
     """A velocity slot as it is written."""
     if slot["op"] == "range":
         return f"{slot['value'][0]}..{slot['value'][1]}{slot['unit']}"
     return {"about": "", "at_least": ">=", "at_most": "<="}[slot["op"]] + f"{slot['value']}{slot['unit']}"
+
+
+def spoiled(arguments: FindScenariosArguments, seed: str) -> FindScenariosArguments:
+    """The arguments with over-predicted tags, and by chance a wrong key and a copied velocity."""
+    chance = random.Random(seed)  # noqa: S311 - a reproducible choice, no secret
+    unasked = sorted(set(TAGS) - set(arguments.tags))
+    changes: dict[str, object] = {"tags": [*arguments.tags, *chance.sample(unasked, chance.randint(1, 2))]}
+    if chance.random() < _WRONG_KEY_SHARE:
+        asked = " ".join(arguments.road_net)
+        changes["road_net"] = [*arguments.road_net, chance.choice([key for key in sorted(SIGNS) if key not in asked])]
+    if chance.random() < _COPIED_SPEED_SHARE:
+        changes["ego_speed"] = chance.choice(_EXAMPLE_SPEEDS)
+    return arguments.model_copy(update=changes)
+
+
+def extract_score(truth: FindScenariosArguments, given: FindScenariosArguments) -> float:
+    """The paper's *extract* of slots: the mean of five scores in [0, 1]; slots that are empty in both count as 1.
+
+    Tags by the overlap of the sets (Jaccard) as in the paper; it leaves the rest open: the other slots are compared in
+    the same way, condition by condition.
+    """
+    pairs = [
+        ({truth.country, truth.city}, {given.country, given.city}),
+        (truth.tags, given.tags),
+        (truth.road_net, given.road_net),
+        (truth.obstacles, given.obstacles),
+        ({truth.ego_speed}, {given.ego_speed}),
+    ]
+    return sum(_overlap(first, second) for first, second in pairs) / len(pairs)
+
+
+def _overlap(first: Collection[str | None], second: Collection[str | None]) -> float:
+    together = set(first) | set(second)
+    return len(set(first) & set(second)) / len(together) if together else 1.0

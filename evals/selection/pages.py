@@ -11,7 +11,8 @@ from ...schemas.catalog import FindScenariosArguments, FindScenariosResult
 from .corpus import Request, arguments_of
 
 PAGE = 50
-VALID = ("ok", "empty")
+_VALID = ("ok", "empty")
+"""Requests whose slots are ground truth."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,14 @@ class Answered:
 
 async def answer_all(client: Client, requests: Iterable[Request]) -> list[Answered]:
     """Every request that has ground truth by its slots, all pages."""
-    return [await _answered(client, one) for one in requests if one.expect in VALID]
+    return [await _answered(client, request) for request in requests if request.expect in _VALID]
 
 
 async def search_ms(client: Client, requests: Sequence[Request]) -> list[float]:
     """Milliseconds of every request by its slots: the whole tool with the stored search, as a client waits for it."""
     durations = []
     for request in requests:
-        if request.expect in VALID:
+        if request.expect in _VALID:
             arguments = _words(arguments_of(request.truth).model_copy(update={"limit": 5}))
             started = time.perf_counter()
             await client.call_tool("find_scenarios", arguments)

@@ -14,9 +14,11 @@ from ...schemas.catalog import PACKAGED_MODEL, FindScenariosArguments, Method, R
 from ...schemas.errors import UnknownName
 from .corpus import Request, arguments_of, extract_score, refused_arguments, spoiled
 
-FIRST = 5
+_FIRST = 5
+"""Results that count as seen: as many as the paper's interface shows."""
 SEEDS = 5
-XML_CHARACTERS = 20_000
+_XML_CHARACTERS = 20_000
+"""Of a file: more than the first few hundred tokens that the model reads."""
 Ranked = list[tuple[Request, Sequence[str]]]
 Tell = Callable[[str], None]
 
@@ -36,7 +38,7 @@ class SelectionQuality:
 
     Args:
         folder: the real scenarios, for embedding their XML.
-        tell: hears what is being measured.
+        tell: called with what is being measured.
     """
 
     def __init__(self, database: Database, index: Path, requests: Sequence[Request], folder: Path, tell: Tell) -> None:
@@ -148,7 +150,7 @@ def _over_xml(requests: Sequence[Request], folder: Path) -> Ranked:
     """Embedding the files instead of descriptions; the model reads the first few hundred tokens of each."""
     paths = sorted(folder.glob("*.xml"))
     model = EmbeddingModel.of(PACKAGED_MODEL)
-    vectors = model.embed([path.read_text(encoding="utf-8")[:XML_CHARACTERS] for path in paths])
+    vectors = model.embed([path.read_text(encoding="utf-8")[:_XML_CHARACTERS] for path in paths])
     asked = model.embed([request.text for request in requests])
     best = np.argsort(-(asked @ vectors.T), axis=1, kind="stable")
     return [(one, [paths[index].stem for index in row]) for one, row in zip(requests, best, strict=True)]
@@ -169,8 +171,8 @@ def _top1(wanted: frozenset[str], found: Sequence[str]) -> bool:
 
 
 def _shares(table: Ranked) -> str:
-    any5 = _share(table, lambda wanted, found: bool(wanted & set(found[:FIRST])))
-    all5 = _share(table, lambda wanted, found: bool(found) and set(found[:FIRST]) <= wanted)
+    any5 = _share(table, lambda wanted, found: bool(wanted & set(found[:_FIRST])))
+    all5 = _share(table, lambda wanted, found: bool(found) and set(found[:_FIRST]) <= wanted)
     return f"{any5:.3f}, {_share(table, _top1):.3f}, {all5:.3f}"
 
 

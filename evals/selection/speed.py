@@ -1,4 +1,7 @@
-"""How long searches take: among many entries, and from the start of a server."""
+"""How long searches take: among many entries, and from the start of a server.
+
+A large catalogue is made from real facts, whose places, counts, tags and speeds are mixed anew by a seed.
+"""
 
 import os
 import random
@@ -19,46 +22,8 @@ from ...server.settings import Settings
 from .corpus import Request
 from .pages import search_ms
 
-# ---------- synthetic_catalog
-# A large catalogue of metadata made from real facts: places, counts, tags and speeds are mixed anew, seeded.
-
-
-def _make_catalog(path: Path, real: Sequence[ScenarioFacts], count: int) -> sqlite3.Connection:
-    """A database with so many entries; every layer of an entry comes from another real scenario."""
-    connection = sqlite3.connect(path, isolation_level=None)
-    connection.execute("PRAGMA journal_mode = WAL")
-    prepare(connection)
-    chance = random.Random(count)  # noqa: S311 - a reproducible choice, no secret
-    connection.execute("BEGIN")
-    for number in range(1, count + 1):
-        add_facts(connection, number, _mixed(real, chance, number))
-    connection.execute("COMMIT")
-    return connection
-
-
-def _mixed(real: Sequence[ScenarioFacts], chance: random.Random, number: int) -> ScenarioFacts:
-    place, tags, roads, ego = (chance.choice(real) for _ in range(4))
-    counts = {
-        kind: max(1, count + chance.randint(-2, 4)) for kind, count in chance.choice(real).participants.counts.items()
-    }
-    egos = tuple(
-        one.model_copy(update={"speed_mps": max(0.0, one.speed_mps + chance.gauss(0.0, 2.0))}) for one in ego.egos
-    )
-    return roads.model_copy(
-        update={
-            "scenario_id": f"{place.location.country}_{place.location.place}-{number}_1_T-1",
-            "location": place.location,
-            "tags": tags.tags,
-            "participants": ParticipantFacts(dynamic=counts),
-            "egos": egos,
-        }
-    )
-
-
-# ---------- bench_selection_speed
-# How long searches take: among many entries, and from the start of a server.
-
-WARM_TEXTS = 15
+_WARM_TEXTS = 15
+"""Searches by text of which the median counts (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +39,7 @@ class Starts:
 async def measure_searches(
     folder: Path, real: Sequence[ScenarioFacts], size: int, requests: Sequence[Request]
 ) -> list[float]:
-    """Milliseconds of find_scenarios for every request, in a new workspace with so many entries made of real facts."""
+    """Milliseconds of find_scenarios for every request, in a new workspace with ``size`` entries made of real facts."""
     folder.mkdir()
     _make_catalog(folder / "workspace.sqlite", real, size).close()
     settings = Settings(workspace=folder, starter=False, warm_up=False)
@@ -100,7 +65,7 @@ async def measure_starts(python: str, workspace: Path, new_workspace: Path) -> S
         await client.call_tool("find_scenarios", {"text": "a busy crossing"})
         text_s = time.perf_counter() - started
         warm = []
-        for number in range(WARM_TEXTS):
+        for number in range(_WARM_TEXTS):
             await anyio.sleep(0.05)
             again = time.perf_counter()
             await client.call_tool("find_scenarios", {"text": f"a left turn with {number} trucks"})
@@ -113,3 +78,35 @@ async def _first_search_s(server: StdioServerParameters) -> float:
     async with Client(server) as client:
         await client.call_tool("find_scenarios", {"tags": ["urban"]})
         return time.perf_counter() - started
+
+
+def _make_catalog(path: Path, real: Sequence[ScenarioFacts], count: int) -> sqlite3.Connection:
+    """A database with ``count`` entries; every layer of an entry comes from another real scenario."""
+    connection = sqlite3.connect(path, isolation_level=None)
+    connection.execute("PRAGMA journal_mode = WAL")
+    prepare(connection)
+    chance = random.Random(count)  # noqa: S311 - a reproducible choice, no secret
+    connection.execute("BEGIN")
+    for number in range(1, count + 1):
+        add_facts(connection, number, _mixed(real, chance, number))
+    connection.execute("COMMIT")
+    return connection
+
+
+def _mixed(real: Sequence[ScenarioFacts], chance: random.Random, number: int) -> ScenarioFacts:
+    place, tags, roads, ego = (chance.choice(real) for _ in range(4))
+    counts = {
+        kind: max(1, count + chance.randint(-2, 4)) for kind, count in chance.choice(real).participants.counts.items()
+    }
+    egos = tuple(
+        state.model_copy(update={"speed_mps": max(0.0, state.speed_mps + chance.gauss(0.0, 2.0))}) for state in ego.egos
+    )
+    return roads.model_copy(
+        update={
+            "scenario_id": f"{place.location.country}_{place.location.place}-{number}_1_T-1",
+            "location": place.location,
+            "tags": tags.tags,
+            "participants": ParticipantFacts(dynamic=counts),
+            "egos": egos,
+        }
+    )
