@@ -132,8 +132,10 @@ async def finished_batch(client: Client, **arguments: Any) -> str:
     return str(result["batch_id"])
 
 
-class _InProcess:
-    """Runs the engine operations of a tool in this process, without a time limit."""
+class InProcess:
+    """An executor that carries operations out in this process, one at a time and without a time limit."""
+
+    capacity = 1
 
     async def run(self, operation: Operation[Request, Response], request: Request, **options: object) -> Response:
         """The operation's response."""
@@ -143,4 +145,4 @@ class _InProcess:
 
 def call_in_process() -> ToolCall:
     """A tool's call without server and workers, for timing what a tool plans; it can do nothing but run operations."""
-    return cast("ToolCall", _InProcess())
+    return cast("ToolCall", InProcess())

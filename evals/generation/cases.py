@@ -81,7 +81,7 @@ def make_group(requests: Sequence[tuple[BenchRequest, int]], maps: BenchMaps) ->
 
 
 def make_all(request: BenchRequest, session: Session, seed: int) -> list[Made]:
-    """Make and judge all scenarios of a request as the tool assigns sites to them; ``seed`` draws the tracks that are checked."""
+    """Make and judge all scenarios of a request at the sites that the tool assigns; ``seed`` draws checked tracks."""
     try:
         assigned = _assigned_sites(request.arguments, session.maps.entries)
     except PlannerForgeError as error:

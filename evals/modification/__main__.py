@@ -21,7 +21,6 @@ included; a scenario's first edit reads it, later ones find it kept), ``edit_fir
 """
 
 import argparse
-import os
 import re
 import statistics
 from collections import Counter, defaultdict
@@ -35,7 +34,7 @@ from rich.progress import track
 
 from ...engine.analysis import wilson_interval
 from ...engine.execution import PRELOAD, warm_up
-from ..harness import print_figures
+from ..harness import print_figures, shared_folder
 from .cases import measure_file, measure_line
 from .requests import published_presets
 from .results import Case, Effort, Measured, Refusal
@@ -50,7 +49,9 @@ file. Either takes longer than the edits; the table says on how many each figure
 HEADLINES = ("T_ends", "B_preset", "P_count", "G_edge", "composite_done")
 PHYSICAL = ("T", "B", "P", "composite")
 LARGEST_JUMP_M, LARGEST_STEP_MPS = 0.05, 1.0
+"""Of a hand-over that counts as smooth: beyond v·dt, and of speed."""
 REASONS, REASON_LETTERS = 6, 110
+"""Of refusals that the table shows for each task: how many, and how long."""
 
 
 def measure(files: Sequence[Path], lines: Sequence[str], shared: Path, workers: int) -> list[Measured]:
@@ -252,7 +253,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="only every n-th file and request")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
-    shared = Path(os.environ.get("PLANNERFORGE_SHARED", "../shared"))
+    shared = shared_folder()
     files = sorted((shared / "data" / "commonroad").glob("*.xml"))[:: arguments.every]
     corpora = [shared / "corpora" / "dev" / f"modification_{task}.jsonl" for task in CORPUS]
     lines = [line for path in corpora for line in path.read_text(encoding="utf-8").splitlines()][:: arguments.every]

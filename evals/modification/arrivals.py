@@ -1,6 +1,7 @@
-"""Whether a vehicle had to get to its target in time, and whether it could have been sent there at all.
+"""Whether a vehicle gets to its target, had to get there in time, and could have been sent there at all.
 
-Reckoned from the lanelets and the motion as written; none of this asks the code that edits.
+Computed from the lanelets and the motion as written, whatever the report says of it; none of this asks the code that
+edits.
 """
 
 import math
@@ -30,12 +31,29 @@ if TYPE_CHECKING:
 
     from commonroad.scenario.lanelet import LaneletNetwork
 
-# ---------- modification_tracks
-# What the motion of touched vehicles shows in the file that was written, whatever the report says of it.
-
 BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
+"""A vehicle follows lanelets if this share of its positions is on them or at most so far beside."""
 LINE_M = 0.5
 """A vehicle whose bumper is so little past the end of a lanelet stands at it."""
+SLOW_MPS, EASY_MPS2, SLOW_SHARE = 6.0, 1.5, 0.5
+"""A driver in no hurry: the speed in the turns of a crossing, or half of the own speed where that is more."""
+DETOUR_SHARE, ROOM_M = 0.7, 15.0
+"""What is left to the target shrinks by at least this share of what is driven, but for this distance."""
+STANDING_MPS, LAST_S, SLOWED_SHARE = 0.5, 1.0, 0.7
+"""A vehicle stands below this speed; it slowed if it drives its last second at this share of its largest speed."""
+START_S = 4.0
+"""The most that starting again takes beyond the time of standing."""
+GAP_M, GAP_S = 10.0, 2.0
+"""A road user within these ahead holds a vehicle up."""
+NARROWEST_TURN_M = 5.0
+"""The front of hardly any car turns in a narrower circle (radius)."""
+SIDE_M = 0.5
+"""Sideways gap within which a road user ahead is in the corridor."""
+LOOK_S, LANE_CHANGE_S = 1.0, 3.0
+LANE_FROM_M, LANE_TO_M = 1.5, 5.5
+LEAST_GAP_M, HEADWAY_S = 2.5, 1.0
+"""A driver changes lanes where no vehicle in the next one is nearer than in ordinary traffic; looking and changing take
+so long. The next lane lies within these distances to the side."""
 
 
 def fronts(track: Track) -> Points:
@@ -49,7 +67,7 @@ def arrives_on(network: "LaneletNetwork", track: Track, begin: int, targets: set
 
     A bumper over the line is no arrival: more than half a metre of the front half (half its length of a shorter
     lanelet) is on the lanelet, or on those that it alone leads to. ``begin``: index of the track from which on it was
-    driven. A vehicle that arrives does not vanish: whoever is on the target early drives on along what follows it.
+    driven. A vehicle that arrives does not vanish: one that is on the target early drives on along what follows it.
     """
     there, centres = fronts(track)[max(begin, 0) :], track.positions[max(begin, 0) :]
     # A lanelet may be shorter than one step of the way, so that the way between the steps counts and not their ends.
@@ -119,30 +137,9 @@ def _onwards(network: "LaneletNetwork", key: int) -> tuple[int, ...]:
     return tuple(found)
 
 
-# ---------- modification_arrivals
-# Whether a vehicle had to get to its target in time, and whether it could have been sent there at all.
-#
-# Reckoned from the lanelets and the motion as written; none of this asks the code that edits.
-
-SLOW_MPS, EASY_MPS2, SLOW_SHARE = 6.0, 1.5, 0.5
-"""A driver in no hurry: the speed in the turns of a crossing, or half of the own where that is more."""
-DETOUR_SHARE, ROOM_M = 0.7, 15.0
-STANDING_MPS, LAST_S = 0.5, 1.0
-SLOWED_SHARE, START_S = 0.7, 4.0
-GAP_M, GAP_S = 10.0, 2.0
-"""Somebody within these ahead holds a vehicle up."""
-NARROWEST_TURN_M = 5.0
-"""The front of hardly any car turns in a narrower circle (radius)."""
-SIDE_M = 0.5
-LOOK_S, LANE_CHANGE_S = 1.0, 3.0
-LANE_FROM_M, LANE_TO_M = 1.5, 5.5
-LEAST_GAP_M, HEADWAY_S = 2.5, 1.0
-"""A driver changes lanes where nobody in the next one is nearer than in ordinary traffic, and it takes so long."""
-
-
 @dataclass(frozen=True)
 class Journey:
-    """A vehicle's way as written, to any of some lanelets, among all others."""
+    """A vehicle's path as written, to any of some lanelets, among all others."""
 
     network: "LaneletNetwork"
     track: Track
@@ -151,7 +148,7 @@ class Journey:
     step_s: float
 
     def is_late_with_reason(self) -> bool:
-        """Whether a vehicle that does not arrive is on its way at last, and had no time or was held up.
+        """Whether a vehicle that does not arrive is on its route at last, and had no time or was held up.
 
         It may not have driven past, or another way: what is left shrinks by most of what it drove.
         """
@@ -178,9 +175,9 @@ class Journey:
         return float(np.minimum(limits, speed_mps).mean())
 
     def _free_s(self) -> float:
-        """How long neither somebody close ahead nor the end of its lane holds it up; to start again takes time too."""
+        """How long neither a road user ahead nor the end of its lane holds it up; to start again takes time too."""
         count = len(self.track.positions) - 1
-        held = sum(self._is_behind_somebody(index) or self._waits_at_end(index) for index in range(count))
+        held = sum(self._is_behind_another(index) or self._waits_at_end(index) for index in range(count))
         held_s = held * self.step_s
         return max(count * self.step_s - held_s - min(held_s, START_S), 0.0)
 
@@ -199,8 +196,8 @@ class Journey:
         slowed = last <= max(SLOWED_SHARE * float(self.track.speeds_mps.max()), STANDING_MPS)
         return slowed or self._longest_gap_s(side) < LOOK_S + LANE_CHANGE_S
 
-    def _is_behind_somebody(self, index: int) -> bool:
-        """Whether somebody is in the corridor close ahead."""
+    def _is_behind_another(self, index: int) -> bool:
+        """Whether a road user is in the corridor close ahead."""
         step, heading = self.track.first_step + index, float(self.track.headings_rad[index])
         ahead = np.array([math.cos(heading), math.sin(heading)])
         speed = float(self.track.speeds_mps[index])
@@ -248,7 +245,7 @@ class Journey:
         return longest * self.step_s
 
     def _is_free_beside(self, index: int, side: int) -> bool:
-        """Whether nobody is beside, nor so close ahead or behind there that a driver would not change lanes."""
+        """Whether no vehicle is beside, nor so close ahead or behind there that a driver would not change lanes."""
         heading, step = float(self.track.headings_rad[index]), self.track.first_step + index
         ahead = np.array([math.cos(heading), math.sin(heading)])
         left = np.array([-ahead[1], ahead[0]]) * side
@@ -268,7 +265,7 @@ class Journey:
 def refusal_is_right(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> bool:
     """Whether physics keep a recorded vehicle from being sent to any of some lanelets from its first state on.
 
-    No way leads there, or none without a bend that it comes to too fast, or it can neither change lanes nor stop in
+    No way leads there, or none without a curve that it comes to too fast, or it can neither change lanes nor stop in
     the room that is left: v² / (2 · 8 m/s²); or that is too short to steer over in, however it brakes.
     """
     speed, heading = max(float(track.speeds_mps[0]), 0.0), float(track.headings_rad[0])

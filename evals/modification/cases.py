@@ -13,7 +13,7 @@ import anyio
 
 from ...engine.commonroad import Track, read_scenario
 from ...engine.edits import HIT_ON_ENTRY, PLACE_TAKEN, SCENARIO_FILE, apply_edits
-from ...engine.execution import Operation, Request, Response, no_progress, silent
+from ...engine.execution import no_progress, silent
 from ...engine.scene import Scene
 from ...engine.vehicles import Motion, check_drivability, nearest_class
 from ...engine.workspace import Recipe, Workspace
@@ -30,6 +30,7 @@ from ...schemas.runs import RunRecord
 from ...tools.call import Services, ToolCall
 from ...tools.modification import modify_scenario
 from ...tools.scenario_storage import store_scenario
+from ..harness import InProcess
 from .arrivals import refusal_is_right
 from .judges import (
     arrives,
@@ -46,78 +47,10 @@ from .round_trip import round_trip
 from .safety import executed, new_id, planner_run, shifts_of
 from .written import Written, enter_later_as_asked, is_strictly_valid, is_valid
 
-# ---------- modification_calls
-# One call with all edits against one call for each of them, both through the tool ``modify_scenario`` itself.
-
-
-class _HereAndNow:
-    """An executor that carries operations out in this process, which is a worker already."""
-
-    capacity = 1
-
-    async def run(self, operation: Operation[Request, Response], request: Request, **options: object) -> Response:
-        """The operation's response."""
-        del options
-        return operation.load()(request, silent)
-
-
-def several_calls_equal(path: Path, edits: Sequence[Edit]) -> bool:
-    """Whether one call for each edit, each on the scenario that the one before made, ends with the bytes of one call.
-
-    Ids are made of what was asked: where the words of all calls together are those of the one, they have to be equal
-    too. Who is added, and whom words mean after somebody was added or removed, later calls name by the ids that were
-    reported.
-    """
-    return anyio.run(_several_calls_equal, path, tuple(edits))
-
-
-async def _several_calls_equal(path: Path, edits: tuple[Edit, ...]) -> bool:
-    with TemporaryDirectory() as folder:
-        workspace = Workspace(Path(folder))
-        try:
-            call = _call(workspace)
-            base = (
-                await store_scenario(call, xml=path, net=None, recipe=Recipe(tool="bench"), origin="imported")
-            ).artifact_id
-            once = await modify_scenario(ModifyScenarioArguments(scenario_id=base, edits=list(edits)), call)
-            steps = _by_ids(edits, once.edits)
-            last = base
-            for edit in steps:
-                made = await modify_scenario(ModifyScenarioArguments(scenario_id=last, edits=[edit]), call)
-                last = str(made.scenario_id)
-            if steps == edits and last != once.scenario_id:
-                return False
-            return _content(workspace, str(once.scenario_id)) == _content(workspace, last)
-        finally:
-            workspace.close()
-
-
-def _by_ids(edits: tuple[Edit, ...], reports: Sequence[EditReport]) -> tuple[Edit, ...]:
-    """The edits with ids in place of words whose meaning depends on the edits before them."""
-    made, is_altered = [], False
-    for edit, report in zip(edits, reports, strict=True):
-        words = is_altered and not all(text.isdigit() for text in edit.vehicles)
-        made.append(edit.model_copy(update={"vehicles": [str(key) for key in report.vehicles]}) if words else edit)
-        is_altered = is_altered or edit.op in ("add_vehicle", "remove_vehicle", "set_ego")
-    return tuple(made)
-
-
-def _content(workspace: Workspace, scenario_id: str) -> bytes:
-    content = workspace.file("scenario", scenario_id, "scenario.xml").read_bytes()
-    return content.replace(scenario_id.encode(), b"")
-
-
-def _call(workspace: Workspace) -> ToolCall:
-    """A call that can store and run operations, and nothing else."""
-    nothing = cast("Any", None)
-    return ToolCall(Services(workspace, _HereAndNow(), nothing, nothing, nothing, with_starter=False), no_progress)
-
-
-# ---------- modification_cases
-# One worker's share of the modification bench: everything that is measured on one file or one corpus line.
-
 POSITION_M, SPEED_MPS = 0.01, 0.01
+"""Tolerances of the round trip."""
 SETTLED_S = 1.0
+"""After a hand-over, the motion is SUMO's alone."""
 COMPOSITE = "composite"
 ON_FOOT = ("pedestrian",)
 """The drivability checker judges vehicles."""
@@ -308,8 +241,60 @@ def is_refused(path: Path, asked: Asked) -> bool:
 
 
 def _round_trip_error(scene: Scene) -> str:
-    """Empty if everybody comes back as put in."""
-    found = round_trip(scene)
-    good = not found.missing and found.position_error_m <= POSITION_M and found.speed_error_mps <= SPEED_MPS
-    where = f"{len(found.missing)} states missing, {found.position_error_m:.3f} m, {found.speed_error_mps:.3f} m/s"
+    """Empty if every road user comes back as put in, else what differs."""
+    trip = round_trip(scene)
+    good = not trip.missing and trip.position_error_m <= POSITION_M and trip.speed_error_mps <= SPEED_MPS
+    where = f"{len(trip.missing)} states missing, {trip.position_error_m:.3f} m, {trip.speed_error_mps:.3f} m/s"
     return "" if good else where
+
+
+def several_calls_equal(path: Path, edits: Sequence[Edit]) -> bool:
+    """Whether one call for each edit, each on the scenario that the one before made, ends with the bytes of one call.
+
+    Ids are made of what was asked: where the words of all calls together are those of the one, they have to be equal
+    too. Vehicles that were added, and those that words mean after an addition or a removal, are named in later calls by
+    the ids that were reported.
+    """
+    return anyio.run(_several_calls_equal, path, tuple(edits))
+
+
+async def _several_calls_equal(path: Path, edits: tuple[Edit, ...]) -> bool:
+    with TemporaryDirectory() as folder:
+        workspace = Workspace(Path(folder))
+        try:
+            call = _call(workspace)
+            base = (
+                await store_scenario(call, xml=path, net=None, recipe=Recipe(tool="bench"), origin="imported")
+            ).artifact_id
+            once = await modify_scenario(ModifyScenarioArguments(scenario_id=base, edits=list(edits)), call)
+            steps = _by_ids(edits, once.edits)
+            last = base
+            for edit in steps:
+                made = await modify_scenario(ModifyScenarioArguments(scenario_id=last, edits=[edit]), call)
+                last = str(made.scenario_id)
+            if steps == edits and last != once.scenario_id:
+                return False
+            return _content(workspace, str(once.scenario_id)) == _content(workspace, last)
+        finally:
+            workspace.close()
+
+
+def _by_ids(edits: tuple[Edit, ...], reports: Sequence[EditReport]) -> tuple[Edit, ...]:
+    """The edits with ids in place of words whose meaning depends on the edits before them."""
+    made, is_altered = [], False
+    for edit, report in zip(edits, reports, strict=True):
+        words = is_altered and not all(text.isdigit() for text in edit.vehicles)
+        made.append(edit.model_copy(update={"vehicles": [str(key) for key in report.vehicles]}) if words else edit)
+        is_altered = is_altered or edit.op in ("add_vehicle", "remove_vehicle", "set_ego")
+    return tuple(made)
+
+
+def _content(workspace: Workspace, scenario_id: str) -> bytes:
+    content = workspace.file("scenario", scenario_id, "scenario.xml").read_bytes()
+    return content.replace(scenario_id.encode(), b"")
+
+
+def _call(workspace: Workspace) -> ToolCall:
+    """A call that can store and run operations, and nothing else."""
+    nothing = cast("Any", None)
+    return ToolCall(Services(workspace, InProcess(), nothing, nothing, nothing, with_starter=False), no_progress)

@@ -1,4 +1,8 @@
-"""What the modification bench asks for: ground truth of the corpus as edits, and drawn edits for every file."""
+"""What the modification bench asks for: ground truth of the corpus as edits, drawn edits, and requests to be refused.
+
+Of a request to be refused the corpus gives the reason as a code, and the words; the edits here say the same words as
+arguments. What a refusal has to name follows from the code and from the edit that fails.
+"""
 
 import json
 import zlib
@@ -14,14 +18,13 @@ from ...engine.scene import Scene
 from ...schemas.modification import Edit
 from .reach import SHARES, distances_m, is_in_reach, lanelets_at_first, length_m, ways_m
 
-# ---------- modification_requests
-# What the modification bench asks for: ground truth of the corpus as edits, and drawn edits for every file.
-
 CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle")
 MOST_TRIES, MOST_GOALS = 6, 30
+"""Requests of a task that are tried in turn, and the nearest goals from which one is drawn (chosen)."""
 DEPARTS_S = 1.0
 """When vehicles are drawn to enter that are not put in at once."""
 FEWEST_STATES, SLOWEST_MPS = 25, 1.0
+"""Edited vehicles have more recorded states than this and are faster on average (chosen)."""
 ON_LANELETS, ON_FOOT = 0.95, ("pedestrian",)
 """Drawn edits are about vehicles that are on lanelets for that share of their recording, at first in any case."""
 Presets = Mapping[str, Mapping[str, float]]
@@ -68,7 +71,7 @@ def edit_of(truth: dict[str, Any]) -> Edit:
 def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[str, list[Asked]]]:
     """For each task the requests to try in turn until the scenario allows one; drawn by a seed.
 
-    Without any request a scenario allows none of the task: nobody moves in it, or no goal is within a car's reach.
+    Without any request a scenario allows none of the task: no vehicle moves in it, or no goal is within a car's reach.
     """
     draw = np.random.default_rng(zlib.crc32(seed.encode()))
     moving = [key for key, track in scene.tracks.items() if _moves(scene, key) and len(track.positions) > FEWEST_STATES]
@@ -99,7 +102,7 @@ def _preset(key: int, presets: Presets, preset: str) -> Asked:
 
 
 def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[Asked]:
-    """To lanelets that its way leads to and that it does not come over; the nearest few, in a drawn order."""
+    """To lanelets that its route leads to and that it does not drive over; the nearest few, in a drawn order."""
     track = scene.tracks[key]
     begin = lanelets_at_first(scene.network, track)
     ways = ways_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
@@ -199,12 +202,6 @@ def _goal(truth: dict[str, Any]) -> dict[str, Any]:
         made["goal_time"] = f"{truth['time']['start_s']}..{truth['time']['end_s']}s"
     return made
 
-
-# ---------- modification_refusals
-# Requests that have to be refused: those of the corpus as a caller would pass them on, and drawn ones for every file.
-#
-# The corpus gives a reason as a code, and the words of the request; the edits here say the same words as arguments.
-# What a refusal has to name follows from the code and from the edit that fails.
 
 EditWords = dict[str, Any]
 CORPUS: Final[Mapping[str, tuple[tuple[EditWords, ...], tuple[str, ...]]]] = {

@@ -24,7 +24,7 @@ class Physical:
 class Refusal:
     """A request that was to be carried out and was refused.
 
-    ``is_right``: physics keep a vehicle from being rerouted so, or somebody is on the place that is said to be taken
+    ``is_right``: physics keep a vehicle from being rerouted so, or a road user is on the place that is said to be taken
     or cannot brake before it; None where the bench has no rule of its own, as for a class that a road does not allow.
     """
 
@@ -38,7 +38,7 @@ class Case:
     """What came of one request; ``refused`` holds the reason where nothing was made.
 
     ``tries``: those that were refused before it, and itself if it was. ``arrivals``: of each vehicle that was sent to
-    a target, whether the written motion gets there. ``is_first``: nobody tried to edit the scenario before, so that
+    a target, whether the written motion gets there. ``is_first``: the scenario was not edited before, so that
     its file was read for this. ``handovers``: m beyond v·dt and m/s of each vehicle that SUMO took over. ``valid`` lets
     vehicles enter later that were asked to, for which the schema has no form; ``enter_later`` counts them, and
     ``strictly_valid`` does not let them.

@@ -1,4 +1,4 @@
-"""Whether SUMO holds everybody as recorded: all road users are put into it and read back, step by step."""
+"""Whether SUMO holds all road users as recorded: they are put into it and read back, step by step."""
 
 import math
 import tempfile

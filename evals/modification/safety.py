@@ -20,17 +20,21 @@ from ...engine.edits import apply_edits, reachable_lanelets
 from ...engine.execution import silent
 from ...engine.planners import run_planner
 from ...engine.scene import Scene
-from ...engine.tuning import named_configuration
 from ...schemas.errors import PlannerForgeError
 from ...schemas.modification import Edit, ModificationRequest
 from ...schemas.planning import RunRequest
 from ...schemas.runs import NO_TRAJECTORY, RunRecord
+from ..harness import built_in
 
 PLANNER = "frenetix:Default"
 NEAREST, AHEAD_M = 3, 15.0
+"""Of the recipes B and P (see above)."""
 RESAMPLES = 2000
+"""Of the bootstrap (chosen)."""
 MOST_TRIES = 6
+"""Nearest vehicles and lanelets that a recipe tries in turn (chosen)."""
 DIGEST = "b"
+"""Stands where the id of an edited scenario has the digest of its request."""
 NEGLIGIBLE = 5
 
 
@@ -117,14 +121,11 @@ def _shift(path: Path, folder: Path, task: str, edits: Iterator[Edit], base: Run
 
 def planner_run(path: Path) -> RunRecord:
     """A run of the default planner among recorded traffic."""
-    configuration = named_configuration(PLANNER)
-    if configuration is None:
-        raise RuntimeError("the built-in configuration is gone")
     request = RunRequest(
         run_id="bench",
         scenario_path=str(path),
         scenario_id=path.stem,
-        configuration=configuration,
+        configuration=built_in(PLANNER),
         prediction="constant_velocity",
     )
     return run_planner(request, silent).record
@@ -135,7 +136,7 @@ def _risk(record: RunRecord | None) -> int | None:
 
 
 def _score(value: int | None) -> int:
-    """Nobody near is a negligible risk."""
+    """A risk score; where no road user is near, the risk is negligible."""
     return NEGLIGIBLE if value is None else value
 
 
@@ -153,7 +154,7 @@ def _other_branch(scene: Scene) -> Iterator[Edit]:
         for key, track in scene.tracks.items()
         if not not_drivable(scene, key) and track.first_step == scene.ego.step
     }
-    for key in sorted(away, key=lambda one: (away[one], one))[:MOST_TRIES]:
+    for key in sorted(away, key=lambda key: (away[key], key))[:MOST_TRIES]:
         way = scene.matches[key].sequence
         near = [lanelet for lanelet in reachable_lanelets(scene, way[:1])[:MOST_TRIES] if lanelet not in way]
         yield from (Edit(op="reroute", vehicles=[str(key)], to=[str(lanelet)]) for lanelet in near[:1])

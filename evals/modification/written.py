@@ -1,4 +1,13 @@
-"""What the modification bench judges: the base, the file that was written, and what SUMO held meanwhile."""
+"""What the modification bench judges: the base, the file that was written, and what SUMO held meanwhile.
+
+Of SUMO's run it reads the vehicle types from the file that SUMO was started with, the routes from SUMO's own record,
+and the net that is kept with every scenario.
+
+CommonRoad's schema has no form for a road user that enters after time 0: the ``initialState`` of a ``dynamicObstacle``
+is at time 0 and says that it is there then; a ``phantomObstacle``, which may begin later, stands for no real road user
+and has no type. CommonRoad's own reader takes any time. A vehicle that the request itself lets enter later hence makes
+one error that no way of writing avoids; that error of that vehicle is told apart from all others.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,15 +26,111 @@ from ...engine.geometry import Points
 from ...engine.scene import Scene
 from ...schemas.modification import ModificationOutcome
 
-# ---------- modification_sumo
-# What SUMO held in the run that made a file: the vehicle types, who drove which route by which of them, and the net.
-#
-# The first is the file that SUMO was started with, the second SUMO's own record, the third is kept with every scenario.
-
+Truth = Mapping[str, Any]
+"""The ground truth of an edit in the corpus's form."""
+ENTRY = "initialState/time/exact"
 SAME_LINE_M = 0.3
+"""A lanelet's centre line so near to a lane's is the same lane."""
 BESIDE_M = 1.0
+"""A vehicle so far beside a lane is still on its route."""
 ENDS = (0.1, 0.5, 0.9)
 """The shares of a lanelet's length at which it has to lie on a lane to be that lane."""
+
+
+@dataclass(frozen=True)
+class Written:
+    """The base as read, the ground truth of all edits, what was reported, the file that came of it, and SUMO's record.
+
+    ``old`` and ``new``: the trajectories of both files.
+    """
+
+    base: Path
+    scene: Scene
+    truths: tuple[Truth, ...]
+    outcome: ModificationOutcome
+    xml: Path
+    loaded: LoadedScenario
+    old: Mapping[int, Track]
+    new: Mapping[int, Track]
+    sumo: "_SumoRecord"
+
+    @classmethod
+    def of(cls, base: Path, scene: Scene, truths: tuple[Truth, ...], outcome: ModificationOutcome) -> "Written":
+        """Read the new file and what was kept beside it."""
+        if outcome.xml is None:
+            raise ValueError("a dry run wrote nothing to check")
+        loaded = read_scenario(outcome.xml)
+        tracks = recorded_tracks(loaded.scenario)
+        return cls(
+            base, scene, truths, outcome, outcome.xml, loaded, scene.tracks, tracks, _SumoRecord.of(outcome.xml.parent)
+        )
+
+    def added(self) -> tuple[int, ...]:
+        """Ids of the road users that the base has not."""
+        return tuple(key for key in self.new if key not in self.old)
+
+    def meant_by(self, index: int) -> frozenset[int]:
+        """Ids of the vehicles that the edit at an index is about, by the ground truth.
+
+        Only where that leaves it open, as for a vehicle that another edit adds, it is taken from the report.
+        """
+        truth, reports = self.truths[index], self.outcome.edits
+        if "vehicle_id" in truth:
+            return frozenset([int(truth["vehicle_id"])])
+        selector = truth.get("selector", {})
+        added = [*selector.get("include_new", ()), *([selector["edit"]] if selector.get("by") == "new" else ())]
+        named = truth.get("vehicle_ids")
+        if named is None:
+            return frozenset(reports[index].vehicles)
+        return frozenset(named).union(*(reports[edit].vehicles for edit in added))
+
+    def meant_to_go(self) -> frozenset[int]:
+        """Ids of all that are to be removed."""
+        going = [index for index, truth in enumerate(self.truths) if truth["op"] == "remove_vehicle"]
+        return frozenset().union(*(self.meant_by(index) for index in going))
+
+
+def is_valid(written: Written) -> bool:
+    """No schema error that the source does not have, but that of vehicles which enter later because they were asked to.
+
+    The file was read by commonroad-io already.
+    """
+    tree = etree.parse(written.loaded.path)
+    excused = {str(key) for key in enter_later_as_asked(written)}
+    for obstacle in tree.getroot():
+        entry = obstacle.find(ENTRY) if obstacle.get("id") in excused else None
+        if entry is not None:
+            entry.text = "0"
+    return _anonymous(schema_errors(tree), written.loaded) <= _known(written)
+
+
+def is_strictly_valid(written: Written) -> bool:
+    """No schema error that the source does not have."""
+    return _anonymous(schema_errors(written.loaded.path), written.loaded) <= _known(written)
+
+
+def enter_later_as_asked(written: Written) -> frozenset[int]:
+    """Ids of the added vehicles that enter after time 0, of which an edit asks so, at the step asked for or later.
+
+    Whether they enter as soon as they can is another check.
+    """
+    found: set[int] = set()
+    for index, truth in enumerate(written.truths):
+        asked = round((truth.get("depart_s") or 0.0) / written.scene.step_s)
+        if truth["op"] != "add_vehicle" or asked == 0:
+            continue
+        added = [key for key in written.outcome.edits[index].vehicles if key in written.added()]
+        found.update(key for key in added[: truth["count"]] if written.new[key].first_step >= asked)
+    return frozenset(found)
+
+
+def _known(written: Written) -> set[str]:
+    return _anonymous(schema_errors(written.scene.loaded.path), written.scene.loaded)
+
+
+def _anonymous(errors: list[str], loaded: LoadedScenario) -> set[str]:
+    """Errors without the file's id: one that breaks the pattern does so in both files, although it is another one."""
+    return {error.replace(loaded.declared_id, "") for error in errors}
 
 
 @dataclass(frozen=True)
@@ -50,7 +155,7 @@ class _SumoRecord:
 
     @classmethod
     def of(cls, folder: Path) -> "_SumoRecord":
-        """Read the files of a folder; without a simulation nobody has a type or a route."""
+        """Read the files of a folder; without a simulation no vehicle has a type or a route."""
         types, routes = dict[int, Mapping[str, str]](), dict[int, tuple[str, ...]]()
         if (folder / ROUTES_FILE).exists():
             known = {str(one.get("id")): dict(one.attrib) for one in _elements(folder / TYPES_FILE, "vType")}
@@ -104,117 +209,3 @@ def _lane(element: Any) -> Lane:
 
 def _elements(path: Path, tag: str) -> list[Any]:
     return list(etree.parse(path).getroot().iter(tag))
-
-
-# ---------- modification_written
-# What the modification bench judges: the base, the file that was written, and what SUMO held meanwhile.
-
-Truth = Mapping[str, Any]
-"""The ground truth of an edit in the corpus's form."""
-
-
-@dataclass(frozen=True)
-class Written:
-    """The base as read, the ground truth of all edits, what was reported, the file that came of it, and SUMO's record.
-
-    ``old`` and ``new``: the trajectories of both files.
-    """
-
-    base: Path
-    scene: Scene
-    truths: tuple[Truth, ...]
-    outcome: ModificationOutcome
-    xml: Path
-    loaded: LoadedScenario
-    old: Mapping[int, Track]
-    new: Mapping[int, Track]
-    sumo: _SumoRecord
-
-    @classmethod
-    def of(cls, base: Path, scene: Scene, truths: tuple[Truth, ...], outcome: ModificationOutcome) -> "Written":
-        """Read the new file and what was kept beside it."""
-        if outcome.xml is None:
-            raise ValueError("a dry run wrote nothing to check")
-        loaded = read_scenario(outcome.xml)
-        tracks = recorded_tracks(loaded.scenario)
-        return cls(
-            base, scene, truths, outcome, outcome.xml, loaded, scene.tracks, tracks, _SumoRecord.of(outcome.xml.parent)
-        )
-
-    def added(self) -> tuple[int, ...]:
-        """Ids of the road users that the base has not."""
-        return tuple(key for key in self.new if key not in self.old)
-
-    def meant_by(self, index: int) -> frozenset[int]:
-        """Ids of the vehicles that the edit at an index is about, by the ground truth.
-
-        Only where that leaves it open, as for a vehicle that another edit adds, the report is asked whom it took.
-        """
-        truth, reports = self.truths[index], self.outcome.edits
-        if "vehicle_id" in truth:
-            return frozenset([int(truth["vehicle_id"])])
-        selector = truth.get("selector", {})
-        added = [*selector.get("include_new", ()), *([selector["edit"]] if selector.get("by") == "new" else ())]
-        named = truth.get("vehicle_ids")
-        if named is None:
-            return frozenset(reports[index].vehicles)
-        return frozenset(named).union(*(reports[edit].vehicles for edit in added))
-
-    def meant_to_go(self) -> frozenset[int]:
-        """Ids of all that are to be removed."""
-        going = [index for index, truth in enumerate(self.truths) if truth["op"] == "remove_vehicle"]
-        return frozenset().union(*(self.meant_by(index) for index in going))
-
-
-# ---------- modification_schema
-# Whether an edited file is as valid by CommonRoad's schema as its source is.
-#
-# The schema has no form for a road user who enters after time 0: the ``initialState`` of a ``dynamicObstacle`` is at
-# time 0 and says that it is there then, and a ``phantomObstacle``, which may begin later, is nobody real and has no
-# type. CommonRoad's own reader takes any time. A vehicle that the request itself lets enter later hence makes one
-# error that no way of writing avoids; that error of that vehicle is told apart from all others.
-
-ENTRY = "initialState/time/exact"
-
-
-def is_valid(written: Written) -> bool:
-    """No schema error that the source does not have, but that of vehicles which enter later because they were asked to.
-
-    The file was read by commonroad-io already.
-    """
-    tree = etree.parse(written.loaded.path)
-    excused = {str(key) for key in enter_later_as_asked(written)}
-    for obstacle in tree.getroot():
-        entry = obstacle.find(ENTRY) if obstacle.get("id") in excused else None
-        if entry is not None:
-            entry.text = "0"
-    return _anonymous(schema_errors(tree), written.loaded) <= _known(written)
-
-
-def is_strictly_valid(written: Written) -> bool:
-    """No schema error that the source does not have."""
-    return _anonymous(schema_errors(written.loaded.path), written.loaded) <= _known(written)
-
-
-def enter_later_as_asked(written: Written) -> frozenset[int]:
-    """Ids of the added vehicles that enter after time 0, of which an edit asks so, at the step asked for or later.
-
-    Whether they enter as soon as they can is another check.
-    """
-    found: set[int] = set()
-    for index, truth in enumerate(written.truths):
-        asked = round((truth.get("depart_s") or 0.0) / written.scene.step_s)
-        if truth["op"] != "add_vehicle" or asked == 0:
-            continue
-        added = [key for key in written.outcome.edits[index].vehicles if key in written.added()]
-        found.update(key for key in added[: truth["count"]] if written.new[key].first_step >= asked)
-    return frozenset(found)
-
-
-def _known(written: Written) -> set[str]:
-    return _anonymous(schema_errors(written.scene.loaded.path), written.scene.loaded)
-
-
-def _anonymous(errors: list[str], loaded: LoadedScenario) -> set[str]:
-    """Errors without the file's id: one that breaks the pattern does so in both files, although it is another one."""
-    return {error.replace(loaded.declared_id, "") for error in errors}
