@@ -4,7 +4,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..engine.execution import Claims, Executor, JobRunner, Limits, Operation, Request, Response
+from ..engine.execution import Claims, Executor, Job, JobRunner, Limits, Operation, Request, Response
 from ..engine.workspace import Workspace
 from ..schemas.catalog import PACKAGED_MODEL
 
@@ -60,6 +60,14 @@ class ToolCall:
     async def progress(self, share: float, message: str = "") -> None:
         """Tell the client the share done in [0, 1] of the whole call."""
         await self._send_progress(share, message)
+
+    async def wait_for(self, job_id: str, wait_s: float) -> Job:
+        """The job once it has ended, or as it is after ``wait_s`` seconds; the client is shown its progress."""
+
+        async def show(job: Job) -> None:
+            await self.progress(job.share, job.message)
+
+        return await self.jobs.wait(job_id, wait_s, show)
 
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, share: tuple[float, float] = (0.0, 1.0)

@@ -11,7 +11,7 @@ from typing import Literal
 import anyio
 
 from ..engine.catalog import FileFailure, open_catalogue
-from ..engine.execution import Job, JobProgress, JobState
+from ..engine.execution import JobProgress, JobState
 from ..engine.maps import MAP_ENDINGS, is_net
 from ..engine.workspace import Recipe
 from ..schemas.errors import InvalidRequest, PlannerForgeError
@@ -139,13 +139,10 @@ async def _import_as_job(
         await _take_in(ToolCall(call.services, _no_client), files, arguments, tally, report)
         progress.report(1.0, tally.result().to_line())
 
-    async def report_to_client(job: Job) -> None:
-        await call.progress(job.share, job.message)
-
     resolved = {"path": str(call.allowed_path(arguments.path))}
     recipe = Recipe(tool="import_files", arguments=arguments.model_dump(mode="json") | resolved)
     job = call.jobs.start("import", recipe, work)
-    job = await call.jobs.wait(job.job_id, WAIT_S, report_to_client)
+    job = await call.wait_for(job.job_id, WAIT_S)
     result = tally.result(job.job_id, job.state)
     return result.model_copy(update={"note": job.error or ("" if tally.done else job.message)})
 

@@ -16,13 +16,9 @@ _NEXT_AFTER_IMPORT = "search with find_scenarios, or list what came in with list
 
 
 async def get_job(arguments: GetJobArguments, call: ToolCall) -> JobResult:
-    """Wait for news of a job."""
-
-    async def tell(job: Job) -> None:
-        await call.progress(job.share, job.message)
-
+    """Wait for the end of a job."""
     job = call.jobs.store.get(arguments.job_id)
-    return _result(await call.jobs.wait(job.job_id, arguments.wait_s, tell))
+    return _result(await call.wait_for(job.job_id, arguments.wait_s))
 
 
 async def cancel_job(arguments: CancelJobArguments, call: ToolCall) -> JobResult:

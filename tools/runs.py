@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import anyio
 
-from ..engine.execution import Job, JobProgress
+from ..engine.execution import JobProgress
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import PlannerForgeError, UnexpectedFailure
 from ..schemas.planning import (
@@ -188,11 +188,8 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
         results = await run_grid(call, cells, on_done)
         progress.add_result(_store_batch(call, cells, results))
 
-    async def tell(job: Job) -> None:
-        await call.progress(job.share, job.message)
-
     job = call.jobs.start("batch", recipe, work)
-    job = await call.jobs.wait(job.job_id, wait_s, tell)
+    job = await call.wait_for(job.job_id, wait_s)
     batch_id = next((key for key in job.results if key.startswith("batch_")), None)
     if batch_id is not None:
         record = call.workspace.get(batch_id, "batch").read(BatchRecord)
