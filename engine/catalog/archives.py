@@ -19,12 +19,15 @@ from urllib.request import urlopen
 from ...schemas.errors import InvalidRequest, ResourceFailure, UnsafeInput
 
 LARGEST_DOWNLOAD_BYTES = 4 * 1024**3
+"""Of the file at an address (chosen)."""
 LARGEST_MEMBER_BYTES = 100_000_000
+"""Of one file in an archive (chosen)."""
 LARGEST_WHOLE_BYTES = 20 * 1024**3
-"""Of all files of an archive: a few bytes of a zip can hold gigabytes (chosen, as the limits above)."""
+"""Of all files of an archive: a few bytes of a zip can hold gigabytes (chosen)."""
 TIMEOUT_S = 30.0
 """Without a byte from the server (chosen)."""
 _BLOCK = 1 << 20
+"""Bytes that are in memory at a time."""
 OnProgress = Callable[[int, int | None], None]
 """Is told the bytes that have come, and of how many, where the server says so."""
 

@@ -10,8 +10,8 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-_K1 = 1.5
-_B = 0.75
+_K1, _B = 1.5, 0.75
+"""How fast repeated words stop to count, and how much long texts are marked down: usual values of the source."""
 
 
 def words_of(text: str) -> list[str]:

@@ -101,23 +101,26 @@ class Funnel:
         """The stages that have conditions, in the paper's order; ends at the one that leaves nothing."""
         left, stages = self.within, []
         for stage in STAGES:
-            own = tuple(one for one in self.constraints if one.stage == stage)
+            own = tuple(constraint for constraint in self.constraints if constraint.stage == stage)
             if not own:
                 continue
-            for one in reversed(own):  # the city before its country: the less is left, the less is looked up
-                left = self.holds(one) if left is None else self._among(one, left)
+            for constraint in reversed(own):  # the city before its country: the less is left, the less is looked up
+                left = self.holds(constraint) if left is None else self._among(constraint, left)
             stages.append(_StageLeft(stage, own, left or frozenset()))
             if not left:
                 break
         return tuple(stages)
 
-    def holds(self, one: Constraint) -> frozenset[int]:
+    def holds(self, constraint: Constraint) -> frozenset[int]:
         """Numbers of all entries that satisfy the condition."""
-        if one not in self._held:
-            found = one.found(self._connection)
-            whole = self.within is None and not one.negated
-            self._held[one] = found if whole else self.everything - found if one.negated else found & self.everything
-        return self._held[one]
+        if constraint not in self._held:
+            numbers = constraint.found(self._connection)
+            if constraint.negated:
+                numbers = self.everything - numbers
+            elif self.within is not None:
+                numbers &= self.everything
+            self._held[constraint] = numbers
+        return self._held[constraint]
 
     def entering(self) -> frozenset[int]:
         """What the stages before the last one left."""
@@ -128,8 +131,8 @@ class Funnel:
         if not self.stages or self.stages[-1].numbers:
             return None
         entering, last = self.entering(), self.stages[-1]
-        alone = tuple(one for one in last.constraints if not self.holds(one) & entering)
-        countries = tuple(one for one in alone if one.label.startswith("country "))
+        alone = tuple(constraint for constraint in last.constraints if not self.holds(constraint) & entering)
+        countries = tuple(constraint for constraint in alone if constraint.label.startswith("country "))
         return EmptiedBy(last.stage, countries or alone or last.constraints, together=not alone)
 
     def relaxations(self) -> tuple[_Dropped, ...]:
@@ -141,21 +144,21 @@ class Funnel:
         failed = {self._with_city(chosen) for chosen in self._failed_together()}
         possible = [dropped for dropped in failed if 0 < len(dropped) < len(self.constraints)]
         fewest = min((self._given_up(dropped) for dropped in possible), default=0)
-        found = [dropped for dropped in possible if self._given_up(dropped) == fewest]
+        fewest_dropped = [dropped for dropped in possible if self._given_up(dropped) == fewest]
         relaxed = [
             _Dropped(one, self._all_of([constraint for constraint in self.constraints if constraint not in one]))
-            for one in found
-            if not any(set(other) < set(one) for other in found)
+            for one in fewest_dropped
+            if not any(set(other) < set(one) for other in fewest_dropped)
         ]
         return tuple(sorted(relaxed, key=lambda one: (-len(one.numbers), [each.label for each in one.constraints])))
 
     def satisfied_by(self, number: int) -> tuple[Constraint, ...]:
         """The conditions that this entry satisfies, in their order."""
-        return tuple(one for one in self.constraints if self._among(one, frozenset({number})))
+        return tuple(constraint for constraint in self.constraints if self._among(constraint, frozenset({number})))
 
     def nearness(self, number: int) -> float:
         """The weight of the conditions that this entry satisfies."""
-        return round(sum(self._weight(one) for one in self.satisfied_by(number)), 6)
+        return round(sum(self._weight(constraint) for constraint in self.satisfied_by(number)), 6)
 
     def nearest(self, limit: int) -> list[int]:
         """Entries that satisfy some conditions and not all, nearest first.
@@ -166,56 +169,59 @@ class Funnel:
         """
         weights: dict[int, float] = {}
         counts: dict[int, int] = {}
-        for one in self.constraints:
-            weight = self._weight(one)
-            for number in self.holds(one):
+        for constraint in self.constraints:
+            weight = self._weight(constraint)
+            for number in self.holds(constraint):
                 weights[number] = weights.get(number, 0.0) + weight
                 counts[number] = counts.get(number, 0) + 1
         near = [number for number, count in counts.items() if count < len(self.constraints)]
         return nsmallest(limit, near, key=lambda number: (-round(weights[number], 6), number))
 
-    def _weight(self, one: Constraint) -> float:
+    def _weight(self, constraint: Constraint) -> float:
         """The weight of a condition: its stage's, the tenth logarithm of how rare it is, and that it was asked for."""
-        if one not in self._weights:
-            held = len(self.holds(one))
-            mentioned = one.stage != "location" and is_mentioned(one, self._text)
+        if constraint not in self._weights:
+            held = len(self.holds(constraint))
+            mentioned = constraint.stage != "location" and is_mentioned(constraint, self._text)
             rarity = math.log10(self.size / held) if held else 0.0
-            self._weights[one] = WEIGHTS[one.stage] + rarity + MENTIONED * mentioned
-        return self._weights[one]
+            self._weights[constraint] = WEIGHTS[constraint.stage] + rarity + MENTIONED * mentioned
+        return self._weights[constraint]
 
-    def _among(self, one: Constraint, left: frozenset[int]) -> frozenset[int]:
-        if len(left) > FEW or one in self._held:
-            return left & self.holds(one)
-        found = one.found(self._connection, sorted(left))
-        return left - found if one.negated else found
+    def _among(self, constraint: Constraint, left: frozenset[int]) -> frozenset[int]:
+        if len(left) > FEW or constraint in self._held:
+            return left & self.holds(constraint)
+        numbers = constraint.found(self._connection, sorted(left))
+        return left - numbers if constraint.negated else numbers
 
     def _all_of(self, constraints: Sequence[Constraint]) -> frozenset[int]:
         if not constraints:
             return self.everything
-        return frozenset.intersection(*sorted((self.holds(one) for one in constraints), key=len))
+        return frozenset.intersection(*sorted((self.holds(constraint) for constraint in constraints), key=len))
 
     def _failed_together(self) -> list[tuple[Constraint, ...]]:
         """Every set of conditions that some entry fails while it satisfies all others."""
         groups: dict[tuple[Constraint, ...], frozenset[int]] = {(): self.everything}
-        for one in self.constraints:
+        for constraint in self.constraints:
             split: dict[tuple[Constraint, ...], frozenset[int]] = {}
             for failed, numbers in groups.items():
-                split[failed] = numbers & self.holds(one)
-                split[(*failed, one)] = numbers - self.holds(one)
+                split[failed] = numbers & self.holds(constraint)
+                split[(*failed, constraint)] = numbers - self.holds(constraint)
             groups = {failed: numbers for failed, numbers in split.items() if numbers}
         return list(groups)
 
     @staticmethod
     def _given_up(dropped: tuple[Constraint, ...]) -> int:
         """How many conditions count as given up."""
-        country = any(one.label.startswith("country ") for one in dropped)
-        return sum(not (country and one.label.startswith("city ")) for one in dropped)
+        country = any(constraint.label.startswith("country ") for constraint in dropped)
+        return sum(not (country and constraint.label.startswith("city ")) for constraint in dropped)
 
     def _with_city(self, chosen: tuple[Constraint, ...]) -> tuple[Constraint, ...]:
-        if not any(one.label.startswith("country ") for one in chosen):
+        if not any(constraint.label.startswith("country ") for constraint in chosen):
             return chosen
-        cities = [one for one in self.constraints if one.label.startswith("city ") and one not in chosen]
-        return tuple(one for one in self.constraints if one in chosen or one in cities)
+        return tuple(
+            constraint
+            for constraint in self.constraints
+            if constraint in chosen or constraint.label.startswith("city ")
+        )
 
 
 def is_mentioned(condition: Constraint, text: str) -> bool:

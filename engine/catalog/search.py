@@ -227,11 +227,11 @@ class Search:
 
     def _found(self, scenario_ids: Sequence[str], scores: dict[str, float]) -> tuple[FoundScenario, ...]:
         facts, numbers = facts_of(self._connection, scenario_ids), _numbers_of(self._connection, scenario_ids)
-        found = []
+        shown = []
         for key in scenario_ids:
             satisfied = self.funnel.satisfied_by(numbers[key])
             unmet = tuple(one for one in self.funnel.constraints if one not in satisfied)
-            found.append(
+            shown.append(
                 FoundScenario(
                     scenario_id=key,
                     summary=summary(facts[key]),
@@ -240,7 +240,7 @@ class Search:
                     score=scores.get(key),
                 )
             )
-        return tuple(found)
+        return tuple(shown)
 
 
 def _once(parts: Sequence[str]) -> tuple[str, ...]:
@@ -354,12 +354,12 @@ Values = frozenset[tuple[str, str]]
 def _covered_values(connection: sqlite3.Connection, entries: Sequence[Entry]) -> dict[str, Values]:
     """What every entry covers, by id."""
     chosen = {entry.number: entry.scenario_id for entry in entries}
-    found: dict[str, set[tuple[str, str]]] = {entry.scenario_id: set() for entry in entries}
+    covered: dict[str, set[tuple[str, str]]] = {entry.scenario_id: set() for entry in entries}
 
     def add(query: str, dimension: str) -> None:
         for number, value in connection.execute(query):
             if number in chosen and value is not None:
-                found[chosen[number]].add((dimension, str(value)))
+                covered[chosen[number]].add((dimension, str(value)))
 
     add("SELECT number, word FROM catalog_words WHERE kind = 'feature'", "features")
     add("SELECT number, obstacle FROM catalog_counts WHERE count > 0", "obstacles")
@@ -369,8 +369,8 @@ def _covered_values(connection: sqlite3.Connection, entries: Sequence[Entry]) ->
         column = _COLUMN_OF.get(dimension, dimension)
         for number, value in connection.execute(f"SELECT number, {column} FROM catalog_scenarios"):  # noqa: S608 - fixed
             if number in chosen and value is not None:
-                found[chosen[number]].add((dimension, _band(value, edges)))
-    return {key: frozenset(values) for key, values in found.items()}
+                covered[chosen[number]].add((dimension, _band(value, edges)))
+    return {key: frozenset(values) for key, values in covered.items()}
 
 
 def _most_diverse(values: Mapping[str, Values], wanted: int) -> list[str]:

@@ -42,8 +42,7 @@ LOCK_TIMEOUT_S = 120.0
 """For another process to build its generation (chosen)."""
 GRACE_S = 3600.0
 """A generation that was opened less than an hour ago may still be read by another server."""
-_BATCH = 1000
-_EMBEDDED_AT_ONCE = 64
+_BATCH, _EMBEDDED_AT_ONCE = 1000, 64
 """Vectors that Chroma takes, and texts that are embedded, between two reports (chosen)."""
 
 

@@ -35,8 +35,8 @@ class Sketch:
         line = [point for index, point in enumerate(rounded) if index == 0 or point != rounded[index - 1]]
         for point in line:
             self.nodes.setdefault(point, {})
-        found = {"highway": highway, **{key.replace("_", ":"): str(value) for key, value in tags.items()}}
-        self.ways.append((line, found | ({"name": name} if name else {})))
+        tagged = {"highway": highway, **{key.replace("_", ":"): str(value) for key, value in tags.items()}}
+        self.ways.append((line, tagged | ({"name": name} if name else {})))
 
     def mark(self, point: Point, **tags: str) -> None:
         """Tag a point."""
@@ -97,12 +97,12 @@ def arc(center: Point, radius: float, start_deg: float, end_deg: float, step_deg
 def curve(*corners: Point, step_m: float = 12.0) -> list[Point]:
     """A smooth line through the corners (centripetal enough for even spacing: Catmull–Rom, tension ½)."""
     padded = [_beyond(corners[0], corners[1]), *corners, _beyond(corners[-1], corners[-2])]
-    found = [corners[0]]
+    points = [corners[0]]
     for index in range(1, len(padded) - 2):
         before, start, end, after = padded[index - 1 : index + 3]
         count = max(2, round(math.dist(start, end) / step_m))
-        found += [_catmull_rom(before, start, end, after, step / count) for step in range(1, count + 1)]
-    return found
+        points += [_catmull_rom(before, start, end, after, step / count) for step in range(1, count + 1)]
+    return points
 
 
 def _beyond(end: Point, inner: Point) -> Point:
@@ -118,17 +118,18 @@ def _catmull_rom(before: Point, start: Point, end: Point, after: Point, t: float
 
 def beside(line: list[Point], distance: float) -> list[Point]:
     """The line moved to its left (to its right where negative)."""
-    found = []
+    moved = []
     for index, point in enumerate(line):
         one, other = line[max(index - 1, 0)], line[min(index + 1, len(line) - 1)]
         length = math.dist(one, other)
         across = (-(other[1] - one[1]) / length, (other[0] - one[0]) / length)
-        found.append((point[0] + distance * across[0], point[1] + distance * across[1]))
-    return found
+        moved.append((point[0] + distance * across[0], point[1] + distance * across[1]))
+    return moved
 
 
 LIBRARY = Path(__file__).parent / "library"
 NORTH_SEA = (54.60, 5.20)
+"""Latitude and longitude in degrees of open sea, far from any real road."""
 
 
 def signalised_crossing() -> Sketch:

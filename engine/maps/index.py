@@ -83,19 +83,19 @@ def find_maps(
     """
     if not maps:
         raise UnknownName("there is no map", next_step="import an .osm file with import_files")
-    everywhere = found = [MapMatch(entry, ()) for entry in maps]
+    everywhere = matches = [MapMatch(entry, ()) for entry in maps]
     code = None if country is None else country_code(country) or country.upper()
     if country is not None and code is not None:
-        found = _in_country(found, country, code)
+        matches = _in_country(matches, country, code)
     if bbox is not None:
-        found = _in_box(found, bbox)
+        matches = _in_box(matches, bbox)
     if place is not None:
-        shown = _showing(found, place, code)
+        shown = _showing(matches, place, code)
         if not shown:
-            raise _not_shown(place, country, bbox, found, _showing(everywhere, place, code))
-        found = shown
+            raise _not_shown(place, country, bbox, matches, _showing(everywhere, place, code))
+        matches = shown
     return sorted(
-        found,
+        matches,
         key=lambda match: (
             len(match.unnamed) * 2 + (scenario_type != "any" and scenario_type not in match.entry.facts.sites)
         ),
@@ -107,11 +107,11 @@ def same_street(one: str, other: str) -> bool:
     return bool(_street_keys(one) & _street_keys(other))
 
 
-def _in_country(found: list[MapMatch], country: str, code: str) -> list[MapMatch]:
+def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMatch]:
     """Maps that lie there, and those that may: whose own country is not known, and no other is nearer."""
-    fitting = [match for match in found if code in _countries(match.entry.facts) or not _countries(match.entry.facts)]
+    fitting = [match for match in matches if code in _countries(match.entry.facts) or not _countries(match.entry.facts)]
     if not fitting:
-        known = sorted({code for match in found for code in _countries(match.entry.facts)})
+        known = sorted({code for match in matches for code in _countries(match.entry.facts)})
         raise UnknownName(
             f"no map lies in {country!r}", valid=known, next_step="leave country out, or import a map", reason=NOT_SHOWN
         )
@@ -123,18 +123,18 @@ def _countries(facts: MapFacts) -> tuple[str, ...]:
     return facts.countries_near if facts.country is None else (facts.country,)
 
 
-def _in_box(found: list[MapMatch], bbox: Box) -> list[MapMatch]:
+def _in_box(matches: list[MapMatch], bbox: Box) -> list[MapMatch]:
     south, west, north, east = bbox
     fitting = [
         match
-        for match in found
+        for match in matches
         if south <= match.entry.facts.north
         and north >= match.entry.facts.south
         and west <= match.entry.facts.east
         and east >= match.entry.facts.west
     ]
     if not fitting:
-        boxes = [_box_text(match.entry.facts) for match in found]
+        boxes = [_box_text(match.entry.facts) for match in matches]
         raise UnknownName(
             f"no map shows the box {list(bbox)}",
             valid=boxes,
@@ -160,7 +160,7 @@ def _parts(place: str) -> list[str]:
 
 
 def _not_shown(
-    place: str, country: str | None, bbox: Box | None, found: list[MapMatch], elsewhere: list[MapMatch]
+    place: str, country: str | None, bbox: Box | None, matches: list[MapMatch], elsewhere: list[MapMatch]
 ) -> UnknownName:
     """No map that is left shows the place; where it is shown elsewhere, box or country contradict it."""
     if elsewhere:
@@ -175,7 +175,7 @@ def _not_shown(
         )
     nameless = [
         match.entry.facts
-        for match in found
+        for match in matches
         if not match.entry.facts.places and any(_roads_called(part, match.entry.facts) for part in _parts(place))
     ]
     if nameless:
@@ -185,8 +185,8 @@ def _not_shown(
             next_step="name the road alone, name its country, or add the map with its place",
             reason=NOT_SHOWN,
         )
-    names = {name for match in found for name in _names(match.entry.facts)}
-    shown = sorted({match.entry.facts.place for match in found})
+    names = {name for match in matches for name in _names(match.entry.facts)}
+    shown = sorted({match.entry.facts.place for match in matches})
     near = closest(place, sorted(names), 4)
     return UnknownName(
         f"no map shows {place!r}",

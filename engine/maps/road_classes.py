@@ -17,11 +17,11 @@ def resolve_road_classes(words: Iterable[str]) -> tuple[str, ...]:
     Raises:
         UnknownName: a word that is neither.
     """
-    found: dict[str, None] = {}
+    values: dict[str, None] = {}
     for word in words:
         known = GROUPS.get(word) or ((word,) if word in GROUPS["all"] else None)
         if known is None:
             near = closest(word, GROUPS["all"], 5)
             raise UnknownName(f"there is no road class {word!r}", valid=[*GROUPS, *near])
-        found.update(dict.fromkeys(known))
-    return tuple(found)
+        values.update(dict.fromkeys(known))
+    return tuple(values)

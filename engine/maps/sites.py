@@ -153,14 +153,14 @@ class SiteFinder:
         return Site(kind, node.latitude, node.longitude, tuple(sorted(streets)), mark)
 
     def _roundabouts(self) -> list[Site]:
-        found = []
+        sites = []
         for way in self._roads:
             if way.tags.get("junction") in ("roundabout", "circular"):
                 nodes = [self.osm.nodes[key] for key in way.node_ids]
                 middle = _middle(nodes)
                 arms = [other for key in way.node_ids for other in self._streets.ways_at[key]]
-                found.append(self._site("roundabout", middle, arms, way.way_id))
-        return found
+                sites.append(self._site("roundabout", middle, arms, way.way_id))
+        return sites
 
     def _signalised(self) -> list[Site]:
         """Junctions with a traffic signal at them or within reach; a signal alone may be a pedestrian crossing."""
@@ -172,12 +172,12 @@ class SiteFinder:
             for key, node in self.osm.nodes.items()
             if node.tags.get("highway") == "traffic_signals" and key in crossings.ways_at
         ]
-        found = []
+        sites = []
         for key in crossings.of_streets() if signals else ():
             node = self.osm.nodes[key]
             if any(distance_m(node, signal) < SIGNAL_REACH_M for signal in signals):
-                found.append(self._site("signalised_intersection", node, crossings.ways_at[key], key))
-        return found
+                sites.append(self._site("signalised_intersection", node, crossings.ways_at[key], key))
+        return sites
 
     def _crossings(self) -> list[Site]:
         """Junctions of streets; those with driveways and tracks only where there is no other."""
@@ -191,27 +191,27 @@ class SiteFinder:
 
     def _ramps(self) -> list[Site]:
         """Where a link leaves or joins a motorway, or a trunk road where there is no motorway."""
-        found = []
+        sites = []
         for key in self._with_links.junctions:
             ways = self._with_links.ways_at[key]
             classes = {way.road_class for way in ways}
             if self._fast in classes and classes & RAMP_CLASSES:
                 node = self.osm.nodes[key]
                 named = [*ways, *self._roads_behind(ways), *self._passing(node, NEAR_RAMP_M)]
-                found.append(self._site("ramp", node, named, key))
-        return found
+                sites.append(self._site("ramp", node, named, key))
+        return sites
 
     def _roads_behind(self, ways: list[OsmWay]) -> list[OsmWay]:
         """The roads to which the links among the ways lead: a ramp is called after them too."""
-        found: dict[int, OsmWay] = {}
+        roads: dict[int, OsmWay] = {}
         waiting = [way for way in ways if way.road_class in LINKS]
         while waiting:
             for key in waiting.pop().node_ids:
                 for way in self._with_links.ways_at[key]:
-                    if way.way_id not in found and len(found) < MOST_BEHIND:
-                        found[way.way_id] = way
+                    if way.way_id not in roads and len(roads) < MOST_BEHIND:
+                        roads[way.way_id] = way
                         waiting += [way] if way.road_class in LINKS else []
-        return list(found.values())
+        return list(roads.values())
 
     def _passing(self, node: OsmNode, within_m: float) -> list[OsmWay]:
         """The roads that pass within a distance: an exit is called after the road that it lies at, too."""
@@ -237,7 +237,7 @@ class SiteFinder:
 
     def _rural(self) -> list[Site]:
         """Stretches of main roads away from houses; pavements, and limits below 60 km/h, tell of a town."""
-        found = []
+        sites = []
         for way in self._roads:
             if way.road_class not in RURAL_CLASSES or way.tags.get("junction"):
                 continue
@@ -246,8 +246,8 @@ class SiteFinder:
                 points = [
                     point for point in _spaced_points(self.osm, way) if self._far_from_houses(point, self._clear_m)
                 ]
-                found += [self._site("rural", point, [way], way.way_id) for point in points]
-        return found
+                sites += [self._site("rural", point, [way], way.way_id) for point in points]
+        return sites
 
     @cached_property
     def _clear_m(self) -> float:
@@ -259,22 +259,22 @@ class SiteFinder:
 
     def _urban(self) -> list[Site]:
         """Junctions of streets among houses, off motorways; where there are none, the middles of streets."""
-        found = [
+        sites = [
             Site("urban", site.latitude, site.longitude, site.streets, site.mark)
             for site in self._crossings()
             if not self._far_from_houses(self.osm.nodes[site.mark])
         ]
-        off = [site for site in found if not self._at_motorway(self.osm.nodes[site.mark])]
-        return off or self._middles_of_streets() or found
+        off = [site for site in sites if not self._at_motorway(self.osm.nodes[site.mark])]
+        return off or self._middles_of_streets() or sites
 
     def _middles_of_streets(self) -> list[Site]:
-        found = []
+        sites = []
         for way in self._roads:
             node = self.osm.nodes[way.node_ids[len(way.node_ids) // 2]]
             is_street = way.road_class not in LINKS and way.road_class not in FAST_CLASSES
             if is_street and not self._far_from_houses(node) and not self._at_motorway(node):
-                found.append(self._site("urban", node, [way], node.node_id))
-        return found
+                sites.append(self._site("urban", node, [way], node.node_id))
+        return sites
 
     def _at_motorway(self, node: OsmNode) -> bool:
         return any(way.road_class == "motorway" for way in self._passing(node, AT_MOTORWAY_M))
@@ -290,14 +290,14 @@ class SiteFinder:
         from shapely import LineString, Point, Polygon, STRtree
 
         houses = [node for node in self.osm.nodes.values() if "addr:housenumber" in node.tags or "shop" in node.tags]
-        found: list[Point | LineString | Polygon] = [Point(*self._metres(node)) for node in houses]
+        shapes: list[Point | LineString | Polygon] = [Point(*self._metres(node)) for node in houses]
         for way in self.osm.ways:
             line = [self._metres(self.osm.nodes[key]) for key in way.node_ids]
             if way.tags.get("landuse") in BUILT_UP_LANDUSE and len(line) > 3:
-                found.append(Polygon(line).buffer(0))
+                shapes.append(Polygon(line).buffer(0))
             elif way.road_class in BUILT_UP_ROADS or "building" in way.tags:
-                found.append(LineString(line))
-        return STRtree(found)
+                shapes.append(LineString(line))
+        return STRtree(shapes)
 
     def _metres(self, node: OsmNode) -> tuple[float, float]:
         south, west, _, _ = self.osm.bounds
@@ -328,13 +328,13 @@ def _merged(sites: list[Site]) -> list[Site]:
                 break
         else:
             groups.append([site])
-    found = []
+    merged = []
     for group in groups:
         latitude = math.fsum(site.latitude for site in group) / len(group)
         longitude = math.fsum(site.longitude for site in group) / len(group)
         streets = tuple(sorted({street for site in group for street in site.streets}))
-        found.append(Site(group[0].kind, latitude, longitude, streets, group[0].mark))
-    return found
+        merged.append(Site(group[0].kind, latitude, longitude, streets, group[0].mark))
+    return merged
 
 
 def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
@@ -342,14 +342,14 @@ def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
     nodes = [osm.nodes[key] for key in way.node_ids]
     total = length_m(osm, way)
     count = max(1, round(total / SPACING_M))
-    found: list[OsmNode] = []
+    points: list[OsmNode] = []
     gone = 0.0
     for one, other in pairwise(nodes):
         step = distance_m(one, other)
-        while len(found) < count and gone + step >= (wanted := total * (len(found) + 0.5) / count) - 1e-6:
+        while len(points) < count and gone + step >= (wanted := total * (len(points) + 0.5) / count) - 1e-6:
             share = (wanted - gone) / max(step, 1e-9)
             latitude = one.latitude + share * (other.latitude - one.latitude)
             longitude = one.longitude + share * (other.longitude - one.longitude)
-            found.append(OsmNode(0, latitude, longitude, {}))
+            points.append(OsmNode(0, latitude, longitude, {}))
         gone += step
-    return found
+    return points

@@ -13,6 +13,7 @@ MAP_ENDINGS = (*(plain + packed for plain in (".osm", NET_ENDING) for packed in 
 LARGEST_BYTES = 60_000_000
 """Of a map: what a worker reads within its memory (docs/generation.md states it)."""
 CHUNK_BYTES = 1 << 20
+"""Bytes that are in memory at a time."""
 
 
 def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path:

