@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _DASH_SHARE, _GAP_SHARE = 1 / 54, 1 / 75
 """Of the picture's width (chosen)."""
 _ON_SURFACE_M = 0.15
-"""An edge that runs so far inside another lanelet lies on its surface; neighbours only touch."""
+"""An edge that runs this far inside another lanelet lies on its surface; neighbours only touch."""
 _PIECE_M, _LARGEST_GAP_PIECES = 2.0, 5
 """Edges are judged by pieces of this length; where so few between two covered ones are free, lanelets cross."""
 _LANE_LINE = "#FFFFFF"

@@ -24,7 +24,7 @@ HEADER_PX, SIDE_PX = 62, 10
 _SECOND_LINE_PX, _LEGEND_ROW_PX, _GAP_PX, _PAIR_WIDTH_PX = 18, 24, 24, 1500
 """Chosen for the sizes of text; a pair is wider, so that each of the two stays readable."""
 _MOVED_M = 0.5
-"""A vehicle or goal that is so far elsewhere counts as moved (chosen): below that it cannot be seen."""
+"""A vehicle or goal counts as moved from this distance on (chosen): less cannot be seen."""
 _LARGEST_COMPARED_M = 400.0
 """A difference that would widen a picture beyond this is left outside: nothing could be recognised in it."""
 

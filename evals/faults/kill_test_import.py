@@ -152,7 +152,7 @@ def _kill_once(root: Path, folder: Path, chance: random.Random, total: int) -> s
         return "worker"
     process.kill()
     _wait(process)
-    return "server" if process.returncode == -signal.SIGKILL else "nobody, it had ended"
+    return "server" if process.returncode == -signal.SIGKILL else "nothing, it had ended"
 
 
 def _server(root: Path, folder: Path) -> subprocess.Popen[bytes]:

@@ -47,8 +47,8 @@ def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description="Measure the generator on real maps.")
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
-    parser.add_argument("--limit", type=int, default=None, help="only so many requests, refusals and maps")
-    parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample so many further on")
+    parser.add_argument("--limit", type=int, default=None, help="only this many requests, refusals and maps")
+    parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample this many further on")
     parser.add_argument("--workers", type=int, default=2, help="processes that make and judge (default: 2)")
     arguments = parser.parse_args()
     maps_folder = existing(arguments.shared / "data" / "osm", parser, "--shared")

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
-"""A vehicle follows lanelets if this share of its positions is on them or at most so far beside."""
+"""A vehicle follows lanelets if this share of its positions is on them or at most this far beside."""
 LINE_M = 0.5
 """A vehicle whose bumper is so little past the end of a lanelet stands at it."""
 SLOW_MPS, EASY_MPS2, SLOW_SHARE = 6.0, 1.5, 0.5

@@ -92,7 +92,7 @@ def ways_m(
     where the start of one lies behind it.
 
     Args:
-        is_open: whether a lanelet, so far ahead in m, can be driven; None: all can.
+        is_open: whether a lanelet can be driven, given how far ahead it is in m; None: all can.
         among: the lanelets to begin with; None: all.
     """
     best: dict[int, float] = {}
@@ -128,7 +128,7 @@ def leads_on(network: "LaneletNetwork", targets: frozenset[int]) -> frozenset[in
 
 
 def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
-    """Whether a car gets so far until the goal's time is over, at a speed that the goal asks for.
+    """Whether a car gets as far as ``way_m`` until the goal's time is over, at a speed that the goal asks for.
 
     The goal's time is over at the scenario's last step where it has none. A car that can also stop on the way, and gain
     the least speed of the goal again, can wait for the time to begin.
@@ -155,7 +155,7 @@ def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_
 
 
 def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -> list[Points]:
-    """All points so far ahead of a point (behind: below 0) along the lanelets under it and what follows them."""
+    """All points ``offset_m`` ahead of a point (below 0: behind) along the lanelets under it and what follows them."""
     found: list[Points] = []
     for key in network.find_lanelet_by_position([position])[0]:
         station = project(network.find_lanelet_by_id(key).center_vertices, position)[0] + offset_m
@@ -169,7 +169,7 @@ def nearest_m(point: Points, places: Iterable[Points]) -> float:
 
 
 def _ends(speeds_mps: Any) -> tuple[float, float]:
-    """Least and largest speed of an interval or of an exact value; nobody drives backwards to a goal."""
+    """Least and largest speed of an interval or of an exact value; a goal is never reached backwards."""
     return max(float(getattr(speeds_mps, "start", speeds_mps)), 0.0), float(getattr(speeds_mps, "end", speeds_mps))
 
 

@@ -211,7 +211,7 @@ def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description="Measure the planner loop on a folder of CommonRoad scenarios.")
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
-    parser.add_argument("--limit", type=int, default=None, help="only a sample of so many files")
+    parser.add_argument("--limit", type=int, default=None, help="only a sample of this many files")
     arguments = parser.parse_args()
     folder = existing(arguments.folder, parser, "--folder")
     with tempfile.TemporaryDirectory() as workspace:

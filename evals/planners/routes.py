@@ -89,7 +89,7 @@ def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
-    parser.add_argument("--limit", type=int, default=None, help="only a sample of so many files")
+    parser.add_argument("--limit", type=int, default=None, help="only a sample of this many files")
     arguments = parser.parse_args()
     try:
         routers = {"ours": ours, "peer": _peer()}
