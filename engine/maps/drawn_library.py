@@ -87,14 +87,14 @@ def _write_tags(element: etree._Element, tags: dict[str, str]) -> None:
         etree.SubElement(element, "tag", {"k": key, "v": value})
 
 
-def arc(center: Point, radius: float, start_deg: float, end_deg: float, step_deg: float = 15.0) -> list[Point]:
+def _arc(center: Point, radius: float, start_deg: float, end_deg: float, step_deg: float = 15.0) -> list[Point]:
     """Points on a circle from one angle to another (counter-clockwise where it grows; 0° is east)."""
     count = max(2, round(abs(end_deg - start_deg) / step_deg) + 1)
     angles = [math.radians(start_deg + (end_deg - start_deg) * index / (count - 1)) for index in range(count)]
     return [(center[0] + radius * math.cos(angle), center[1] + radius * math.sin(angle)) for angle in angles]
 
 
-def curve(*corners: Point, step_m: float = 12.0) -> list[Point]:
+def _curve(*corners: Point, step_m: float = 12.0) -> list[Point]:
     """A smooth line through the corners (centripetal enough for even spacing: Catmull–Rom, tension ½)."""
     padded = [_beyond(corners[0], corners[1]), *corners, _beyond(corners[-1], corners[-2])]
     points = [corners[0]]
@@ -116,7 +116,7 @@ def _catmull_rom(before: Point, start: Point, end: Point, after: Point, t: float
     return along(before[0], start[0], end[0], after[0]), along(before[1], start[1], end[1], after[1])
 
 
-def beside(line: list[Point], distance: float) -> list[Point]:
+def _beside(line: list[Point], distance: float) -> list[Point]:
     """The line moved to its left (to its right where negative)."""
     moved = []
     for index, point in enumerate(line):
@@ -132,21 +132,21 @@ NORTH_SEA = (54.60, 5.20)
 """Latitude and longitude in degrees of open sea, far from any real road."""
 
 
-def signalised_crossing() -> Sketch:
+def _signalised_crossing() -> Sketch:
     """Two main streets cross at traffic lights, with turn lanes; side streets around."""
     town = Sketch("Musterstadt", *NORTH_SEA)
-    west = curve((-420, -36), (-300, -22), (-180, -4), (-80, 0))
+    west = _curve((-420, -36), (-300, -22), (-180, -4), (-80, 0))
     town.road(west, "secondary", "Hauptstraße", lanes=2, maxspeed=50)
     town.road([(-80, 0), (0, 0)], "secondary", "Hauptstraße", lanes=4, lanes_forward=2, lanes_backward=2, maxspeed=50)
     town.road([(0, 0), (80, 0)], "secondary", "Hauptstraße", lanes=4, lanes_forward=2, lanes_backward=2, maxspeed=50)
-    town.road(curve((80, 0), (180, 6), (300, 30), (420, 44)), "secondary", "Hauptstraße", lanes=2, maxspeed=50)
+    town.road(_curve((80, 0), (180, 6), (300, 30), (420, 44)), "secondary", "Hauptstraße", lanes=2, maxspeed=50)
     town.road([(0, -70), (0, 0)], "secondary", "Bahnhofstraße", lanes=3, lanes_forward=2, lanes_backward=1, maxspeed=50)
     town.road([(0, 0), (0, 70)], "secondary", "Bahnhofstraße", lanes=3, lanes_forward=1, lanes_backward=2, maxspeed=50)
-    town.road(curve((0, 70), (-4, 150), (-22, 260), (-30, 380)), "secondary", "Bahnhofstraße", lanes=2, maxspeed=50)
-    town.road(curve((0, -70), (4, -150), (20, -260), (24, -380)), "secondary", "Bahnhofstraße", lanes=2, maxspeed=50)
-    garden = curve((-180, -4), (-184, 60), (-170, 130), (-100, 152), (-4, 150))
+    town.road(_curve((0, 70), (-4, 150), (-22, 260), (-30, 380)), "secondary", "Bahnhofstraße", lanes=2, maxspeed=50)
+    town.road(_curve((0, -70), (4, -150), (20, -260), (24, -380)), "secondary", "Bahnhofstraße", lanes=2, maxspeed=50)
+    garden = _curve((-180, -4), (-184, 60), (-170, 130), (-100, 152), (-4, 150))
     town.road(garden, "residential", "Gartenweg", lanes=2, maxspeed=30)
-    school = curve((180, 6), (186, -70), (170, -140), (90, -156), (4, -150))
+    school = _curve((180, 6), (186, -70), (170, -140), (90, -156), (4, -150))
     town.road(school, "residential", "Schulstraße", lanes=2, maxspeed=30)
     town.mark((0, 0), highway="traffic_signals")
     town.area([(-300, -300), (300, -300), (300, 300), (-300, 300)], "residential")
@@ -157,25 +157,27 @@ def _t_junction() -> Sketch:
     """A street ends at a main road that has priority."""
     town = Sketch("Fahrhausen", NORTH_SEA[0], NORTH_SEA[1] + 0.05)
     shore = [
-        *curve((-430, 60), (-320, 44), (-200, 12), (-90, 0), (0, 0)),
-        *curve((0, 0), (90, -4), (210, 14), (330, 60), (430, 82)),
+        *_curve((-430, 60), (-320, 44), (-200, 12), (-90, 0), (0, 0)),
+        *_curve((0, 0), (90, -4), (210, 14), (330, 60), (430, 82)),
     ]
     town.road(shore, "secondary", "Uferstraße", lanes=2, maxspeed=50)
     town.road(
-        curve((0, 0), (0, -60), (-14, -150), (-46, -260), (-50, -380)), "tertiary", "Deichweg", lanes=2, maxspeed=50
+        _curve((0, 0), (0, -60), (-14, -150), (-46, -260), (-50, -380)), "tertiary", "Deichweg", lanes=2, maxspeed=50
     )
     town.road(
-        curve((-200, 12), (-196, -60), (-150, -140), (-14, -150)), "residential", "Fischergasse", lanes=2, maxspeed=30
+        _curve((-200, 12), (-196, -60), (-150, -140), (-14, -150)), "residential", "Fischergasse", lanes=2, maxspeed=30
     )
-    town.road(curve((210, 14), (204, 90), (170, 190), (160, 300)), "residential", "Leuchtturmweg", lanes=2, maxspeed=30)
+    town.road(
+        _curve((210, 14), (204, 90), (170, 190), (160, 300)), "residential", "Leuchtturmweg", lanes=2, maxspeed=30
+    )
     town.area([(-260, -260), (260, -260), (260, 220), (-260, 220)], "residential")
     return town
 
 
-def roundabout() -> Sketch:
+def _roundabout() -> Sketch:
     """Four roads meet at a roundabout of 20 m radius."""
     town = Sketch("Kreiselheim", NORTH_SEA[0] + 0.03, NORTH_SEA[1])
-    ring = arc((0, 0), 20.0, 0, 360, 10.0)
+    ring = _arc((0, 0), 20.0, 0, 360, 10.0)
     town.road(
         [*ring[:-1], ring[0]], "secondary", "Kreiselplatz", junction="roundabout", oneway="yes", lanes=1, maxspeed=30
     )
@@ -186,18 +188,20 @@ def roundabout() -> Sketch:
         ("tertiary", "Südstraße", [(0, -20), (2, -80), (20, -180), (66, -290), (80, -390)]),
     ]
     for highway, name, corners in arms:
-        town.road(curve(*corners), highway, name, lanes=2, maxspeed=50)
-    town.road(curve((180, 20), (196, -60), (140, -160), (20, -180)), "residential", "Mühlenweg", lanes=2, maxspeed=30)
-    town.road(curve((-180, -26), (-200, 70), (-120, 170), (-16, 180)), "residential", "Lindenhof", lanes=2, maxspeed=30)
+        town.road(_curve(*corners), highway, name, lanes=2, maxspeed=50)
+    town.road(_curve((180, 20), (196, -60), (140, -160), (20, -180)), "residential", "Mühlenweg", lanes=2, maxspeed=30)
+    town.road(
+        _curve((-180, -26), (-200, 70), (-120, 170), (-16, 180)), "residential", "Lindenhof", lanes=2, maxspeed=30
+    )
     town.area([(-260, -260), (260, -260), (260, 260), (-260, 260)], "residential")
     return town
 
 
-def motorway() -> Sketch:
-    """A motorway in a long bend with a diamond interchange and the road that crosses above it."""
+def _motorway() -> Sketch:
+    """A motorway in a long curve with a diamond interchange and the road that crosses above it."""
     town = Sketch("Neuland", NORTH_SEA[0] + 0.03, NORTH_SEA[1] + 0.06)
-    axis = curve((-1300, -150), (-900, -60), (-450, -8), (0, 0), (450, -8), (900, -60), (1300, -150), step_m=30.0)
-    east, west = beside(axis, -11.0), beside(axis[::-1], -11.0)
+    axis = _curve((-1300, -150), (-900, -60), (-450, -8), (0, 0), (450, -8), (900, -60), (1300, -150), step_m=30.0)
+    east, west = _beside(axis, -11.0), _beside(axis[::-1], -11.0)
     for line in (east, west):
         town.road(line, "motorway", "", ref="A 901", oneway="yes", lanes=2, maxspeed=120)
     crossing = [
@@ -209,7 +213,7 @@ def motorway() -> Sketch:
         (30.0, 250.0),
         (36.0, 420.0),
     ]
-    over = curve(*crossing)
+    over = _curve(*crossing)
     low, high = over.index(crossing[2]), over.index(crossing[4])
     tags = {"lanes": "2", "maxspeed": "70"}
     town.road(over[: low + 1], "secondary", "Neulander Straße", **tags)
@@ -222,8 +226,8 @@ def motorway() -> Sketch:
         down = (meeting[0] + 0.4 * (off[0] - meeting[0]), meeting[1] - side * 22.0)
         up = (meeting[0] + 0.4 * (on[0] - meeting[0]), meeting[1] - side * 22.0)
         ramp = {"oneway": "yes", "lanes": "1", "maxspeed": "60"}
-        town.road(curve(off, (off[0] + side * -90, off[1] + side * 13), down, meeting), "motorway_link", "", **ramp)
-        town.road(curve(meeting, up, (on[0] + side * 90, on[1] + side * 13), on), "motorway_link", "", **ramp)
+        town.road(_curve(off, (off[0] + side * -90, off[1] + side * 13), down, meeting), "motorway_link", "", **ramp)
+        town.road(_curve(meeting, up, (on[0] + side * 90, on[1] + side * 13), on), "motorway_link", "", **ramp)
     return town
 
 
@@ -251,7 +255,7 @@ def _urban_grid() -> Sketch:
 
 
 def _rural_road() -> Sketch:
-    """A country road in bends through open land, with a side road and a track."""
+    """A country road in curves through open land, with a side road and a track."""
     town = Sketch("Landmoor", NORTH_SEA[0] + 0.03, NORTH_SEA[1] + 0.14)
     bends: list[Point] = [
         (-900, -120),
@@ -264,19 +268,19 @@ def _rural_road() -> Sketch:
         (640, 60),
         (900, 110),
     ]
-    town.road(curve(*bends), "secondary", "Moorlandstraße", lanes=2, maxspeed=100, ref="L 17")
-    town.road(curve((0, 0), (40, 120), (30, 280), (90, 460), (100, 620)), "tertiary", "Torfweg", lanes=2, maxspeed=70)
-    town.road(curve((-380, 60), (-400, 180), (-440, 340)), "unclassified", "Hofstraße", lanes=2, maxspeed=50)
-    town.road(curve((420, -60), (440, -160), (400, -300)), "track", "Heideweg")
+    town.road(_curve(*bends), "secondary", "Moorlandstraße", lanes=2, maxspeed=100, ref="L 17")
+    town.road(_curve((0, 0), (40, 120), (30, 280), (90, 460), (100, 620)), "tertiary", "Torfweg", lanes=2, maxspeed=70)
+    town.road(_curve((-380, 60), (-400, 180), (-440, 340)), "unclassified", "Hofstraße", lanes=2, maxspeed=50)
+    town.road(_curve((420, -60), (440, -160), (400, -300)), "track", "Heideweg")
     return town
 
 
 PLANS = {
     "fahrhausen": _t_junction,
-    "kreiselheim": roundabout,
+    "kreiselheim": _roundabout,
     "landmoor": _rural_road,
-    "musterstadt": signalised_crossing,
-    "neuland": motorway,
+    "musterstadt": _signalised_crossing,
+    "neuland": _motorway,
     "quadratstadt": _urban_grid,
 }
 
