@@ -1,21 +1,115 @@
-"""From a SUMO net to a road network of lanelets with one geometry for both."""
+"""From a SUMO net to a road network of lanelets with one geometry for both, signs, lights and intersections.
+
+SUMO's lanes become lanelets one by one, those inside junctions included. Connections so tight that no lanelet can
+follow them (hairpins) are left out, and ``remove_hairpins`` takes them out of the net too, so that both stay the same.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .lane_bounds import Ribbon, draw_ribbons
+from .lane_bounds import LaneBounds, draw_lane_bounds
 from .net_parser import Connection, LaneGraph, NetEdge, SignalProgram, SumoNet, connect, read_net
 from .netconvert import remove_connections
 from .road_network import Incoming, Intersection, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight
 
-# ---------- signs_and_lights
-# Speed limit signs and traffic lights of a SUMO net, attached to lanelets.
+_COUNTRY_ROAD_MPS = 70 / 3.6 - 0.1
+"""Chosen: roads with a limit of 70 km/h and more lead through the country; 0.1 m/s for SUMO's rounding."""
+_USERS = {
+    "passenger": "car",
+    "truck": "truck",
+    "bus": "bus",
+    "emergency": "priorityVehicle",
+    "motorcycle": "motorcycle",
+    "bicycle": "bicycle",
+    "pedestrian": "pedestrian",
+    "taxi": "taxi",
+}
+"""CommonRoad's road user by SUMO's vehicle class."""
+_BUS_LANE_CLASSES = frozenset({"bus", "coach", "taxi", "emergency", "bicycle", "authority", "delivery", "army", "tram"})
+"""SUMO's classes on a lane that is for buses: none that private cars belong to."""
+_BICYCLE_LANE_CLASSES = frozenset({"bicycle", "pedestrian", "wheelchair", "scooter", "moped"})
 
-COLOURS = {"r": "red", "R": "red", "y": "yellow", "Y": "yellow", "g": "green", "G": "green", "s": "green"}
-COLOURS |= {"u": "redYellow", "o": "inactive", "O": "inactive"}
-TURNS = {"l": "l", "L": "l", "t": "l", "r": "r", "R": "r"}
-DIRECTIONS = {
+
+def build_road_network(net: SumoNet, *, step_s: float, elapsed_s: float) -> RoadNetwork:
+    """All lanes of the net that road vehicles may use, as lanelets.
+
+    Args:
+        net: the SUMO net.
+        step_s: duration of a time step of the scenario, in which the lights' cycles are counted.
+        elapsed_s: simulated time that has gone by at step 0 (the warm-up), for the lights' offsets.
+    """
+    graph = connect(net)
+    drawn, dropped = draw_lane_bounds(net, graph)
+    graph.drop(dropped)
+    ids = {key: number for number, key in enumerate(drawn, start=1)}
+    lanelets = {ids[key]: _lanelet(key, bounds, ids, graph, net) for key, bounds in drawn.items()}
+    next_id = len(ids) + 1
+    signs = _speed_signs(net, lanelets, next_id)
+    next_id += len(signs)
+    lights = _traffic_lights(net, lanelets, next_id, step_s=step_s, elapsed_s=elapsed_s)
+    next_id += len(lights)
+    return RoadNetwork(lanelets, signs, lights, _find_intersections(net, ids, next_id), dropped)
+
+
+def _lanelet(key: str, bounds: LaneBounds, ids: dict[str, int], graph: LaneGraph, net: SumoNet) -> RoadLanelet:
+    lane, edge = bounds.lane, net.edges[bounds.lane.edge_id]
+    left, left_same = _neighbour(bounds.on_left, None if net.lefthand else bounds.oncoming, ids)
+    right, right_same = _neighbour(bounds.on_right, bounds.oncoming if net.lefthand else None, ids)
+    return RoadLanelet(
+        lanelet_id=ids[key],
+        lane_id=key,
+        edge_id=lane.edge_id,
+        left=bounds.left,
+        right=bounds.right,
+        successors=tuple(sorted(ids[other] for other in graph.successors[key])),
+        predecessors=tuple(sorted(ids[other] for other in graph.predecessors[key])),
+        left_neighbour=left,
+        left_same_direction=left_same,
+        right_neighbour=right,
+        right_same_direction=right_same,
+        internal=lane.internal,
+        types=_types(edge, lane.allowed, lane.speed_mps),
+        users=tuple(word for sumo_class, word in _USERS.items() if sumo_class in lane.allowed) or ("vehicle",),
+        allowed=lane.allowed,
+        speed_mps=lane.speed_mps,
+        street=edge.name,
+    )
+
+
+def _neighbour(beside: LaneBounds | None, oncoming: LaneBounds | None, ids: dict[str, int]) -> tuple[int | None, bool]:
+    if beside is not None and beside.lane.lane_id in ids:
+        return ids[beside.lane.lane_id], True
+    if oncoming is not None and oncoming.lane.lane_id in ids:
+        return ids[oncoming.lane.lane_id], False
+    return None, False
+
+
+def _types(edge: NetEdge, allowed: frozenset[str], speed_mps: float) -> tuple[str, ...]:
+    """CommonRoad's lanelet types, from the road's OSM class, its users and its speed."""
+    types = []
+    if edge.internal:
+        types.append("intersection")
+    elif "motorway_link" in edge.road_type or "trunk_link" in edge.road_type:
+        types.append("highway")
+    elif "motorway" in edge.road_type:
+        types += ["interstate", "mainCarriageWay"]
+    elif "trunk" in edge.road_type:
+        types += ["highway", "mainCarriageWay"]
+    else:
+        types.append("country" if speed_mps >= _COUNTRY_ROAD_MPS else "urban")
+    if "bus" in allowed and allowed <= _BUS_LANE_CLASSES:
+        types.append("busLane")
+    if allowed <= _BICYCLE_LANE_CLASSES:
+        types.append("bicycleLane")
+    return tuple(types)
+
+
+_COLOURS = {"r": "red", "R": "red", "y": "yellow", "Y": "yellow", "g": "green", "G": "green", "s": "green"}
+_COLOURS |= {"u": "redYellow", "o": "inactive", "O": "inactive"}
+"""CommonRoad's colour by SUMO's letter for the state of a link (https://sumo.dlr.de/docs/Simulation/Traffic_Lights.html)."""
+_TURNS = {"l": "l", "L": "l", "t": "l", "r": "r", "R": "r"}
+_DIRECTIONS = {
     "l": "left",
     "r": "right",
     "s": "straight",
@@ -28,18 +122,18 @@ DIRECTIONS = {
 def _speed_signs(net: SumoNet, lanelets: dict[int, RoadLanelet], first_id: int) -> tuple[SpeedSign, ...]:
     """One sign for every normal edge, with its lanes' limit in m/s, at the right of its beginning."""
     by_lane = {lanelet.lane_id: lanelet for lanelet in lanelets.values()}
-    found: list[SpeedSign] = []
+    signs: list[SpeedSign] = []
     for edge in net.edges.values():
         beside = [by_lane[key] for key in edge.lane_ids if key in by_lane]
         if edge.internal or not beside:
             continue
         position = beside[0].left[0] if net.lefthand else beside[0].right[0]
         numbers = tuple(lanelet.lanelet_id for lanelet in beside)
-        found.append(SpeedSign(first_id + len(found), beside[0].speed_mps, position, numbers))
-    return tuple(found)
+        signs.append(SpeedSign(first_id + len(signs), beside[0].speed_mps, position, numbers))
+    return tuple(signs)
 
 
-def traffic_lights(
+def _traffic_lights(
     net: SumoNet, lanelets: dict[int, RoadLanelet], first_id: int, *, step_s: float, elapsed_s: float
 ) -> tuple[TrafficLight, ...]:
     """A light for every lane and group of directions that are switched alike.
@@ -51,9 +145,9 @@ def traffic_lights(
     for connection in net.connections:
         known = connection.signal in net.signals and connection.from_lane in by_lane
         if known and connection.signal is not None and not connection.from_edge.startswith(":"):
-            turn = TURNS.get(connection.direction, "s")
+            turn = _TURNS.get(connection.direction, "s")
             links.setdefault((connection.from_lane, connection.signal), []).append((connection.link, turn))
-    found: list[TrafficLight] = []
+    lights: list[TrafficLight] = []
     for (lane_id, signal), turns in links.items():
         cycles = _cycles(net.signals[signal], turns, step_s)
         for cycle, directions in cycles.items():
@@ -61,10 +155,10 @@ def traffic_lights(
             total = sum(steps for steps, _ in cycle)
             offset = round((net.signals[signal].offset_s - elapsed_s) / step_s) % total
             one_for_all = len(cycles) == 1
-            direction = "all" if one_for_all else DIRECTIONS.get("".join(sorted(directions)), "all")
-            found.append(
+            direction = "all" if one_for_all else _DIRECTIONS.get("".join(sorted(directions)), "all")
+            lights.append(
                 TrafficLight(
-                    light_id=first_id + len(found),
+                    light_id=first_id + len(lights),
                     lanelet_id=lanelet.lanelet_id,
                     position=lanelet.right[-1],
                     cycle=cycle,
@@ -72,31 +166,28 @@ def traffic_lights(
                     direction=direction,
                 )
             )
-    return tuple(found)
+    return tuple(lights)
 
 
 def _cycles(
     program: SignalProgram, turns: Sequence[tuple[int, str]], step_s: float
 ) -> dict[tuple[tuple[int, str], ...], set[str]]:
     """The different colour sequences of a lane's links, and the turns that each holds for."""
-    found: dict[tuple[tuple[int, str], ...], set[str]] = {}
+    cycles: dict[tuple[tuple[int, str], ...], set[str]] = {}
     for link, turn in turns:
         merged: list[tuple[int, str]] = []
         for duration_s, state in program.phases:
-            colour = COLOURS.get(state[link], "inactive")
+            colour = _COLOURS.get(state[link], "inactive")
             steps = max(round(duration_s / step_s), 1)
             if merged and merged[-1][1] == colour:
                 merged[-1] = (merged[-1][0] + steps, colour)
             else:
                 merged.append((steps, colour))
-        found.setdefault(tuple(merged), set()).add(turn)
-    return found
+        cycles.setdefault(tuple(merged), set()).add(turn)
+    return cycles
 
 
-# ---------- intersections
-# Intersections of a road network: junctions with a choice, their arms and where each arm leads.
-
-SIDES = {"r": "right", "R": "right", "l": "left", "L": "left", "t": "left"}
+_SIDES = {"r": "right", "R": "right", "l": "left", "L": "left", "t": "left"}
 
 
 @dataclass
@@ -117,16 +208,16 @@ def _find_intersections(net: SumoNet, ids: dict[str, int], first_id: int) -> tup
         if connection.from_lane in ids and connection.via in ids:
             arm = arms.setdefault(junction, {}).setdefault(connection.from_edge, _Arm())
             arm.lanelets.add(ids[connection.from_lane])
-            arm.behind[SIDES.get(connection.direction, "straight")].add(ids[connection.via])
-    found: list[Intersection] = []
+            arm.behind[_SIDES.get(connection.direction, "straight")].add(ids[connection.via])
+    intersections: list[Intersection] = []
     for junction, by_edge in arms.items():
         ways_in, ways_out = len(by_edge), len(exits[junction])
         if min(ways_in, ways_out) < 2 or max(ways_in, ways_out) < 3:
             continue
         incomings = tuple(_incoming(first_id + 1 + i, arm) for i, arm in enumerate(by_edge.values()))
-        found.append(Intersection(first_id, incomings))
+        intersections.append(Intersection(first_id, incomings))
         first_id += 1 + len(incomings)
-    return tuple(found)
+    return tuple(intersections)
 
 
 def _incoming(incoming_id: int, arm: _Arm) -> Incoming:
@@ -139,109 +230,19 @@ def _incoming(incoming_id: int, arm: _Arm) -> Incoming:
     )
 
 
-# ---------- lanelet_builder
-# From a SUMO net to a road network of lanelets with one geometry for both.
-
-COUNTRY_ROAD_MPS = 70 / 3.6 - 0.1
-USERS = {
-    "passenger": "car",
-    "truck": "truck",
-    "bus": "bus",
-    "emergency": "priorityVehicle",
-    "motorcycle": "motorcycle",
-    "bicycle": "bicycle",
-    "pedestrian": "pedestrian",
-    "taxi": "taxi",
-}
-BUS_LANE_CLASSES = frozenset({"bus", "coach", "taxi", "emergency", "bicycle", "authority", "delivery", "army", "tram"})
-BICYCLE_LANE_CLASSES = frozenset({"bicycle", "pedestrian", "wheelchair", "scooter", "moped"})
-
-
-def build_road_network(net: SumoNet, *, step_s: float, elapsed_s: float) -> RoadNetwork:
-    """All lanes of the net that road vehicles may use, as lanelets.
-
-    Args:
-        net: the SUMO net.
-        step_s: duration of a time step of the scenario, in which the lights' cycles are counted.
-        elapsed_s: simulated time that has gone by at step 0 (the warm-up), for the lights' offsets.
-    """
-    graph = connect(net)
-    ribbons, dropped = draw_ribbons(net, graph)
-    graph.drop(dropped)
-    ids = {key: number for number, key in enumerate(ribbons, start=1)}
-    lanelets = {ids[key]: _lanelet(key, ribbon, ids, graph, net) for key, ribbon in ribbons.items()}
-    next_id = len(ids) + 1
-    signs = _speed_signs(net, lanelets, next_id)
-    next_id += len(signs)
-    lights = traffic_lights(net, lanelets, next_id, step_s=step_s, elapsed_s=elapsed_s)
-    next_id += len(lights)
-    return RoadNetwork(lanelets, signs, lights, _find_intersections(net, ids, next_id), dropped)
-
-
-def _lanelet(key: str, ribbon: Ribbon, ids: dict[str, int], graph: LaneGraph, net: SumoNet) -> RoadLanelet:
-    lane, edge = ribbon.lane, net.edges[ribbon.lane.edge_id]
-    left, left_same = _neighbour(ribbon.on_left, None if net.lefthand else ribbon.oncoming, ids)
-    right, right_same = _neighbour(ribbon.on_right, ribbon.oncoming if net.lefthand else None, ids)
-    return RoadLanelet(
-        lanelet_id=ids[key],
-        lane_id=key,
-        edge_id=lane.edge_id,
-        left=ribbon.left,
-        right=ribbon.right,
-        successors=tuple(sorted(ids[other] for other in graph.successors[key])),
-        predecessors=tuple(sorted(ids[other] for other in graph.predecessors[key])),
-        left_neighbour=left,
-        left_same_direction=left_same,
-        right_neighbour=right,
-        right_same_direction=right_same,
-        internal=lane.internal,
-        types=_types(edge, lane.allowed, lane.speed_mps),
-        users=tuple(word for sumo_class, word in USERS.items() if sumo_class in lane.allowed) or ("vehicle",),
-        allowed=lane.allowed,
-        speed_mps=lane.speed_mps,
-        street=edge.name,
-    )
-
-
-def _neighbour(beside: Ribbon | None, oncoming: Ribbon | None, ids: dict[str, int]) -> tuple[int | None, bool]:
-    if beside is not None and beside.lane.lane_id in ids:
-        return ids[beside.lane.lane_id], True
-    if oncoming is not None and oncoming.lane.lane_id in ids:
-        return ids[oncoming.lane.lane_id], False
-    return None, False
-
-
-def _types(edge: NetEdge, allowed: frozenset[str], speed_mps: float) -> tuple[str, ...]:
-    """CommonRoad's lanelet types, from the road's OSM class, its users and its speed."""
-    found = []
-    if edge.internal:
-        found.append("intersection")
-    elif "motorway_link" in edge.road_type or "trunk_link" in edge.road_type:
-        found.append("highway")
-    elif "motorway" in edge.road_type:
-        found += ["interstate", "mainCarriageWay"]
-    elif "trunk" in edge.road_type:
-        found += ["highway", "mainCarriageWay"]
-    else:
-        found.append("country" if speed_mps >= COUNTRY_ROAD_MPS else "urban")
-    if "bus" in allowed and allowed <= BUS_LANE_CLASSES:
-        found.append("busLane")
-    if allowed <= BICYCLE_LANE_CLASSES:
-        found.append("bicycleLane")
-    return tuple(found)
-
-
-# ---------- hairpins
-# Connections so tight that no lanelet can follow them are taken out of the net too, so that both stay the same.
-
-MAXIMUM_ROUNDS = 3
+_MAXIMUM_ROUNDS = 3
+"""Chosen: netconvert draws a junction anew without the connection, which may make another one too tight."""
 
 
 def remove_hairpins(net_path: Path, scratch: Path) -> tuple[int, tuple[str, ...]]:
-    """Delete the connections of all lanes without a valid ribbon, in place; how many, and what netconvert warned of."""
+    """Delete the connections of all lanes that have no valid bounds from a net, in place.
+
+    Returns:
+        The number of connections, and netconvert's warnings.
+    """
     removed = 0
     warnings: list[str] = []
-    for _ in range(MAXIMUM_ROUNDS):
+    for _ in range(_MAXIMUM_ROUNDS):
         net = read_net(net_path)
         network = build_road_network(net, step_s=0.1, elapsed_s=0.0)
         connections = _owners(net, network)
@@ -261,9 +262,8 @@ def _owners(net: SumoNet, network: RoadNetwork) -> list[tuple[str, str, int, int
         while inside is not None:
             owner[inside] = connection
             inside = following.get(inside)
-    found = {owner[lane] for lane in network.dropped_lanes if lane in owner}
-    keys = [(c.from_edge, c.to_edge, _index(c.from_lane), _index(c.to_lane)) for c in found]
-    return sorted(keys)
+    dropped = {owner[lane] for lane in network.dropped_lanes if lane in owner}
+    return sorted((c.from_edge, c.to_edge, _index(c.from_lane), _index(c.to_lane)) for c in dropped)
 
 
 def _index(lane_id: str) -> int:

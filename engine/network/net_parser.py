@@ -1,4 +1,7 @@
-"""SUMO's .net.xml as plain values: lanes, edges, connections, signal programs."""
+"""SUMO's .net.xml as plain values: lanes, edges, connections, signal programs; and which lane follows which.
+
+Pedestrian crossings, walking areas and connectors are left out. Coordinates are those of the net, in metres.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -11,9 +14,6 @@ from ...schemas.errors import UnsafeInput
 from ..commonroad import XmlLimits, scan_xml
 from ..geometry import Points, length_m, without_repeats
 
-# ---------- net_parser
-# SUMO's .net.xml as plain values: lanes, edges, connections, signal programs.
-
 _MOTOR = """
 passenger private taxi bus coach delivery truck trailer motorcycle moped evehicle emergency authority army vip hov
 custom1 custom2
@@ -23,9 +23,14 @@ bicycle pedestrian tram rail_urban rail rail_electric rail_fast ship container c
 scooter drone
 """
 MOTOR_CLASSES = frozenset(_MOTOR.split())
-ALL_CLASSES = MOTOR_CLASSES | frozenset(_OTHER.split())
-ROAD_CLASSES = MOTOR_CLASSES | {"bicycle"}
-DEFAULT_LANE_WIDTH_M = 3.2
+"""SUMO's classes of motor vehicles on roads."""
+_ALL_CLASSES = MOTOR_CLASSES | frozenset(_OTHER.split())
+_ROAD_CLASSES = MOTOR_CLASSES | {"bicycle"}
+_DEFAULT_LANE_WIDTH_M, _DEFAULT_SPEED_MPS = 3.2, 13.89
+"""SUMO's own, where the net gives none."""
+
+_LARGEST_NET_BYTES = 200_000_000
+"""Chosen: nets have more text than the maps that they are made of."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,10 @@ class NetEdge:
 
 @dataclass(frozen=True)
 class Connection:
-    """A way from lane to lane over a junction; ``via`` is the internal lane that it drives."""
+    """A connection from lane to lane over a junction, along the internal lane ``via``.
+
+    ``direction`` is SUMO's letter; ``link`` is its index in the states of the traffic light ``signal``.
+    """
 
     from_edge: str
     to_edge: str
@@ -108,7 +116,7 @@ def read_net(path: Path) -> SumoNet:
     Raises:
         UnsafeInput: the file is hostile, broken or not a SUMO net.
     """
-    if scan_xml(path, XmlLimits(size_bytes=200_000_000)) != "net":
+    if scan_xml(path, XmlLimits(size_bytes=_LARGEST_NET_BYTES)) != "net":
         raise UnsafeInput(f"{path.name} is no SUMO net: its root element is not <net>")
     root = etree.parse(path).getroot()
     edges, lanes = _edges_and_lanes(root)
@@ -137,8 +145,8 @@ def _edges_and_lanes(root: etree._Element) -> tuple[dict[str, NetEdge], dict[str
         if function in ("crossing", "walkingarea", "connector"):
             continue
         edge_id, internal = element.get("id", ""), function == "internal"
-        found = [_lane(lane, edge_id, internal) for lane in element.iterfind("lane")]
-        lanes.update({lane.lane_id: lane for lane in found})
+        own = [_lane(lane, edge_id, internal) for lane in element.iterfind("lane")]
+        lanes.update({lane.lane_id: lane for lane in own})
         edges[edge_id] = NetEdge(
             edge_id=edge_id,
             from_junction=element.get("from", ""),
@@ -146,7 +154,7 @@ def _edges_and_lanes(root: etree._Element) -> tuple[dict[str, NetEdge], dict[str
             internal=internal,
             road_type=element.get("type", ""),
             name=element.get("name", ""),
-            lane_ids=tuple(lane.lane_id for lane in found),
+            lane_ids=tuple(lane.lane_id for lane in own),
         )
     return edges, lanes
 
@@ -157,8 +165,8 @@ def _lane(element: etree._Element, edge_id: str, internal: bool) -> NetLane:
         lane_id=element.get("id", ""),
         edge_id=edge_id,
         index=int(element.get("index", "0")),
-        speed_mps=float(element.get("speed", "13.89")),
-        width_m=float(element.get("width", str(DEFAULT_LANE_WIDTH_M))),
+        speed_mps=float(element.get("speed", str(_DEFAULT_SPEED_MPS))),
+        width_m=float(element.get("width", str(_DEFAULT_LANE_WIDTH_M))),
         allowed=_permissions(element.get("allow"), element.get("disallow")),
         shape=without_repeats(np.array(points, dtype=float)),
         internal=internal,
@@ -167,10 +175,10 @@ def _lane(element: etree._Element, edge_id: str, internal: bool) -> NetLane:
 
 def _permissions(allow: str | None, disallow: str | None) -> frozenset[str]:
     if allow is not None:
-        return ALL_CLASSES if allow == "all" else frozenset(allow.split())
+        return _ALL_CLASSES if allow == "all" else frozenset(allow.split())
     if disallow is not None:
-        return frozenset() if disallow == "all" else ALL_CLASSES - frozenset(disallow.split())
-    return ALL_CLASSES
+        return frozenset() if disallow == "all" else _ALL_CLASSES - frozenset(disallow.split())
+    return _ALL_CLASSES
 
 
 def _connection(element: etree._Element) -> Connection:
@@ -192,12 +200,10 @@ def _signal(element: etree._Element) -> SignalProgram:
     return SignalProgram(element.get("id", ""), float(element.get("offset", "0")), phases)
 
 
-# ---------- lane_graph
-# Which lane follows which in a SUMO net, internal lanes included.
-
-SHORTEST_LANE_M = 0.05
-TINY_JOINT_M = 1.0
-"""An internal lane shorter than this between exactly two lanes is left out: the two are joined directly."""
+_SHORTEST_LANE_M = 0.05
+"""Chosen: a shorter lane has no direction."""
+_TINY_JOINT_M = 1.0
+"""Chosen: an internal lane shorter than this between exactly two lanes is left out, and the two are joined directly."""
 
 
 @dataclass
@@ -210,10 +216,10 @@ class LaneGraph:
 
     def link(self, before: str, after: str) -> None:
         """Let a lane follow another."""
-        for found, new in ((self.successors[before], after), (self.predecessors[after], before)):
-            if new not in found:
-                found.append(new)
-                found.sort()
+        for linked, new in ((self.successors[before], after), (self.predecessors[after], before)):
+            if new not in linked:
+                linked.append(new)
+                linked.sort()
 
     def drop(self, lane_ids: Iterable[str]) -> None:
         """Take lanes and their links out."""
@@ -244,18 +250,18 @@ def connect(net: SumoNet) -> LaneGraph:
 
 
 def _usable(lane: NetLane) -> bool:
-    return bool(lane.allowed & ROAD_CLASSES) and len(lane.shape) >= 2 and length_m(lane.shape) > SHORTEST_LANE_M
+    return bool(lane.allowed & _ROAD_CLASSES) and len(lane.shape) >= 2 and length_m(lane.shape) > _SHORTEST_LANE_M
 
 
 def _join_over_tiny_lanes(graph: LaneGraph) -> None:
     for key, lane in sorted(graph.lanes.items()):
-        if not lane.internal or length_m(lane.shape) >= TINY_JOINT_M:
+        if not lane.internal or length_m(lane.shape) >= _TINY_JOINT_M:
             continue
         before, after = graph.predecessors[key], graph.successors[key]
         if len(before) != 1 or len(after) != 1:
             continue
-        one, other = before[0], after[0]
-        joint = graph.successors[one] == [key] and graph.predecessors[other] == [key]
-        if joint and not graph.lanes[one].internal and not graph.lanes[other].internal:
+        entry, exit_ = before[0], after[0]
+        joint = graph.successors[entry] == [key] and graph.predecessors[exit_] == [key]
+        if joint and not graph.lanes[entry].internal and not graph.lanes[exit_].internal:
             graph.drop([key])
-            graph.link(one, other)
+            graph.link(entry, exit_)

@@ -1,7 +1,11 @@
-"""Running SUMO's netconvert: OpenStreetMap → SUMO net, and changes to a net.
+"""SUMO's netconvert and what its nets need before anything drives on them: smooth junctions, speeds for curves.
 
 The program is native code on foreign input: it gets only scanned files, runs without a shell, with a time limit, and
 its output is deleted first, so that an old file is never taken for a result.
+
+Where a junction is small or was joined of several, netconvert gives up its own curve and draws a straight line, or one
+that ends across the road that it leads to. Vehicles and lanelets follow these lines, so every run of netconvert is
+followed by ``smooth_junction_lanes``, in the net.
 """
 
 import math
@@ -30,229 +34,22 @@ from ..geometry import (
     wrap_angles,
 )
 
-# ---------- speed_cap
-# Lane speeds that bends allow.
-#
-# SUMO slows down for turns inside junctions only, never in the bends of a road: a quarter of its cars would break the
-# friction circle there. The limit of every lane is lowered to what its sharpest bend allows.
-
-LATERAL_ACCELERATION_MPS2 = 3.5
-SLOWEST_MPS = 2.0
-
-
-def cap_speeds(net_path: Path, lateral_acceleration_mps2: float = LATERAL_ACCELERATION_MPS2) -> int:
-    """Lower lane speeds in place to √(a / κ); comments (netconvert's date and paths) are left out of the file.
-
-    Returns:
-        The number of lanes that were changed.
-    """
-    root = etree.parse(net_path, etree.XMLParser(remove_comments=True)).getroot()
-    changed = 0
-    for lane in root.iter("lane"):
-        shape = [tuple(float(v) for v in point.split(",")[:2]) for point in lane.get("shape", "").split()]
-        curvature = maximum_curvature(np.array(shape, dtype=float)) if len(shape) > 2 else 0.0
-        if curvature > 0 and float(lane.get("speed", "0")) ** 2 * curvature > lateral_acceleration_mps2:
-            lane.set("speed", f"{max(SLOWEST_MPS, math.sqrt(lateral_acceleration_mps2 / curvature)):.2f}")
-            changed += 1
-    net_path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
-    return changed
-
-
-# ---------- junction_curves
-# Ways over junctions drawn anew where netconvert leaves a corner at one of their ends, or a hook within.
-#
-# Where a junction is small or was joined of several, netconvert gives up its own curve and draws a straight line, or
-# one that ends across the road that it leads to. Vehicles and lanelets follow these lines, so they are mended in the
-# net.
-
-FOLD_RAD = math.radians(100.0)
-LARGEST_CORNER_RAD = math.radians(20.0)
-TIGHT_M, LEAST_GAIN = 3.0, 1.2
-"""A bend of a smaller radius is a hook where another curve makes the radius so many times larger."""
-REACHES = (0.2, 0.35, 0.5, 0.75, 1.0, 1.4)
-"""How far a curve keeps the direction of its ends, as shares of the distance between them."""
-SAMPLES = 33
-SPACING_M, FEWEST_POINTS = 1.0, 10
-DECIMALS = 3
-
-
-def smooth_junction_lanes(net_path: Path) -> int:
-    """Replace, in place, every way over a junction that meets its roads at a corner by the mildest curve between them.
-
-    Folds in the lanes of roads are left out before.
-
-    Returns:
-        The number of lanes of roads and ways that were drawn anew.
-    """
-    root = etree.parse(net_path).getroot()
-    lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
-    changed = sum(_unfold(lane) for key, lane in lanes.items() if not key.startswith(":"))
-    for before, inside, after in _ways(root):
-        if not all(lane in lanes for lane in (before, *inside, after)):
-            continue
-        ends = _shape(lanes[before]), _shape(lanes[after])
-        parts = [_shape(lanes[lane]) for lane in inside]
-        if any(len(line) < 2 for line in (*ends, *parts)):
-            continue
-        way = without_repeats(np.concatenate(parts))
-        curve = smoothest_curve(ends[0][-1] - ends[0][-2], way, ends[1][1] - ends[1][0])
-        if curve is not None:
-            for lane, part in zip(inside, _split(curve, [length_m(part) for part in parts]), strict=True):
-                _set_shape(lanes[lane], part)
-            changed += 1
-    if changed:
-        net_path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
-    return changed
-
-
-def _unfold(lane: etree._Element) -> bool:
-    old = _shape(lane)
-    new = without_folds(old)
-    if len(new) < len(old):
-        _set_shape(lane, new)
-    return len(new) < len(old)
-
-
-def without_folds(line: Points) -> Points:
-    """The line without the inner vertices at which it turns back (by more than 100°)."""
-    while len(line) > 2:
-        turns = np.abs(np.diff(headings(line)))
-        sharpest = int(np.argmax(turns))
-        if turns[sharpest] <= FOLD_RAD:
-            break
-        line = np.delete(line, sharpest + 1, axis=0)
-    return line
-
-
-def smoothest_curve(ahead: Points, way: Points, onward: Points) -> Points | None:
-    """A curve between the ends of a way that leaves and arrives in the given directions, bent as little as can be.
-
-    None where the way itself has neither a corner at its ends nor a hook, or no curve is milder.
-    """
-    if len(way) < 2:
-        return None
-    corner = _sharpest_corner(ahead, way, onward)
-    bend = _sharpest_bend(way)
-    if corner <= LARGEST_CORNER_RAD and bend <= 1 / TIGHT_M:
-        return None
-    curve = _least_bent(ahead / np.linalg.norm(ahead), way[0], way[-1], onward / np.linalg.norm(onward))
-    if _sharpest_corner(ahead, curve, onward) < corner - LARGEST_CORNER_RAD / 2:
-        return curve
-    hooked = corner <= LARGEST_CORNER_RAD and bend > LEAST_GAIN * _sharpest_bend(curve)
-    return curve if hooked else None
-
-
-def _least_bent(ahead: Points, start: Points, end: Points, onward: Points) -> Points:
-    span, shares = float(np.linalg.norm(end - start)), np.linspace(0.0, 1.0, SAMPLES)
-    curves = [
-        hermite(start, ahead, end, onward, shares, (3 * span * first, 3 * span * last))
-        for first, last in product(REACHES, REACHES)
-    ]
-    best = min(curves, key=_sharpest_bend)
-    return resample(best, max(FEWEST_POINTS, math.ceil(length_m(best) / SPACING_M) + 1))
-
-
-def _sharpest_corner(ahead: Points, way: Points, onward: Points) -> float:
-    directions = np.vstack([ahead, np.diff(way, axis=0)[[0, -1]], onward])
-    angles = np.arctan2(directions[:, 1], directions[:, 0])
-    return float(np.abs(wrap_angles(angles[[1, 3]] - angles[[0, 2]])).max())
-
-
-def _sharpest_bend(curve: Points) -> float:
-    """Largest curvature in 1/m."""
-    if len(curve) < 3:
-        return 0.0
-    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
-    turns = np.abs(np.diff(headings(curve)))
-    return float(np.max(turns / np.maximum((steps[1:] + steps[:-1]) / 2, 1e-6)))
-
-
-def _ways(root: etree._Element) -> Iterator[tuple[str, list[str], str]]:
-    """Every connection of two roads: the lane before, those inside the junction in order, the lane behind."""
-    following = {
-        f"{found.get('from')}_{found.get('fromLane')}": found.get("via")
-        for found in root.iterfind("connection")
-        if found.get("from", "").startswith(":")
-    }
-    for found in root.iterfind("connection"):
-        lane = found.get("via")
-        if lane is None or found.get("from", "").startswith(":"):
-            continue
-        inside = []
-        while lane is not None and lane not in inside:
-            inside.append(lane)
-            lane = following.get(lane)
-        yield f"{found.get('from')}_{found.get('fromLane')}", inside, f"{found.get('to')}_{found.get('toLane')}"
-
-
-def _shape(lane: etree._Element) -> Points:
-    points = [[float(value) for value in point.split(",")[:2]] for point in lane.get("shape", "").split()]
-    return without_repeats(np.array(points, dtype=float).reshape(-1, 2))
-
-
-def _split(curve: Points, lengths_m: list[float]) -> list[Points]:
-    """The curve in pieces that have the given shares of its length."""
-    stations = arc_length(curve)
-    ends = np.concatenate([[0.0], np.cumsum(lengths_m)]) / sum(lengths_m) * stations[-1]
-    return [_piece(curve, stations, float(begin), float(end)) for begin, end in pairwise(ends)]
-
-
-def _piece(curve: Points, stations: Values, begin: float, end: float) -> Points:
-    between = stations[(stations > begin + 0.05) & (stations < end - 0.05)]
-    return interpolate(curve, stations, np.concatenate([[begin], between, [end]]))
-
-
-def _set_shape(lane: etree._Element, shape: Points) -> None:
-    lane.set("shape", " ".join(f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in shape))
-    lane.set("length", f"{max(length_m(shape), 0.1):.{DECIMALS}f}")
-
-
-# ---------- netconvert
-# Running SUMO's netconvert: OpenStreetMap → SUMO net, and changes to a net.
-#
-# The program is native code on foreign input: it gets only scanned files, runs without a shell, with a time limit, and
-# its output is deleted first, so that an old file is never taken for a result.
-
-TIME_LIMIT_S = 120.0
-GEOMETRY_OPTIONS = (
-    "--no-turnarounds",
-    "true",
-    "--junctions.internal-link-detail",
-    "10",
-    "--junctions.corner-detail",
-    "5",
-    "--junctions.small-radius",
-    "4",
-    "--junctions.scurve-stretch",
-    "1",
-    "--geometry.max-angle.fix",
-    "true",
-    "--precision",
-    "3",
-)
+_TIME_LIMIT_S = 120.0
+"""Chosen: maps within the limits of size take seconds."""
+_GEOMETRY_OPTIONS = """
+--no-turnarounds true --junctions.internal-link-detail 10 --junctions.corner-detail 5 --junctions.small-radius 4
+--junctions.scurve-stretch 1 --geometry.max-angle.fix true --precision 3
+"""
 """Detail inside junctions makes smooth lanelets; turnarounds make hairpins that no lanelet can follow.
 
 Junctions without conflicts get the radius of the others (1.5 m otherwise) and room for lanes that shift sideways, and
 roads that fold back at one point are straightened.
 """
-OSM_OPTIONS = (
-    "--geometry.remove",
-    "true",
-    "--ramps.guess",
-    "true",
-    "--roundabouts.guess",
-    "true",
-    "--tls.guess-signals",
-    "true",
-    "--tls.discard-simple",
-    "true",
-    "--tls.join",
-    "true",
-    "--output.street-names",
-    "true",
-    "--keep-edges.by-vclass",
-    "passenger,bus,truck,delivery,motorcycle,taxi",
-)
+_OSM_OPTIONS = """
+--geometry.remove true --ramps.guess true --roundabouts.guess true --tls.guess-signals true --tls.discard-simple true
+--tls.join true --output.street-names true --keep-edges.by-vclass passenger,bus,truck,delivery,motorcycle,taxi
+"""
+"""What SUMO's guide to importing OpenStreetMap recommends, with street names, for roads of motor vehicles alone."""
 
 
 @dataclass(frozen=True)
@@ -283,15 +80,13 @@ def convert_osm(
     types = [Path(sumo.SUMO_HOME) / "data" / "typemap" / "osmNetconvert.typ.xml"]
     if drivable_service_roads:
         types.append(Path(__file__).parent.parent / "maps" / "service_roads.typ.xml")
-    options = ["--osm-files", str(osm), "--type-files", ",".join(str(path) for path in types), *OSM_OPTIONS]
+    options = ["--osm-files", str(osm), "--type-files", ",".join(str(path) for path in types), *_OSM_OPTIONS.split()]
     options += ["--lefthand", str(lefthand).lower(), "--junctions.join", str(join_junctions).lower()]
     return run_netconvert(options, net)
 
 
 def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int]], scratch: Path) -> Conversion:
     """Take lane connections (from edge, to edge, from lane, to lane) out of a net, which is replaced."""
-    from lxml import etree
-
     root = etree.Element("connections")
     for start, end, from_lane, to_lane in connections:
         ends = {"from": start, "to": end, "fromLane": str(from_lane), "toLane": str(to_lane)}
@@ -305,7 +100,7 @@ def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int
 
 
 def run_netconvert(options: Sequence[str], net: Path) -> Conversion:
-    """Run netconvert with the options and those for good junction geometry, and mend the corners that it leaves.
+    """Run netconvert with the options and those for good geometry inside junctions, and smooth the lanes there.
 
     Raises:
         NotPossible: it ended with an error.
@@ -316,14 +111,14 @@ def run_netconvert(options: Sequence[str], net: Path) -> Conversion:
     net.unlink(missing_ok=True)
     program = str(Path(sumo.SUMO_HOME) / "bin" / "netconvert")
     environment = {**os.environ, "SUMO_HOME": str(sumo.SUMO_HOME), "LC_ALL": "C"}
-    command = [program, *options, *GEOMETRY_OPTIONS, "--output-file", str(net)]
+    command = [program, *options, *_GEOMETRY_OPTIONS.split(), "--output-file", str(net)]
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=TIME_LIMIT_S, env=environment, check=False
+            command, capture_output=True, text=True, timeout=_TIME_LIMIT_S, env=environment, check=False
         )
     except subprocess.TimeoutExpired as error:
         raise WorkerTimeout(
-            f"netconvert ran longer than {TIME_LIMIT_S:.0f} s", next_step="use a smaller map"
+            f"netconvert ran longer than {_TIME_LIMIT_S:.0f} s", next_step="use a smaller map"
         ) from error
     lines = done.stderr.splitlines()
     if done.returncode != 0 or not net.exists():
@@ -334,3 +129,176 @@ def run_netconvert(options: Sequence[str], net: Path) -> Conversion:
         )
     smooth_junction_lanes(net)
     return Conversion(net, tuple(line.removeprefix("Warning:").strip() for line in lines if line.startswith("Warning")))
+
+
+_FOLD_RAD = math.radians(100.0)
+"""Chosen: roads do not turn by more at one point, lines that run back over themselves do."""
+_LARGEST_CORNER_RAD = math.radians(20.0)
+"""Chosen: a larger turn at one point is a corner; netconvert's own curves turn by less from point to point."""
+_HOOK_RADIUS_M, _LEAST_GAIN = 3.0, 1.2
+"""Chosen: a curve of a smaller radius (no car turns in it) is a hook, if another has a radius larger by this factor."""
+_REACHES = (0.2, 0.35, 0.5, 0.75, 1.0, 1.4)
+"""Tried: distances of the inner control points from the ends, as shares of the distance between these."""
+_SAMPLES = 33
+"""Chosen: points on a curve while curves are compared."""
+_SPACING_M, _FEWEST_POINTS = 1.0, 10
+"""Points on the curve that is written: as dense as netconvert's own (``internal-link-detail`` below 10 m)."""
+_DECIMALS = 3
+"""As in all of the net (``precision``)."""
+
+
+def smooth_junction_lanes(net_path: Path) -> int:
+    """Draw lanes over a junction anew, in place, where they meet their roads at a corner or have a hook within.
+
+    Vertices at which lanes of roads fold back are left out before.
+
+    Returns:
+        The number of lanes of roads and of routes over junctions that were drawn anew.
+    """
+    root = etree.parse(net_path).getroot()
+    lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
+    changed = sum(_unfold(lane) for key, lane in lanes.items() if not key.startswith(":"))
+    for before, inside, after in _junction_routes(root):
+        if not all(lane in lanes for lane in (before, *inside, after)):
+            continue
+        ends = _shape(lanes[before]), _shape(lanes[after])
+        parts = [_shape(lanes[lane]) for lane in inside]
+        if any(len(line) < 2 for line in (*ends, *parts)):
+            continue
+        path = without_repeats(np.concatenate(parts))
+        curve = smoothest_curve(ends[0][-1] - ends[0][-2], path, ends[1][1] - ends[1][0])
+        if curve is not None:
+            for lane, part in zip(inside, _split(curve, [length_m(part) for part in parts]), strict=True):
+                _set_shape(lanes[lane], part)
+            changed += 1
+    if changed:
+        net_path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
+    return changed
+
+
+def _unfold(lane: etree._Element) -> bool:
+    """Leave out vertices at which a lane folds back; whether there were any."""
+    old = _shape(lane)
+    new = without_folds(old)
+    if len(new) < len(old):
+        _set_shape(lane, new)
+    return len(new) < len(old)
+
+
+def without_folds(line: Points) -> Points:
+    """The line without the inner vertices at which it turns back (by more than 100°)."""
+    while len(line) > 2:
+        turns = np.abs(np.diff(headings(line)))
+        sharpest = int(np.argmax(turns))
+        if turns[sharpest] <= _FOLD_RAD:
+            break
+        line = np.delete(line, sharpest + 1, axis=0)
+    return line
+
+
+def smoothest_curve(ahead: Points, path: Points, onward: Points) -> Points | None:
+    """The curve of the least curvature between the ends of a path that leaves and arrives in the given directions.
+
+    None where the path itself has neither a corner at its ends nor a hook, or no curve is smoother.
+    """
+    if len(path) < 2:
+        return None
+    corner = _sharpest_corner(ahead, path, onward)
+    curvature = _largest_curvature(path)
+    if corner <= _LARGEST_CORNER_RAD and curvature <= 1 / _HOOK_RADIUS_M:
+        return None
+    curve = _least_curved(ahead / np.linalg.norm(ahead), path[0], path[-1], onward / np.linalg.norm(onward))
+    if _sharpest_corner(ahead, curve, onward) < corner - _LARGEST_CORNER_RAD / 2:
+        return curve
+    hooked = corner <= _LARGEST_CORNER_RAD and curvature > _LEAST_GAIN * _largest_curvature(curve)
+    return curve if hooked else None
+
+
+def _least_curved(ahead: Points, start: Points, end: Points, onward: Points) -> Points:
+    span, shares = float(np.linalg.norm(end - start)), np.linspace(0.0, 1.0, _SAMPLES)
+    curves = [
+        hermite(start, ahead, end, onward, shares, (3 * span * first, 3 * span * last))
+        for first, last in product(_REACHES, _REACHES)
+    ]
+    best = min(curves, key=_largest_curvature)
+    return resample(best, max(_FEWEST_POINTS, math.ceil(length_m(best) / _SPACING_M) + 1))
+
+
+def _sharpest_corner(ahead: Points, path: Points, onward: Points) -> float:
+    """The larger turn in rad at the ends of a path that is entered and left in the given directions."""
+    directions = np.vstack([ahead, np.diff(path, axis=0)[[0, -1]], onward])
+    angles = np.arctan2(directions[:, 1], directions[:, 0])
+    return float(np.abs(wrap_angles(angles[[1, 3]] - angles[[0, 2]])).max())
+
+
+def _largest_curvature(curve: Points) -> float:
+    """Largest curvature in 1/m."""
+    if len(curve) < 3:
+        return 0.0
+    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
+    turns = np.abs(np.diff(headings(curve)))
+    return float(np.max(turns / np.maximum((steps[1:] + steps[:-1]) / 2, 1e-6)))
+
+
+def _junction_routes(root: etree._Element) -> Iterator[tuple[str, list[str], str]]:
+    """Every connection of two roads by its lanes: before the junction, those inside in order, behind it."""
+    connections = list(root.iterfind("connection"))
+    following = {f"{link.get('from')}_{link.get('fromLane')}": link.get("via") for link in connections}
+    for link in connections:
+        lane = link.get("via")
+        if lane is None or link.get("from", "").startswith(":"):
+            continue
+        inside = []
+        while lane is not None and lane not in inside:
+            inside.append(lane)
+            lane = following.get(lane)
+        yield f"{link.get('from')}_{link.get('fromLane')}", inside, f"{link.get('to')}_{link.get('toLane')}"
+
+
+def _shape(lane: etree._Element) -> Points:
+    points = [[float(value) for value in point.split(",")[:2]] for point in lane.get("shape", "").split()]
+    return without_repeats(np.array(points, dtype=float).reshape(-1, 2))
+
+
+def _split(curve: Points, lengths_m: list[float]) -> list[Points]:
+    """The curve in pieces that have the given shares of its length."""
+    stations = arc_length(curve)
+    ends = np.concatenate([[0.0], np.cumsum(lengths_m)]) / sum(lengths_m) * stations[-1]
+    return [_piece(curve, stations, float(begin), float(end)) for begin, end in pairwise(ends)]
+
+
+def _piece(curve: Points, stations: Values, begin: float, end: float) -> Points:
+    between = stations[(stations > begin + 0.05) & (stations < end - 0.05)]
+    return interpolate(curve, stations, np.concatenate([[begin], between, [end]]))
+
+
+def _set_shape(lane: etree._Element, shape: Points) -> None:
+    lane.set("shape", " ".join(f"{x:.{_DECIMALS}f},{y:.{_DECIMALS}f}" for x, y in shape))
+    lane.set("length", f"{max(length_m(shape), 0.1):.{_DECIMALS}f}")
+
+
+_LATERAL_ACCELERATION_MPS2 = 3.5
+"""Chosen: brisk but usual in curves; tyres hold 8 m/s² on a dry road."""
+_SLOWEST_MPS = 2.0
+"""Chosen: kinks of a coarse line have a curvature that no vehicle drives."""
+
+
+def cap_speeds(net_path: Path, lateral_acceleration_mps2: float = _LATERAL_ACCELERATION_MPS2) -> int:
+    """Lower the speed limit of every lane of a net, in place, to √(a / κ) for its sharpest curve.
+
+    SUMO slows down for turns inside junctions only, never in the curves of a road: a quarter of its cars would break
+    the friction circle there. Comments (netconvert's date and paths) are left out of the file.
+
+    Returns:
+        The number of lanes that were changed.
+    """
+    root = etree.parse(net_path, etree.XMLParser(remove_comments=True)).getroot()
+    changed = 0
+    for lane in root.iter("lane"):
+        shape = [tuple(float(v) for v in point.split(",")[:2]) for point in lane.get("shape", "").split()]
+        curvature = maximum_curvature(np.array(shape, dtype=float)) if len(shape) > 2 else 0.0
+        if curvature > 0 and float(lane.get("speed", "0")) ** 2 * curvature > lateral_acceleration_mps2:
+            lane.set("speed", f"{max(_SLOWEST_MPS, math.sqrt(lateral_acceleration_mps2 / curvature)):.2f}")
+            changed += 1
+    net_path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
+    return changed

@@ -1,4 +1,4 @@
-"""Words and numbers for a place along a lanelet."""
+"""Words, fractions and metres for a place along a lanelet, as users write them."""
 
 from ...schemas.errors import InvalidRequest
 from ...schemas.grammar import parse_quantity
@@ -12,15 +12,16 @@ POSITION_WORDS = {
     "final": 1.0,
     "end": 1.0,
 }
-INSIDE_M = 0.01
-"""A point on a lanelet's edge, rounded as files round it, may lie beside it: where the road ends, on no lanelet."""
-VALID = ("beginning", "quarter", "middle", "three_quarter", "final", "a fraction in 0…1 such as 0.66", "metres: '35m'")
+"""Shares of a lanelet's length."""
+_INSIDE_M = 0.01
+"""Chosen: a point on a lanelet's edge may lie beside it once a file rounds it: where the road ends, on no lanelet."""
+_VALID = ("beginning", "quarter", "middle", "three_quarter", "final", "a fraction in 0…1 such as 0.66", "metres: '35m'")
 
 
 def station_m(text: str, lanelet_id: int, length_m: float, margin_m: float = 0.0) -> float:
-    """Arc length in m for a position word, a fraction or metres, a centimetre inside the lanelet's ends at least.
+    """Arc length in m for a position word, a fraction or metres, at least a centimetre inside the lanelet's ends.
 
-    ``margin_m``: words and fractions keep so far from both ends (half a vehicle); metres are taken as they are.
+    Words and fractions keep ``margin_m`` (half a vehicle) from both ends; metres are taken as they are.
 
     Raises:
         InvalidRequest: no such word, or a place beyond the lanelet.
@@ -31,14 +32,14 @@ def station_m(text: str, lanelet_id: int, length_m: float, margin_m: float = 0.0
         if not 0.0 <= metres <= length_m:
             raise InvalidRequest(
                 f"lanelet {lanelet_id} is {length_m:.1f} m long; {text} lies beyond",
-                valid=[f"0m … {length_m:.1f}m", *VALID[:-1]],
+                valid=[f"0m … {length_m:.1f}m", *_VALID[:-1]],
                 next_step="choose a position on it, or the lanelet after it",
             )
-        return _inside(metres, length_m, INSIDE_M)
+        return _inside(metres, length_m, _INSIDE_M)
     fraction = POSITION_WORDS.get(body)
     if fraction is None:
         fraction = _fraction(text)
-    return _inside(fraction * length_m, length_m, max(margin_m, INSIDE_M))
+    return _inside(fraction * length_m, length_m, max(margin_m, _INSIDE_M))
 
 
 def _inside(station_m: float, length_m: float, margin_m: float) -> float:
@@ -51,12 +52,12 @@ def _fraction(text: str) -> float:
         value = float(text)
     except ValueError:
         raise InvalidRequest(
-            f"'{text}' is no position on a lanelet", valid=VALID, next_step="name a position in one of these forms"
+            f"'{text}' is no position on a lanelet", valid=_VALID, next_step="name a position in one of these forms"
         ) from None
     if not 0.0 <= value <= 1.0:
         raise InvalidRequest(
             f"position {text} is no fraction of a lanelet; metres are written '{text}m'",
-            valid=VALID,
+            valid=_VALID,
             next_step=f"write '{text}m' for metres along it, or a fraction from 0 to 1",
         )
     return value

@@ -1,4 +1,7 @@
-"""A road network as CommonRoad sees it, as plain values: what the writer writes and the checks read."""
+"""A road network as CommonRoad sees it, as plain values, and which of its lanelets lies under a point.
+
+It is made from a SUMO net (``lanelet_builder``), written as CommonRoad XML, and asked where generated traffic drives.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,9 +10,6 @@ import numpy as np
 
 from ..geometry import Points, length_m, wrap_angle
 from .lanelet_graph import LaneletGraph
-
-# ---------- road_network
-# A road network as CommonRoad sees it, as plain values: what the writer writes and the checks read.
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,6 @@ class RoadLanelet:
     @property
     def polygon(self) -> Points:
         """Corners of the lanelet, counter-clockwise, shape (2n, 2)."""
-        import numpy as np
-
         return np.concatenate([self.right, self.left[::-1]])
 
     def neighbours(self) -> tuple[int, ...]:
@@ -91,7 +89,7 @@ class Incoming:
 
 @dataclass(frozen=True)
 class Intersection:
-    """A junction with at least two ways in and a choice."""
+    """A junction with at least two arms and a choice of where to go."""
 
     intersection_id: int
     incomings: tuple[Incoming, ...]
@@ -99,7 +97,7 @@ class Intersection:
 
 @dataclass(frozen=True)
 class RoadNetwork:
-    """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: no valid ribbon could be drawn."""
+    """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds."""
 
     lanelets: dict[int, RoadLanelet]
     signs: tuple[SpeedSign, ...]
@@ -132,10 +130,8 @@ class RoadNetwork:
         return {lanelet.lane_id: lanelet for lanelet in self.lanelets.values()}
 
 
-# ---------- lanelet_lookup
-# Which lanelet lies under a point.
-
 WIDEST_TURN_RAD = np.pi / 3
+"""Chosen: a vehicle that is turned farther from a lanelet's direction is not driving along it."""
 
 
 class LaneletLookup:

@@ -30,7 +30,7 @@ def test_the_bounds_of_a_bend_enclose_it_without_crossing(radius: float, turn: f
     assert arc_length(bounds[1])[-1] > arc_length(bounds[0])[-1]
 
 
-def test_a_line_that_runs_back_over_itself_has_no_ribbon_or_a_valid_one() -> None:
+def test_a_line_that_runs_back_over_itself_has_no_bounds_or_valid_ones() -> None:
     center = np.array([[0.0, 0], [5, 0], [5, 0.1], [0, 0.1]])
     bounds = repaired(center, offset(center, 1.6), offset(center, -1.6))
     assert bounds is None or is_valid(*bounds)

@@ -21,7 +21,7 @@ def converted(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
     return net, build_road_network(net, step_s=0.1, elapsed_s=0.0)
 
 
-def test_every_lane_becomes_a_ribbon_that_does_not_cross_itself(converted: tuple[SumoNet, RoadNetwork]) -> None:
+def test_the_bounds_of_no_lane_cross(converted: tuple[SumoNet, RoadNetwork]) -> None:
     _, network = converted
     assert len(network.lanelets) > 60
     assert all(is_valid(lanelet.left, lanelet.right) for lanelet in network.lanelets.values())
