@@ -117,7 +117,9 @@ def headings(points: Points) -> Values:
 def gaussian(values: NDArray[np.float64], sigma_samples: float) -> NDArray[np.float64]:
     """Values (n,) or (n, m) smoothed along axis 0; points are reflected at both ends, so that the end values stay.
 
-    The kernel ends at three sigma, or where the values are fewer.
+    The kernel ends at three sigma, or where the values are fewer. ``scipy.ndimage.gaussian_filter1d`` on the reflected
+    values is equal to 2e-15, but not to the last bit, and planners follow paths smoothed here: of 208 files compared it
+    changed 11, all of them steps of runs.
     """
     count = len(values)
     radius = min(int(3 * sigma_samples + 0.5), count - 1)

@@ -1,41 +1,38 @@
 """Road networks: SUMO nets to lanelets and lanelets to SUMO nets, the graph of lanelets, the rules.
 
-``build_road_network``: All lanes of the net that road vehicles may use, as lanelets.
-``remove_hairpins``: Delete the connections of all lanes without a valid ribbon, in place.
+``build_road_network``: All lanes of a SUMO net that road vehicles may use, as lanelets.
+``remove_hairpins``: Delete the connections of all lanes that have no valid bounds from a net, in place.
 ``Digraph``: A directed graph, and the searches in it: cheapest and shortest routes, costs, what can be reached.
-``LaneletGraph``: Lanelet ids with their lengths, successors, predecessors and neighbours of the same direction.
-``MOTOR_CLASSES``: TODO.
+``LaneletGraph``: Lanelet ids with their lengths in m, successors, predecessors and neighbours of the same direction.
+``MOTOR_CLASSES``: SUMO's classes of motor vehicles on roads.
 ``NetEdge``: A road in one direction between two junctions, or the inside of a junction (``internal``).
-``SumoNet``: A SUMO net.
-``read_net``: Read a SUMO net.
+``SumoNet``: A SUMO net as plain values.
+``read_net``: Read a SUMO net from a file that is not trusted.
 ``Conversion``: A net that netconvert wrote, with its warnings in the order in which they came.
-``cap_speeds``: Lower lane speeds in place to √(a / κ).
+``cap_speeds``: Lower the speed limits of a net, in place, to what the curves of its lanes allow; how many changed.
 ``convert_osm``: Turn an OSM extract into a SUMO net.
-``run_netconvert``: Run netconvert with the options and those for good junction geometry, and mend the corners that it
-    leaves.
-``POSITION_WORDS``: TODO.
-``station_m``: Arc length in m for a position word, a fraction or metres, a centimetre inside the lanelet's ends at
-    least.
+``run_netconvert``: Run netconvert with the options and those for good geometry inside junctions.
+``POSITION_WORDS``: Words for places along a lanelet, with their shares of its length.
+``station_m``: Arc length in m for a position word, a fraction or metres, at least a centimetre inside the lanelet.
 ``Incoming``: One arm of an intersection.
 ``LaneletLookup``: Finds lanelets of one network by position and heading.
 ``RoadLanelet``: A lanelet with the SUMO lane that it was made from.
 ``RoadNetwork``: All lanelets by id, with signs, lights and intersections.
-``SpeedSign``: A speed limit in m/s that holds on the lanelets.
-``TrafficLight``: A light at the end of one lanelet.
-``WIDEST_TURN_RAD``: TODO.
+``SpeedSign``: A speed limit in m/s that holds on some lanelets.
+``TrafficLight``: A light at the end of one lanelet, its cycle in steps.
+``WIDEST_TURN_RAD``: The angle between a vehicle and a lanelet from which on it does not drive along it.
 ``check_file``: Run all rules on a CommonRoad file.
 ``check_network``: What the rules find in a network, errors before warnings, otherwise in the order of the rules.
-``summarise_findings``: Findings of one severity in words.
+``summarise_findings``: Findings of one severity in words, one text a rule.
 ``NetLayout``: The mapping lanelet ↔ SUMO edge and lane, fixed before anything is written.
-``LONG_LANELET_M``: On a lanelet no longer than this, slowing down for its bend alone gains little.
-``SlowPlaces``: Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) at which its bend is driven
-    there.
-``USUAL_SPEED_MPS``: TODO.
-``lowered_by_curves``: Speeds by lanelet, each no more than the sharpest bend of the lanelet takes.
+``LONG_LANELET_M``: On a lanelet no longer than this, slowing down for its curve alone gains little.
+``SlowPlaces``: Arc lengths in m on a lane where it is driven slower, and the speeds in m/s there.
+``USUAL_SPEED_MPS``: Speed of a lanelet for which nothing is posted: 50 km/h.
+``lowered_by_curves``: Speeds in m/s by lanelet, each no more than the sharpest curve of the lanelet allows.
 ``posted_speeds``: The lowest speed limit in m/s that signs of a lanelet post, for lanelets that have one.
-``slow_places``: Where the bends of a polyline are driven slower than a speed, and how fast.
-``straight_speeds``: The same without the bends.
-``Signal``: One traffic light.
+``slow_places``: Where the curves of a polyline are driven slower than a speed, and how fast.
+``straight_speeds``: Speed of every lanelet in m/s as if it were straight.
+``Signal``: One traffic light of a lanelet network, with SUMO's letters for its phases.
 ``signals_of``: The working lights of a lanelet network that stand at a lanelet and have a cycle, by ascending id.
 ``sumo_net``: The text of a ``.net.xml``.
 ``write_sumo_net``: Write the ``.net.xml`` of a layout with its traffic lights.

@@ -13,12 +13,12 @@ from ...commonroad import RoadDocument, read_road_document
 from . import geometry, intersections, signs_and_lights, topology, vocabulary
 from .rule import Rule
 
-MODULES = (geometry, topology, signs_and_lights, intersections, vocabulary)
+_MODULES = (geometry, topology, signs_and_lights, intersections, vocabulary)
 
 
 def all_rules() -> tuple[Rule, ...]:
     """The rules in the order in which they run and report."""
-    return tuple(value for module in MODULES for value in vars(module).values() if isinstance(value, Rule))
+    return tuple(value for module in _MODULES for value in vars(module).values() if isinstance(value, Rule))
 
 
 def check_file(path: Path) -> CheckedFile:
@@ -32,8 +32,8 @@ def check_file(path: Path) -> CheckedFile:
 
 def check_network(document: RoadDocument) -> tuple[RuleFinding, ...]:
     """What the rules find in a network, errors before warnings, otherwise in the order of the rules."""
-    found = [finding for rule in all_rules() for finding in rule.check(document)]
-    return tuple(sorted(found, key=lambda finding: finding.severity))
+    findings = [finding for rule in all_rules() for finding in rule.check(document)]
+    return tuple(sorted(findings, key=lambda finding: finding.severity))
 
 
 def summarise_findings(findings: Iterable[RuleFinding], severity: Severity) -> tuple[str, ...]:
@@ -42,4 +42,6 @@ def summarise_findings(findings: Iterable[RuleFinding], severity: Severity) -> t
     for finding in findings:
         if finding.severity == severity:
             by_rule.setdefault(finding.rule, []).append(finding)
-    return tuple(f"{rule} ({len(found)}): {found[0].elements[0]} {found[0].message}" for rule, found in by_rule.items())
+    return tuple(
+        f"{rule} ({len(places)}): {places[0].elements[0]} {places[0].message}" for rule, places in by_rule.items()
+    )

@@ -39,7 +39,8 @@ def coordinate_not_finite(document: RoadDocument) -> Iterator[Defect]:
                 yield Defect(f"{wrong} point(s) of the {side} bound are not finite", (lanelet.lanelet_id,))
 
 
-SAME_POINT_M = 1e-3
+_SAME_POINT_M = 1e-3
+"""Chosen: as near as points are in files that give three digits."""
 
 
 @rule("warning", why="The heading between them is undefined; planners that divide by the distance fail there.")
@@ -47,7 +48,7 @@ def repeated_points(document: RoadDocument) -> Iterator[Defect]:
     """Two consecutive points of the centre line are the same."""
     for lanelet in document.drawn:
         steps = np.linalg.norm(np.diff(lanelet.center, axis=0), axis=1)
-        for index in np.flatnonzero(steps < SAME_POINT_M):
+        for index in np.flatnonzero(steps < _SAME_POINT_M):
             message = f"points {index + 1} and {index + 2} of the centre line are the same"
             yield Defect(message, (lanelet.lanelet_id,), lanelet.center[index])
 
@@ -78,7 +79,7 @@ def bounds_cross(document: RoadDocument) -> Iterator[Defect]:
             yield Defect("the bounds cross", (lanelet.lanelet_id,), np.array([place.x, place.y]))
 
 
-SHORTEST_TO_COMPARE_M = 0.2
+_SHORTEST_TO_COMPARE_M = 0.2
 """Shorter lanelets have no direction to speak of; another rule names them."""
 
 
@@ -87,7 +88,7 @@ def bounds_swapped(document: RoadDocument) -> Iterator[Defect]:
     """The left bound lies on the right of the right bound, seen in driving direction."""
     for lanelet in document.drawn:
         ahead = np.diff(lanelet.center, axis=0)
-        if np.linalg.norm(ahead, axis=1).sum() < SHORTEST_TO_COMPARE_M:
+        if np.linalg.norm(ahead, axis=1).sum() < _SHORTEST_TO_COMPARE_M:
             continue
         across = ((lanelet.left - lanelet.right)[:-1] + (lanelet.left - lanelet.right)[1:]) / 2
         turned = ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]
@@ -95,7 +96,8 @@ def bounds_swapped(document: RoadDocument) -> Iterator[Defect]:
             yield Defect("the left bound lies on the right", (lanelet.lanelet_id,), lanelet.center[0])
 
 
-SHORTEST_LANELET_M = 0.1
+_SHORTEST_LANELET_M = 0.1
+"""Chosen: shorter than any step of a vehicle."""
 
 
 @rule("warning", why="Neither a position nor a heading on it means anything; it only splits the road.")
@@ -103,14 +105,15 @@ def too_short(document: RoadDocument) -> Iterator[Defect]:
     """The centre line is shorter than 0.1 m."""
     for lanelet in document.drawn:
         length = length_m(lanelet.center)
-        if length < SHORTEST_LANELET_M:
+        if length < _SHORTEST_LANELET_M:
             yield Defect(f"{length:.3f} m long", (lanelet.lanelet_id,), lanelet.center[0])
 
 
-NARROWEST_LANELET_M = 1.5
-NOT_FOR_CARS = frozenset(
+_NARROWEST_LANELET_M = 1.5
+_NOT_FOR_CARS = frozenset(
     {"sidewalk", "crosswalk", "bicycleLane", "border", "restricted", "restricted_area", "shoulder"}
 )
+"""Chosen: a car is 1.6 m wide and more."""
 
 
 @rule("warning", why="A car of 1.6 m and more cannot stay inside: every run there leaves the road.")
@@ -118,11 +121,12 @@ def too_narrow(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet that is open to motor vehicles is narrower than 1.5 m over most of its length."""
     for lanelet in document.drawn:
         width = float(np.median(lanelet.widths_m))
-        if width < NARROWEST_LANELET_M and not set(lanelet.types) & NOT_FOR_CARS:
+        if width < _NARROWEST_LANELET_M and not set(lanelet.types) & _NOT_FOR_CARS:
             yield Defect(f"{width:.2f} m wide", (lanelet.lanelet_id,), lanelet.center[len(lanelet.center) // 2])
 
 
-WIDEST_LANELET_M = 12.0
+_WIDEST_LANELET_M = 12.0
+"""Chosen: three wide lanes."""
 
 
 @rule(
@@ -133,11 +137,12 @@ def too_wide(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet is wider than 12 m over most of its length."""
     for lanelet in document.drawn:
         width = float(np.median(lanelet.widths_m))
-        if width > WIDEST_LANELET_M:
+        if width > _WIDEST_LANELET_M:
             yield Defect(f"{width:.1f} m wide", (lanelet.lanelet_id,), lanelet.center[len(lanelet.center) // 2])
 
 
-SHARPEST_TURN_RAD = np.radians(120)
+_SHARPEST_TURN_RAD = np.radians(120)
+"""Chosen: more than any corner of a road."""
 
 
 @rule("warning", why="No vehicle can follow it, and the arc length along it does not grow with the way made.")
@@ -146,12 +151,13 @@ def folds_back(document: RoadDocument) -> Iterator[Defect]:
     for lanelet in document.drawn:
         center = lanelet.path
         turns = np.abs(wrap_angles(np.diff(headings(center)))) if len(center) > 2 else np.zeros(0)
-        for index in np.flatnonzero(turns > SHARPEST_TURN_RAD):
+        for index in np.flatnonzero(turns > _SHARPEST_TURN_RAD):
             turn = np.degrees(turns[index])
             yield Defect(f"turns by {turn:.0f}° at one point", (lanelet.lanelet_id,), center[index + 1])
 
 
-TIGHTEST_RADIUS_M = 1.0
+_TIGHTEST_RADIUS_M = 1.0
+"""Chosen: far below what a car can drive, so that corners drawn roughly pass."""
 
 
 @rule("warning", why="Even a car that cuts the corner needs a wider turn (about 5 m at its centre).")
@@ -159,7 +165,7 @@ def too_tight(document: RoadDocument) -> Iterator[Defect]:
     """The centre line bends more tightly than 1 m of radius over a quarter turn."""
     for lanelet in document.drawn:
         radius, place = _tightest_quarter_turn(lanelet.path)
-        if radius < TIGHTEST_RADIUS_M:
+        if radius < _TIGHTEST_RADIUS_M:
             yield Defect(f"a quarter turn of {radius:.1f} m radius", (lanelet.lanelet_id,), place)
 
 

@@ -79,7 +79,8 @@ def unknown_sign_number(document: RoadDocument) -> Iterator[Defect]:
                 yield Defect(f"{country} has no sign {number!r}", (sign.sign_id,), sign.position)
 
 
-FASTEST_LIMIT_MPS = 60.0
+_FASTEST_LIMIT_MPS = 60.0
+"""Chosen: 216 km/h, above all posted limits; limits in km/h are above it."""
 
 
 @rule("warning", why="Limits are in m/s; a larger one was probably written in km/h, and planners would aim at it.")
@@ -88,7 +89,7 @@ def implausible_speed_limit(document: RoadDocument) -> Iterator[Defect]:
     for sign in document.signs:
         for number, values in sign.plates:
             for text in values if number in SPEED_LIMITS else ():
-                if not 0 < _speed(text) <= FASTEST_LIMIT_MPS:
+                if not 0 < _speed(text) <= _FASTEST_LIMIT_MPS:
                     yield Defect(f"a limit of {text!r} m/s", (sign.sign_id,), sign.position)
 
 
@@ -125,18 +126,20 @@ def light_never_green(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(f"shows only {', '.join(sorted(colours))}", (light.light_id,), light.position)
 
 
-LIGHT_COLOURS = frozenset({"red", "yellow", "redYellow", "green", "inactive"})
+_LIGHT_COLOURS = frozenset({"red", "yellow", "redYellow", "green", "inactive"})
+"""CommonRoad 2020a's."""
 
 
 @rule("error", why="The reader refuses the file.")
 def unknown_colour(document: RoadDocument) -> Iterator[Defect]:
     """A phase of a traffic light shows a colour that CommonRoad does not know."""
     for light in document.lights:
-        for colour in sorted({colour for _, colour in light.phases} - LIGHT_COLOURS):
+        for colour in sorted({colour for _, colour in light.phases} - _LIGHT_COLOURS):
             yield Defect(f"shows {colour!r}", (light.light_id,), light.position)
 
 
-FARTHEST_SIGN_M = 50.0
+_FARTHEST_SIGN_M = 50.0
+"""Chosen: signs stand at junctions, which are smaller."""
 
 
 @rule("warning", why="Its position or the reference is wrong.")
@@ -151,12 +154,13 @@ def sign_far_away(document: RoadDocument) -> Iterator[Defect]:
         if sign.position is None or not holders or not np.isfinite(sign.position).all():
             continue
         distance = min(float(lanelet.polygon.distance(Point(*sign.position))) for lanelet in holders)
-        if distance > FARTHEST_SIGN_M:
+        if distance > _FARTHEST_SIGN_M:
             keys = tuple(lanelet.lanelet_id for lanelet in holders)
             yield Defect(f"stands {distance:.0f} m from its lanelets", (sign.sign_id, *keys), sign.position)
 
 
-FARTHEST_STOP_LINE_M = 3.0
+_FARTHEST_STOP_LINE_M = 3.0
+"""Chosen: a lane's width."""
 
 
 @rule("warning", why="Vehicles would stop for a line that they do not cross.")
@@ -169,11 +173,12 @@ def stop_line_misplaced(document: RoadDocument) -> Iterator[Defect]:
         if line is None or len(line.points) < 2 or not np.isfinite(line.points).all():
             continue
         distance = float(lanelet.polygon.distance(LineString(line.points)))
-        if distance > FARTHEST_STOP_LINE_M:
+        if distance > _FARTHEST_STOP_LINE_M:
             yield Defect(f"its stop line lies {distance:.1f} m outside", (lanelet.lanelet_id,), line.points[0])
 
 
-SHORTEST_WITH_STOP_LINE_M = 10.0
+_SHORTEST_WITH_STOP_LINE_M = 10.0
+"""Chosen: on a shorter lanelet beginning and end are about the same place."""
 
 
 @rule("warning", why="Vehicles would stop far from the junction that the line is for, or behind it.")
@@ -185,6 +190,6 @@ def stop_line_at_beginning(document: RoadDocument) -> Iterator[Defect]:
             continue
         length = length_m(lanelet.center)
         station, _ = project(lanelet.center, line.points.mean(axis=0))
-        if length >= SHORTEST_WITH_STOP_LINE_M and station < length / 2:
+        if length >= _SHORTEST_WITH_STOP_LINE_M and station < length / 2:
             message = f"its stop line lies {station:.1f} m behind the beginning of {length:.1f} m"
             yield Defect(message, (lanelet.lanelet_id,), line.points[0])

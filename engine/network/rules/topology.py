@@ -42,7 +42,8 @@ def one_way_succession(document: RoadDocument) -> Iterator[Defect]:
                 yield Defect(f"predecessor {key} does not name it as successor", (lanelet.lanelet_id, key))
 
 
-LARGEST_GAP_M = 1.0
+_LARGEST_GAP_M = 1.0
+"""Chosen: about what a car travels in a time step; drawn lanelets meet to centimetres."""
 
 
 @rule("warning", why="Reference paths jump there, which no vehicle can follow.")
@@ -50,12 +51,13 @@ def gap_at_join(document: RoadDocument) -> Iterator[Defect]:
     """End and beginning of two consecutive lanelets lie more than 1 m apart."""
     for one, other in document.joins:
         gap = float(np.linalg.norm(other.center[0] - one.center[-1]))
-        if gap > LARGEST_GAP_M:
+        if gap > _LARGEST_GAP_M:
             message = f"{gap:.2f} m between its end and the beginning of {other.lanelet_id}"
             yield Defect(message, (one.lanelet_id, other.lanelet_id), one.center[-1])
 
 
-LARGEST_HEADING_JUMP_RAD = np.radians(45)
+_LARGEST_HEADING_JUMP_RAD = np.radians(45)
+"""Chosen: coarse lanelets in tight turns have jumps of up to 45°."""
 
 
 @rule("warning", why="No vehicle can turn on the spot: the reference path has a corner.")
@@ -66,7 +68,7 @@ def heading_jump(document: RoadDocument) -> Iterator[Defect]:
         if len(before) < 2 or len(after) < 2:
             continue
         turn = abs(wrap_angle(float(headings(after)[0] - headings(before)[0])))
-        if turn > LARGEST_HEADING_JUMP_RAD:
+        if turn > _LARGEST_HEADING_JUMP_RAD:
             message = f"turns by {np.degrees(turn):.0f}° into {other.lanelet_id}"
             yield Defect(message, (one.lanelet_id, other.lanelet_id), one.center[-1])
 
@@ -119,12 +121,13 @@ def neighbour_direction(document: RoadDocument) -> Iterator[Defect]:
                 continue
             ahead, ahead_there = (one.center[-1] - one.center[0] for one in (lanelet, other))
             if float(ahead @ ahead_there) * (1 if beside.same_direction else -1) < 0:
-                said = "same" if beside.same_direction else "opposite"
-                message = f"neighbour {other.lanelet_id} does not lead the {said} way"
+                stated = "same" if beside.same_direction else "opposite"
+                message = f"neighbour {other.lanelet_id} does not lead the {stated} way"
                 yield Defect(message, (lanelet.lanelet_id, other.lanelet_id), lanelet.center[0])
 
 
-LARGEST_DISTANCE_TO_NEIGHBOUR_M = 2.0
+_LARGEST_DISTANCE_TO_NEIGHBOUR_M = 2.0
+"""Chosen: more than markings and kerbs are wide."""
 
 
 @rule("warning", why="A lane change crosses ground that belongs to no lanelet, or the lanelets overlap.")
@@ -140,7 +143,7 @@ def neighbour_apart(document: RoadDocument) -> Iterator[Defect]:
             bound = lanelet.left if side == "left" else lanelet.right
             facing = other.right if (side == "left") == beside.same_direction else other.left
             apart = float(np.median(distance(points(bound), LineString(facing))))
-            if apart > LARGEST_DISTANCE_TO_NEIGHBOUR_M:
+            if apart > _LARGEST_DISTANCE_TO_NEIGHBOUR_M:
                 message = f"its {side} bound and that of neighbour {other.lanelet_id} lie {apart:.1f} m apart"
                 yield Defect(message, (lanelet.lanelet_id, other.lanelet_id), bound[len(bound) // 2])
 
@@ -154,8 +157,8 @@ def neighbour_on_both_sides(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(f"neighbour {keys[0]} is named on both sides", (lanelet.lanelet_id, keys[0]))
 
 
-LARGEST_OVERLAP_SHARE = 0.9
-SHORTEST_OVERLAP_M = 2.0
+_LARGEST_OVERLAP_SHARE = 0.9
+_SHORTEST_OVERLAP_M = 2.0
 """Shorter pieces inside a junction lie within their neighbours by nature."""
 
 
@@ -166,7 +169,7 @@ def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
     """Two lanelets of one direction that neither begin nor end together cover each other by nine tenths."""
     from shapely import area, intersection
 
-    lanelets = [lanelet for lanelet in document.drawn if length_m(lanelet.center) >= SHORTEST_OVERLAP_M]
+    lanelets = [lanelet for lanelet in document.drawn if length_m(lanelet.center) >= _SHORTEST_OVERLAP_M]
     areas = np.array([lanelet.polygon for lanelet in lanelets])
     pairs = _unrelated_pairs(lanelets, areas)
     if not len(pairs):
@@ -174,7 +177,7 @@ def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
     first, second = areas[pairs[:, 0]], areas[pairs[:, 1]]
     shared = intersection(first, second)
     shares = area(shared) / np.maximum(np.minimum(area(first), area(second)), 1e-9)
-    for index in np.flatnonzero(shares > LARGEST_OVERLAP_SHARE):
+    for index in np.flatnonzero(shares > _LARGEST_OVERLAP_SHARE):
         one, other = (lanelets[number].lanelet_id for number in pairs[index])
         place = shared[index].centroid
         message = f"{shares[index]:.0%} of the smaller one lies on lanelet {other}"
@@ -206,7 +209,7 @@ def _same_way(one: LaneletElement, other: LaneletElement) -> bool:
     return float(ahead @ ahead_there) > 0.7 * float(np.linalg.norm(ahead) * np.linalg.norm(ahead_there))
 
 
-LONGEST_ISOLATED_M = 50.0
+_LONGEST_ISOLATED_M = 50.0
 """A longer one may be a road of its own that was cut out at both ends."""
 
 
@@ -215,5 +218,5 @@ def isolated_lanelet(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet shorter than 50 m, one of several, has neither predecessor, successor nor neighbour."""
     for lanelet in document.lanelets if len(document.lanelets) > 1 else ():
         connected = lanelet.predecessors or lanelet.successors or lanelet.neighbours
-        if not connected and lanelet.is_drawn and length_m(lanelet.center) < LONGEST_ISOLATED_M:
+        if not connected and lanelet.is_drawn and length_m(lanelet.center) < _LONGEST_ISOLATED_M:
             yield Defect("has neither predecessor, successor nor neighbour", (lanelet.lanelet_id,), lanelet.center[0])

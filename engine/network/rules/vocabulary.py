@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from ...commonroad import RoadDocument
 from .rule import Defect, rule
 
-LANELET_TYPES = frozenset(
+_LANELET_TYPES = frozenset(
     [
         "urban",
         "interstate",
@@ -29,30 +29,32 @@ LANELET_TYPES = frozenset(
         "unknown",
     ]
 )
+"""CommonRoad 2020a's."""
 
 
 @rule("error", why="The reader refuses the file.")
 def unknown_lanelet_type(document: RoadDocument) -> Iterator[Defect]:
     """The type of a lanelet is none of the twenty of CommonRoad 2020a."""
     for lanelet in document.lanelets:
-        for word in sorted(set(lanelet.types) - LANELET_TYPES):
+        for word in sorted(set(lanelet.types) - _LANELET_TYPES):
             yield Defect(f"there is no lanelet type {word!r}", (lanelet.lanelet_id,))
 
 
-LANELET_USERS = frozenset(
+_LANELET_USERS = frozenset(
     ["vehicle", "car", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "priorityVehicle", "train", "taxi"]
 )
+"""CommonRoad 2020a's."""
 
 
 @rule("error", why="The reader refuses the file.")
 def unknown_user(document: RoadDocument) -> Iterator[Defect]:
     """A road user to whom a lanelet is open is none of the ten of CommonRoad 2020a."""
     for lanelet in document.lanelets:
-        for word in sorted(set(lanelet.users) - LANELET_USERS):
+        for word in sorted(set(lanelet.users) - _LANELET_USERS):
             yield Defect(f"there is no road user {word!r}", (lanelet.lanelet_id,))
 
 
-LINE_MARKINGS = frozenset(
+_LINE_MARKINGS = frozenset(
     [
         "dashed",
         "solid",
@@ -68,11 +70,12 @@ LINE_MARKINGS = frozenset(
         "no_marking",
     ]
 )
+"""CommonRoad 2020a's."""
 
 
 @rule("error", why="The reader refuses the file.")
 def unknown_line_marking(document: RoadDocument) -> Iterator[Defect]:
     """The marking of a bound is none of the twelve of CommonRoad 2020a."""
     for lanelet in document.lanelets:
-        for word in sorted(set(lanelet.markings) - LINE_MARKINGS):
+        for word in sorted(set(lanelet.markings) - _LINE_MARKINGS):
             yield Defect(f"there is no line marking {word!r}", (lanelet.lanelet_id,))

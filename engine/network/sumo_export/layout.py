@@ -1,8 +1,21 @@
-"""The lanelets that road vehicles drive on, as lanes: centre line, width, neighbours, and what follows what."""
+"""The plan of a SUMO network over a lanelet network: which lanelet is which lane, edge or path through a junction.
+
+SUMO knows lanes of edges, between which vehicles may change, and internal lanes of junctions, where the right of way is
+decided. A lanelet network has no such difference. So the plan is made in four steps:
+
+1. Lanelets that road vehicles drive on are lanes (``_LaneTable``).
+2. Lanelets that cross others, or that an intersection of the file names behind an incoming one, lie inside a junction
+   (``_find_interior``); the paths through it are chains of them (``_find_paths``).
+3. Neighbouring lanelets outside are lanes of one edge, if a vehicle may change between them all along
+   (``_group_into_edges``).
+4. Ends of edges that a path joins, or whose paths cross, are one junction (``_junctions``).
+
+Lengths are in metres. The plan depends on the network alone, never on the order of sets or of the file.
+"""
 
 import graphlib
 import math
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,13 +27,12 @@ from ...geometry import Points, arc_length, length_m, without_repeats
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
-# ---------- sumo_net_lanes
-# The lanelets that road vehicles drive on, as lanes: centre line, width, neighbours, and what follows what.
-
-NARROWEST_LANE_M = 0.5
-SHORTEST_LANE_M = 0.05
-WIDEST_JOINT_M = 6.0
-"""A successor that begins farther away than this is an error of the file, and no vehicle can drive on to it."""
+_NARROWEST_LANE_M = 0.5
+"""Chosen: narrower lanelets are defects of the file; vehicles on them need some width."""
+_SHORTEST_LANE_M = 0.05
+"""Chosen: a shorter lanelet has no direction."""
+_WIDEST_JOINT_M = 6.0
+"""Chosen: a successor that begins farther away than this is an error of the file, and no vehicle can drive on to it."""
 _NOT_FOR_VEHICLES = frozenset({"sidewalk", "crosswalk"})
 
 
@@ -46,11 +58,11 @@ class _LaneTable:
     @cached_property
     def predecessors(self) -> dict[int, tuple[int, ...]]:
         """Lanelets that lead into each lanelet, ascending."""
-        found: dict[int, list[int]] = {key: [] for key in self.lanes}
+        leading: dict[int, list[int]] = {key: [] for key in self.lanes}
         for key, following in self.successors.items():
             for after in following:
-                found[after].append(key)
-        return {key: tuple(sorted(before)) for key, before in found.items()}
+                leading[after].append(key)
+        return {key: tuple(sorted(before)) for key, before in leading.items()}
 
     @classmethod
     def of(cls, network: "LaneletNetwork") -> "_LaneTable":
@@ -61,57 +73,9 @@ class _LaneTable:
         return cls(lanes, _successors(network, lanes))
 
 
-def _for_vehicles(lanelet: "Lanelet") -> bool:
-    kinds = {str(kind.value) for kind in lanelet.lanelet_type or ()}
-    users = {str(user.value) for user in lanelet.user_one_way or ()}
-    return not (kinds & _NOT_FOR_VEHICLES) and users not in ({"pedestrian"}, {"train"})
-
-
-def _lane(lanelet: "Lanelet") -> _DrivableLane | None:
-    center = without_repeats(np.asarray(lanelet.center_vertices, dtype=float))
-    if len(center) < 2 or length_m(center) < SHORTEST_LANE_M:
-        return None
-    width = float(np.median(np.linalg.norm(lanelet.left_vertices - lanelet.right_vertices, axis=1)))
-    return _DrivableLane(
-        lanelet_id=int(lanelet.lanelet_id),
-        center=center,
-        width_m=max(width, NARROWEST_LANE_M),
-        length_m=length_m(center),
-        left=lanelet.adj_left if lanelet.adj_left_same_direction else None,
-        right=lanelet.adj_right if lanelet.adj_right_same_direction else None,
-    )
-
-
-def _successors(network: "LaneletNetwork", lanes: dict[int, _DrivableLane]) -> dict[int, tuple[int, ...]]:
-    pairs = {(lanelet.lanelet_id, after) for lanelet in network.lanelets for after in lanelet.successor}
-    pairs |= {(before, lanelet.lanelet_id) for lanelet in network.lanelets for before in lanelet.predecessor}
-    found: dict[int, list[int]] = {key: [] for key in lanes}
-    for key, after in sorted(pairs):
-        if key in lanes and after in lanes and key != after and _joined(lanes[key], lanes[after]):
-            found[key].append(after)
-    return {key: tuple(following) for key, following in found.items()}
-
-
-def _joined(lane: _DrivableLane, after: _DrivableLane) -> bool:
-    return float(np.linalg.norm(lane.center[-1] - after.center[0])) < WIDEST_JOINT_M
-
-
-# ---------- sumo_net_junctions
-# Which lanelets lie inside a junction, and the ways through it.
-#
-# SUMO knows lanes of edges, which vehicles may change between, and internal lanes of junctions, where the right of
-# way is decided. Lanelets that cross others, or that an intersection of the file names as a way through it, become
-# internal.
-
-LONGEST_INTERNAL_LANE_M = 90.0
-LONGEST_PATH_LANELETS = 12
-JOINT_TOLERANCE_M = 0.3
-SMALLEST_CROSSING_ANGLE_RAD = math.radians(4.0)
-
-
 @dataclass(frozen=True)
 class JunctionPath:
-    """A way from one edge's lane to another's: the lanelet it leaves, those inside the junction, the one it enters."""
+    """A path from one edge's lane to another's: the lanelet it leaves, those inside the junction, the one it enters."""
 
     entry: int
     through: tuple[int, ...]
@@ -124,193 +88,6 @@ class _JunctionInterior:
 
     lanelets: frozenset[int]
     crossings: dict[int, frozenset[int]]
-
-
-def _find_interior(table: _LaneTable, network: "LaneletNetwork") -> _JunctionInterior:
-    """The lanelets that become internal lanes; internal lanelets never form a cycle."""
-    crossings = _crossings(table)
-    named = _named_by_intersections(network)
-    interior = {
-        key
-        for key, lane in table.lanes.items()
-        if (crossings.get(key) or key in named)
-        and table.predecessors[key]
-        and table.successors[key]
-        and lane.length_m < LONGEST_INTERNAL_LANE_M
-    }
-    while cycle := _cycle(table, interior):
-        interior.discard(max(cycle, key=lambda key: (table.lanes[key].length_m, key)))
-    return _JunctionInterior(frozenset(interior), crossings)
-
-
-def _find_paths(table: _LaneTable, interior: frozenset[int]) -> tuple[JunctionPath, ...]:
-    """All ways from a lane outside junctions to the next lane outside, in ascending order of the lanelets."""
-    found: list[JunctionPath] = []
-    for entry in (key for key in table.lanes if key not in interior):
-        waiting: list[tuple[int, tuple[int, ...]]] = [(after, ()) for after in table.successors[entry]]
-        while waiting:
-            current, through = waiting.pop()
-            if current not in interior:
-                found.append(JunctionPath(entry, through, current))
-            elif current not in through and len(through) < LONGEST_PATH_LANELETS:
-                waiting += [(after, (*through, current)) for after in table.successors[current]]
-    return tuple(sorted(found, key=lambda path: (path.entry, path.exit, path.through)))
-
-
-def crossing_of(first: Points, second: Points) -> tuple[float, float, float] | None:
-    """First proper crossing of two polylines: arc length on each in m and the angle in rad, if there is one."""
-    start, step = first[:-1], np.diff(first, axis=0)
-    other_start, other_step = second[:-1], np.diff(second, axis=0)
-    cross = step[:, None, 0] * other_step[None, :, 1] - step[:, None, 1] * other_step[None, :, 0]
-    between = other_start[None] - start[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = (between[..., 0] * other_step[None, :, 1] - between[..., 1] * other_step[None, :, 0]) / cross
-        across = (between[..., 0] * step[:, None, 1] - between[..., 1] * step[:, None, 0]) / cross
-    hits = np.argwhere((np.abs(cross) > 1e-9) & (along >= 0) & (along <= 1) & (across >= 0) & (across <= 1))
-    if len(hits) == 0:
-        return None
-    i, j = hits[0]
-    lengths = float(np.linalg.norm(step[i])), float(np.linalg.norm(other_step[j]))
-    cosine = float(step[i] @ other_step[j]) / (lengths[0] * lengths[1] + 1e-12)
-    return (
-        float(arc_length(first)[i] + along[i, j] * lengths[0]),
-        float(arc_length(second)[j] + across[i, j] * lengths[1]),
-        math.acos(max(-1.0, min(1.0, cosine))),
-    )
-
-
-def _crossings(table: _LaneTable) -> dict[int, frozenset[int]]:
-    from shapely import LineString, STRtree
-
-    keys = list(table.lanes)
-    lines = [LineString(table.lanes[key].center) for key in keys]
-    found: dict[int, set[int]] = {}
-    for i, j in STRtree(lines).query(lines, predicate="intersects").T.tolist() if keys else []:
-        if i < j and _cross(table, table.lanes[keys[i]], table.lanes[keys[j]]):
-            found.setdefault(keys[i], set()).add(keys[j])
-            found.setdefault(keys[j], set()).add(keys[i])
-    return {key: frozenset(others) for key, others in sorted(found.items())}
-
-
-def _cross(table: _LaneTable, first: _DrivableLane, second: _DrivableLane) -> bool:
-    """Whether two lanes cross, leaving out joints, splits and merges at their ends."""
-    if (
-        second.lanelet_id in table.successors[first.lanelet_id]
-        or first.lanelet_id in table.successors[second.lanelet_id]
-    ):
-        return False
-    hit = crossing_of(first.center, second.center)
-    if hit is None:
-        return False
-    first_ends = _near_ends(hit[0], first.length_m)
-    second_ends = _near_ends(hit[1], second.length_m)
-    at_ends = any(first_ends) and any(second_ends)
-    return not at_ends and min(hit[2], math.pi - hit[2]) >= SMALLEST_CROSSING_ANGLE_RAD
-
-
-def _near_ends(station_m: float, length_m: float) -> tuple[bool, bool]:
-    return station_m < JOINT_TOLERANCE_M, station_m > length_m - JOINT_TOLERANCE_M
-
-
-def _named_by_intersections(network: "LaneletNetwork") -> frozenset[int]:
-    named: set[int] = set()
-    for intersection in network.intersections:
-        for incoming in intersection.incomings:
-            for group in (incoming.successors_left, incoming.successors_right, incoming.successors_straight):
-                named |= set(group or ())
-    return frozenset(named)
-
-
-def _cycle(table: _LaneTable, interior: Iterable[int]) -> list[int] | None:
-    kept = frozenset(interior)
-    graph = {key: [after for after in table.successors[key] if after in kept] for key in sorted(kept)}
-    try:
-        graphlib.TopologicalSorter(graph).prepare()
-    except graphlib.CycleError as error:
-        return list(error.args[1])
-    return None
-
-
-# ---------- sumo_net_edges
-# Grouping of neighbouring lanelets into edges: lanes of one edge are those that a vehicle may change between.
-
-LENGTH_RATIO = 1.67
-LARGEST_STAGGER_M = 5.0
-
-
-def _group_into_edges(table: _LaneTable, interior: frozenset[int]) -> dict[str, tuple[int, ...]]:
-    """Edge id → its lanelets from right to left (SUMO's lane index); the id is ``e`` and the rightmost lanelet's id."""
-    left_of = _left_neighbours(table, interior)
-    right_of = {left: right for right, left in left_of.items()}
-    edges: dict[str, tuple[int, ...]] = {}
-    placed: set[int] = set()
-    for key in table.lanes:
-        if key in interior or key in placed:
-            continue
-        chain = _chain(_rightmost(key, right_of), left_of)
-        edges[f"e{chain[0]}"] = chain
-        placed.update(chain)
-    return edges
-
-
-def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, int]:
-    """Lanelet → the lanelet to its left in the same edge; each lanelet is the left neighbour of one at most."""
-    outside = [key for key in table.lanes if key not in interior]
-    candidates: dict[int, int] = {}
-    for key in outside:
-        left = table.lanes[key].left
-        if left is not None and left in table.lanes and left not in interior:
-            candidates[key] = left
-    for key in outside:
-        right = table.lanes[key].right
-        if right is not None and right in table.lanes and right not in interior:
-            candidates.setdefault(right, key)
-    taken: set[int] = set()
-    found: dict[int, int] = {}
-    for key, left in sorted(candidates.items()):
-        if left not in taken and _side_by_side(table.lanes[key], table.lanes[left]):
-            found[key] = left
-            taken.add(left)
-    return found
-
-
-def _rightmost(key: int, right_of: dict[int, int]) -> int:
-    seen = {key}
-    while key in right_of and right_of[key] not in seen:
-        key = right_of[key]
-        seen.add(key)
-    return key
-
-
-def _chain(start: int, left_of: dict[int, int]) -> tuple[int, ...]:
-    chain = [start]
-    while chain[-1] in left_of and left_of[chain[-1]] not in chain:
-        chain.append(left_of[chain[-1]])
-    return tuple(chain)
-
-
-def _side_by_side(first: _DrivableLane, second: _DrivableLane) -> bool:
-    """Whether two lanes begin and end level and near enough to be lanes of one edge."""
-    if not 1 / LENGTH_RATIO < first.length_m / second.length_m < LENGTH_RATIO:
-        return False
-    widest = 1.5 * (first.width_m + second.width_m) + LARGEST_STAGGER_M
-    begin, end = second.center[0] - first.center[0], second.center[-1] - first.center[-1]
-    return (
-        abs(float(begin @ _direction(first.center[:2]))) < LARGEST_STAGGER_M
-        and abs(float(end @ _direction(first.center[-2:]))) < LARGEST_STAGGER_M
-        and float(np.linalg.norm(begin)) < widest
-        and float(np.linalg.norm(end)) < widest
-    )
-
-
-def _direction(two_points: Points) -> Points:
-    step = two_points[1] - two_points[0]
-    unit: Points = step / (float(np.linalg.norm(step)) + 1e-9)
-    return unit
-
-
-# ---------- sumo_net_layout
-# The plan of a SUMO network over a lanelet network: which lanelet is which lane, edge or way through a junction.
 
 
 @dataclass(frozen=True)
@@ -354,19 +131,19 @@ class NetLayout:
     @cached_property
     def paths_through(self) -> dict[int, tuple[int, ...]]:
         """Lanelet inside a junction → indices of the paths that use it."""
-        found: dict[int, list[int]] = {}
+        through: dict[int, list[int]] = {}
         for index, path in enumerate(self.paths):
             for key in path.through:
-                found.setdefault(key, []).append(index)
-        return {key: tuple(indices) for key, indices in found.items()}
+                through.setdefault(key, []).append(index)
+        return {key: tuple(indices) for key, indices in through.items()}
 
     @cached_property
     def incoming_lanes(self) -> dict[str, tuple[tuple[str, int], ...]]:
         """Junction → the lanes that lead into it, in SUMO's order."""
-        found: dict[str, list[tuple[str, int]]] = {junction: [] for junction in self.links}
+        incoming: dict[str, list[tuple[str, int]]] = {junction: [] for junction in self.links}
         for edge, (_, junction) in self.ends.items():
-            found[junction] += [(edge, lane) for lane in range(len(self.edges[edge]))]
-        return {junction: tuple(lanes) for junction, lanes in found.items()}
+            incoming[junction] += [(edge, lane) for lane in range(len(self.edges[edge]))]
+        return {junction: tuple(lanes) for junction, lanes in incoming.items()}
 
     @cached_property
     def lanelets_of_lane(self) -> dict[str, tuple[int, ...]]:
@@ -374,6 +151,233 @@ class NetLayout:
         normal = {f"{edge}_{lane}": (key,) for key, (edge, lane) in self.lane_of.items()}
         internal = {f"{edge}_0": self.paths[path].through for path, edge in self.internal_edge_of_path.items()}
         return normal | internal
+
+
+def _for_vehicles(lanelet: "Lanelet") -> bool:
+    kinds = {str(kind.value) for kind in lanelet.lanelet_type or ()}
+    users = {str(user.value) for user in lanelet.user_one_way or ()}
+    return not (kinds & _NOT_FOR_VEHICLES) and users not in ({"pedestrian"}, {"train"})
+
+
+def _lane(lanelet: "Lanelet") -> _DrivableLane | None:
+    center = without_repeats(np.asarray(lanelet.center_vertices, dtype=float))
+    if len(center) < 2 or length_m(center) < _SHORTEST_LANE_M:
+        return None
+    width = float(np.median(np.linalg.norm(lanelet.left_vertices - lanelet.right_vertices, axis=1)))
+    return _DrivableLane(
+        lanelet_id=int(lanelet.lanelet_id),
+        center=center,
+        width_m=max(width, _NARROWEST_LANE_M),
+        length_m=length_m(center),
+        left=lanelet.adj_left if lanelet.adj_left_same_direction else None,
+        right=lanelet.adj_right if lanelet.adj_right_same_direction else None,
+    )
+
+
+def _successors(network: "LaneletNetwork", lanes: dict[int, _DrivableLane]) -> dict[int, tuple[int, ...]]:
+    pairs = {(lanelet.lanelet_id, after) for lanelet in network.lanelets for after in lanelet.successor}
+    pairs |= {(before, lanelet.lanelet_id) for lanelet in network.lanelets for before in lanelet.predecessor}
+    successors: dict[int, list[int]] = {key: [] for key in lanes}
+    for key, after in sorted(pairs):
+        if key in lanes and after in lanes and key != after and _joined(lanes[key], lanes[after]):
+            successors[key].append(after)
+    return {key: tuple(following) for key, following in successors.items()}
+
+
+def _joined(lane: _DrivableLane, after: _DrivableLane) -> bool:
+    return float(np.linalg.norm(lane.center[-1] - after.center[0])) < _WIDEST_JOINT_M
+
+
+_LONGEST_INTERNAL_LANE_M = 90.0
+"""Chosen: longer than the largest crossing; a longer lanelet that crosses another (a bridge) stays a road."""
+_LONGEST_PATH_LANELETS = 12
+"""Chosen: ends the search for paths through junctions whose lanelets fork again and again."""
+_JOINT_TOLERANCE_M = 0.3
+"""Chosen: lanelets that meet this near to the ends of both split, merge or follow each other there."""
+_SMALLEST_CROSSING_ANGLE_RAD = math.radians(4.0)
+"""Chosen: centre lines that cross at a smaller angle run beside each other."""
+
+
+def _find_interior(table: _LaneTable, network: "LaneletNetwork") -> _JunctionInterior:
+    """The lanelets that become internal lanes; internal lanelets never form a cycle."""
+    crossings = _crossings(table)
+    named = _named_by_intersections(network)
+    interior = {
+        key
+        for key, lane in table.lanes.items()
+        if (crossings.get(key) or key in named)
+        and table.predecessors[key]
+        and table.successors[key]
+        and lane.length_m < _LONGEST_INTERNAL_LANE_M
+    }
+    while cycle := _cycle(table, interior):
+        interior.discard(max(cycle, key=lambda key: (table.lanes[key].length_m, key)))
+    return _JunctionInterior(frozenset(interior), crossings)
+
+
+def _find_paths(table: _LaneTable, interior: frozenset[int]) -> tuple[JunctionPath, ...]:
+    """All paths from a lane outside junctions to the next lane outside, in ascending order of the lanelets."""
+    paths: list[JunctionPath] = []
+    for entry in (key for key in table.lanes if key not in interior):
+        waiting: list[tuple[int, tuple[int, ...]]] = [(after, ()) for after in table.successors[entry]]
+        while waiting:
+            current, through = waiting.pop()
+            if current not in interior:
+                paths.append(JunctionPath(entry, through, current))
+            elif current not in through and len(through) < _LONGEST_PATH_LANELETS:
+                waiting += [(after, (*through, current)) for after in table.successors[current]]
+    return tuple(sorted(paths, key=lambda path: (path.entry, path.exit, path.through)))
+
+
+def crossing_of(first: Points, second: Points) -> tuple[float, float, float] | None:
+    """First proper crossing of two polylines: arc length on each in m and the angle in rad, if there is one."""
+    start, step = first[:-1], np.diff(first, axis=0)
+    other_start, other_step = second[:-1], np.diff(second, axis=0)
+    cross = step[:, None, 0] * other_step[None, :, 1] - step[:, None, 1] * other_step[None, :, 0]
+    between = other_start[None] - start[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (between[..., 0] * other_step[None, :, 1] - between[..., 1] * other_step[None, :, 0]) / cross
+        across = (between[..., 0] * step[:, None, 1] - between[..., 1] * step[:, None, 0]) / cross
+    hits = np.argwhere((np.abs(cross) > 1e-9) & (along >= 0) & (along <= 1) & (across >= 0) & (across <= 1))
+    if len(hits) == 0:
+        return None
+    i, j = hits[0]
+    lengths = float(np.linalg.norm(step[i])), float(np.linalg.norm(other_step[j]))
+    cosine = float(step[i] @ other_step[j]) / (lengths[0] * lengths[1] + 1e-12)
+    return (
+        float(arc_length(first)[i] + along[i, j] * lengths[0]),
+        float(arc_length(second)[j] + across[i, j] * lengths[1]),
+        math.acos(max(-1.0, min(1.0, cosine))),
+    )
+
+
+def _crossings(table: _LaneTable) -> dict[int, frozenset[int]]:
+    from shapely import LineString, STRtree
+
+    keys = list(table.lanes)
+    lines = [LineString(table.lanes[key].center) for key in keys]
+    crossing: dict[int, set[int]] = {}
+    for i, j in STRtree(lines).query(lines, predicate="intersects").T.tolist() if keys else []:
+        if i < j and _cross(table, table.lanes[keys[i]], table.lanes[keys[j]]):
+            crossing.setdefault(keys[i], set()).add(keys[j])
+            crossing.setdefault(keys[j], set()).add(keys[i])
+    return {key: frozenset(others) for key, others in sorted(crossing.items())}
+
+
+def _cross(table: _LaneTable, first: _DrivableLane, second: _DrivableLane) -> bool:
+    """Whether two lanes cross, leaving out joints, splits and merges at their ends."""
+    if (
+        second.lanelet_id in table.successors[first.lanelet_id]
+        or first.lanelet_id in table.successors[second.lanelet_id]
+    ):
+        return False
+    hit = crossing_of(first.center, second.center)
+    if hit is None:
+        return False
+    first_ends = _near_ends(hit[0], first.length_m)
+    second_ends = _near_ends(hit[1], second.length_m)
+    at_ends = any(first_ends) and any(second_ends)
+    return not at_ends and min(hit[2], math.pi - hit[2]) >= _SMALLEST_CROSSING_ANGLE_RAD
+
+
+def _near_ends(station_m: float, length_m: float) -> tuple[bool, bool]:
+    return station_m < _JOINT_TOLERANCE_M, station_m > length_m - _JOINT_TOLERANCE_M
+
+
+def _named_by_intersections(network: "LaneletNetwork") -> frozenset[int]:
+    named: set[int] = set()
+    for intersection in network.intersections:
+        for incoming in intersection.incomings:
+            for group in (incoming.successors_left, incoming.successors_right, incoming.successors_straight):
+                named |= set(group or ())
+    return frozenset(named)
+
+
+def _cycle(table: _LaneTable, interior: Iterable[int]) -> list[int] | None:
+    kept = frozenset(interior)
+    graph = {key: [after for after in table.successors[key] if after in kept] for key in sorted(kept)}
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        return list(error.args[1])
+    return None
+
+
+_LENGTH_RATIO = 1.67
+"""Chosen: lanes of one edge are about equally long; in a tight curve the outer one is longer, by less than this."""
+_LARGEST_STAGGER_M = 5.0
+"""Chosen: lanes of one edge begin and end level, to about a car's length."""
+
+
+def _group_into_edges(table: _LaneTable, interior: frozenset[int]) -> dict[str, tuple[int, ...]]:
+    """Edge id → its lanelets from right to left (SUMO's lane index); the id is ``e`` and the rightmost lanelet's id."""
+    left_of = _left_neighbours(table, interior)
+    right_of = {left: right for right, left in left_of.items()}
+    edges: dict[str, tuple[int, ...]] = {}
+    placed: set[int] = set()
+    for key in table.lanes:
+        if key in interior or key in placed:
+            continue
+        chain = _chain(_rightmost(key, right_of), left_of)
+        edges[f"e{chain[0]}"] = chain
+        placed.update(chain)
+    return edges
+
+
+def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, int]:
+    """Lanelet → the lanelet to its left in the same edge; each lanelet is the left neighbour of one at most."""
+    outside = [key for key in table.lanes if key not in interior]
+    candidates: dict[int, int] = {}
+    for key in outside:
+        left = table.lanes[key].left
+        if left is not None and left in table.lanes and left not in interior:
+            candidates[key] = left
+    for key in outside:
+        right = table.lanes[key].right
+        if right is not None and right in table.lanes and right not in interior:
+            candidates.setdefault(right, key)
+    taken: set[int] = set()
+    left_of: dict[int, int] = {}
+    for key, left in sorted(candidates.items()):
+        if left not in taken and _side_by_side(table.lanes[key], table.lanes[left]):
+            left_of[key] = left
+            taken.add(left)
+    return left_of
+
+
+def _rightmost(key: int, right_of: dict[int, int]) -> int:
+    seen = {key}
+    while key in right_of and right_of[key] not in seen:
+        key = right_of[key]
+        seen.add(key)
+    return key
+
+
+def _chain(start: int, left_of: dict[int, int]) -> tuple[int, ...]:
+    chain = [start]
+    while chain[-1] in left_of and left_of[chain[-1]] not in chain:
+        chain.append(left_of[chain[-1]])
+    return tuple(chain)
+
+
+def _side_by_side(first: _DrivableLane, second: _DrivableLane) -> bool:
+    """Whether two lanes begin and end level and near enough to be lanes of one edge."""
+    if not 1 / _LENGTH_RATIO < first.length_m / second.length_m < _LENGTH_RATIO:
+        return False
+    widest = 1.5 * (first.width_m + second.width_m) + _LARGEST_STAGGER_M
+    begin, end = second.center[0] - first.center[0], second.center[-1] - first.center[-1]
+    return (
+        abs(float(begin @ _direction(first.center[:2]))) < _LARGEST_STAGGER_M
+        and abs(float(end @ _direction(first.center[-2:]))) < _LARGEST_STAGGER_M
+        and float(np.linalg.norm(begin)) < widest
+        and float(np.linalg.norm(end)) < widest
+    )
+
+
+def _direction(two_points: Points) -> Points:
+    step = two_points[1] - two_points[0]
+    unit: Points = step / (float(np.linalg.norm(step)) + 1e-9)
+    return unit
 
 
 def _lanes_by_lanelet(edges: Mapping[str, tuple[int, ...]]) -> dict[int, tuple[str, int]]:
@@ -387,22 +391,24 @@ def _junctions(
     interior: _JunctionInterior,
 ) -> dict[str, tuple[str, str]]:
     """From and to junction of every edge: ends that a path joins, or whose paths cross, are one junction."""
-    groups = _Groups()
+    from scipy.cluster.hierarchy import DisjointSet
+
+    groups = DisjointSet((edge, side) for edge in edges for side in ("start", "end"))
     first_use: dict[int, str] = {}
     for path in paths:
         entry = lane_of[path.entry][0]
-        groups.join((entry, "end"), (lane_of[path.exit][0], "start"))
+        groups.merge((entry, "end"), (lane_of[path.exit][0], "start"))
         for key in path.through:
             first_use.setdefault(key, entry)
     for key, others in sorted(interior.crossings.items()):
         for other in sorted(others):
             if key in first_use and other in first_use:
-                groups.join((first_use[key], "end"), (first_use[other], "end"))
-    names: dict[Hashable, str] = {}
+                groups.merge((first_use[key], "end"), (first_use[other], "end"))
+    names: dict[tuple[str, str], str] = {}
     return {
         edge: (
-            names.setdefault(groups.root((edge, "start")), f"n{len(names)}"),
-            names.setdefault(groups.root((edge, "end")), f"n{len(names)}"),
+            names.setdefault(groups[edge, "start"], f"n{len(names)}"),
+            names.setdefault(groups[edge, "end"], f"n{len(names)}"),
         )
         for edge in edges
     }
@@ -424,21 +430,4 @@ def _links(
     for edge, (_, junction) in ends.items():
         for lane in range(len(edges[edge])):
             links[junction] += by_lane.get((edge, lane), [])
-    return {junction: tuple(found) for junction, found in links.items()}
-
-
-class _Groups:
-    """Disjoint sets with path halving."""
-
-    def __init__(self) -> None:
-        self._parent: dict[Hashable, Hashable] = {}
-
-    def root(self, member: Hashable) -> Hashable:
-        self._parent.setdefault(member, member)
-        while self._parent[member] != member:
-            self._parent[member] = self._parent[self._parent[member]]
-            member = self._parent[member]
-        return member
-
-    def join(self, first: Hashable, second: Hashable) -> None:
-        self._parent[self.root(first)] = self.root(second)
+    return {junction: tuple(indices) for junction, indices in links.items()}

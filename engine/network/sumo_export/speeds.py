@@ -1,9 +1,9 @@
-"""How fast each lane is driven.
+"""How fast each lane is driven: posted limits, what was recorded, and what curves allow.
 
-The posted speed limit, or 50 km/h where the file posts none, and more where a vehicle was recorded faster. Bends
-lower it, because SUMO slows down for turns inside junctions only (a quarter of its cars break the friction circle in
-the bends of edges otherwise). On a long lanelet with one bend that is far too slow for the rest: whoever steers SUMO's
-vehicles step by step keeps the speed there and slows them where it bends.
+A lane has the posted speed limit, or 50 km/h where the file posts none, and more where a vehicle was recorded faster.
+Curves lower it, because SUMO slows down for turns inside junctions only (a quarter of its cars break the friction
+circle in the curves of edges otherwise). On a long lanelet with one curve that is far too slow for the rest: there
+``slow_places`` says where to slow down, for a co-simulation that sets SUMO's speeds step by step.
 """
 
 import math
@@ -22,12 +22,15 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 USUAL_SPEED_MPS = 13.89
-SLOWEST_BEND_MPS = 3.0
+"""SUMO's default for a lane: 50 km/h."""
+_SLOWEST_CURVE_MPS = 3.0
+"""Chosen: kinks of a coarse line have a curvature that no vehicle drives."""
 LONG_LANELET_M = 60.0
-"""On a lanelet no longer than this, slowing down for its bend alone gains little."""
-SMOOTHING_M = 4.0
-RECORDED_NEAR_M = 10.0
-"""A vehicle recorded within these drove through the place at that speed."""
+"""Chosen: on a lanelet no longer than this, slowing down for its curve alone gains little."""
+_SMOOTHING_M = 4.0
+"""Chosen: as in ``geometry.curvatures``."""
+_RECORDED_NEAR_M = 10.0
+"""Chosen: a vehicle recorded within these drove through the place at that speed."""
 
 
 def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
@@ -38,16 +41,16 @@ def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
         for element in sign.traffic_sign_elements
         if is_speed_limit(element) and _is_positive(element.additional_values)
     }
-    found = {
+    posted = {
         int(lanelet.lanelet_id): [limits[sign] for sign in sorted(lanelet.traffic_signs or ()) if sign in limits]
         for lanelet in network.lanelets
     }
-    return {key: min(speeds) for key, speeds in found.items() if speeds}
+    return {key: min(speeds) for key, speeds in posted.items() if speeds}
 
 
 @dataclass(frozen=True)
 class SlowPlaces:
-    """Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) at which its bend is driven there.
+    """Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) at which its curve is driven there.
 
     ``hardest_mps``: the highest speeds (n,) that tyres hold there.
     """
@@ -57,28 +60,21 @@ class SlowPlaces:
     hardest_mps: Values
 
 
-def lane_speeds(
-    layout: NetLayout, recorded_mps: Mapping[int, float], posted_mps: Mapping[int, float] | None = None
-) -> dict[int, float]:
-    """Speed of every lanelet in m/s: equal within an edge, then lowered where the lanelet bends.
-
-    Args:
-        layout: the network.
-        recorded_mps: fastest speed recorded on each lanelet; missing ones count as slow.
-        posted_mps: speed limit of each lanelet that has one.
-    """
-    return lowered_by_curves(layout, straight_speeds(layout, recorded_mps, posted_mps))
-
-
 def lowered_by_curves(layout: NetLayout, straight_mps: Mapping[int, float]) -> dict[int, float]:
-    """Speeds by lanelet, each no more than the sharpest bend of the lanelet takes."""
+    """Speeds in m/s by lanelet, each no more than the sharpest curve of the lanelet allows."""
     return {key: min(speed, curve_speed(layout.table.lanes[key].center)) for key, speed in straight_mps.items()}
 
 
 def straight_speeds(
     layout: NetLayout, recorded_mps: Mapping[int, float], posted_mps: Mapping[int, float] | None = None
 ) -> dict[int, float]:
-    """The same without the bends."""
+    """Speed of every lanelet in m/s as if it were straight: equal within an edge.
+
+    Args:
+        layout: the network.
+        recorded_mps: fastest speed recorded on each lanelet; missing ones count as slow.
+        posted_mps: speed limit of each lanelet that has one.
+    """
     wanted = {}
     for key in layout.table.lanes:
         limit, recorded = (posted_mps or {}).get(key, USUAL_SPEED_MPS), recorded_mps.get(key, 0.0)
@@ -88,28 +84,28 @@ def straight_speeds(
     return wanted
 
 
-def curve_speed(shape: Points, sigma_m: float = SMOOTHING_M) -> float:
-    """Speed in m/s at which the sharpest bend of a polyline takes the comfortable lateral acceleration; may be inf."""
+def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M) -> float:
+    """Speed in m/s at which the sharpest curve of a polyline takes the comfortable lateral acceleration; may be inf."""
     curvature = maximum_curvature(shape, sigma_m)
     if curvature <= 0.0:
         return math.inf
-    return max(SLOWEST_BEND_MPS, math.sqrt(COMFORTABLE_MPS2 / curvature))
+    return max(_SLOWEST_CURVE_MPS, math.sqrt(COMFORTABLE_MPS2 / curvature))
 
 
 def slow_places(shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = ()) -> SlowPlaces:
-    """Where the bends of a polyline are driven slower than a speed, and how fast: by the same rule.
+    """Where the curves of a polyline are driven slower than a speed, and how fast, by the same rule.
 
-    Where a vehicle was recorded faster it is more, as far as tyres hold: what looks like a bend may be a kink of a
-    coarse line. ``recorded``: arc lengths in m on the polyline and speeds there.
+    Where a vehicle was recorded faster the speed is higher, as far as tyres hold: what looks like a curve may be a kink
+    of a coarse line. ``recorded``: arc lengths in m on the polyline and speeds there.
     """
-    stations, curvature = curvatures(shape, SMOOTHING_M)
-    bends = curvature * straight_mps**2 > COMFORTABLE_MPS2
-    at = stations[bends]
-    easy = np.maximum(np.sqrt(COMFORTABLE_MPS2 / curvature[bends]), SLOWEST_BEND_MPS)
+    stations, curvature = curvatures(shape, _SMOOTHING_M)
+    curved = curvature * straight_mps**2 > COMFORTABLE_MPS2
+    at = stations[curved]
+    easy = np.maximum(np.sqrt(COMFORTABLE_MPS2 / curvature[curved]), _SLOWEST_CURVE_MPS)
     hardest = easy * math.sqrt(HARDEST_LATERAL_MPS2 / COMFORTABLE_MPS2)
     fastest = np.zeros(len(at))
     for station_m, speed_mps in recorded:
-        near = np.abs(at - station_m) <= RECORDED_NEAR_M
+        near = np.abs(at - station_m) <= _RECORDED_NEAR_M
         fastest[near] = np.maximum(fastest[near], speed_mps)
     speeds = np.clip(fastest, easy, hardest)
     slow = speeds < straight_mps

@@ -9,7 +9,7 @@ from support.builders import town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.network.sumo_export.layout import NetLayout
-from plannerforge.engine.network.sumo_export.speeds import lane_speeds, posted_speeds
+from plannerforge.engine.network.sumo_export.speeds import lowered_by_curves, posted_speeds, straight_speeds
 from plannerforge.engine.network.sumo_export.writer import Signal, signals_of, write_sumo_net
 
 STEP_S = 0.1
@@ -35,7 +35,7 @@ def add_light(network: Any, key: int, lanelet: int, offset: int = 0, direction: 
 
 def write(network: Any, folder: Path, signals: tuple[Signal, ...]) -> Path:
     layout, path = NetLayout.of(network), folder / "town.net.xml"
-    write_sumo_net(layout, lane_speeds(layout, {}), path, signals)
+    write_sumo_net(layout, lowered_by_curves(layout, straight_speeds(layout, {})), path, signals)
     return path
 
 
@@ -87,5 +87,5 @@ def test_a_posted_speed_counts_until_a_faster_recording(network: Any) -> None:
     posted = posted_speeds(network)
     assert posted == {13: 8.5}
     layout = NetLayout.of(network)
-    assert lane_speeds(layout, {}, posted)[13] == 8.5
-    assert lane_speeds(layout, {13: 10.0}, posted)[13] == pytest.approx(10.5)
+    assert lowered_by_curves(layout, straight_speeds(layout, {}, posted))[13] == 8.5
+    assert lowered_by_curves(layout, straight_speeds(layout, {13: 10.0}, posted))[13] == pytest.approx(10.5)

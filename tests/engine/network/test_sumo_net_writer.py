@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from lxml import etree
@@ -11,13 +12,20 @@ from support.builders import ScenarioBuilder, crossing, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.network.sumo_export.layout import NetLayout
-from plannerforge.engine.network.sumo_export.writer import write_network
+from plannerforge.engine.network.sumo_export.speeds import lowered_by_curves, straight_speeds
+from plannerforge.engine.network.sumo_export.writer import write_sumo_net
+
+
+def write(network: Any, net: Path) -> NetLayout:
+    layout = NetLayout.of(network)
+    write_sumo_net(layout, lowered_by_curves(layout, straight_speeds(layout, {})), net)
+    return layout
 
 
 def written(builder: ScenarioBuilder, folder: Path) -> tuple[NetLayout, Path]:
     net = folder / "road.net.xml"
     scenario = read_scenario(builder.write(folder / "road.xml")).scenario
-    return write_network(scenario.lanelet_network, net), net
+    return write(scenario.lanelet_network, net), net
 
 
 def test_lanelets_side_by_side_in_one_direction_are_lanes_of_an_edge_from_the_right(tmp_path: Path) -> None:
@@ -87,9 +95,10 @@ def test_the_bytes_do_not_depend_on_the_hash_seed(builder: ScenarioBuilder, tmp_
     file = builder.write(tmp_path / "road.xml")
     program = (
         "import sys; from pathlib import Path\n"
-        "from plannerforge.engine.commonroad.reader import read_scenario\n"
-        "from plannerforge.engine.network.sumo_export.writer import write_network\n"
-        "write_network(read_scenario(Path(sys.argv[1])).scenario.lanelet_network, Path(sys.argv[2]))\n"
+        "from plannerforge.engine.commonroad import read_scenario\n"
+        "from plannerforge.engine.network import NetLayout, straight_speeds, write_sumo_net\n"
+        "layout = NetLayout.of(read_scenario(Path(sys.argv[1])).scenario.lanelet_network)\n"
+        "write_sumo_net(layout, straight_speeds(layout, {}), Path(sys.argv[2]))\n"
     )
     made = []
     for seed in ("1", "4242"):
@@ -106,7 +115,7 @@ def test_networks_of_real_files_load_whole(shared_data: Path, tmp_path: Path) ->
 
     for path in sorted((shared_data / "data" / "commonroad").glob("*.xml"))[::40]:
         net = tmp_path / "real.net.xml"
-        layout = write_network(read_scenario(path).scenario.lanelet_network, net)
+        layout = write(read_scenario(path).scenario.lanelet_network, net)
         libsumo.start(["sumo", "--net-file", str(net), "--no-step-log", "--no-warnings"])
         try:
             assert set(libsumo.lane.getIDList()) == set(layout.lanelets_of_lane), path.name
