@@ -49,11 +49,11 @@ _LARGEST_GAP_M = 1.0
 @rule("warning", why="Reference paths jump there, which no vehicle can follow.")
 def gap_at_join(document: RoadDocument) -> Iterator[Defect]:
     """End and beginning of two consecutive lanelets lie more than 1 m apart."""
-    for one, other in document.joins:
-        gap = float(np.linalg.norm(other.center[0] - one.center[-1]))
+    for before, after in document.joins:
+        gap = float(np.linalg.norm(after.center[0] - before.center[-1]))
         if gap > _LARGEST_GAP_M:
-            message = f"{gap:.2f} m between its end and the beginning of {other.lanelet_id}"
-            yield Defect(message, (one.lanelet_id, other.lanelet_id), one.center[-1])
+            message = f"{gap:.2f} m between its end and the beginning of {after.lanelet_id}"
+            yield Defect(message, (before.lanelet_id, after.lanelet_id), before.center[-1])
 
 
 _LARGEST_HEADING_JUMP_RAD = np.radians(45)
@@ -63,14 +63,14 @@ _LARGEST_HEADING_JUMP_RAD = np.radians(45)
 @rule("warning", why="No vehicle can turn on the spot: the reference path has a corner.")
 def heading_jump(document: RoadDocument) -> Iterator[Defect]:
     """The heading changes by more than 45° from the end of a lanelet to the beginning of its successor."""
-    for one, other in document.joins:
-        before, after = one.path[-2:], other.path[:2]
-        if len(before) < 2 or len(after) < 2:
+    for before, after in document.joins:
+        end, beginning = before.path[-2:], after.path[:2]
+        if len(end) < 2 or len(beginning) < 2:
             continue
-        turn = abs(wrap_angle(float(headings(after)[0] - headings(before)[0])))
+        turn = abs(wrap_angle(float(headings(beginning)[0] - headings(end)[0])))
         if turn > _LARGEST_HEADING_JUMP_RAD:
-            message = f"turns by {np.degrees(turn):.0f}° into {other.lanelet_id}"
-            yield Defect(message, (one.lanelet_id, other.lanelet_id), one.center[-1])
+            message = f"turns by {np.degrees(turn):.0f}° into {after.lanelet_id}"
+            yield Defect(message, (before.lanelet_id, after.lanelet_id), before.center[-1])
 
 
 @rule("error", why="Searches for a route can run in a circle without moving.")
@@ -119,7 +119,7 @@ def neighbour_direction(document: RoadDocument) -> Iterator[Defect]:
             other = document.by_id.get(beside.lanelet_id)
             if other is None or not other.is_drawn:
                 continue
-            ahead, ahead_there = (one.center[-1] - one.center[0] for one in (lanelet, other))
+            ahead, ahead_there = (each.center[-1] - each.center[0] for each in (lanelet, other))
             if float(ahead @ ahead_there) * (1 if beside.same_direction else -1) < 0:
                 stated = "same" if beside.same_direction else "opposite"
                 message = f"neighbour {other.lanelet_id} does not lead the {stated} way"
@@ -189,23 +189,24 @@ def _unrelated_pairs(lanelets: list[LaneletElement], areas: NDArray[np.object_])
     from shapely import STRtree
 
     first, second = STRtree(areas).query(areas, predicate="intersects")
-    found = [
+    pairs = [
         (i, j)
         for i, j in sorted(zip(first.tolist(), second.tolist(), strict=True))
-        if i < j and not _belong_together(lanelets[i], lanelets[j]) and _same_way(lanelets[i], lanelets[j])
+        if i < j and not _belong_together(lanelets[i], lanelets[j]) and _same_direction(lanelets[i], lanelets[j])
     ]
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def _belong_together(one: LaneletElement, other: LaneletElement) -> bool:
+def _belong_together(lanelet: LaneletElement, other: LaneletElement) -> bool:
     """Whether both begin or end at one lanelet (a fork, a merge), or one follows the other."""
-    fork = set(one.predecessors) & set(other.predecessors) or set(one.successors) & set(other.successors)
-    in_line = other.lanelet_id in one.successors + one.predecessors
+    fork = set(lanelet.predecessors) & set(other.predecessors) or set(lanelet.successors) & set(other.successors)
+    in_line = other.lanelet_id in lanelet.successors + lanelet.predecessors
     return bool(fork) or in_line
 
 
-def _same_way(one: LaneletElement, other: LaneletElement) -> bool:
-    ahead, ahead_there = (lanelet.center[-1] - lanelet.center[0] for lanelet in (one, other))
+def _same_direction(lanelet: LaneletElement, other: LaneletElement) -> bool:
+    """Whether two lanelets lead the same way, to about 45°."""
+    ahead, ahead_there = (each.center[-1] - each.center[0] for each in (lanelet, other))
     return float(ahead @ ahead_there) > 0.7 * float(np.linalg.norm(ahead) * np.linalg.norm(ahead_there))
 
 
