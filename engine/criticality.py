@@ -1,7 +1,13 @@
-"""How critical a drive was: gaps, times to collision, time headway and a risk score."""
+"""How critical a drive was: gaps, times to collision, time headways and a risk score.
 
+The one place where these figures are computed, for runs and edits. Lengths in m, times in s, headings in rad. The time
+to collision is that of two road users that keep their present courses and speeds in the plane (Hayward, "Near-miss
+determination through use of a scale of danger", 1972). The catalogue's time to conflict is another quantity: there the
+ego follows its lanes and the others their recording (``scenarios/facts.py``).
+"""
+
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +15,27 @@ from numpy.typing import NDArray
 from .commonroad import Track
 from .geometry import Points, Values, arc_length, wrap_angles
 
-# ---------- time_to_collision
-# Time to collision of two road users that keep their present courses and speeds (Hayward 1972), in the plane.
-#
-# Both are oriented rectangles that move without turning. On every axis that is normal to a side, their shadows overlap
-# during an interval of time; the rectangles overlap while all four shadows do (separating axes).
+NEAR_M = 60.0
+"""Chosen: another whose centre is farther from the ego's than this counts for no figure."""
+SAME_DIRECTION_RAD = np.pi / 4
+"""Chosen: headings that differ by less are of one direction."""
+RISK_STEPS_S = (0.0, 0.5, 1.0, 3.0, 5.0)
+RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
+"""Steps of the risk score; their source is that of :func:`risk_scores`."""
+STANDING_MPS = 0.1
+"""An ego slower than this has no time headway."""
+PAIRS_AT_ONCE = 2000
+"""Chosen for memory: pairs whose nearest points on a path are looked for in one array."""
+
+
+@dataclass(frozen=True)
+class Criticality:
+    """The most critical figures of a drive; None where no other came within 60 m (or, for times, no closing one)."""
+
+    minimum_distance_m: float | None = None
+    minimum_time_to_collision_s: float | None = None
+    minimum_time_headway_s: float | None = None
+    risk_score: int | None = None
 
 
 @dataclass(frozen=True)
@@ -31,6 +53,68 @@ class MovingRectangles:
         return self.speeds_mps[:, None] * _directions(self.headings_rad)
 
 
+@dataclass(frozen=True)
+class Encounters:
+    """All pairs of a driven state (``state``, an index) and another near it; ``ego`` and ``other`` of shape (n,).
+
+    ``track``: which other, an index into the moving and then the standing ones.
+    """
+
+    state: NDArray[np.intp]
+    track: NDArray[np.intp]
+    ego: MovingRectangles
+    other: MovingRectangles
+
+
+def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> Criticality:
+    """The most critical figures over the driven states of the ego (the initial one included).
+
+    Args:
+        ego: the drive, with the ego's size.
+        moving: the others while they are there, from their first to their last step.
+        standing: others that are there at every step, as tracks of a single state.
+    """
+    met = encounters(ego, moving, standing)
+    if not len(met.state):
+        return Criticality()
+    gaps = gaps_m(met)
+    times = times_to_collision_s(met.ego, met.other)
+    headways = _time_headways_s(ego, met)
+    return Criticality(
+        minimum_distance_m=float(gaps.min()),
+        minimum_time_to_collision_s=_least(times),
+        minimum_time_headway_s=_least(headways),
+        risk_score=int(risk_scores(gaps, times).min()),
+    )
+
+
+def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> Encounters:
+    """The pairs of all states of the ego and others within 60 m of it, centre to centre."""
+    steps = np.arange(ego.first_step, ego.last_step + 1)
+    centers = ego.positions
+    chosen, states, sizes = [], [], []
+    for track, stands in [*((track, False) for track in moving), *((track, True) for track in standing)]:
+        index = np.zeros(len(steps), dtype=int) if stands else steps - track.first_step
+        there = np.flatnonzero((index >= 0) & (index < len(track.positions)))
+        away = np.linalg.norm(track.positions[index[there]] - centers[there], axis=1)
+        near = there[away < NEAR_M]
+        at = index[near]
+        chosen.append(near)
+        states.append(np.column_stack([track.positions[at], track.headings_rad[at], track.speeds_mps[at]]))
+        sizes.append(np.tile([track.length_m, track.width_m], (len(near), 1)))
+    state = np.concatenate(chosen) if chosen else np.zeros(0, dtype=np.intp)
+    track_of = np.repeat(np.arange(len(chosen)), [len(near) for near in chosen])
+    other = np.concatenate(states) if states else np.zeros((0, 4))
+    size = np.concatenate(sizes) if sizes else np.zeros((0, 2))
+    own_size = np.tile([ego.length_m, ego.width_m], (len(state), 1))
+    return Encounters(
+        state,
+        track_of,
+        MovingRectangles(centers[state], ego.headings_rad[state], own_size, ego.speeds_mps[state]),
+        MovingRectangles(other[:, :2], other[:, 2], size, other[:, 3]),
+    )
+
+
 def corners_of(bodies: MovingRectangles) -> NDArray[np.float64]:
     """The corners of shape (n, 4, 2), counter-clockwise from the front left."""
     along = _directions(bodies.headings_rad)
@@ -41,7 +125,11 @@ def corners_of(bodies: MovingRectangles) -> NDArray[np.float64]:
 
 
 def times_to_collision_s(ones: MovingRectangles, others: MovingRectangles) -> Values:
-    """Seconds until the i-th rectangles first touch, 0 while they overlap, infinite where they never will; (n,)."""
+    """Seconds until the i-th rectangles first touch, 0 while they overlap, infinite where they never will; (n,).
+
+    Both move on without turning (Hayward 1972). On every axis that is normal to a side, their shadows overlap during an
+    interval of time; the rectangles overlap while all four shadows do (separating axes).
+    """
     first, second = corners_of(ones), corners_of(others)
     closing = ones.velocities - others.velocities
     begin, end = np.zeros(len(closing)), np.full(len(closing), np.inf)
@@ -69,95 +157,6 @@ def _directions(headings_rad: Values) -> Points:
     return np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
 
 
-# ---------- criticality
-# How critical a drive was: gaps, times to collision, time headway and a risk score.
-
-NEAR_M = 60.0
-SAME_DIRECTION_RAD = np.pi / 4
-RISK_STEPS_S = (0.0, 0.5, 1.0, 3.0, 5.0)
-RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
-PAIRS_AT_ONCE = 2000
-
-
-class _Others(Protocol):
-    """Where the others were: tracks of the moving ones, and of the standing ones with a single state."""
-
-    @property
-    def moving(self) -> tuple[Track, ...]:
-        """Present from their first to their last step."""
-
-    @property
-    def standing(self) -> tuple[Track, ...]:
-        """Present at every step."""
-
-
-@dataclass(frozen=True)
-class _Criticality:
-    """The most critical figures of a drive; None where no other came within 60 m (or, for times, no closing one)."""
-
-    minimum_distance_m: float | None = None
-    minimum_time_to_collision_s: float | None = None
-    minimum_time_headway_s: float | None = None
-    risk_score: int | None = None
-
-
-@dataclass(frozen=True)
-class Encounters:
-    """All pairs of a driven state (``state``, an index) and another near it; ``ego`` and ``other`` of shape (n,).
-
-    ``track``: which other, an index into the moving and then the standing ones.
-    """
-
-    state: NDArray[np.intp]
-    track: NDArray[np.intp]
-    ego: MovingRectangles
-    other: MovingRectangles
-
-
-def criticality(ego: Track, others: _Others) -> _Criticality:
-    """The most critical figures over the driven states of the ego (the initial one included)."""
-    met = encounters(ego, others)
-    if not len(met.state):
-        return _Criticality()
-    gaps = gaps_m(met)
-    times = times_to_collision_s(met.ego, met.other)
-    headways = _time_headways_s(ego, met)
-    return _Criticality(
-        minimum_distance_m=float(gaps.min()),
-        minimum_time_to_collision_s=_least(times),
-        minimum_time_headway_s=_least(headways),
-        risk_score=int(risk_scores(gaps, times).min()),
-    )
-
-
-def encounters(ego: Track, others: _Others) -> Encounters:
-    """Who was within 60 m of the ego (centre to centre), and when."""
-    steps = np.arange(ego.first_step, ego.last_step + 1)
-    centers = ego.positions
-    chosen, found, sizes = [], [], []
-    everybody = [(track, False) for track in others.moving] + [(track, True) for track in others.standing]
-    for track, standing in everybody:
-        index = np.zeros(len(steps), dtype=int) if standing else steps - track.first_step
-        there = np.flatnonzero((index >= 0) & (index < len(track.positions)))
-        away = np.linalg.norm(track.positions[index[there]] - centers[there], axis=1)
-        near = there[away < NEAR_M]
-        at = index[near]
-        chosen.append(near)
-        found.append(np.column_stack([track.positions[at], track.headings_rad[at], track.speeds_mps[at]]))
-        sizes.append(np.tile([track.length_m, track.width_m], (len(near), 1)))
-    state = np.concatenate(chosen) if chosen else np.zeros(0, dtype=np.intp)
-    who = np.repeat(np.arange(len(chosen)), [len(near) for near in chosen])
-    other = np.concatenate(found) if found else np.zeros((0, 4))
-    size = np.concatenate(sizes) if sizes else np.zeros((0, 2))
-    own_size = np.tile([ego.length_m, ego.width_m], (len(state), 1))
-    return Encounters(
-        state,
-        who,
-        MovingRectangles(centers[state], ego.headings_rad[state], own_size, ego.speeds_mps[state]),
-        MovingRectangles(other[:, :2], other[:, 2], size, other[:, 3]),
-    )
-
-
 def gaps_m(met: Encounters) -> Values:
     """Distances between the rectangles of all pairs, 0 where they overlap, shape (n,)."""
     import shapely
@@ -171,8 +170,8 @@ def _time_headways_s(ego: Track, met: Encounters) -> Values:
 
     Time headway as in Vogel 2003 (a comparison of headway and time to collision): the distance from front to front
     along the ego's path over its speed. The path is what the ego drove from then on, straight on behind its end;
-    ahead is who is on that path (sideways overlap of the bodies) and heads within 45° of it. Infinite for all others
-    and while the ego stands.
+    a vehicle is ahead when it is on that path (sideways overlap of the bodies) and heads within 45° of it. Infinite for
+    all others and while the ego stands.
     """
     last = np.array([np.cos(ego.headings_rad[-1]), np.sin(ego.headings_rad[-1])])
     path = np.concatenate([ego.positions, ego.positions[-1:] + NEAR_M * last])
@@ -181,8 +180,8 @@ def _time_headways_s(ego: Track, met: Encounters) -> Values:
     ahead_m = station - stations[met.state] + (met.other.sizes_m[:, 0] - met.ego.sizes_m[:, 0]) / 2
     on_it = distance < (met.ego.sizes_m[:, 1] + met.other.sizes_m[:, 1]) / 2
     along = np.abs(wrap_angles(met.other.headings_rad - heading)) < SAME_DIRECTION_RAD
-    in_front = (station > stations[met.state]) & on_it & along & (met.ego.speeds_mps > 0.1)
-    return np.where(in_front, np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, 0.1), np.inf)
+    in_front = (station > stations[met.state]) & on_it & along & (met.ego.speeds_mps > STANDING_MPS)
+    return np.where(in_front, np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, STANDING_MPS), np.inf)
 
 
 def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
@@ -202,14 +201,14 @@ def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
 def _on_path(path: Points, stations: Values, met: Encounters) -> tuple[Values, Values, Values]:
     """Arc length, distance and heading of the path at the point nearest to each other, shapes (n,).
 
-    Only the path from the ego's state on counts, so that a route that crosses itself finds no one behind the ego.
+    Only the path from the ego's state on counts: a route that crosses itself must not find others behind the ego.
     """
     blocks = range(0, len(met.state), PAIRS_AT_ONCE)
-    found = [
+    parts = [
         _nearest(path, stations, met.other.centers[i : i + PAIRS_AT_ONCE], met.state[i : i + PAIRS_AT_ONCE])
         for i in blocks
     ]
-    station, distance, heading = (np.concatenate(values) for values in zip(*found, strict=True))
+    station, distance, heading = (np.concatenate(values) for values in zip(*parts, strict=True))
     return station, distance, heading
 
 

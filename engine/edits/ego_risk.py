@@ -143,12 +143,6 @@ def _start(scene: Scene, ego: Ego) -> Track:
 
 
 @dataclass(frozen=True)
-class _Others:
-    moving: tuple[Track, ...]
-    standing: tuple[Track, ...] = ()
-
-
-@dataclass(frozen=True)
 class _Replayed:
     """A road user's track, and its recording, which it follows up to a step (None: to the end)."""
 
@@ -208,7 +202,7 @@ def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, 
 
 
 def _figures(ego: Track, others: tuple[Track, ...], step_s: float) -> EgoDanger:
-    met = encounters(ego, _Others(others))
+    met = encounters(ego, others)
     if not len(met.state):
         return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
     gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
@@ -237,7 +231,7 @@ def _recorded_hit(ego: Track, one: _Replayed) -> int | None:
 
 def _hit_from_behind(ego: Track, track: Track) -> int | None:
     """The step at which a vehicle first touches the ego, if it is behind it then and heads as it does; else None."""
-    met = encounters(ego, _Others((track,)))
+    met = encounters(ego, (track,))
     touching = np.flatnonzero(gaps_m(met) == 0.0)
     if not len(touching):
         return None

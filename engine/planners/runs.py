@@ -9,7 +9,7 @@ import numpy as np
 from ...schemas.planning import RunRequest, RunResponse
 from ...schemas.runs import DrivenObstacle, RunMetrics, RunRecord, RunSteps, RunTiming
 from ..commonroad import Track, read_scenario
-from ..criticality import criticality
+from ..criticality import drive_criticality
 from ..execution import ProgressReporter
 from ..geometry import Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
@@ -35,7 +35,7 @@ def _run_metrics(
     lateral = np.abs(speeds[1:] * turn / step_s)
     duration = (len(states) - 1) * step_s
     distance = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
-    nearness = criticality(_ego_track(states, vehicle), traffic)
+    nearness = drive_criticality(_ego_track(states, vehicle), traffic.moving, traffic.standing)
     return RunMetrics(
         duration_s=round(duration, 9),
         distance_m=distance,

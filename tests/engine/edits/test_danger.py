@@ -1,6 +1,6 @@
 """The ego is seen by the driven vehicles, and what an edit does to its danger is a number."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from support.edits import Apply
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.criticality import criticality
+from plannerforge.engine.criticality import drive_criticality
 from plannerforge.engine.edits.ego_risk import danger_to
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.vehicles.models import BMW_320I
@@ -24,14 +24,6 @@ CHASED = replace(ONE_LANE.with_vehicles(driving(31, (20, 0), 13.0, 101)), proble
 RAMMED = replace(ONE_LANE.with_vehicles(driving(31, (15, 0), 20.0, 61)), problems=(SLOW,))
 FOLLOWED = replace(town_road().with_vehicles(driving(31, (10, 0), 14.0, 101)), problems=(EGO,))
 ALONE = replace(town_road().with_vehicles(driving(31, (150, 7), 8.0, 101)), problems=(EGO,))
-
-
-@dataclass(frozen=True)
-class Around:
-    """The traffic around a drive."""
-
-    moving: tuple[Track, ...]
-    standing: tuple[Track, ...] = ()
 
 
 def test_a_driven_vehicle_keeps_clear_of_the_ego(apply: Apply) -> None:
@@ -64,7 +56,7 @@ def test_danger_is_the_criticality_of_the_same_drive(tmp_path: Path) -> None:
     tracks = Scene.of(read_scenario(town_road().write(tmp_path / "base.xml"))).tracks
     drive, others = tracks[32], tuple(track for key, track in tracks.items() if key != 32)
     ego = replace(drive, length_m=BMW_320I.length_m, width_m=BMW_320I.width_m)
-    whole = criticality(ego, Around(others))
+    whole = drive_criticality(ego, others)
     found = danger_to(drive, others, step_s=0.1).figures
     assert found.minimum_distance_m == pytest.approx(whole.minimum_distance_m, abs=1e-3)
     assert found.minimum_time_to_collision_s == pytest.approx(whole.minimum_time_to_collision_s, abs=1e-3)

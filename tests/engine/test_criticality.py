@@ -1,22 +1,13 @@
 """Gap, time to collision, time headway and risk of a drive that is known by hand."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.criticality import criticality, risk_scores
+from plannerforge.engine.criticality import drive_criticality, risk_scores
 from plannerforge.engine.geometry.polyline import Points, Values
-
-
-@dataclass
-class Around:
-    """Traffic with these tracks."""
-
-    moving: tuple[Track, ...] = ()
-    standing: tuple[Track, ...] = ()
 
 
 def driven(positions: Points, headings_rad: Values, speed_mps: float, first_step: int = 0) -> Track:
@@ -36,7 +27,7 @@ def track(x: float, y: float, speed_mps: float, heading: float = 0.0, steps: int
 
 
 def measured(ego: Track, *moving: Track, standing: tuple[Track, ...] = ()) -> tuple[float | None, ...]:
-    found = criticality(ego, Around(moving, standing))
+    found = drive_criticality(ego, moving, standing)
     return (found.minimum_distance_m, found.minimum_time_to_collision_s, found.minimum_time_headway_s, found.risk_score)
 
 
