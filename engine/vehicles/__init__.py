@@ -1,15 +1,14 @@
-"""Vehicles as bodies: classes, parameters with their sources, and which motions they can drive.
+"""Vehicles as bodies: classes, parameters and limits with their sources, and which motions they can drive.
 
-``VehicleClass``: One class of vehicle.
-``class_by_size``: The class that a recorded obstacle of a CommonRoad type and this length can be.
+``VehicleClass``: One class of vehicle: its SUMO class, CommonRoad type, size in m and limits in m/s and m/s².
+``class_by_size``: The class that a recorded obstacle of a CommonRoad type and length can be; None for other sizes.
 ``nearest_class``: The class of a CommonRoad type whose length is nearest to a recorded one.
 ``vehicle_classes``: All classes by the word used for them in requests.
-``can_be_there``: Whether a car can be between two distances ahead after each of n times at each of m speeds, shape
-    (n, m).
-``centers``: Positions of the centre, shape (n, 2), for positions of the rear axle and headings of shape (n,).
-``latest_passing_s``: The time in s by which a car has driven a distance however hard it brakes.
-``least_time_s``: The time in s that a car needs at least for a distance, from a speed.
-``rear_axle``: Position of the rear axle, shape (2,), for a centre and heading.
+``can_be_there``: Whether a car can be between two distances ahead after each of n times at each of m speeds, (n, m).
+``centers``: Positions of the centre, shape (n, 2) in m, for positions of the rear axle and headings.
+``latest_passing_s``: The time after which a car has certainly driven a distance; infinite where it can stop before.
+``least_time_s``: The shortest time in which a car covers a distance from a speed.
+``rear_axle``: The position of the rear axle, shape (2,) in m, for a centre and heading.
 ``BMW_320I``: CommonRoad's vehicle 2, the ego where nothing states another.
 ``COMFORTABLE_MPS2``: Braking and lateral acceleration of a driver who is in no trouble, in m/s².
 ``EGO_SIZE_M``: Length and width of the ego where no configuration states a vehicle, in m.
@@ -18,18 +17,17 @@
 ``LARGEST_ACCELERATION_MPS2``: The largest acceleration and braking of vehicle 2, taken as a bound of every car.
 ``LARGEST_SPEED_MPS``: The top speed of vehicle 2, taken as a bound of every car.
 ``VEHICLES``: CommonRoad's vehicles by their id.
-``VehicleParameters``: Size and limits of the ego.
-``commonroad_vehicle``: The id of CommonRoad's vehicle.
+``VehicleParameters``: Size and limits of an ego.
+``commonroad_vehicle``: The id of the CommonRoad vehicle of some settings; None for one with parameters of its own.
 ``parameter_names``: The names of a vehicle's parameters, in their order.
-``vehicle_of``: The vehicle of a configuration.
-``Feasibility``: Verdict on a motion.
-``Motion``: Motion of a centre.
-``check_drivability``: Judge a motion of the centre.
-``check_kinematics``: Judge a motion of the centre, by default with the dimensions of CommonRoad's vehicle 2 (BMW
-    320i).
+``vehicle_of``: The vehicle of some settings.
+``Feasibility``: Whether a motion can be driven, the share of its steps that can, and the first that cannot.
+``Motion``: Positions in m, headings in rad, speeds in m/s and accelerations in m/s² of a centre.
+``check_drivability``: The ``Feasibility`` of a motion by commonroad-drivability-checker; slow.
+``check_kinematics``: The ``Feasibility`` of a motion by a closed form of the same criterion; fast.
 ``drivable_motion``: The motion of the centre for a track of the front bumper, shape (n, 2), one point a step.
-``steering_angles``: Steering angle in rad that turns each state into the next, shape (n,).
-``tractrix``: Heading of a rod of length ``drag_m`` whose front end follows the guide, shape (n,), unwrapped.
+``steering_angles``: The steering angle in rad that turns each state into the next, shape (n,).
+``tractrix``: The heading in rad of a rod whose front end follows a guide, shape (n,), unwrapped.
 """
 
 from typing import TYPE_CHECKING

@@ -1,7 +1,8 @@
 """Vehicle classes: the words of a request, their SUMO class, CommonRoad type and real dimensions.
 
 Classes and mapping after the paper's generation intent (``request_types``); a class that CommonRoad has no type for
-(trailer, delivery, coach, moped) takes the nearest type, and its own name is kept with the scenario.
+(trailer, delivery, coach, moped) takes the nearest type, and its own name is kept with the scenario. A car has the
+axles of CommonRoad's vehicle 2.
 """
 
 from dataclasses import dataclass
@@ -46,14 +47,6 @@ _CLASSES = (
 def vehicle_classes() -> dict[str, VehicleClass]:
     """All classes by the word used for them in requests."""
     return {vehicle_class.name: vehicle_class for vehicle_class in _CLASSES}
-
-
-def _sumo_class_of(commonroad_type: str) -> str:
-    """SUMO's class for a CommonRoad obstacle type; ``passenger`` for types that SUMO has no class for."""
-    for vehicle_class in _CLASSES:
-        if vehicle_class.commonroad_type == commonroad_type:
-            return vehicle_class.sumo_class
-    return "pedestrian" if commonroad_type == "pedestrian" else "passenger"
 
 
 def nearest_class(commonroad_type: str, length_m: float) -> VehicleClass:

@@ -1,4 +1,9 @@
-"""Where a vehicle's centre and rear axle are, and where a car can be after a time and how fast."""
+"""Where a vehicle's centre and rear axle are, and where a car can be after a time and how fast.
+
+The second part gives bounds that no car beats. The largest acceleration of CommonRoad's vehicle 2 (11.5 m/s²) is taken
+at every speed, forwards and braking, and its top speed (50.8 m/s); the extreme motions between two speeds are one phase
+of braking and one of accelerating, in either order. Lengths in m, times in s, speeds in m/s, headings in rad.
+"""
 
 import math
 
@@ -8,11 +13,17 @@ from numpy.typing import NDArray
 from ..geometry import Points, Values
 from .models import LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS, VehicleParameters
 
-# ---------- car_limits
-# Where a car can be after a time, and how fast: bounds that no car beats, from CommonRoad's vehicle 2 (BMW 320i).
-#
-# Its largest acceleration (11.5 m/s²) is taken at every speed, forwards and braking, and its top speed (50.8 m/s); the
-# extreme motions between two speeds are one phase of braking and one of accelerating, in either order.
+
+def rear_axle(center: Points, heading_rad: float, vehicle: VehicleParameters) -> Points:
+    """Position of the rear axle, shape (2,), for a centre and heading."""
+    return center - vehicle.rear_axle_behind_center_m * np.array([math.cos(heading_rad), math.sin(heading_rad)])
+
+
+def centers(rear: Points, headings_rad: Points, vehicle: VehicleParameters) -> Points:
+    """Positions of the centre, shape (n, 2), for positions of the rear axle and headings of shape (n,)."""
+    direction = np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
+    moved: Points = rear + vehicle.rear_axle_behind_center_m * direction
+    return moved
 
 
 def can_be_there(
@@ -35,7 +46,7 @@ def least_time_s(speed_mps: float, distance_m: float) -> float:
 
 
 def latest_passing_s(speed_mps: float, distance_m: float) -> float:
-    """The time in s by which a car has driven a distance however hard it brakes; infinite where it can stop before."""
+    """The time in s after which a car has certainly driven a distance in m; infinite where it can stop before."""
     left = speed_mps**2 - 2 * LARGEST_ACCELERATION_MPS2 * max(distance_m, 0.0)
     return math.inf if left <= 0.0 else (speed_mps - math.sqrt(left)) / LARGEST_ACCELERATION_MPS2
 
@@ -48,19 +59,3 @@ def _spans_m(speed_mps: float, times_s: Values, finals_mps: Values) -> tuple[Val
     top = np.minimum(fastest, max(LARGEST_SPEED_MPS, speed_mps))
     held_s = 2 * (fastest - top) / LARGEST_ACCELERATION_MPS2
     return (both - 2 * slowest**2) / largest, (2 * top**2 - both) / largest + top * held_s
-
-
-# ---------- vehicle
-# Where the ego's centre and rear axle are; its parameters are in ``vehicle_models``.
-
-
-def rear_axle(center: Points, heading_rad: float, vehicle: VehicleParameters) -> Points:
-    """Position of the rear axle, shape (2,), for a centre and heading."""
-    return center - vehicle.rear_axle_behind_center_m * np.array([math.cos(heading_rad), math.sin(heading_rad)])
-
-
-def centers(rear: Points, headings_rad: Points, vehicle: VehicleParameters) -> Points:
-    """Positions of the centre, shape (n, 2), for positions of the rear axle and headings of shape (n,)."""
-    direction = np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
-    moved: Points = rear + vehicle.rear_axle_behind_center_m * direction
-    return moved

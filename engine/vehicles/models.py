@@ -1,4 +1,7 @@
-"""CommonRoad's vehicles 1 to 4, and the vehicle that a configuration means."""
+"""CommonRoad's vehicles 1 to 4, the vehicle that a configuration means, and limits where a vehicle's own are unknown.
+
+The server's process imports this module, so it does without numpy.
+"""
 
 from dataclasses import dataclass, fields, replace
 
@@ -24,6 +27,14 @@ class VehicleParameters:
 
 
 BMW_320I = VehicleParameters()
+VEHICLES = {
+    1: VehicleParameters(4.298, 1.674, 2.39264, 1.50876, 11.5, 45.8, 4.755, 0.91, 0.4),  # Ford Escort
+    2: BMW_320I,
+    3: VehicleParameters(4.569, 1.844, 2.471928, 1.321136, 11.5, 41.7, 7.824, 1.023, 0.4),  # VW Vanagon
+    4: VehicleParameters(5.1, 2.55, 3.6, 1.8, 11.5, 22.22, 7.824, 0.55, 0.7103),
+}
+"""Vehicle 4 is a semi-trailer truck; a planner of single bodies drives its tractor without the trailer."""
+
 EGO_SIZE_M = (BMW_320I.length_m, BMW_320I.width_m)
 """Length and width of the ego where no configuration states a vehicle: CommonRoad's vehicle 2."""
 LARGEST_ACCELERATION_MPS2 = BMW_320I.maximum_acceleration_mps2
@@ -34,17 +45,6 @@ HARDEST_LATERAL_MPS2 = 8.0
 """What tyres hold on a dry road, along and across: a coefficient of friction of 0.8 times 9.81 m/s²."""
 COMFORTABLE_MPS2 = 4.0
 """Braking and lateral acceleration of a driver who is in no trouble: half of what the tyres hold."""
-FORD_ESCORT = VehicleParameters(4.298, 1.674, 2.39264, 1.50876, 11.5, 45.8, 4.755, 0.91, 0.4)
-VW_VANAGON = VehicleParameters(4.569, 1.844, 2.471928, 1.321136, 11.5, 41.7, 7.824, 1.023, 0.4)
-TRUCK_TRACTOR = VehicleParameters(5.1, 2.55, 3.6, 1.8, 11.5, 22.22, 7.824, 0.55, 0.7103)
-"""Vehicle 4 is a semi-trailer truck; a planner of single bodies drives its tractor without the trailer."""
-VEHICLES: dict[int, VehicleParameters] = {1: FORD_ESCORT, 2: BMW_320I, 3: VW_VANAGON, 4: TRUCK_TRACTOR}
-VEHICLE_NAMES: dict[int, str] = {
-    1: "Ford Escort",
-    2: "BMW 320i",
-    3: "VW Vanagon",
-    4: "truck's tractor, without trailer",
-}
 
 
 def parameter_names() -> tuple[str, ...]:

@@ -1,8 +1,13 @@
-"""From SUMO's front-bumper track to a drivable motion of the vehicle's centre.
+"""From SUMO's front-bumper track to a drivable motion of the vehicle's centre, and whether a motion can be driven.
 
 SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39 % of raw tracks pass the
 drivability checker's kinematic single-track model. The path is smoothed over arc length, the progress over time, and
 the heading follows as a tractrix: the rear axle is dragged behind the front bumper as a real one is.
+
+Two judges apply the criterion of commonroad-drivability-checker (kinematic single-track model, default tolerances):
+``check_drivability`` is the checker itself, which searches inputs by optimisation and takes 0.1 to 0.9 s a trajectory;
+``check_kinematics`` is a closed form that takes 0.2 ms, and whose rare errors are false alarms. Screen with the closed
+form; accept with the checker.
 """
 
 import copy
@@ -15,12 +20,17 @@ import numpy as np
 from ..geometry import Points, Values, arc_length, gaussian, interpolate, wrap_angle, wrap_angles
 from .models import BMW_320I, LARGEST_ACCELERATION_MPS2
 
-# ---------- smoothing
-# From SUMO's front-bumper track to a drivable motion of the vehicle's centre.
-#
-# SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39 % of raw tracks pass the
-# drivability checker's kinematic single-track model. The path is smoothed over arc length, the progress over time, and
-# the heading follows as a tractrix: the rear axle is dragged behind the front bumper as a real one is.
+STANDING_M, STANDING_MPS = 0.3, 0.02
+"""Chosen: a shorter track, and a slower motion, is that of a vehicle that stands."""
+CELL_M = 0.25
+"""Chosen: spacing of the points at which a path is smoothed, an eighth of the smoothing."""
+WHEELBASE_M = 2.5789
+"""Of CommonRoad's vehicle 2, to four digits as for the class ``car``; ``BMW_320I`` has three."""
+POSITION_TOLERANCE_M = 2e-2
+HEADING_TOLERANCE_RAD = 3e-2
+"""The checker's default tolerances for a step."""
+STEERING_FROM_MPS = 0.05
+"""Chosen: below it a turn says nothing about the steering angle."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +53,23 @@ def drivable_motion(
     sigma_m: float = 2.0,
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Motion:
-    """The motion of the centre for a track of the front bumper, shape (n, 2), one point a step."""
+    """The motion of the centre for a track of the front bumper, shape (n, 2), one point a step.
+
+    A track shorter than 0.3 m is a vehicle that stands.
+
+    Args:
+        front: the track of the front bumper.
+        first_heading_rad: where the vehicle heads at its first point.
+        length_m: its length.
+        step_s: duration of a time step.
+        sigma_steps: standard deviation of the smoothing of the progress, in steps.
+        sigma_m: that of the smoothing of the path, in m.
+        rear_axle_m: distance from the centre back to the rear axle.
+    """
     front = np.asarray(front, dtype=float)
     count = len(front)
     stations = arc_length(front)
-    if stations[-1] < 0.3:
+    if stations[-1] < STANDING_M:
         heading = np.full(count, first_heading_rad)
         direction = np.array([math.cos(first_heading_rad), math.sin(first_heading_rad)])
         still = np.repeat(front[:1], count, axis=0) - length_m / 2 * direction
@@ -57,14 +79,14 @@ def drivable_motion(
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     rear = guide - (length_m / 2 + rear_axle_m) * direction
     speed = np.gradient(arc_length(rear), step_s)
-    speed[speed < 0.02] = 0.0
+    speed[speed < STANDING_MPS] = 0.0
     return Motion(guide - length_m / 2 * direction, heading, speed, np.gradient(speed, step_s))
 
 
 def _smooth_guide(front: Points, stations: Values, sigma_steps: float, sigma_m: float) -> Points:
     """The front track, smoothed across its path and along its time."""
     moving = np.concatenate([[True], np.diff(stations) > 1e-3])
-    cells = max(int(stations[-1] / 0.25), 4)
+    cells = max(int(stations[-1] / CELL_M), 4)
     even = np.linspace(0.0, stations[-1], cells + 1)
     path = gaussian(interpolate(front[moving], stations[moving], even), sigma_m / (stations[-1] / cells))
     progress = np.maximum.accumulate(np.clip(gaussian(stations, sigma_steps), 0.0, stations[-1]))
@@ -88,18 +110,6 @@ def tractrix(guide: Points, first_heading_rad: float, drag_m: float) -> Values:
     return np.unwrap(heading)
 
 
-# ---------- feasibility
-# Whether a motion can be driven: a closed form of the drivability checker's kinematic single-track criterion.
-#
-# The checker (commonroad-drivability-checker, default tolerances 2 cm, 2 cm, 0.03 rad a step) searches inputs by
-# optimisation and takes 0.1–0.9 s a trajectory; this takes 0.2 ms, and its rare errors are false alarms. Screen with
-# it; accept with the checker.
-
-WHEELBASE_M = 2.5789
-POSITION_TOLERANCE_M = 2e-2
-HEADING_TOLERANCE_RAD = 3e-2
-
-
 @dataclass(frozen=True)
 class Feasibility:
     """Verdict on a motion: whether every step can be driven, the share of steps that can, the first that cannot."""
@@ -116,10 +126,9 @@ def steering_angles(motion: Motion, step_s: float, wheelbase_m: float = WHEELBAS
     turn = wrap_angles(np.diff(motion.headings_rad))
     speed = np.maximum((motion.speeds_mps[:-1] + motion.speeds_mps[1:]) / 2, 1e-3)
     angle = np.arctan(wheelbase_m * turn / (speed * step_s))
-    angle[speed < 0.05] = 0.0
-    limited: Values = np.clip(
-        np.append(angle, angle[-1]), -BMW_320I.maximum_steering_rad, BMW_320I.maximum_steering_rad
-    )
+    angle[speed < STEERING_FROM_MPS] = 0.0
+    largest_rad = BMW_320I.maximum_steering_rad
+    limited: Values = np.clip(np.append(angle, angle[-1]), -largest_rad, largest_rad)
     return limited
 
 
@@ -130,7 +139,7 @@ def check_kinematics(
     wheelbase_m: float = WHEELBASE_M,
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Feasibility:
-    """Judge a motion of the centre, by default with the dimensions of CommonRoad's vehicle 2 (BMW 320i)."""
+    """Judge a motion of the centre by the closed form, by default with the dimensions of CommonRoad's vehicle 2."""
     if len(motion.speeds_mps) < 2:
         return Feasibility(True, 1.0, None)
     heading = motion.headings_rad
@@ -161,14 +170,6 @@ def check_kinematics(
     return Feasibility(bool(good.all()), float(good.mean()), int(bad[0]) if len(bad) else None)
 
 
-# ---------- drivability
-# The verdict of the drivability checker: a search for inputs of the kinematic single-track model, step by step.
-#
-# commonroad-drivability-checker with its default tolerances (2 cm, 2 cm, 0.03 rad a step) and the parameters of
-# CommonRoad's vehicle 2 (BMW 320i), with axles where those of the judged vehicle are. It takes
-# 0.1-0.9 s a trajectory; :mod:`plannerforge.engine.vehicles.motion` is the closed form of the same criterion.
-
-
 def check_drivability(
     motion: Motion,
     step_s: float,
@@ -176,7 +177,11 @@ def check_drivability(
     wheelbase_m: float = WHEELBASE_M,
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Feasibility:
-    """Judge a motion of the centre; every step is looked at, so that the share and the first bad one are known."""
+    """Judge a motion of the centre by the checker, with the axles where those of the judged vehicle are.
+
+    Every step is looked at, so that the share and the first bad one are known. All other parameters are those of
+    CommonRoad's vehicle 2 (BMW 320i).
+    """
     from commonroad.common.solution import VehicleType
     from commonroad.scenario.state import KSState
     from commonroad_dc.feasibility.feasibility_checker import state_transition_feasibility
