@@ -1,6 +1,8 @@
-"""CommonRoad's goal region in all its forms.
+"""CommonRoad's goal region in all its forms, whether it can be reached, and how fast to drive there.
 
-Lanelets, shapes or a free position; speed and heading intervals; several states of which one has to be met.
+A goal has lanelets, shapes or a free position, intervals of speed and heading, and one or several states of which one
+has to be met. ``select_goal_state`` says which of several the ego drives to: one is enough, and no ego can drive to
+all. Lengths in m, speeds in m/s, headings in rad.
 """
 
 import math
@@ -22,10 +24,15 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
     from shapely.geometry.base import BaseGeometry
 
-# ---------- goal
-# CommonRoad's goal region in all its forms.
-#
-# Lanelets, shapes or a free position; speed and heading intervals; several states of which one has to be met.
+BEHIND_M = 0.5
+"""Chosen: a goal ends behind the ego when it does so by more than this."""
+AHEAD_M = 120.0
+"""Chosen: how far the paths that are compared go on beyond the goal."""
+SPEED_BAND_MPS = 5.0
+MAXIMUM_SPEED_MPS = 50.0
+"""As in the Frenetix reference loop: the desired speed is within this band of the present one, and at most this."""
+SLOWEST_GOAL_MPS = 0.01
+"""An end of the goal's speed interval counts as at least this."""
 
 Timing = Literal["early", "in_time", "late"]
 
@@ -104,7 +111,7 @@ class Goal:
         for state in self._states:
             if getattr(state, "velocity", None) is not None:
                 low, high = _bounds_of_number(state.velocity)
-                return (max(low, 0.01) + max(high, 0.01)) / 2
+                return (max(low, SLOWEST_GOAL_MPS) + max(high, SLOWEST_GOAL_MPS)) / 2
         return None
 
     def status(self, ego: EgoState) -> list[_GoalStatus]:
@@ -135,9 +142,9 @@ class Goal:
         for area in self._areas:
             if area is not None:
                 inside |= shapely.intersects_xy(area, path[:, 0], path[:, 1])
-        found = np.flatnonzero(inside)
+        within = np.flatnonzero(inside)
         stations = arc_length(path)
-        return (float(stations[found[0]]), float(stations[found[-1]])) if len(found) else None
+        return (float(stations[within[0]]), float(stations[within[-1]])) if len(within) else None
 
     def _status(self, index: int, ego: EgoState) -> _GoalStatus:
         import shapely
@@ -195,13 +202,6 @@ def _angle_within(angle_rad: float, interval: Any) -> bool:
     return beyond <= high - low + 1e-9 or math.tau - beyond < 1e-9
 
 
-# ---------- reachability
-# Whether a goal can be reached in its time at all, whatever the planner.
-
-BEHIND_M = 0.5
-"""A goal ends behind the ego when it does so by more than this."""
-
-
 def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> str | None:
     """One sentence on why no goal state can be reached in its time; None where one may be.
 
@@ -217,8 +217,9 @@ def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: 
 def left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "LaneletNetwork") -> str | None:
     """One sentence on why a goal behind the ego cannot be reached; None where it may be.
 
-    Nobody drives backwards: every corner of every goal area lies behind the ego along the reference path, and no
-    lanelet that an area touches can be reached from where the ego's lanelet and those beside it end.
+    The ego does not drive backwards. A goal is behind it where every corner of every goal area lies behind it along the
+    reference path, and no lanelet that an area touches can be reached from where the ego's lanelet and those beside it
+    end.
     """
     import shapely
 
@@ -270,14 +271,7 @@ def _obstacle(condition: _GoalCondition, ego: EgoState, vehicle: VehicleParamete
     return None
 
 
-# ---------- aim
-# Which of several goal states the ego heads for: one is enough, and nobody can head for all of them.
-
-AHEAD_M = 120.0
-"""How far the paths that are compared go on beyond the goal."""
-
-
-def aimed_at(
+def select_goal_state(
     network: "LaneletNetwork", region: "GoalRegion", ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> "GoalRegion":
     """The region of one goal state, with place, window and speed of its own; the whole where none can be reached.
@@ -325,8 +319,9 @@ def _change_of_speed_mps(
     reference = build_reference_path(network, route, ego.position, ego.speed_mps, beyond_m=AHEAD_M)
     if left_behind(goal, ego, reference, network):
         return None
-    begin_m, end_m = _way_to(goal, ego, reference)
-    first_s, last_s = _seconds_to(condition, ego, step_s)
+    begin_m, end_m = _distances_to(goal, ego, reference)
+    window = condition.window
+    first_s, last_s = (window.first - ego.step) * step_s, (window.last - ego.step) * step_s
     if begin_m > farthest_m(ego.speed_mps, last_s, vehicle):
         return None
     slowest = max(begin_m, 0.0) / last_s if last_s > 0 else 0.0
@@ -334,31 +329,19 @@ def _change_of_speed_mps(
     return max(_outside(ego.speed_mps, slowest, fastest), to_interval)
 
 
-def _way_to(goal: Goal, ego: EgoState, reference: ReferencePath) -> tuple[float, float]:
-    """How far the area's begin and end lie before the ego along the path, in m."""
+def _distances_to(goal: Goal, ego: EgoState, reference: ReferencePath) -> tuple[float, float]:
+    """How far ahead of the ego the area begins and ends along the path, in m."""
     here = project(reference.points, ego.position)[0]
-    found = goal.stations_on(reference.points)
-    if found is None and goal.center is not None:
+    stations = goal.stations_on(reference.points)
+    if stations is None and goal.center is not None:
         beside = project(reference.points, goal.center)[0]
-        found = beside, beside
-    begin, end = found or (here, here)
+        stations = beside, beside
+    begin, end = stations or (here, here)
     return begin - here, end - here
-
-
-def _seconds_to(condition: _GoalCondition, ego: EgoState, step_s: float) -> tuple[float, float]:
-    window = condition.window
-    return (window.first - ego.step) * step_s, (window.last - ego.step) * step_s
 
 
 def _outside(value: float, low: float, high: float) -> float:
     return max(low - value, value - high, 0.0)
-
-
-# ---------- desired_speed
-# How fast the ego should drive to be at the goal in time.
-
-SPEED_BAND_MPS = 5.0
-MAXIMUM_SPEED_MPS = 50.0
 
 
 class DesiredSpeed:
@@ -367,7 +350,8 @@ class DesiredSpeed:
     Inside the goal it is the middle of the goal's speed interval; the present speed where nothing else is known (a
     goal without a place or speed). This is the rule of the Frenetix reference loop, with one difference: inside a goal
     without a speed interval the reference keeps the present speed and so drives out of it before its time; here the
-    ego goes on aiming at the goal's middle, and waits there. The goal is to be one goal state, see :mod:`.aim`.
+    ego goes on aiming at the goal's middle, and waits there. The goal is to be one goal state, see
+    :func:`select_goal_state`.
     """
 
     def __init__(self, goal: Goal, reference: ReferencePath, step_s: float) -> None:

@@ -3,10 +3,16 @@
 Longitudinal: Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic
 simulations", Physical Review E 62, 2000: acceleration a·[1 − (v/v0)⁴ − (s*/s)²] with the desired gap
 s* = s0 + max(0, v·T + v·Δv / (2·√(a·b))). Above the desired speed the free term is that of the improved model (Kesting,
-Treiber, Helbing 2010), which never brakes harder than b. Before a bend it brakes by at most b too, to the speed
+Treiber, Helbing 2010), which never brakes harder than b. Before a curve it brakes by at most b too, to the speed
 √(a_lateral / curvature) that its lateral acceleration allows there; harder only where its tyres would slip otherwise.
-Lateral: the centre follows the path and drags the rear axle after it; the offset from that way fades out.
-It knows no cost terms, neither overtakes nor evades, and does not look at the edge of the road.
+
+Lateral: the centre follows the path and drags the rear axle after it; the offset from that line fades out. In the
+kinematic single-track model a vehicle heads where its rear axle moves, so whatever line the rear axle follows can be
+driven if its curvature has no steps. A vehicle whose centre moved along a path and headed along it too could not be:
+in a curve its rear axle would slide sideways.
+
+It knows no cost terms, neither overtakes nor evades, and does not look at the edge of the road. Stations are arc
+lengths in m, by default those of the rear axle's path.
 """
 
 import math
@@ -16,26 +22,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Points, Values, arc_length, gaussian, project, wrap_angle, wrap_angles
-from ..vehicles import centers, rear_axle, tractrix
-from .drivability import Limit, undrivable
+from ..vehicles import HARDEST_BRAKING_MPS2, centers, rear_axle, tractrix
+from .drivability import Limit, violated_limit
 from .goal import DesiredSpeed, Goal
 from .interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
 
-# ---------- rear_axle_curve
-# The curve that a rear axle drives: dragged along a path by the centre, beside it by an offset that fades out.
-#
-# In the kinematic single-track model a vehicle heads where its rear axle moves, so whatever line the rear axle follows
-# can be driven if its curvature has no steps. A vehicle whose centre moved along a path and headed along it too could
-# not: in a bend its rear axle would slide aside.
-
-SHORTEST_FADE_M, FADE_PER_OFFSET = 15.0, 6.0
+EXPONENT = 4.0
+"""Of the free term, as in the model's source."""
+GRIP = 0.98
+"""Share of the tyres' friction that is used at most: the curvature along a plan is known between points only."""
+BRAKING_GRIP, CURVE_GRIP, SLIP_SMOOTHING_M = 0.5, 0.75, 0.5
+"""Shares of it with which the ego brakes before a curve in which it would slip, and drives through it: 0.9 together.
+The curvature that decides it is smoothed less than the comfortable one."""
+SMOOTHING_M = 3.0
+"""Chosen: over this length curvature is smoothed for comfort."""
+STRAIGHT_PER_M = 1e-4
+"""Chosen: curvature in 1/m below which a path counts as straight."""
+LOOK_AHEAD_S = 1.0
+"""An obstacle that will be in the ego's corridor within this time is a leader already, so that a cut-in is seen when it
+begins."""
+CORRIDOR_MARGIN_M = 0.3
+"""Chosen: the corridor is wider than the two bodies by this on either side."""
+FADE_S, SHORTEST_FADE_M, FADE_PER_OFFSET = 4.0, 15.0, 6.0
+"""Chosen: an offset fades over the way of 4 s at the ego's speed, at least over 15 m and over six times the offset."""
 STEEPEST_RAD = 1.2
+"""Chosen: a curve leaves its path at this angle at most; steeper, its slope by station grows without bound."""
 LEAST_PACE = 0.1
-"""Inside a bend the curve is shorter than the path, at most by this factor: nobody turns about the middle of a bend."""
+"""Inside a turn the curve is shorter than the path, at most by this factor: a vehicle cannot turn about the centre of a
+curve."""
+SAME_PLACE_M = 1e-6
+"""Within this the ego is where the plan before put it: rounding only."""
+SMALLEST_GAP_M = 0.1
+"""Chosen: a smaller gap counts as this, so that the interaction stays finite."""
 
 
 class RearAxlePath:
-    """The way of a rear axle whose vehicle's centre follows a path of points (n, 2).
+    """The path of a rear axle whose vehicle's centre follows a path of points (n, 2).
 
     A cubic spline over its arc length joins it, so that the curvature has no steps. Stations are its own; at
     ``stations_m`` (n,) it heads towards ``headings_rad`` (n,).
@@ -104,7 +126,7 @@ class RearAxleCurve:
     def beginning_at(cls, path: RearAxlePath, point: Points, heading_rad: float, fade_m: float) -> "RearAxleCurve":
         """The curve that begins at a point (2,) with a heading and is on the path ``fade_m`` later.
 
-        A large offset takes a longer way to fade.
+        A large offset fades over a longer distance.
         """
         station = path.foot(point)
         (foot,), (along_rad,), (pace,), (turn,) = path.frame(np.array([station]))
@@ -114,7 +136,7 @@ class RearAxleCurve:
         return cls(path, _Fade(station, max(fade_m, SHORTEST_FADE_M, FADE_PER_OFFSET * abs(offset)), offset, slope))
 
     def after(self, station: float, travelled_m: Values) -> Values:
-        """The stations (n,) after so many metres of the curve, ascending from 0 at ``station``."""
+        """The stations (n,) after distances (n,) in m along the curve, ascending from 0 at ``station``."""
         stations = station + travelled_m
         for _ in range(3):
             middle = (stations[1:] + stations[:-1]) / 2
@@ -137,24 +159,16 @@ class RearAxleCurve:
         return np.arctan2(slope, along), np.hypot(slope, along)
 
 
-# ---------- bend_speeds
-# How fast a path can be driven so that its bends stay comfortable.
-
-SMOOTHING_M = 3.0
-STRAIGHT_PER_M = 1e-4
-"""Curvature in 1/m below which a path counts as straight."""
-
-
-def bend_speeds_mps(
+def curve_speeds_mps(
     stations_m: Values,
     headings_rad: Values,
     lateral_acceleration_mps2: float,
     deceleration_mps2: float,
     smoothing_m: float = SMOOTHING_M,
 ) -> Values:
-    """The highest speeds along a path, shape (n,), at which no bend needs a larger lateral acceleration v² · curvature.
+    """The highest speeds along a path, shape (n,), at which no curve needs more lateral acceleration v² · curvature.
 
-    ``stations_m`` and ``headings_rad`` of shape (n,). Before a bend the speed falls by the deceleration, so that
+    ``stations_m`` and ``headings_rad`` of shape (n,). Before a curve the speed falls by the deceleration, so that
     v² = v_next² + 2 · deceleration · distance. The curvature is smoothed over ``smoothing_m``.
     """
     spacing_m = float(np.mean(np.diff(stations_m)))
@@ -167,34 +181,9 @@ def bend_speeds_mps(
     return speeds
 
 
-# ---------- idm
-# A baseline: follow the reference path and keep the distance of the Intelligent Driver Model.
-#
-# Longitudinal: Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic
-# simulations", Physical Review E 62, 2000: acceleration a·[1 − (v/v0)⁴ − (s*/s)²] with the desired gap s* = s0 +
-# max(0, v·T + v·Δv / (2·√(a·b))). Above the desired speed the free term is that of the improved model (Kesting,
-# Treiber, Helbing 2010), which never brakes harder than b. Before a bend it brakes by at most b too, to the speed
-# √(a_lateral / curvature) that its lateral acceleration allows there; harder only where its tyres would slip
-# otherwise. Lateral: the centre follows the path and drags the rear axle after it; the offset from that way fades
-# out. It knows no cost terms, neither overtakes nor evades, and does not look at the edge of the road.
-
-EXPONENT = 4.0
-EMERGENCY_MPS2 = 8.0
-GRIP = 0.98
-"""Share of the tyres' friction that is used at most: the curvature along a plan is known between points only."""
-BRAKING_GRIP, BEND_GRIP, SLIP_SMOOTHING_M = 0.5, 0.75, 0.5
-"""Shares of it with which the ego brakes before a bend in which it would slip, and drives through it: 0.9 together."""
-LOOK_AHEAD_S = 1.0
-"""Who will be in the ego's corridor within this time is a leader already, so that a cut-in is seen when it begins."""
-CORRIDOR_MARGIN_M = 0.3
-FADE_S = 4.0
-SAME_PLACE_M = 1e-6
-SMALLEST_GAP_M = 0.1
-
-
 @dataclass(frozen=True)
 class _OnPath:
-    """An obstacle along the path, one entry a step: rear end and speed along the path, and whether it is in the way."""
+    """An obstacle along the path, one entry a step: its rear end, its speed, and whether it is in the corridor."""
 
     rear_m: Values
     speed_mps: Values
@@ -240,11 +229,11 @@ class IntelligentDriver:
         along = np.gradient(task.reference.points, axis=0)
         self._headings = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
         self._path = RearAxlePath(task.reference.points, task.vehicle.rear_axle_behind_center_m)
-        bends = self._path.stations_m, self._path.headings_rad
+        line = self._path.stations_m, self._path.headings_rad
         comfortable = self._weights["lateral_acceleration_mps2"], self._weights["deceleration_mps2"]
         grip = task.vehicle.maximum_acceleration_mps2
-        self._bend_mps = bend_speeds_mps(*bends, *comfortable)
-        self._slip_mps = bend_speeds_mps(*bends, BEND_GRIP * grip, BRAKING_GRIP * grip, SLIP_SMOOTHING_M)
+        self._comfortable_mps = curve_speeds_mps(*line, *comfortable)
+        self._slip_mps = curve_speeds_mps(*line, CURVE_GRIP * grip, BRAKING_GRIP * grip, SLIP_SMOOTHING_M)
         self._curvature = np.abs(np.gradient(self._path.headings_rad, self._path.stations_m))
         self._goal_m = self._goal.stations_on(task.reference.points) if self._goal.has_position else None
         self._driven: _Driven | None = None
@@ -270,7 +259,7 @@ class IntelligentDriver:
     def _broken_soon(self, trajectory: PlannedTrajectory) -> Limit | None:
         """The limit of the vehicle that the trajectory breaks before the next plan."""
         driven = trajectory.until(self._task.configuration.settings.replan_steps + 1)
-        return undrivable(driven, self._task.vehicle, self._task.step_s)
+        return violated_limit(driven, self._task.vehicle, self._task.step_s)
 
     def _curve_from(self, ego: EgoState) -> tuple[RearAxleCurve | None, float]:
         """The curve from where the ego's rear axle is, and its station; none where the ego heads back."""
@@ -282,7 +271,7 @@ class IntelligentDriver:
         return RearAxleCurve.beginning_at(self._path, rear, ego.heading_rad, FADE_S * ego.speed_mps), station
 
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
-        """The way in m and the speeds, one a step, of a rear axle that begins at a station."""
+        """The distance in m and the speed, one a step, of a rear axle that begins at a station."""
         step_s, vehicle = self._task.step_s, self._task.vehicle
         others = [self._on_path(obstacle) for obstacle in observation.obstacles if len(obstacle.positions)]
         desired, look_ahead = self._desired(observation.ego), round(LOOK_AHEAD_S / step_s)
@@ -297,9 +286,9 @@ class IntelligentDriver:
                 rear, leader_speed = min(leaders)
                 gap_m = rear - center_m - vehicle.length_m / 2
                 acceleration -= self._interaction(speed, gap_m, speed - leader_speed)
-            acceleration = min(acceleration, self._before_bend(speed, rear_axle_m + speed * step_s))
+            acceleration = min(acceleration, self._before_curve(speed, rear_axle_m + speed * step_s))
             grip = self._grip_mps2(speed, rear_axle_m + speed * step_s / 2)
-            acceleration = min(max(acceleration, -min(EMERGENCY_MPS2, grip)), grip)
+            acceleration = min(max(acceleration, -min(HARDEST_BRAKING_MPS2, grip)), grip)
             speeds[i + 1] = max(speed + acceleration * step_s, 0.0)
             travelled[i + 1] = travelled[i] + (speed + speeds[i + 1]) / 2 * step_s
         return travelled, speeds
@@ -326,19 +315,19 @@ class IntelligentDriver:
         wanted = self._weights["minimum_gap_m"] + max(0.0, headway)
         return float(a * (wanted / max(gap_m, SMALLEST_GAP_M)) ** 2)
 
-    def _before_bend(self, speed: float, following: float) -> float:
-        """The acceleration to the speed that the bends allow at the following station.
+    def _before_curve(self, speed: float, following: float) -> float:
+        """The acceleration to the speed that the curves allow at the following station.
 
         It brakes at most comfortably for a comfortable speed, and as hard as it must where the tyres would slip.
         """
         comfortable, slipping = (
             (float(np.interp(following, self._path.stations_m, allowed)) - speed) / self._task.step_s
-            for allowed in (self._bend_mps, self._slip_mps)
+            for allowed in (self._comfortable_mps, self._slip_mps)
         )
         return min(max(comfortable, -self._weights["deceleration_mps2"]), slipping)
 
     def _grip_mps2(self, speed: float, station: float) -> float:
-        """What the bend leaves of the tyres' friction for motion along it."""
+        """What the curve leaves of the tyres' friction for motion along it."""
         curvature = float(np.interp(station, self._path.stations_m, self._curvature))
         whole = GRIP * self._task.vehicle.maximum_acceleration_mps2
         return math.sqrt(max(whole**2 - (speed**2 * curvature) ** 2, 0.0))

@@ -1,28 +1,52 @@
 """The reference path: the centre lines of a route as one smooth line.
 
-It begins before the ego and ends far beyond the goal.
+It begins before the ego and ends far beyond the goal. Lengths in m, arc lengths ("stations") from the path's beginning,
+headings in rad.
+
+``blended_start`` makes a path that begins as the ego stands, for starts from which no candidate gets onto the route's
+centre line: an ego may begin oblique to its lane, or so fast before a tight turn that steering takes too long. Then
+every candidate of a planner that follows the centre line breaks a limit in its first second.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..geometry import Points, arc_length, gaussian, interpolate, project, resample, without_repeats
+from ..geometry import (
+    Points,
+    arc_length,
+    gaussian,
+    hermite,
+    interpolate,
+    point_at,
+    project,
+    resample,
+    unit,
+    without_repeats,
+)
 from ..network import LaneletGraph
 from ..scene import Route
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
-SPACING_M = 1.0
-SMOOTHING_M = 2.0
-BEFORE_M = 30.0
-LARGEST_BEND_M = 4.0
-BEND_LENGTH = 6.0
-"""A path is bent sideways by at most one metre on so many metres: tighter bends cannot be driven."""
 BEYOND_GOAL_M = 120.0
 """Candidates of the planner's horizon must not leave the path: horizon × speed beyond the goal, at least this."""
+BLENDED_OVER_M = (10.0, 15.0, 22.0, 33.0, 50.0)
+"""Lengths of a blended start, to be tried in turn: the shortest that can be driven stays closest to the route."""
+_SPACING_M = 1.0
+"""Chosen: distance of a path's points."""
+_SMOOTHING_M = 2.0
+"""Chosen: standard deviation of the smoothing; it rounds the kinks where lanelets meet."""
+_BEFORE_M = 30.0
+"""Chosen: a path begins this far before its route, so that no ego stands before it."""
+_CHANGE_S, _SHORTEST_CHANGE_M, _LONGEST_CHANGE_M = 2.5, 20.0, 50.0
+"""Chosen: duration of a lane change at the ego's speed, and the bounds of its length."""
+_LARGEST_SHIFT_M = 4.0
+"""Chosen: a goal farther beside the centre line than this is on another lane, and the path is not shifted to it."""
+_LENGTH_PER_SHIFT = 6.0
+"""A path is shifted sideways by at most one metre on this many metres: tighter curves cannot be driven."""
 
 
 @dataclass(frozen=True)
@@ -50,25 +74,50 @@ def build_reference_path(
     """The path of a route for an ego that starts at ``position`` with ``speed_mps``.
 
     A lane change is a cubic from one centre line to the next, about 2.5 s long and not begun before the ego.
-    ``through``: a point beside the centre line that the path is bent to (a goal area at the edge of its lane).
+
+    Args:
+        network: the lanelets.
+        route: those to drive along.
+        position: the ego's centre, shape (2,).
+        speed_mps: its speed, which gives the length of lane changes.
+        beyond_m: how far the path goes straight on behind the route.
+        through: a point beside the centre line that the path is shifted to (a goal area at the edge of its lane).
     """
-    change_m = float(np.clip(2.5 * speed_mps, 20.0, 50.0))
+    change_m = float(np.clip(_CHANGE_S * speed_mps, _SHORTEST_CHANGE_M, _LONGEST_CHANGE_M))
     segments = _segments(network, route, position, change_m)
     line = segments[0]
     for following in segments[1:]:
         line = _joined(line, following, change_m)
-    line = _smooth(line)
+    even = _evenly(line)
+    line = gaussian(even, _SMOOTHING_M / _SPACING_M) if len(even) > 3 else even
     if through is not None:
-        line = _bent(line, position, through, change_m)
+        line = _shifted(line, position, through, change_m)
     extended = np.concatenate(
-        [straight_on_from(line[1], line[0], BEFORE_M)[::-1], line, straight_on_from(line[-2], line[-1], beyond_m)]
+        [_straight_on_from(line[1], line[0], _BEFORE_M)[::-1], line, _straight_on_from(line[-2], line[-1], beyond_m)]
     )
     return ReferencePath(
-        points=evenly(extended),
+        points=_evenly(extended),
         lanelets=route.lanelets,
         goal_lanelet=None if route.goal_index is None else route.lanelets[route.goal_index],
-        network_end_m=BEFORE_M + float(arc_length(line)[-1]),
+        network_end_m=_BEFORE_M + float(arc_length(line)[-1]),
     )
+
+
+def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, over_m: float) -> ReferencePath:
+    """The path from an ego's rear axle (2,), in its heading, onto the reference path within ``over_m`` metres of it.
+
+    Behind the ego it goes straight back. Where the reference path is shorter than that, it is joined at its end.
+    """
+    stations = arc_length(reference.points)
+    joined_m = min(project(reference.points, rear)[0] + over_m, float(stations[-1]) - 1.0)
+    end, end_heading_rad = point_at(reference.points, joined_m)
+    forward = _direction(heading_rad)
+    rest = interpolate(reference.points, stations, np.array([joined_m, *stations[stations > joined_m]]))
+    behind = _straight_on_from(rear + forward, rear, _BEFORE_M)[::-1]
+    curve = _curve(rear, forward, end, _direction(end_heading_rad))
+    points = _evenly(np.concatenate([behind, rear[None], curve, rest]))
+    straight_m = float(stations[-1]) - reference.network_end_m
+    return replace(reference, points=points, network_end_m=float(arc_length(points)[-1]) - straight_m)
 
 
 def _segments(network: "LaneletNetwork", route: Route, position: Points, change_m: float) -> list[Points]:
@@ -116,58 +165,45 @@ def _joined(line: Points, following: Points, change_m: float) -> Points:
     head = _cut(line, 0.0, leave / before[-1])
     tail = _cut(following, arrive / after[-1], 1.0)
     start, end = head[-1], tail[0]
-    curve = cubic(start, unit(head[-1] - head[-2]), end, unit(tail[1] - tail[0]))
+    curve = _curve(start, unit(head[-1] - head[-2]), end, unit(tail[1] - tail[0]))
     return np.concatenate([head, curve, tail])
 
 
-def cubic(start: Points, start_direction: Points, end: Points, end_direction: Points) -> Points:
-    """Points (n, 2) between two points on a cubic Hermite curve that leaves and arrives in the unit directions (2,)."""
+def _curve(start: Points, start_direction: Points, end: Points, end_direction: Points) -> Points:
+    """Points (n, 2) between two points on a cubic that leaves and arrives in the unit directions (2,), without both."""
     distance = float(np.linalg.norm(end - start))
-    share = np.linspace(0.0, 1.0, max(int(distance / SPACING_M), 2) + 1)[1:-1, None]
-    curve: Points = (
-        (2 * share**3 - 3 * share**2 + 1) * start
-        + (share**3 - 2 * share**2 + share) * start_direction * distance
-        + (-2 * share**3 + 3 * share**2) * end
-        + (share**3 - share**2) * end_direction * distance
-    )
-    return curve
+    shares = np.linspace(0.0, 1.0, max(int(distance / _SPACING_M), 2) + 1)[1:-1]
+    return hermite(start, start_direction, end, end_direction, shares)
 
 
-def _bent(line: Points, position: Points, through: Points, change_m: float) -> Points:
+def _shifted(line: Points, position: Points, through: Points, change_m: float) -> Points:
     """The line shifted sideways to pass through a point; it leaves at the ego and comes back behind the point."""
     stations = arc_length(line)
     target, offset = project(line, through)
     begin = max(project(line, position)[0], target - change_m)
-    if target - begin < 1.0 or abs(offset) > LARGEST_BEND_M:
+    if target - begin < 1.0 or abs(offset) > _LARGEST_SHIFT_M:
         return line
-    offset = float(np.clip(offset, -(target - begin) / BEND_LENGTH, (target - begin) / BEND_LENGTH))
+    offset = float(np.clip(offset, -(target - begin) / _LENGTH_PER_SHIFT, (target - begin) / _LENGTH_PER_SHIFT))
     share = np.clip((stations - begin) / (0.8 * (target - begin)), 0.0, 1.0)
     back = np.clip((target + change_m + 10.0 - stations) / change_m, 0.0, 1.0)
     weight = (share**2 * (3 - 2 * share)) * (back**2 * (3 - 2 * back))
     along = np.gradient(line, axis=0)
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
-    bent: Points = line + offset * weight[:, None] * normal
-    return bent
+    shifted: Points = line + offset * weight[:, None] * normal
+    return shifted
 
 
-def _smooth(line: Points) -> Points:
-    even = evenly(line)
-    return gaussian(even, SMOOTHING_M / SPACING_M) if len(even) > 3 else even
-
-
-def evenly(line: Points) -> Points:
+def _evenly(line: Points) -> Points:
     """The line with points about one spacing apart."""
     line = without_repeats(line, 1e-2)
-    return resample(line, max(round(float(arc_length(line)[-1]) / SPACING_M), 2) + 1)
+    return resample(line, max(round(float(arc_length(line)[-1]) / _SPACING_M), 2) + 1)
 
 
-def straight_on_from(before: Points, end: Points, length_m: float) -> Points:
+def _straight_on_from(before: Points, end: Points, length_m: float) -> Points:
     """Points one spacing apart that go straight on from ``end``, without ``end``."""
-    count = int(np.ceil(length_m / SPACING_M))
-    return end + np.arange(1, count + 1)[:, None] * SPACING_M * unit(end - before)
+    count = int(np.ceil(length_m / _SPACING_M))
+    return end + np.arange(1, count + 1)[:, None] * _SPACING_M * unit(end - before)
 
 
-def unit(vector: Points) -> Points:
-    """A vector (2,) made one long."""
-    one_long: Points = vector / max(float(np.linalg.norm(vector)), 1e-9)
-    return one_long
+def _direction(heading_rad: float) -> Points:
+    return np.array([np.cos(heading_rad), np.sin(heading_rad)])

@@ -102,7 +102,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         collision=driven.final.collision,
         off_the_lanes=driven.off_the_lanes,
         on_recording=driven.traffic.on_recording,
-        eased_over_m=driven.eased_over_m,
+        eased_over_m=driven.blended_over_m,
         rejected_candidates=dict(sorted(driven.rejected.items())),
         metrics=_metrics(driven, vehicle, loaded.step_s),
         ego_length_m=vehicle.length_m,

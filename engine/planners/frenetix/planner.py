@@ -17,7 +17,7 @@ import frenetix
 import numpy as np
 
 from ...geometry import Points, project
-from ..drivability import Limit, undrivable
+from ..drivability import Limit, violated_limit
 from ..goal import DesiredSpeed, Goal
 from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask
 from ..lanes import LaneCenters, LaneCorridors
@@ -145,7 +145,7 @@ def _order(candidate: _Candidate) -> tuple[Any, Any]:
     return candidate.cost, candidate.uniqueId
 
 
-def first_without_objection(
+def first_feasible(
     ordered: Iterable[AnyCandidate], objection: Callable[[AnyCandidate], str | None], rejected: Counter[str]
 ) -> AnyCandidate | None:
     """The first candidate that nothing speaks against; the objections to those before it are counted."""
@@ -227,9 +227,9 @@ class Frenetix:
 
         def objection(sample: "frenetix.TrajectorySample") -> str | None:
             trajectory = copied_trajectory(sample, frame, ego, task.vehicle)
-            return undrivable(trajectory, task.vehicle, task.step_s) or safety.objection(trajectory)
+            return violated_limit(trajectory, task.vehicle, task.step_s) or safety.objection(trajectory)
 
-        chosen = first_without_objection(self._ranked(feasible, inputs, step), objection, step.rejected)
+        chosen = first_feasible(self._ranked(feasible, inputs, step), objection, step.rejected)
         if chosen is not None:
             return self._drive(chosen, "regular", step)
         return self._fallback(feasible, float(state.lateral[0]), step)
@@ -334,7 +334,7 @@ class Frenetix:
     def _limit(self, sample: "frenetix.TrajectorySample", step: _Step) -> Limit | None:
         """The limit of the vehicle that a candidate breaks."""
         vehicle = self._task.vehicle
-        return undrivable(copied_trajectory(sample, step.frame, step.ego, vehicle), vehicle, self._task.step_s)
+        return violated_limit(copied_trajectory(sample, step.frame, step.ego, vehicle), vehicle, self._task.step_s)
 
     def _drive(self, sample: "frenetix.TrajectorySample", kind: PlanKind, step: _Step) -> Plan:
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)

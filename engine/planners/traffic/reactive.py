@@ -21,7 +21,7 @@ from ...cosimulation import Actor, SimulationSetup, open_simulation
 from ...geometry import oriented_rectangle, rectangles_overlap, wrap_angle
 from ...traffic import LaneHint, Sumo, sumo_pose
 from ...vehicles import VehicleParameters
-from ..goal import aimed_at
+from ..goal import select_goal_state
 from ..interface import EgoState
 from .recorded import GrowingTrack, RecordedTraffic, Traffic, rectangle
 from .roles import EGO, TrafficRoles
@@ -63,7 +63,7 @@ def reactive_traffic(
         with open_simulation(setup, types, SUBLANES) as sumo:
             roles = roles.keeping_to_route(_astray(sumo, roles))
         with open_simulation(setup, types, SUBLANES) as sumo:
-            goal = aimed_at(roles.scene.network, problem.goal, ego, vehicle, loaded.step_s)
+            goal = select_goal_state(roles.scene.network, problem.goal, ego, vehicle, loaded.step_s)
             yield _ReactiveTraffic(sumo, roles, roles.ego_edges(goal, ego), ego, vehicle)
 
 

@@ -12,7 +12,7 @@ from frenetix.trajectory_functions.feasability_functions import CheckCurvatureCo
 from support.planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 
 from plannerforge.engine.geometry.polyline import Points
-from plannerforge.engine.planners.drivability import undrivable
+from plannerforge.engine.planners.drivability import violated_limit
 from plannerforge.engine.planners.frenetix import core as frenet_frame
 from plannerforge.engine.planners.frenetix import planner as planner_module
 from plannerforge.engine.planners.frenetix.core import (
@@ -130,7 +130,7 @@ def test_the_heading_of_the_lane_follower_depends_on_where_its_rear_axle_is() ->
 
 
 def test_by_the_cores_checks_alone_it_would_slide_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(planner_module, "undrivable", lambda *_: None)
+    monkeypatch.setattr(planner_module, "violated_limit", lambda *_: None)
     assert strongest(around_the_corner(8.0, 17.0, last_step=60)) > 1.2 * BMW_320I.maximum_acceleration_mps2
 
 
@@ -155,7 +155,7 @@ def circling(radius_m: float, speed_mps: float, braking_mps2: float = 0.0) -> Pl
     ],
 )
 def test_the_limits_of_the_vehicle(trajectory: PlannedTrajectory, limit: str | None) -> None:
-    assert undrivable(trajectory, BMW_320I, STEP_S) == limit
+    assert violated_limit(trajectory, BMW_320I, STEP_S) == limit
 
 
 def swerving(end: EndState, speed_mps: float) -> Any:
@@ -180,4 +180,4 @@ def test_the_core_lets_a_swerve_pass_that_is_twice_as_tight_as_it_takes_it_for()
     true = np.abs(np.diff(trajectory.headings_rad) / STEP_S / trajectory.speeds_mps[1:]).max()
     assert np.abs(np.array(sample.cartesian.kappa)).max() == pytest.approx(true / 2, rel=0.1)
     assert sample.feasible
-    assert undrivable(trajectory, BMW_320I, STEP_S) == "curvature"
+    assert violated_limit(trajectory, BMW_320I, STEP_S) == "curvature"

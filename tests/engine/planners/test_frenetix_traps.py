@@ -26,7 +26,7 @@ from support.planning import (
     straight_road,
 )
 
-from plannerforge.engine.geometry.polyline import headings
+from plannerforge.engine.geometry.polyline import arc_length, headings, resample, without_repeats
 from plannerforge.engine.planners.frenetix.core import (
     SAFE_RANGE_RAD,
     CurvilinearState,
@@ -40,7 +40,6 @@ from plannerforge.engine.planners.frenetix.core import (
     sampling_matrix,
 )
 from plannerforge.engine.planners.interface import EgoState
-from plannerforge.engine.planners.reference_path import evenly
 from plannerforge.engine.scene.routing import start_lanelets
 from plannerforge.engine.vehicles.models import BMW_320I
 
@@ -116,7 +115,8 @@ def test_of_a_route_that_comes_back_across_itself_the_core_gets_the_part_before(
     """Up a road, around the loop at its end, and back across the road: the core refuses the whole."""
     around = np.linspace(math.pi, -0.5 * math.pi, 40)[:, None]
     loop = np.array([6.0, 120.0]) + 6.0 * np.hstack([np.cos(around), np.sin(around)])
-    path = evenly(np.concatenate([[[0.0, 0.0]], loop, [[-60.0, 114.0]], [[-60.0, 60.0], [60.0, 50.0]]]))
+    corners = np.concatenate([[[0.0, 0.0]], loop, [[-60.0, 114.0]], [[-60.0, 60.0], [60.0, 50.0]]])
+    path = resample(without_repeats(corners, 1e-2), round(float(arc_length(corners)[-1])) + 1)
     with pytest.raises(RuntimeError, match="projection domain"):
         FrenetFrame.of(path, 0.0)
     keeper = FrameKeeper(path)

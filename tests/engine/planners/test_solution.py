@@ -159,7 +159,7 @@ def test_a_run_of_the_lane_follower_through_a_bend_is_a_valid_solution(
 @pytest.mark.shared_data
 @pytest.mark.parametrize(
     ("module", "cure", "turned_off"),
-    [(frenet_frame, "tangents", lambda segments: segments), (frenetix, "undrivable", lambda *_: None)],
+    [(frenet_frame, "tangents", lambda segments: segments), (frenetix, "violated_limit", lambda *_: None)],
     ids=["headings half a segment ahead", "tyres without limit"],
 )
 def test_without_each_cure_the_vehicle_could_not_drive_it(

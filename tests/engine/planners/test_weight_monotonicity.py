@@ -17,7 +17,7 @@ from support.planning import configuration, drive, goal_state, moving_car, probl
 from support.planning import straight_road as road
 
 from plannerforge.engine.planners.frenetix.core import copied_trajectory
-from plannerforge.engine.planners.frenetix.planner import Frenetix, SafetyCheck, cheapest_first, first_without_objection
+from plannerforge.engine.planners.frenetix.planner import Frenetix, SafetyCheck, cheapest_first, first_feasible
 from plannerforge.engine.tuning import tuning_of
 
 WEIGHTS = sorted(tuning_of("frenetix").weights)
@@ -71,7 +71,7 @@ def chosen(candidates: tuple[Stored, ...], weights: Mapping[str, int]) -> Stored
         for c in candidates
     ]
     ranked = cheapest_first(priced, lambda _: None, at_once=len(priced))
-    found = first_without_objection(ranked, lambda candidate: candidate.objection, Counter())
+    found = first_feasible(ranked, lambda candidate: candidate.objection, Counter())
     assert found is not None
     return found
 

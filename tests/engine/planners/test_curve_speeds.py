@@ -8,7 +8,7 @@ import pytest
 from commonroad.geometry.shape import Rectangle
 from support.planning import configuration, drive, goal_state, lanelet_along, network_of, problem_for, scenario_on
 
-from plannerforge.engine.planners.idm import IntelligentDriver, bend_speeds_mps
+from plannerforge.engine.planners.idm import IntelligentDriver, curve_speeds_mps
 
 RADIUS_M = 15.0
 
@@ -16,7 +16,7 @@ RADIUS_M = 15.0
 def test_in_a_long_bend_it_is_the_root_of_lateral_acceleration_times_radius() -> None:
     stations = np.arange(201.0)
     headings = np.clip(stations - 100.0, 0.0, 60.0) / 30.0  # from 100 m to 160 m with a radius of 30 m
-    speeds = bend_speeds_mps(stations, headings, 3.0, 1.5)
+    speeds = curve_speeds_mps(stations, headings, 3.0, 1.5)
     assert speeds[130] == pytest.approx(math.sqrt(3.0 * 30.0), rel=1e-6)
     assert speeds[50] == pytest.approx(math.sqrt(90.0 + 2 * 1.5 * 50.0), abs=1.0)
     assert np.diff(speeds[:95] ** 2).min() == pytest.approx(-2 * 1.5)

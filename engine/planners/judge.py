@@ -1,0 +1,161 @@
+"""When a run ends and how: the judge of the loop, apart from the planner.
+
+A run ends when the ego collides, leaves the road, meets the goal, has passed it, or is out of time; as ``invalid``,
+before the first plan, where no planner can solve the problem. Each verdict holds one sentence of figures.
+"""
+
+from dataclasses import dataclass
+from math import ceil, degrees, pi
+
+from ...schemas.runs import CollisionRecord, InvalidReason, Outcome
+from ..geometry import point_at, project, wrap_angle
+from .goal import Goal, Timing, out_of_reach
+from .interface import EgoState, PlanningTask
+from .traffic.recorded import Traffic, rectangle
+
+TIME_LIMIT_FACTOR = 1.7
+"""A run may take this multiple of the steps from its start to the goal's last step, as in the Frenetix reference."""
+MOST_STEPS = 2000
+"""Chosen: no run takes more steps than this, whatever the goal's time."""
+PASSED_M = 5.0
+"""Chosen: a goal whose end the ego has left behind by more than this is passed."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a run ended, with one sentence of figures; ``invalid_reason`` only where the problem is invalid."""
+
+    outcome: Outcome
+    reason: str
+    collision: CollisionRecord | None = None
+    invalid_reason: InvalidReason | None = None
+
+
+def invalid(code: InvalidReason, reason: str) -> Verdict:
+    """The verdict on a problem that no planner can solve."""
+    return Verdict("invalid", reason, invalid_reason=code)
+
+
+class Judge:
+    """The verdict on every driven state, by the road, the others, the goal and the time limit."""
+
+    def __init__(self, task: PlanningTask, traffic: Traffic, initial: EgoState) -> None:
+        self._goal = goal = Goal(task.problem.goal)
+        self._reference, self._road, self._traffic = task.reference, task.road, traffic
+        self._vehicle, self._step_s = task.vehicle, task.step_s
+        self._first_step = initial.step
+        steps = max(goal.last_step - initial.step, 1)
+        self.last_step = initial.step + min(ceil(TIME_LIMIT_FACTOR * steps), MOST_STEPS)
+        stations = goal.stations_on(task.reference.points) if goal.has_position else None
+        self._goal_end_m = None if stations is None else stations[1]
+        self._was_clear_of_edge = not task.road.touches_edge(rectangle(initial, task.vehicle))
+        self._stays: set[Timing] = set()  # how the ego's steps in the goal's place lay to the goal's time
+
+    def before_the_run(self, initial: EgoState) -> Verdict | None:
+        """Why no planner can solve the problem, or None."""
+        hit = self._traffic.hit_by(initial, self._vehicle)
+        if hit:
+            return invalid("initial_collision", f"the ego overlaps obstacle {hit[0]} ({hit[1]}) in its initial state")
+        if not self._road.holds(initial.position):
+            return invalid("ego_off_road", "the ego starts off the road")
+        turned_rad = self._off_route_rad(initial)
+        if turned_rad > pi / 2:
+            turned = f"the ego heads {degrees(turned_rad):.0f}° off the way to its goal, and nobody drives backwards"
+            return invalid("ego_against_route", turned)
+        too_far = out_of_reach(self._goal, initial, self._vehicle, self._step_s)
+        return invalid("goal_out_of_time", too_far) if too_far else None
+
+    def _off_route_rad(self, ego: EgoState) -> float:
+        """The angle between the ego's heading and the reference path beside it."""
+        path = self._reference.points
+        return abs(wrap_angle(ego.heading_rad - point_at(path, project(path, ego.position)[0])[1]))
+
+    def after_step(self, ego: EgoState) -> Verdict | None:
+        """The verdict if this state ends the run."""
+        return self._collision(ego) or self._off_road(ego) or self._at_goal(ego) or self._out_of_time(ego)
+
+    def _collision(self, ego: EgoState) -> Verdict | None:
+        hit = self._traffic.hit_by(ego, self._vehicle)
+        if hit is None:
+            return None
+        time_s = self._time_s(ego)
+        record = CollisionRecord(obstacle_id=hit[0], kind=hit[1], step=ego.step, time_s=time_s)
+        reason = f"collided with obstacle {hit[0]} ({hit[1]}) at {time_s:.1f} s, driving {ego.speed_mps:.1f} m/s"
+        return Verdict("collision", reason, record)
+
+    def _off_road(self, ego: EgoState) -> Verdict | None:
+        touches = self._road.touches_edge(rectangle(ego, self._vehicle))
+        leaves = touches if self._was_clear_of_edge else not self._road.holds(ego.position)
+        self._was_clear_of_edge = self._was_clear_of_edge or not touches
+        if not leaves:
+            return None
+        time_s = self._time_s(ego)
+        record = CollisionRecord(obstacle_id=None, kind="road_boundary", step=ego.step, time_s=time_s)
+        reason = f"left the road at {time_s:.1f} s, driving {ego.speed_mps:.1f} m/s"
+        return Verdict("off_road", reason, record)
+
+    def _at_goal(self, ego: EgoState) -> Verdict | None:
+        states = self._goal.status(ego)
+        if any(status.reached for status in states):
+            return Verdict("goal_reached", f"reached the goal at {self._time_s(ego):.1f} s (step {ego.step})")
+        self._stays |= {status.timing for status in states if status.position}
+        for status, window in zip(states, self._goal.windows, strict=True):
+            if status.all_but_time and status.timing == "late" and ego.step > self._goal.last_step:
+                late = ego.step - window.last
+                return Verdict("goal_late", f"met the goal at step {ego.step}, {late} steps after its last")
+        return self._beyond_goal(ego) if self._goal.has_position else self._too_late_anywhere(ego)
+
+    def _too_late_anywhere(self, ego: EgoState) -> Verdict | None:
+        """A goal without a place: its conditions were not met by its last step."""
+        if ego.step <= self._goal.last_step:
+            return None
+        reason = f"the goal's last step {self._goal.last_step} passed at {ego.speed_mps:.1f} m/s without its conditions"
+        return Verdict("goal_missed", reason)
+
+    def _beyond_goal(self, ego: EgoState) -> Verdict | None:
+        """A goal with a place: the ego has left it behind, or passes beside it when its time is over."""
+        if self._goal_end_m is None:
+            return None
+        beyond_m = self._beyond_m(ego)
+        time_over = ego.step > self._goal.last_step
+        if not (beyond_m > PASSED_M or (time_over and self._stays and beyond_m > 0)):
+            return None
+        if not self._stays:
+            reason = f"passed beside the goal region by step {ego.step} and was never in it"
+            return Verdict("goal_missed", reason) if time_over else None
+        window = f"{self._goal.first_step} to {self._goal.last_step}"
+        return Verdict(
+            self._outcome_of_stays(),
+            f"drove out of the goal region by step {ego.step} at {ego.speed_mps:.1f} m/s; its time is step {window}",
+        )
+
+    def _out_of_time(self, ego: EgoState) -> Verdict | None:
+        if ego.step < self.last_step:
+            return None
+        cause = f"{TIME_LIMIT_FACTOR} × the goal's last step"
+        if ego.step - self._first_step >= MOST_STEPS:
+            cause = f"no run takes more than {MOST_STEPS} steps"
+        limit = f"{self._time_s(ego):.1f} s ({cause})"
+        if self._stays:
+            reason = f"was in the goal region but never met all its conditions within {limit}"
+            return Verdict(self._outcome_of_stays(), reason)
+        left = ""
+        if self._goal_end_m is not None and self._beyond_m(ego) < 0:
+            left = f", {-self._beyond_m(ego):.0f} m before the goal's end"
+        return Verdict("timeout", f"ran out of time after {limit}{left}")
+
+    def _outcome_of_stays(self) -> Outcome:
+        """What it means to have been in the goal's place without reaching the goal.
+
+        In its time the goal's speed or heading was missing; otherwise only the time was wrong, the last stay counting.
+        """
+        if "in_time" in self._stays:
+            return "goal_missed"
+        return "goal_late" if "late" in self._stays else "goal_early"
+
+    def _beyond_m(self, ego: EgoState) -> float:
+        """How far the ego is beyond the end of the goal along the reference path, in m."""
+        return project(self._reference.points, ego.position)[0] - float(self._goal_end_m or 0.0)
+
+    def _time_s(self, ego: EgoState) -> float:
+        return round((ego.step - self._first_step) * self._step_s, 9)
