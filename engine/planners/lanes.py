@@ -1,4 +1,11 @@
-"""The drivable area along a reference path, and whether a vehicle leaves it."""
+"""The lanes around the ego, in three forms, each built once a run.
+
+- ``LaneCenters``: the distance of many points to the centre line of the lanelet under each.
+- ``LaneCorridors``: where a vehicle may go without leaving its lane: the lanelets under it and all that follow them.
+- ``build_road``: the drivable area along a reference path, and whether a vehicle leaves it.
+
+Lengths in m, headings in rad.
+"""
 
 import math
 from dataclasses import dataclass
@@ -17,12 +24,23 @@ if TYPE_CHECKING:
     from shapely import Polygon
     from shapely.geometry.base import BaseGeometry
 
-# ---------- lane_center
-# Distance to the centre line of the lanelet under a point, for many points at once.
-
-SAMPLE_SPACING_M = 0.5
 OUTSIDE_M = 5.0
 """Offset of a point that lies on no lanelet, as in the Frenetix reference."""
+SAMPLE_SPACING_M, CORRIDOR_SPACING_M = 0.5, 2.0
+"""Chosen: spacing of the samples of centre lines, for offsets and for corridors."""
+ALIGNED_RAD = math.radians(60.0)
+"""Chosen: a lanelet whose direction differs by less from a vehicle's heading is one of its direction."""
+GIVING_WAY = frozenset({"YIELD", "STOP", "STOP_4_WAY"})
+HAVING_WAY = frozenset({"PRIORITY", "RIGHT_OF_WAY"})
+"""CommonRoad's names of the signs that decide who gives way."""
+ROAD_HALF_WIDTH_M = 25.0
+"""Chosen: lanelets within this of the reference path are its road."""
+CLOSED_GAP_M = 0.1
+"""Lanelets of real maps lie centimetres apart where they should touch: gaps up to twice this are no road boundary."""
+BEYOND_END_M, BEFORE_BEGIN_M = 30.0, 10.0
+"""Chosen: where the network ends, the road goes on this much farther than a path does, and back this much."""
+EDGE_HALF_WIDTH_M = 0.005
+"""Chosen: the collision checker knows no lines, so the road's edge is rectangles of one centimetre."""
 
 
 class LaneCenters:
@@ -62,21 +80,12 @@ class LaneCenters:
         return np.where(outside, OUTSIDE_M, across)
 
 
-# ---------- lane_corridors
-# Where a vehicle may go without leaving its lane: the lanelets under it and all that follow them.
-
-CORRIDOR_SPACING_M = 2.0
-ALIGNED_RAD = math.radians(60.0)
-GIVING_WAY = frozenset({"YIELD", "STOP", "STOP_4_WAY"})
-HAVING_WAY = frozenset({"PRIORITY", "RIGHT_OF_WAY"})
-
-
 @dataclass(frozen=True)
 class Corridor:
     """Samples of the centre lines: points (n, 2), unit directions (n, 2), half widths (n,).
 
-    ``stations_m`` (n,): way along the lanes from the vehicle to the sample, negative behind it. ``priority``: −1 where
-    a sign on the way asks to give way, 1 where one grants the right of way or the way is a crosswalk, else 0.
+    ``stations_m`` (n,): distance along the lanes from the vehicle to the sample, negative behind it. ``priority``: −1
+    where a sign on these lanes asks to give way, 1 where one grants the right of way or a lane is a crosswalk, else 0.
     """
 
     points: Points
@@ -127,9 +136,9 @@ class LaneCorridors:
         across = np.abs(self._directions[:, 0] * away[:, 1] - self._directions[:, 1] * away[:, 0])
         ahead = np.abs((self._directions * away).sum(axis=1))
         turned = np.abs(wrap_angles(self._headings - heading_rad))
-        found = (across <= self._half_widths) & (ahead <= CORRIDOR_SPACING_M) & (turned <= ALIGNED_RAD)
+        is_under = (across <= self._half_widths) & (ahead <= CORRIDOR_SPACING_M) & (turned <= ALIGNED_RAD)
         offsets: dict[int, float] = {}
-        for index in np.flatnonzero(found):
+        for index in np.flatnonzero(is_under):
             key = int(self._ids[index])
             offsets[key] = min(round(float(across[index]), 6), offsets.get(key, math.inf))
         return tuple(sorted(offsets, key=lambda key: (offsets[key], key)))
@@ -163,9 +172,9 @@ class LaneCorridors:
         nearest = int((away**2).sum(axis=1).argmin())
         return float(lane.stations_m[nearest] + lane.directions[nearest] @ away[nearest])
 
-    def _priority_on(self, way: dict[int, float], starts: tuple[int, ...]) -> int:
+    def _priority_on(self, lanelets: dict[int, float], starts: tuple[int, ...]) -> int:
         before = [key for start in starts for key in self._graph.predecessors[start]]
-        signs = {self._priority[key] for key in [*way, *before]}
+        signs = {self._priority[key] for key in [*lanelets, *before]}
         return -1 if -1 in signs else max(signs)
 
 
@@ -194,14 +203,6 @@ def _priority(network: "LaneletNetwork", lanelet: "Lanelet") -> int:
     return -1 if names & GIVING_WAY else int(bool(names & HAVING_WAY))
 
 
-# ---------- road
-# The drivable area along a reference path, and whether a vehicle leaves it.
-
-CORRIDOR_M = 25.0
-CLOSED_GAP_M = 0.1
-"""Lanelets of real maps lie centimetres apart where they should touch: gaps up to twice this are no road boundary."""
-
-
 @dataclass(frozen=True)
 class Road:
     """The lanelets near the reference path as one area, and its edge as thin rectangles for the collision checker."""
@@ -228,7 +229,7 @@ def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m:
     """
     import shapely
 
-    corridor = shapely.LineString(reference.points).buffer(CORRIDOR_M)
+    corridor = shapely.LineString(reference.points).buffer(ROAD_HALF_WIDTH_M)
     near = [lanelet for lanelet in network.lanelets if lanelet.polygon.shapely_object.intersects(corridor)]
     parts = [shapely.make_valid(lanelet.polygon.shapely_object) for lanelet in near]
     ends = {lanelet.lanelet_id for lanelet in near if not lanelet.successor}
@@ -238,9 +239,11 @@ def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m:
     for lanelet in near:
         left, right = np.asarray(lanelet.left_vertices), np.asarray(lanelet.right_vertices)
         if lanelet.lanelet_id in ends and _goes_on(left[-1], right[-1], left[-2], last):
-            parts.append(_strip(left[-1], right[-1], lanelet.center_vertices[-2:], max(BEYOND_GOAL_M + 30.0, beyond_m)))
+            parts.append(
+                _strip(left[-1], right[-1], lanelet.center_vertices[-2:], max(BEYOND_GOAL_M + BEYOND_END_M, beyond_m))
+            )
         if lanelet.lanelet_id in begins:
-            parts.append(_strip(left[0], right[0], lanelet.center_vertices[1::-1], 10.0))
+            parts.append(_strip(left[0], right[0], lanelet.center_vertices[1::-1], BEFORE_BEGIN_M))
     area = shapely.union_all(parts)
     area = area.buffer(CLOSED_GAP_M, join_style="mitre").buffer(-CLOSED_GAP_M, join_style="mitre")
     return Road(area, _edge_checker(area.intersection(corridor.buffer(5.0)).boundary, corridor))
@@ -252,7 +255,7 @@ def _goes_on(left: Points, right: Points, before: Points, last: Points) -> bool:
         return False
     direction, leaving = left - before, last[1] - last[0]
     turned = abs(math.remainder(math.atan2(*direction[::-1]) - math.atan2(*leaving[::-1]), math.tau))
-    return turned < math.pi / 4 and float(np.linalg.norm((left + right) / 2 - last[0])) < CORRIDOR_M
+    return turned < math.pi / 4 and float(np.linalg.norm((left + right) / 2 - last[0])) < ROAD_HALF_WIDTH_M
 
 
 def _strip(left: Points, right: Points, pair: Points, length_m: float) -> "Polygon":
@@ -286,4 +289,4 @@ def _edge_checker(boundary: "BaseGeometry", corridor: "BaseGeometry") -> "pycrcc
 
 
 def _thin(pycrcc: Any, length: float, heading: float, middle: Points) -> "pycrcc.Shape":
-    return pycrcc.RectOBB(length / 2, 0.005, heading, float(middle[0]), float(middle[1]))
+    return pycrcc.RectOBB(length / 2, EDGE_HALF_WIDTH_M, heading, float(middle[0]), float(middle[1]))

@@ -1,4 +1,8 @@
-"""What the planner is told of the others' future."""
+"""The predicted future of the others, which a planner observes.
+
+A prediction is a function of one track: from its state at an index, over a number of steps. Lengths in m, headings in
+rad.
+"""
 
 import math
 from collections.abc import Callable
@@ -20,88 +24,25 @@ from .traffic.recorded import Traffic
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
-# ---------- lane_prediction
-# The way of an obstacle that keeps to its lane.
-
-AHEAD_M = 250.0
-SAME_OFFSET_M = 0.5
-
-
-@dataclass(frozen=True)
-class _Way:
-    points: Points
-    stations_m: Values
-    headings_rad: Values
-
-
-@dataclass(frozen=True)
-class _LanePath:
-    """A way along centre lines, and the place of the obstacle on it: station and lateral offset (left positive)."""
-
-    way: _Way
-    station_m: float
-    offset_m: float
-
-    def at(self, stations_m: Values, offsets_m: Values) -> tuple[Points, Values]:
-        """Points (n, 2) and headings (n,) at stations and offsets; behind the end of the road straight on."""
-        way = self.way
-        middles = (way.stations_m[:-1] + way.stations_m[1:]) / 2
-        heading = np.interp(stations_m, middles, way.headings_rad)
-        along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        on_line = np.stack([np.interp(stations_m, way.stations_m, way.points[:, axis]) for axis in (0, 1)], axis=1)
-        beyond = np.maximum(stations_m - way.stations_m[-1], 0.0)
-        return on_line + across * offsets_m[:, None] + along * beyond[:, None], heading
-
-
-class _LanePaths:
-    """Ways along a lanelet network; each is built when it is first asked for."""
-
-    def __init__(self, network: "LaneletNetwork") -> None:
-        self._network = network
-        self._graph = LaneletGraph.of(network)
-        self._corridors = LaneCorridors(network)
-        self._ways: dict[int, _Way] = {}
-
-    def under(self, position: Points, heading_rad: float) -> _LanePath | None:
-        """The way of the lanelet under a position that fits it best; None where no lanelet of its direction is there.
-
-        Best is the nearest centre line (within half a metre), then the heading there, then the way that turns least.
-        """
-        found = [self._path(key, position) for key in self._corridors.under(position, heading_rad)]
-
-        def misfit(path: _LanePath) -> tuple[int, float, float]:
-            direction = path.at(np.array([path.station_m]), np.zeros(1))[1][0]
-            turn = float(np.ptp(path.way.headings_rad))
-            offset = round(abs(path.offset_m) / SAME_OFFSET_M)
-            return offset, round(abs(wrap_angle(heading_rad - direction)), 1), round(turn, 3)
-
-        return min(found, key=misfit, default=None)
-
-    def _path(self, lanelet_id: int, position: Points) -> _LanePath:
-        if lanelet_id not in self._ways:
-            route = straight_on(self._network, self._graph, (lanelet_id,), AHEAD_M)
-            lines = [np.asarray(self._network.find_lanelet_by_id(key).center_vertices) for key in route]
-            points = without_repeats(np.concatenate(lines))
-            self._ways[lanelet_id] = _Way(points, arc_length(points), headings(points))
-        way = self._ways[lanelet_id]
-        return _LanePath(way, *project(way.points, position))
-
-
-# ---------- prediction
-# What the planner is told of the others' future.
+Predictor = Callable[[Track, int, int, float], PredictedObstacle]
+"""From a track, the index of its present state, a number of steps and their duration in s to its predicted motion."""
 
 SENSOR_RADIUS_M = 80.0
-REAR_CONE_RAD = math.radians(20.0)
-REAR_CONE_FROM_M = 6.0
-MOVING_VARIANCE_M2 = 0.1
-STANDING_VARIANCE_M2 = 0.02
-LENGTH_MARGIN_M = 0.5
-WIDTH_MARGIN_M = 0.2
-SPREAD_MPS = 0.2
-SPREAD_ALONG_MPS2 = 1.0
+"""Chosen: others whose centre is farther from the ego's are not observed."""
+REAR_CONE_RAD, REAR_CONE_FROM_M = math.radians(20.0), 6.0
+"""The cone straight behind the ego and the distance from which on others in it are left out; see :func:`observe`."""
+MOVING_VARIANCE_M2, STANDING_VARIANCE_M2 = 0.1, 0.02
+"""Chosen: variance of a predicted position in every direction, of moving and of standing obstacles."""
+LENGTH_MARGIN_M, WIDTH_MARGIN_M = 0.5, 0.2
+"""Chosen: the safety margin by which a moving body grows in a guessed future."""
+SPREAD_MPS, SPREAD_ALONG_MPS2 = 0.2, 1.0
+"""Chosen: how fast the deviation of ``growing_covariance`` grows, and the deviation of the unknown acceleration."""
 OFFSET_FADES_S = 2.0
-Predictor = Callable[[Track, int, int, float], PredictedObstacle]
+"""Chosen: time constant with which an offset from the lane's centre fades."""
+AHEAD_M = 250.0
+"""Chosen: lanes are followed this far; beyond it a prediction goes straight on."""
+SAME_OFFSET_M = 0.5
+"""Chosen: lanes whose centre lines are equally near by this measure are told apart by their heading."""
 
 
 def predictor(name: Prediction, network: "LaneletNetwork") -> Predictor:
@@ -122,7 +63,7 @@ def predictor(name: Prediction, network: "LaneletNetwork") -> Predictor:
 
 
 def off_the_lanes(predict: Predictor) -> tuple[int, ...]:
-    """Obstacles that a lane prediction could only predict straight on so far, ascending; empty for the others."""
+    """Obstacles that a lane prediction could only predict straight on, ascending; empty for other predictions."""
     return tuple(sorted(predict.off_the_lanes)) if isinstance(predict, LanePrediction) else ()
 
 
@@ -131,9 +72,9 @@ def observe(
 ) -> tuple[PredictedObstacle, ...]:
     """All obstacles within 80 m of the ego with their predicted motion over ``steps`` steps from now on.
 
-    As the reference does, whoever follows straight behind (a cone of 20°, farther than 6 m) is left out of a guessed
-    future: the ego need not flee from followers that would react. Where the future is known to be the recording, they
-    are seen, because recorded followers do not react.
+    As in the reference, followers straight behind (a cone of 20°, farther than 6 m) are left out of a guessed future:
+    the ego need not flee from followers that would react. Where the future is known to be the recording, they are seen,
+    because recorded followers do not react.
     """
     seen = []
     blind = predict is not ground_truth
@@ -173,6 +114,67 @@ def growing_covariance(track: Track, index: int, steps: int, step_s: float) -> P
     around = (MOVING_VARIANCE_M2 + (SPREAD_MPS * time) ** 2)[:, None, None] * np.eye(2)
     along = ((SPREAD_ALONG_MPS2 / 2 * time**2) ** 2)[:, None, None] * np.outer(direction, direction)
     return replace(straight, covariance=around + along)
+
+
+@dataclass(frozen=True)
+class _CenterLine:
+    points: Points
+    stations_m: Values
+    headings_rad: Values
+
+
+@dataclass(frozen=True)
+class _LanePath:
+    """A line along lanes, and the place of the obstacle on it: station and lateral offset (left positive)."""
+
+    line: _CenterLine
+    station_m: float
+    offset_m: float
+
+    def at(self, stations_m: Values, offsets_m: Values) -> tuple[Points, Values]:
+        """Points (n, 2) and headings (n,) at stations and offsets; behind the end of the road straight on."""
+        line = self.line
+        middles = (line.stations_m[:-1] + line.stations_m[1:]) / 2
+        heading = np.interp(stations_m, middles, line.headings_rad)
+        along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        on_line = np.stack([np.interp(stations_m, line.stations_m, line.points[:, axis]) for axis in (0, 1)], axis=1)
+        beyond = np.maximum(stations_m - line.stations_m[-1], 0.0)
+        return on_line + across * offsets_m[:, None] + along * beyond[:, None], heading
+
+
+class _LanePaths:
+    """Lines along the lanes of a network; each is built when it is first asked for."""
+
+    def __init__(self, network: "LaneletNetwork") -> None:
+        self._network = network
+        self._graph = LaneletGraph.of(network)
+        self._corridors = LaneCorridors(network)
+        self._lines: dict[int, _CenterLine] = {}
+
+    def under(self, position: Points, heading_rad: float) -> _LanePath | None:
+        """The line of the lanelet under a position that fits it best; None where no lanelet of its direction is there.
+
+        Best is the nearest centre line (within half a metre), then the heading there, then the line that turns least.
+        """
+        paths = [self._path(key, position) for key in self._corridors.under(position, heading_rad)]
+
+        def misfit(path: _LanePath) -> tuple[int, float, float]:
+            direction = path.at(np.array([path.station_m]), np.zeros(1))[1][0]
+            turn = float(np.ptp(path.line.headings_rad))
+            offset = round(abs(path.offset_m) / SAME_OFFSET_M)
+            return offset, round(abs(wrap_angle(heading_rad - direction)), 1), round(turn, 3)
+
+        return min(paths, key=misfit, default=None)
+
+    def _path(self, lanelet_id: int, position: Points) -> _LanePath:
+        if lanelet_id not in self._lines:
+            route = straight_on(self._network, self._graph, (lanelet_id,), AHEAD_M)
+            lines = [np.asarray(self._network.find_lanelet_by_id(key).center_vertices) for key in route]
+            points = without_repeats(np.concatenate(lines))
+            self._lines[lanelet_id] = _CenterLine(points, arc_length(points), headings(points))
+        line = self._lines[lanelet_id]
+        return _LanePath(line, *project(line.points, position))
 
 
 class LanePrediction:
