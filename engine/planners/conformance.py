@@ -1,4 +1,4 @@
-"""The executable contract of planners: run it on your own planner before it drives in our loop."""
+"""The executable contract of planners: to be run on a planner before it drives in the loop."""
 
 from collections.abc import Callable
 
@@ -8,8 +8,11 @@ from ..geometry import Values
 from .interface import Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
 SHORTEST_PLAN_S = 1.0
+"""The contract: with the longest time between plans, 10 steps of 0.1 s, the plan in force never ends."""
 START_TOLERANCE_M = 0.05
+"""Chosen: a plan begins this near to the ego's centre."""
 STEP_TOLERANCE_M = 0.5
+"""Chosen: a step may be longer than its speeds allow by this, since the centre swings out in curves."""
 
 
 def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: Observation) -> tuple[str, ...]:
@@ -21,52 +24,52 @@ def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: 
     planner = make()
     planner.reset(task)
     first = planner.plan(observation)
-    found = [*_figures(first)]
+    breaches = _of_figures(first)
     if first.trajectory is not None:
-        found += _trajectory(first.trajectory, observation, task.step_s)
+        breaches += _of_trajectory(first.trajectory, observation, task.step_s)
     planner.reset(task)
     other = make()
     other.reset(task)
     for name, again in (("after a reset", planner.plan(observation)), ("in a new instance", other.plan(observation))):
         if not _same(first, again):
-            found.append(f"gives another plan {name}")
-    return tuple(found)
+            breaches.append(f"gives another plan {name}")
+    return tuple(breaches)
 
 
-def _figures(plan: Plan) -> list[str]:
-    found = [f"cost {name} is {value}" for name, value in sorted(plan.costs.items()) if not np.isfinite(value)]
-    found += [f"rejected {name} is {count}" for name, count in sorted(plan.rejected.items()) if count < 0]
+def _of_figures(plan: Plan) -> list[str]:
+    breaches = [f"cost {name} is {value}" for name, value in sorted(plan.costs.items()) if not np.isfinite(value)]
+    breaches += [f"rejected {name} is {count}" for name, count in sorted(plan.rejected.items()) if count < 0]
     if plan.candidates < 0:
-        found.append(f"candidates is {plan.candidates}")
-    return found
+        breaches.append(f"candidates is {plan.candidates}")
+    return breaches
 
 
-def _trajectory(trajectory: PlannedTrajectory, observation: Observation, step_s: float) -> list[str]:
+def _of_trajectory(trajectory: PlannedTrajectory, observation: Observation, step_s: float) -> list[str]:
     count = len(trajectory.positions)
     others = (trajectory.headings_rad, trajectory.speeds_mps, trajectory.accelerations_mps2)
     if trajectory.positions.shape != (count, 2) or any(values.shape != (count,) for values in others):
         return ["the arrays of the trajectory have different lengths"]
     if not all(np.isfinite(values).all() for values in (trajectory.positions, *others)):
         return ["the trajectory holds numbers that are not finite"]
-    found = []
+    breaches = []
     if (count - 1) * step_s < SHORTEST_PLAN_S - 1e-9:
-        found.append(f"plans only {(count - 1) * step_s:.2f} s")
+        breaches.append(f"plans only {(count - 1) * step_s:.2f} s")
     away = float(np.linalg.norm(trajectory.positions[0] - observation.ego.position))
     if away > START_TOLERANCE_M:
-        found.append(f"starts {away:.2f} m from the ego")
+        breaches.append(f"starts {away:.2f} m from the ego")
     moved = np.linalg.norm(np.diff(trajectory.positions, axis=0), axis=1)
     fastest = np.maximum(trajectory.speeds_mps[:-1], trajectory.speeds_mps[1:]) * step_s
     if (moved > fastest + STEP_TOLERANCE_M).any():
-        found.append("moves farther in a step than its speed allows")
+        breaches.append("moves farther in a step than its speed allows")
     if (trajectory.speeds_mps < -1e-6).any():
-        found.append("drives backwards")
-    return found
+        breaches.append("drives backwards")
+    return breaches
 
 
 def _same(first: Plan, second: Plan) -> bool:
     """Whether everything but the time that it took is the same."""
-    told = [(dict(p.costs), dict(p.rejected), p.candidates, p.kind, p.trajectory is None) for p in (first, second)]
-    if told[0] != told[1]:
+    content = [(dict(p.costs), dict(p.rejected), p.candidates, p.kind, p.trajectory is None) for p in (first, second)]
+    if content[0] != content[1]:
         return False
     if first.trajectory is None or second.trajectory is None:
         return True

@@ -1,4 +1,4 @@
-"""The operation that a worker performs for one planner run."""
+"""The operation that a worker carries out for one planner run: drive, then the record, metrics and steps of the run."""
 
 from pathlib import Path
 from statistics import median
@@ -17,56 +17,6 @@ from .interface import EgoState
 from .registry import make_planner
 from .simulation import DrivenRun, simulate
 from .traffic.modes import check_modes, open_traffic
-from .traffic.recorded import Traffic
-
-# ---------- metrics
-# Figures of a driven trajectory: progress, comfort, nearness to others.
-
-
-def _run_metrics(
-    states: list[EgoState], traffic: Traffic, vehicle: VehicleParameters, step_s: float, total_costs: list[float]
-) -> RunMetrics:
-    """The metrics of a run over its driven states (the initial one included)."""
-    positions = np.array([state.position for state in states])
-    speeds = np.array([state.speed_mps for state in states])
-    accelerations = np.array([state.acceleration_mps2 for state in states])
-    turn = wrap_angles(np.diff([state.heading_rad for state in states]))
-    jerk: Values = np.diff(accelerations[1:]) / step_s  # the recorded initial acceleration is not the planner's doing
-    lateral = np.abs(speeds[1:] * turn / step_s)
-    duration = (len(states) - 1) * step_s
-    distance = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
-    nearness = drive_criticality(_ego_track(states, vehicle), traffic.moving, traffic.standing)
-    return RunMetrics(
-        duration_s=round(duration, 9),
-        distance_m=distance,
-        mean_speed_mps=distance / duration if duration else float(speeds[0]),
-        minimum_distance_m=nearness.minimum_distance_m,
-        minimum_time_to_collision_s=nearness.minimum_time_to_collision_s,
-        minimum_time_headway_s=nearness.minimum_time_headway_s,
-        risk_score=nearness.risk_score,
-        maximum_jerk_mps3=float(np.abs(jerk).max()) if len(jerk) else 0.0,
-        mean_squared_jerk=float((jerk**2).mean()) if len(jerk) else 0.0,
-        maximum_lateral_acceleration_mps2=float(lateral.max()) if len(lateral) else 0.0,
-        mean_total_cost=float(np.mean(total_costs)) if total_costs else None,
-    )
-
-
-def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:
-    """The driven states as a track with the ego's size; its id is of no obstacle."""
-    return Track(
-        obstacle_id=-1,
-        kind="car",
-        length_m=vehicle.length_m,
-        width_m=vehicle.width_m,
-        first_step=states[0].step,
-        positions=np.array([state.position for state in states]),
-        headings_rad=np.array([state.heading_rad for state in states]),
-        speeds_mps=np.array([state.speed_mps for state in states]),
-    )
-
-
-# ---------- run
-# The operation that a worker performs for one planner run.
 
 
 def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
@@ -126,10 +76,46 @@ def _core_step_median_ms(driven: DrivenRun) -> float | None:
 
 
 def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:
+    """The metrics of a run over its driven states (the initial one included); None for an invalid problem."""
     if driven.final.outcome == "invalid":
         return None
-    totals = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
-    return _run_metrics(driven.states, driven.traffic, vehicle, step_s, totals)
+    total_costs = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
+    states = driven.states
+    ego = _ego_track(states, vehicle)
+    accelerations = np.array([state.acceleration_mps2 for state in states])
+    turn = wrap_angles(np.diff([state.heading_rad for state in states]))
+    jerk: Values = np.diff(accelerations[1:]) / step_s  # the recorded initial acceleration is not the planner's doing
+    lateral = np.abs(ego.speeds_mps[1:] * turn / step_s)
+    duration = (len(states) - 1) * step_s
+    distance = float(np.linalg.norm(np.diff(ego.positions, axis=0), axis=1).sum())
+    nearness = drive_criticality(ego, driven.traffic.moving, driven.traffic.standing)
+    return RunMetrics(
+        duration_s=round(duration, 9),
+        distance_m=distance,
+        mean_speed_mps=distance / duration if duration else float(ego.speeds_mps[0]),
+        minimum_distance_m=nearness.minimum_distance_m,
+        minimum_time_to_collision_s=nearness.minimum_time_to_collision_s,
+        minimum_time_headway_s=nearness.minimum_time_headway_s,
+        risk_score=nearness.risk_score,
+        maximum_jerk_mps3=float(np.abs(jerk).max()) if len(jerk) else 0.0,
+        mean_squared_jerk=float((jerk**2).mean()) if len(jerk) else 0.0,
+        maximum_lateral_acceleration_mps2=float(lateral.max()) if len(lateral) else 0.0,
+        mean_total_cost=float(np.mean(total_costs)) if total_costs else None,
+    )
+
+
+def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:
+    """The driven states as a track with the ego's size; its id is of no obstacle."""
+    return Track(
+        obstacle_id=-1,
+        kind="car",
+        length_m=vehicle.length_m,
+        width_m=vehicle.width_m,
+        first_step=states[0].step,
+        positions=np.array([state.position for state in states]),
+        headings_rad=np.array([state.heading_rad for state in states]),
+        speeds_mps=np.array([state.speed_mps for state in states]),
+    )
 
 
 def run_steps(driven: DrivenRun) -> RunSteps:

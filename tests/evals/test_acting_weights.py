@@ -43,6 +43,6 @@ def test_the_thirteen_weights_act_and_those_of_absent_modules_do_not(
 def test_a_weight_of_a_term_that_is_not_computed_does_not_act(
     aside: LoadedScenario, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    remaining = {name: term for name, term in frenetix.own_terms().items() if name != "path_length"}
-    monkeypatch.setattr(frenetix, "own_terms", lambda: remaining)
+    remaining = {name: term for name, term in frenetix.OWN_TERMS.items() if name != "path_length"}
+    monkeypatch.setattr(frenetix, "OWN_TERMS", remaining)
     assert "path_length" not in acting_weights(configuration(), [aside])

@@ -1,12 +1,28 @@
-"""The coordinate system of the C++ core in a turned frame.
+"""Frenetix's C++ core (0.4.0): what goes in, what comes out, and every trap on the way.
 
-The core interpolates the reference heading as its smallest angle, so it jumps by 2π where a route crosses ±π, and
-every candidate there fails the yaw-rate check. We give the core coordinates that are turned to the middle of the
-headings ahead; a route that turns through more than a full circle gets a new frame on the way.
+In the order of use: the frame that the core gets (``FrameKeeper``), the ego's state in it, the end states that it
+samples, its feasibility checks and cost functions, and copies of its samples as values of our own. Lengths in m,
+headings in rad; "inner" are coordinates of the frame, all others those of the world.
 
-The core also takes the direction of the segment behind a vertex for the heading at the vertex, so its headings run half
-a segment ahead of its positions: in a bend the ego would look up to 40 mrad aside from where its rear axle moves, which
-no vehicle can drive. We put the tangents at the vertices in their place.
+Traps (``test_frenetix_traps.py`` holds them):
+
+- The core interpolates the reference heading as its smallest angle, so it jumps by 2π where a route crosses ±π, and
+  every candidate there fails the yaw-rate check. It gets coordinates that are turned to the middle of the headings
+  ahead; a route that turns through more than a full circle gets a new frame on the way.
+- It takes the direction of the segment behind a vertex for the heading at the vertex, so its headings run half a
+  segment ahead of its positions: in a curve the ego would head up to 40 mrad aside from where its rear axle moves,
+  which no vehicle can drive. The tangents at the vertices are put in their place.
+- It evaluates its polynomials by Horner's scheme and leaves out the factor 2 of the second derivative: the
+  accelerations of its samples, along and across the path, are half of the true ones. A plan that went on from them
+  would begin with a jump in acceleration, so they are doubled here, and the acceleration of a trajectory is taken
+  from its speeds. What the vehicle can drive is judged anew (``drivability.py``). The core's cost terms
+  ``acceleration`` and ``jerk`` stay a quarter of the true integrals, because the weights of the presets were found
+  with them.
+- Array properties of its samples are views into its memory: they dangle once candidates are generated anew.
+  Everything is copied.
+- It keeps cost functions until one of the same name replaces them (:func:`add_step_functions`), cannot take an empty
+  array of obstacles, and compares its state i with entry i − 1 of a prediction (:func:`_core_prediction`).
+- It refuses paths that come back over themselves (:func:`_longest_accepted`).
 """
 
 import math
@@ -23,117 +39,33 @@ from ...geometry import Points, Values, arc_length, headings, wrap_angle
 from ...vehicles import VehicleParameters, centers, rear_axle
 from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
 
-# ---------- frenet_sampling
-# The end states that Frenetix samples: duration × final speed × final lateral offset.
-
+SECOND_DERIVATIVE_FACTOR = 2.0
+"""True over reported second derivatives of the core's samples; a test holds it against differences."""
+SAFE_RANGE_RAD = 0.75 * math.pi
+"""Chosen: headings of a frame stay within this of its direction, far from ±π."""
+BEHIND_M = 10.0
+"""Chosen: the headings that decide on a frame begin this far behind the ego."""
 SPEED_LIMIT_MPS = 36.0
-SHORTEST_REST_S = 0.2
-FINAL_SPEED = 5
-"""Column of the sampling matrix."""
+"""No end state is faster."""
 DURATION_STEPS_S = (1.0, 0.5, 0.3, 0.2)
 """Steps of the sampled durations at the levels 0 to 3, as in the reference for time steps of 0.1 s."""
-
-
-@dataclass(frozen=True)
-class SamplingSettings:
-    """The reference's sampling, by default at level 2: nine values per axis; durations from 1.1 s every 0.3 s."""
-
-    horizon_s: float = 3.0
-    shortest_s: float = 1.1
-    duration_step_s: float = 0.3
-    lateral_m: float = 3.0
-    values: int = 9
-
-    @classmethod
-    def of(cls, settings: PlannerSettings) -> "SamplingSettings":
-        """The horizon and the level of a configuration; each level halves the distance of the values."""
-        level = settings.sampling_level
-        return cls(horizon_s=settings.horizon_s, values=2 ** (level + 1) + 1, duration_step_s=DURATION_STEPS_S[level])
-
-
-@dataclass(frozen=True)
-class CurvilinearState:
-    """Arc length and lateral offset with two derivatives each.
-
-    At low speed (``low_speed``) the lateral derivatives are by arc length, else by time.
-    """
-
-    longitudinal: Values
-    lateral: Values
-    low_speed: bool
-
-    def as_mode(self, low_speed: bool) -> "CurvilinearState":
-        """The same state with the lateral derivatives of the other mode (chain rule)."""
-        if low_speed == self.low_speed:
-            return self
-        _, speed, acceleration = self.longitudinal
-        offset, first, second = self.lateral
-        if not low_speed:
-            lateral = [offset, first * speed, second * speed**2 + first * acceleration]
-        elif speed > 1e-3:
-            slope = first / speed
-            lateral = [offset, slope, (second - slope * acceleration) / speed**2]
-        else:
-            lateral = [offset, 0.0, 0.0]
-        return CurvilinearState(self.longitudinal, np.array(lateral), low_speed)
-
-
-@dataclass(frozen=True)
-class EndState:
-    """Where a candidate ends: after ``duration_s``, at ``speed_mps`` along the path and ``offset_m`` beside it."""
-
-    duration_s: float
-    speed_mps: float
-    offset_m: float
-
-
-def sampling_matrix(
-    state: CurvilinearState,
-    speed_mps: float,
-    settings: SamplingSettings,
-    vehicle: VehicleParameters,
-    going_on: EndState | None = None,
-) -> Points:
-    """All combinations as the core's matrix, shape (n, 13).
-
-    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''.
-    About 800 rows: the present speed and offset and the whole horizon are among the end states, and ``going_on``, the
-    rest of the plan that is being driven. Without it a plan that stops just in time is lost by replanning, because
-    every new candidate takes at least ``shortest_s``.
-    """
-    durations = np.arange(settings.shortest_s, settings.horizon_s + 1e-9, settings.duration_step_s)
-    durations = np.unique(np.round(np.append(durations, settings.horizon_s), 6))
-    low = max(0.001, speed_mps - vehicle.maximum_acceleration_mps2 * settings.horizon_s)
-    reach = speed_mps + vehicle.maximum_acceleration_mps2 / 6.0 * settings.horizon_s
-    high = max(min(reach, SPEED_LIMIT_MPS, vehicle.maximum_speed_mps), low)
-    speeds = np.unique(np.append(np.linspace(low, high, settings.values), state.longitudinal[1]))
-    offsets = np.linspace(-settings.lateral_m, settings.lateral_m, settings.values)
-    offsets = np.unique(np.append(offsets, state.lateral[0]))
-    t1, v1, d1 = (axis.ravel() for axis in np.meshgrid(durations, speeds, offsets, indexing="ij"))
-    if going_on is not None and going_on.duration_s >= SHORTEST_REST_S:
-        t1, v1, d1 = (
-            np.append(t1, going_on.duration_s),
-            np.append(v1, going_on.speed_mps),
-            np.append(d1, going_on.offset_m),
-        )
-    matrix = np.zeros((len(t1), 13))
-    matrix[:, 1], matrix[:, FINAL_SPEED], matrix[:, 10] = t1, v1, d1
-    matrix[:, 2:5], matrix[:, 7:10] = state.longitudinal, state.lateral
-    return matrix
-
-
-# ---------- frenet_frame
-# The coordinate system of the C++ core in a turned frame.
-#
-# The core interpolates the reference heading as its smallest angle, so it jumps by 2π where a route crosses ±π, and
-# every candidate there fails the yaw-rate check. We give the core coordinates that are turned to the middle of the
-# headings ahead; a route that turns through more than a full circle gets a new frame on the way.
-#
-# The core also takes the direction of the segment behind a vertex for the heading at the vertex, so its headings run
-# half a segment ahead of its positions: in a bend the ego would look up to 40 mrad aside from where its rear axle
-# moves, which no vehicle can drive. We put the tangents at the vertices in their place.
-
-SAFE_RANGE_RAD = 0.75 * math.pi
+SHORTEST_REST_S = 0.2
+"""Chosen: what is left of the driven plan is an end state as long as it lasts this long."""
+FINAL_SPEED = 5
+"""Column of the sampling matrix."""
+SAME_PLACE_M = 1e-6
+"""Within this the ego is where the plan before put it: rounding only."""
+STANDING_MPS = 1e-3
+"""Slower, derivatives by time say nothing about those by arc length."""
+CONSTRAINTS = {
+    "Yaw rate Constraint": "yaw_rate",
+    "Acceleration Constraint": "acceleration",
+    "Curvature Constraint": "curvature",
+    "Curvature Rate Constraint": "curvature_rate",
+}
+"""Names of the core's feasibility checks, and those that plans have for them."""
+BESIDE_REACH_M = 15.0
+"""√50 m of the core and the largest lateral offset, with some to spare; the ego's own length comes on top."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +127,7 @@ class FrameKeeper:
         return self.frame
 
     def _window(self, station_m: float, ahead_m: float) -> Values:
-        near = (self._stations >= station_m - 10.0) & (self._stations <= station_m + ahead_m)
+        near = (self._stations >= station_m - BEHIND_M) & (self._stations <= station_m + ahead_m)
         return self._headings[near] if near.any() else self._headings[-1:]
 
 
@@ -240,90 +172,31 @@ def _rotation(angle_rad: float) -> Points:
     return np.array([[cos, -sin], [sin, cos]])
 
 
-# ---------- frenet_memory
-# From the core's samples to values of our own, and back to the planner's state at the next step.
-#
-# Array properties of the core's samples are views into its memory: they dangle once candidates are generated anew.
-# Everything here is copied.
-#
-# The core (0.4.0) evaluates its polynomials by Horner's scheme and leaves out the factor 2 of the second derivative:
-# the accelerations of its samples, along and across the path, are half of the true ones. A plan that went on from
-# them would begin with a jump in acceleration, so they are doubled here, and the acceleration of a trajectory is
-# taken from its speeds. What the vehicle can drive is judged anew (see ``drivability``). The core's cost terms
-# ``acceleration`` and ``jerk`` stay a quarter of the true integrals, because the weights of the presets were found
-# with them.
-
-SAME_PLACE_M = 1e-6
-SECOND_DERIVATIVE_FACTOR = 2.0
-"""True over reported second derivatives of the core's samples; a test holds it against differences."""
-
-
 @dataclass(frozen=True)
-class DrivenPlan:
-    """The trajectory that was chosen at ``first_step``, with its curvilinear states (6, n): s, s', s'', d, d', d''."""
+class CurvilinearState:
+    """Arc length and lateral offset with two derivatives each.
 
-    first_step: int
-    trajectory: PlannedTrajectory
-    curvilinear: Points
+    At low speed (``low_speed``) the lateral derivatives are by arc length, else by time.
+    """
+
+    longitudinal: Values
+    lateral: Values
     low_speed: bool
-    end: EndState
 
-    def state_for(self, ego: EgoState, low_speed: bool) -> CurvilinearState | None:
-        """The curvilinear state where the ego is, if it followed this plan."""
-        index = ego.step - self.first_step
-        if not 0 <= index < len(self.trajectory.positions):
-            return None
-        if float(np.linalg.norm(self.trajectory.positions[index] - ego.position)) > SAME_PLACE_M:
-            return None
-        column = self.curvilinear[:, index]
-        return CurvilinearState(column[:3].copy(), column[3:].copy(), self.low_speed).as_mode(low_speed)
-
-    def rest_for(self, ego: EgoState, step_s: float) -> EndState:
-        """What is left of this plan at a later step."""
-        return replace(self.end, duration_s=round(self.end.duration_s - (ego.step - self.first_step) * step_s, 6))
-
-
-def copied_trajectory(
-    sample: "frenetix.TrajectorySample", frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters
-) -> PlannedTrajectory:
-    """A sample as states of the centre in the world; headings continue the ego's."""
-    inner = sample.cartesian
-    speed = np.array(inner.v, dtype=float)
-    heading = np.array(inner.theta, dtype=float) + frame.angle_rad
-    heading += wrap_angle(float(heading[0]) - ego.heading_rad) - (float(heading[0]) - ego.heading_rad)
-    rear = frame.outwards(np.stack([np.array(inner.x, dtype=float), np.array(inner.y, dtype=float)], axis=1))
-    return PlannedTrajectory(
-        positions=centers(rear, heading, vehicle),
-        headings_rad=heading,
-        speeds_mps=speed,
-        accelerations_mps2=np.gradient(speed, sample.dt),
-    )
-
-
-def copied_curvilinear(sample: "frenetix.TrajectorySample") -> Points:
-    """The curvilinear states of a sample, shape (6, n), with true second derivatives."""
-    inner = sample.curvilinear
-    rows = (inner.s, inner.s_dot, inner.s_ddot, inner.d, inner.d_dot, inner.d_ddot)
-    states = np.array([np.array(row, dtype=float) for row in rows])
-    states[[2, 5]] *= SECOND_DERIVATIVE_FACTOR
-    return states
-
-
-def end_state(sample: "frenetix.TrajectorySample") -> EndState:
-    """The end that a sample was made for."""
-    row = sample.sampling_parameters
-    return EndState(duration_s=float(row[1]), speed_mps=float(row[5]), offset_m=float(row[10]))
-
-
-def _core_state(frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters) -> "frenetix.CartesianPlannerState":
-    """The ego as the core's Cartesian state: the rear axle in the frame, the steering angle from the yaw rate."""
-    rear = frame.inwards(rear_axle(ego.position, ego.heading_rad, vehicle))
-    steering = float(np.arctan2(vehicle.wheelbase_m * ego.yaw_rate_radps, max(ego.speed_mps, 1e-3)))
-    steering = float(np.clip(steering, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad))
-    heading = frame.heading_inwards(ego.heading_rad)
-    return frenetix.CartesianPlannerState(
-        np.ascontiguousarray(rear), heading, ego.speed_mps, ego.acceleration_mps2, steering
-    )
+    def as_mode(self, low_speed: bool) -> "CurvilinearState":
+        """The same state with the lateral derivatives of the other mode (chain rule)."""
+        if low_speed == self.low_speed:
+            return self
+        _, speed, acceleration = self.longitudinal
+        offset, first, second = self.lateral
+        if not low_speed:
+            lateral = [offset, first * speed, second * speed**2 + first * acceleration]
+        elif speed > STANDING_MPS:
+            slope = first / speed
+            lateral = [offset, slope, (second - slope * acceleration) / speed**2]
+        else:
+            lateral = [offset, 0.0, 0.0]
+        return CurvilinearState(self.longitudinal, np.array(lateral), low_speed)
 
 
 def initial_state(
@@ -331,40 +204,87 @@ def initial_state(
 ) -> CurvilinearState | None:
     """The ego's curvilinear state by the core; None where it cannot be placed (opposite heading, off the path)."""
     try:
-        found = frenetix.compute_initial_state(
+        state = frenetix.compute_initial_state(
             frame.system, _core_state(frame, ego, vehicle), vehicle.wheelbase_m, low_speed
         )
     except (RuntimeError, ValueError):
         return None
-    longitudinal, lateral = np.array(found.x0_lon, dtype=float), np.array(found.x0_lat, dtype=float)
+    longitudinal, lateral = np.array(state.x0_lon, dtype=float), np.array(state.x0_lat, dtype=float)
     if not (np.isfinite(longitudinal).all() and np.isfinite(lateral).all()):
         return None
     return CurvilinearState(longitudinal, lateral, low_speed)
 
 
-def standstill(ego: EgoState, steps: int) -> PlannedTrajectory:
-    """Staying where the ego is for so many steps."""
-    values: Values = np.zeros(steps + 1)
-    return PlannedTrajectory(
-        positions=np.repeat(ego.position[None, :], steps + 1, axis=0),
-        headings_rad=np.full(steps + 1, ego.heading_rad),
-        speeds_mps=values,
-        accelerations_mps2=values.copy(),
+def _core_state(frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters) -> "frenetix.CartesianPlannerState":
+    """The ego as the core's Cartesian state: the rear axle in the frame, the steering angle from the yaw rate."""
+    rear = frame.inwards(rear_axle(ego.position, ego.heading_rad, vehicle))
+    steering = float(np.arctan2(vehicle.wheelbase_m * ego.yaw_rate_radps, max(ego.speed_mps, STANDING_MPS)))
+    steering = float(np.clip(steering, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad))
+    heading = frame.heading_inwards(ego.heading_rad)
+    return frenetix.CartesianPlannerState(
+        np.ascontiguousarray(rear), heading, ego.speed_mps, ego.acceleration_mps2, steering
     )
 
 
-# ---------- frenet_costs
-# The cost and feasibility functions of the C++ core, set up anew for every planning step.
+@dataclass(frozen=True)
+class SamplingSettings:
+    """The reference's sampling, by default at level 2: nine values per axis; durations from 1.1 s every 0.3 s."""
 
-CONSTRAINTS = {
-    "Yaw rate Constraint": "yaw_rate",
-    "Acceleration Constraint": "acceleration",
-    "Curvature Constraint": "curvature",
-    "Curvature Rate Constraint": "curvature_rate",
-}
-"""Names of the core's feasibility checks and ours."""
-BESIDE_REACH_M = 15.0
-"""√50 m of the core and the largest lateral offset, with some to spare; the ego's own length comes on top."""
+    horizon_s: float = 3.0
+    shortest_s: float = 1.1
+    duration_step_s: float = 0.3
+    lateral_m: float = 3.0
+    values: int = 9
+
+    @classmethod
+    def of(cls, settings: PlannerSettings) -> "SamplingSettings":
+        """The horizon and the level of a configuration; each level halves the distance of the values."""
+        level = settings.sampling_level
+        return cls(horizon_s=settings.horizon_s, values=2 ** (level + 1) + 1, duration_step_s=DURATION_STEPS_S[level])
+
+
+@dataclass(frozen=True)
+class EndState:
+    """Where a candidate ends: after ``duration_s``, at ``speed_mps`` along the path and ``offset_m`` beside it."""
+
+    duration_s: float
+    speed_mps: float
+    offset_m: float
+
+
+def sampling_matrix(
+    state: CurvilinearState,
+    speed_mps: float,
+    settings: SamplingSettings,
+    vehicle: VehicleParameters,
+    going_on: EndState | None = None,
+) -> Points:
+    """All combinations as the core's matrix, shape (n, 13).
+
+    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''.
+    About 800 rows: the present speed and offset and the whole horizon are among the end states, and ``going_on``, the
+    rest of the plan that is being driven. Without it a plan that stops just in time is lost by replanning, because
+    every new candidate takes at least ``shortest_s``.
+    """
+    durations = np.arange(settings.shortest_s, settings.horizon_s + 1e-9, settings.duration_step_s)
+    durations = np.unique(np.round(np.append(durations, settings.horizon_s), 6))
+    low = max(0.001, speed_mps - vehicle.maximum_acceleration_mps2 * settings.horizon_s)
+    reach = speed_mps + vehicle.maximum_acceleration_mps2 / 6.0 * settings.horizon_s
+    high = max(min(reach, SPEED_LIMIT_MPS, vehicle.maximum_speed_mps), low)
+    speeds = np.unique(np.append(np.linspace(low, high, settings.values), state.longitudinal[1]))
+    offsets = np.linspace(-settings.lateral_m, settings.lateral_m, settings.values)
+    offsets = np.unique(np.append(offsets, state.lateral[0]))
+    t1, v1, d1 = (axis.ravel() for axis in np.meshgrid(durations, speeds, offsets, indexing="ij"))
+    if going_on is not None and going_on.duration_s >= SHORTEST_REST_S:
+        t1, v1, d1 = (
+            np.append(t1, going_on.duration_s),
+            np.append(v1, going_on.speed_mps),
+            np.append(d1, going_on.offset_m),
+        )
+    matrix = np.zeros((len(t1), 13))
+    matrix[:, 1], matrix[:, FINAL_SPEED], matrix[:, 10] = t1, v1, d1
+    matrix[:, 2:5], matrix[:, 7:10] = state.longitudinal, state.lateral
+    return matrix
 
 
 @dataclass(frozen=True)
@@ -384,7 +304,7 @@ class StepInputs:
 def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParameters) -> None:
     """The four constraints that the core really checks; they stay the same during a run.
 
-    The core's accelerations are half of the true ones (see ``frenet_memory``), so it gets half of the limit.
+    The core's accelerations are half of the true ones (see the module), so it gets half of the limit.
     """
     steering, wheelbase = vehicle.maximum_steering_rad, vehicle.wheelbase_m
     handler.add_feasability_function(feasibility.CheckYawRateConstraint(steering, wheelbase, False))
@@ -459,8 +379,8 @@ def collision_probability(
 def _last_within_reach(obstacle: PredictedObstacle, inputs: StepInputs, vehicle: VehicleParameters) -> int:
     """The last step ahead at which the core can count an obstacle, 0 where it never can.
 
-    The core counts nothing farther than √50 m from the ego's box, at the same step. By then a candidate is at most the
-    share of ``reach_m`` away that its time is of the horizon, and beside that by its lateral offset.
+    The core counts nothing farther than √50 m from the ego's box, at the same step. At a share of the horizon a
+    candidate is at most that share of ``reach_m`` away, and its lateral offset on top.
     """
     away = np.linalg.norm(obstacle.positions - inputs.ego.position, axis=1)
     times = np.arange(len(away)) * inputs.step_s
@@ -489,3 +409,71 @@ def _core_prediction(obstacle: PredictedObstacle, last: int, frame: FrenetFrame)
         for (x, y), angle, covariance in zip(positions.tolist(), half.tolist(), covariances, strict=True)
     ]
     return frenetix.PredictedObject(obstacle.obstacle_id, poses, obstacle.length_m, obstacle.width_m)
+
+
+@dataclass(frozen=True)
+class DrivenPlan:
+    """The trajectory that was chosen at ``first_step``, with its curvilinear states (6, n): s, s', s'', d, d', d''."""
+
+    first_step: int
+    trajectory: PlannedTrajectory
+    curvilinear: Points
+    low_speed: bool
+    end: EndState
+
+    def state_for(self, ego: EgoState, low_speed: bool) -> CurvilinearState | None:
+        """The curvilinear state where the ego is, if it followed this plan."""
+        index = ego.step - self.first_step
+        if not 0 <= index < len(self.trajectory.positions):
+            return None
+        if float(np.linalg.norm(self.trajectory.positions[index] - ego.position)) > SAME_PLACE_M:
+            return None
+        column = self.curvilinear[:, index]
+        return CurvilinearState(column[:3].copy(), column[3:].copy(), self.low_speed).as_mode(low_speed)
+
+    def rest_for(self, ego: EgoState, step_s: float) -> EndState:
+        """What is left of this plan at a later step."""
+        return replace(self.end, duration_s=round(self.end.duration_s - (ego.step - self.first_step) * step_s, 6))
+
+
+def copied_trajectory(
+    sample: "frenetix.TrajectorySample", frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters
+) -> PlannedTrajectory:
+    """A sample as states of the centre in the world; headings continue the ego's."""
+    inner = sample.cartesian
+    speed = np.array(inner.v, dtype=float)
+    heading = np.array(inner.theta, dtype=float) + frame.angle_rad
+    heading += wrap_angle(float(heading[0]) - ego.heading_rad) - (float(heading[0]) - ego.heading_rad)
+    rear = frame.outwards(np.stack([np.array(inner.x, dtype=float), np.array(inner.y, dtype=float)], axis=1))
+    return PlannedTrajectory(
+        positions=centers(rear, heading, vehicle),
+        headings_rad=heading,
+        speeds_mps=speed,
+        accelerations_mps2=np.gradient(speed, sample.dt),
+    )
+
+
+def copied_curvilinear(sample: "frenetix.TrajectorySample") -> Points:
+    """The curvilinear states of a sample, shape (6, n), with true second derivatives."""
+    inner = sample.curvilinear
+    rows = (inner.s, inner.s_dot, inner.s_ddot, inner.d, inner.d_dot, inner.d_ddot)
+    states = np.array([np.array(row, dtype=float) for row in rows])
+    states[[2, 5]] *= SECOND_DERIVATIVE_FACTOR
+    return states
+
+
+def end_state(sample: "frenetix.TrajectorySample") -> EndState:
+    """The end that a sample was made for."""
+    row = sample.sampling_parameters
+    return EndState(duration_s=float(row[1]), speed_mps=float(row[FINAL_SPEED]), offset_m=float(row[10]))
+
+
+def standstill(ego: EgoState, steps: int) -> PlannedTrajectory:
+    """Staying where the ego is for a number of steps."""
+    values: Values = np.zeros(steps + 1)
+    return PlannedTrajectory(
+        positions=np.repeat(ego.position[None, :], steps + 1, axis=0),
+        headings_rad=np.full(steps + 1, ego.heading_rad),
+        speeds_mps=values,
+        accelerations_mps2=values.copy(),
+    )

@@ -1,7 +1,30 @@
 """The cost terms that the C++ core lacks, computed for all feasible candidates at once.
 
 Each takes a ``CandidateBatch`` and gives raw costs of shape (n,). The meanings of path_length, velocity and
-lane_center_offset are those of the Frenetix reference's Python terms; responsibility is our own, in its own module.
+lane_center_offset are those of the Frenetix reference's Python terms; responsibility is our own.
+
+**Responsibility** is nearness to others for which the ego would have to answer. The idea is that of Geisslinger,
+Poszler and Lienkamp, "An ethical trajectory planning algorithm for autonomous vehicles" (Nature Machine Intelligence,
+2023): a danger counts against the ego only where it enters what the other may legally reach; a road user that leaves
+its own lane or ignores the right of way answers for it. The rules and formulas below are ours.
+
+For every candidate and obstacle the conflict is the step of the smallest gap between their rectangles; it costs
+``exp(−gap / 2 m)`` where the ego is responsible. An obstacle's legal reach is its corridor: the lanelets of its
+direction under it and all that follow, from full braking (8 m/s²) to acceleration (3 m/s²). The rules, in this order:
+
+1. A standing obstacle counts unless it is behind the ego.
+2. One that is ahead in the ego's corridor counts, because the ego has to keep its distance; a ghost driver does not.
+3. One that follows behind the ego in the same lane does not count.
+4. One without a lane of its own (a pedestrian, a car off the road) counts where it is in front at the conflict.
+5. Otherwise the ego has to be within the other's legal reach: a conflict elsewhere (the other cuts in, comes over the
+   line) counts only where the ego has left its own corridor too.
+6. Within that reach the ego is responsible where it has left its own corridor, or where it drives parallel to the
+   other with its body over the edge of the other's lane. Where the corridors meet, the one that has to give way
+   answers: by signs (yield or stop, priority, crosswalks), else right before left, left turns after oncoming traffic,
+   and in a merge the one behind.
+
+Simplifications: traffic lights and speed limits are not read, right-hand traffic is assumed, headings count as they
+are now, and a car that has cut in counts as ahead from the next planning step on.
 """
 
 import math
@@ -12,11 +35,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...geometry import Points, Values, wrap_angle, wrap_angles
+from ...vehicles import HARDEST_BRAKING_MPS2
 from ..interface import PredictedObstacle
 from ..lanes import Corridor, LaneCenters, LaneCorridors
 
-# ---------- candidate_batch
-# The feasible candidates of one planning step as arrays, for the cost terms that are computed here.
+RANGE_M = 8.0
+"""Chosen: a wider gap costs nothing; it would cost less than 0.02."""
+SCALE_M = 2.0
+"""Chosen: over this gap the cost falls to 1/e."""
+EVERY_S = 0.2
+"""Chosen: the gaps are looked at in steps of this duration."""
+STANDING_MPS = 0.1
+"""Chosen: a slower obstacle stands."""
+ACCELERATION_MPS2 = 3.0
+"""Chosen: what another may accelerate with; that of a brisk car."""
+SIDE_BY_SIDE_RAD = math.radians(30.0)
+"""Chosen: headings that differ by less, or by this less than 180°, are parallel."""
+LEFT_TURN_RAD = math.radians(20.0)
+"""Chosen: a candidate that turns to the left by more than this before the conflict turns left."""
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -41,40 +78,22 @@ class CandidateBatch:
     corridors: LaneCorridors
 
 
-# ---------- responsibility
-# Nearness to others for which the ego would have to answer.
-#
-# The idea is that of Geisslinger, Poszler and Lienkamp, An ethical trajectory planning algorithm for autonomous
-# vehicles (Nature Machine Intelligence, 2023): a danger counts against the ego only where it enters what the other
-# may legally reach; who leaves its own lane or the right of way answers for it. The rules and formulas below are
-# ours.
-#
-# For every candidate and obstacle the conflict is the step of the smallest gap between their rectangles; it costs
-# ``exp(−gap / 2 m)`` where the ego is responsible. An obstacle's legal reach is its corridor: the lanelets of its
-# direction under it and all that follow, from full braking (8 m/s²) to acceleration (3 m/s²). The rules, in this
-# order:
-#
-# 1. A standing obstacle counts unless it is behind the ego. 2. One that is ahead in the ego's corridor counts,
-# because the ego has to keep its distance; a ghost driver does not. 3. One that follows behind the ego in the same
-# lane does not count. 4. One without a lane of its own (a pedestrian, a car off the road) counts where it is in front
-# at the conflict. 5. Otherwise the ego has to be within the other's legal reach: a conflict elsewhere (the other cuts
-# in, comes over the    line) counts only where the ego has left its own corridor too. 6. Within that reach the ego is
-# responsible where it has left its own corridor, or where it drives parallel to the    other with its body over the
-# edge of the other's lane. Where the corridors meet, whoever gives way answers: by signs    (yield or stop, priority,
-# crosswalks), else right before left, left turns after oncoming traffic, and in a merge    whoever is behind.
-#
-# Simplifications: traffic lights and speed limits are not read, right-hand traffic is assumed, headings count as they
-# are now, and a car that has cut in counts as ahead from the next planning step on.
+def path_length(batch: CandidateBatch) -> Values:
+    """Length of the candidate in m: the integral of its speed (trapezoids)."""
+    return np.asarray(np.trapezoid(batch.speed_mps, dx=batch.step_s, axis=1))
 
-RANGE_M = 8.0
-SCALE_M = 2.0
-EVERY_S = 0.2
-STANDING_MPS = 0.1
-BRAKING_MPS2 = 8.0
-ACCELERATION_MPS2 = 3.0
-SIDE_BY_SIDE_RAD = math.radians(30.0)
-LEFT_TURN_RAD = math.radians(20.0)
-Flags = NDArray[np.bool_]
+
+def velocity(batch: CandidateBatch) -> Values:
+    """|mean speed − speed that reaches the goal in the time left| in m/s; 0 where the goal has no place."""
+    if batch.target_speed_mps is None:
+        return np.zeros(len(batch.speed_mps))
+    return np.asarray(np.abs(batch.speed_mps.mean(axis=1) - batch.target_speed_mps))
+
+
+def lane_center_offset(batch: CandidateBatch) -> Values:
+    """Mean distance in m to the centre line of the lanelet under each point; 5 m where there is none."""
+    points = np.stack([batch.x_m.ravel(), batch.y_m.ravel()], axis=1)
+    return np.asarray(batch.lanes.offsets(points).reshape(batch.x_m.shape).mean(axis=1))
 
 
 def responsibility(batch: CandidateBatch) -> Values:
@@ -197,8 +216,8 @@ class _Conflict:
     def _reachable(self, station: Values) -> Flags:
         time = self.step * self.batch.step_s
         speed, margin = self.other.speed_mps, self.other.length_m / 2 + self.batch.half_length_m + RANGE_M
-        braking = np.minimum(time, speed / BRAKING_MPS2)
-        least = speed * braking - BRAKING_MPS2 / 2 * braking**2
+        braking = np.minimum(time, speed / HARDEST_BRAKING_MPS2)
+        least = speed * braking - HARDEST_BRAKING_MPS2 / 2 * braking**2
         most = speed * time + ACCELERATION_MPS2 / 2 * time**2
         return np.asarray((station >= least - margin) & (station <= most + margin))
 
@@ -227,39 +246,12 @@ def _reach_m(speed_mps: float, horizon_s: float) -> float:
     return speed_mps * horizon_s + ACCELERATION_MPS2 / 2 * horizon_s**2
 
 
-# ---------- cost_terms
-# The cost terms that the C++ core lacks, computed for all feasible candidates at once.
-#
-# Each takes a ``CandidateBatch`` and gives raw costs of shape (n,). The meanings of path_length, velocity and
-# lane_center_offset are those of the Frenetix reference's Python terms; responsibility is our own, in its own module.
-
-
-def path_length(batch: CandidateBatch) -> Values:
-    """Length of the candidate in m: the integral of its speed (trapezoids)."""
-    return np.asarray(np.trapezoid(batch.speed_mps, dx=batch.step_s, axis=1))
-
-
-def velocity(batch: CandidateBatch) -> Values:
-    """|mean speed − speed that reaches the goal in the time left| in m/s; 0 where the goal has no place."""
-    if batch.target_speed_mps is None:
-        return np.zeros(len(batch.speed_mps))
-    return np.asarray(np.abs(batch.speed_mps.mean(axis=1) - batch.target_speed_mps))
-
-
-def lane_center_offset(batch: CandidateBatch) -> Values:
-    """Mean distance in m to the centre line of the lanelet under each point; 5 m where there is none."""
-    points = np.stack([batch.x_m.ravel(), batch.y_m.ravel()], axis=1)
-    return np.asarray(batch.lanes.offsets(points).reshape(batch.x_m.shape).mean(axis=1))
-
-
 CostTerm = Callable[[CandidateBatch], Values]
 
-
-def own_terms() -> dict[str, CostTerm]:
-    """The terms that are computed here, by weight."""
-    return {
-        "path_length": path_length,
-        "lane_center_offset": lane_center_offset,
-        "velocity": velocity,
-        "responsibility": responsibility,
-    }
+OWN_TERMS: dict[str, CostTerm] = {
+    "path_length": path_length,
+    "lane_center_offset": lane_center_offset,
+    "velocity": velocity,
+    "responsibility": responsibility,
+}
+"""The terms that are computed here, by weight."""

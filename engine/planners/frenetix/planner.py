@@ -40,134 +40,19 @@ from .core import (
     sampling_matrix,
     standstill,
 )
-from .costs import CandidateBatch, own_terms
+from .costs import OWN_TERMS, CandidateBatch
 
 if TYPE_CHECKING:
     from commonroad_dc import pycrcc
 
-# ---------- safety
-# Whether a trajectory stays clear of the predicted obstacles and on the road.
+LOW_SPEED_MPS = 2.0
+"""Chosen: under it the core plans with lateral derivatives by arc length (``CurvilinearState``)."""
+STANDSTILL_MPS = 0.1
+"""Chosen: an ego as slow as this that has no safe candidate stands still."""
+COMPLETED_AT_ONCE = 16
+"""Chosen: candidates for which the expensive cost terms are computed together."""
 
 Objection = Literal["collision", "road_edge"]
-
-
-class SafetyCheck:
-    """The checks of one planning step; the present state (index 0) is not judged, since no plan can change it."""
-
-    def __init__(self, task: PlanningTask, observation: Observation) -> None:
-        from commonroad_dc import pycrcc
-
-        self._pycrcc = pycrcc
-        self._vehicle = task.vehicle
-        self._road = task.road
-        self._others = pycrcc.CollisionChecker()
-        for obstacle in observation.obstacles:
-            if len(obstacle.positions) < 2:
-                continue
-            body = pycrcc.TimeVariantCollisionObject(1)
-            half_length, half_width = obstacle.length_m / 2, obstacle.width_m / 2
-            for (x, y), heading in zip(
-                obstacle.positions[1:].tolist(), obstacle.headings_rad[1:].tolist(), strict=True
-            ):
-                body.append_obstacle(pycrcc.RectOBB(half_length, half_width, heading, x, y))
-            self._others.add_collision_object(body)
-        self._on_edge_now = self._road.touches_edge(rectangle(observation.ego, task.vehicle))
-
-    def objection(self, trajectory: PlannedTrajectory) -> Objection | None:
-        """What speaks against a trajectory, or None.
-
-        An ego that touches the edge of the road now is only asked to stay clear of it once it has left it.
-        """
-        rectangles = self._rectangles(trajectory)
-        if self._others.collide(self._motion(rectangles)):
-            return "collision"
-        if self._on_edge_now:
-            clear = (i for i, body in enumerate(rectangles) if not self._road.touches_edge(body))
-            rectangles = rectangles[next(clear, len(rectangles)) :]
-        if rectangles and self._road.touches_edge(self._motion(rectangles)):
-            return "road_edge"
-        return None
-
-    def _rectangles(self, trajectory: PlannedTrajectory) -> list["pycrcc.RectOBB"]:
-        half_length, half_width = self._vehicle.length_m / 2, self._vehicle.width_m / 2
-        states = zip(trajectory.positions[1:].tolist(), trajectory.headings_rad[1:].tolist(), strict=True)
-        return [self._pycrcc.RectOBB(half_length, half_width, heading, x, y) for (x, y), heading in states]
-
-    def _motion(self, rectangles: list["pycrcc.RectOBB"]) -> "pycrcc.TimeVariantCollisionObject":
-        motion = self._pycrcc.TimeVariantCollisionObject(1)
-        for body in rectangles:
-            motion.append_obstacle(body)
-        return motion
-
-
-# ---------- candidate_choice
-# Which candidate a sampling planner drives: the cheapest that nothing speaks against.
-
-
-class _Candidate(Protocol):
-    """A trajectory with its total cost; the id decides between equal costs."""
-
-    @property
-    def cost(self) -> Any:
-        """Weighted sum of the cost terms."""
-
-    @property
-    def uniqueId(self) -> Any:  # noqa: N802 - as the core names it
-        """A number of its own."""
-
-
-AnyCandidate = TypeVar("AnyCandidate", bound=_Candidate)
-
-
-def cheapest_first(
-    candidates: Iterable[AnyCandidate], complete: Callable[[Sequence[AnyCandidate]], None], at_once: int
-) -> Iterator[AnyCandidate]:
-    """Candidates by ascending cost, the rest of their costs computed only as far as somebody asks for the next one.
-
-    The given costs lack dear terms that are never negative. ``complete`` adds them to so many candidates ``at_once``,
-    in the order of the costs so far. A completed candidate that costs less than the next one does without the dear
-    terms is cheaper than all that follow, so the order is the same as if all had been completed before.
-    """
-    waiting = sorted(candidates, key=_order)
-    completed: list[tuple[Any, Any, AnyCandidate]] = []
-    for begin in range(0, len(waiting), at_once):
-        while completed and completed[0][0] < waiting[begin].cost:
-            yield heapq.heappop(completed)[-1]
-        several = waiting[begin : begin + at_once]
-        complete(several)
-        for candidate in several:
-            heapq.heappush(completed, (*_order(candidate), candidate))
-    while completed:
-        yield heapq.heappop(completed)[-1]
-
-
-def _order(candidate: _Candidate) -> tuple[Any, Any]:
-    return candidate.cost, candidate.uniqueId
-
-
-def first_feasible(
-    ordered: Iterable[AnyCandidate], objection: Callable[[AnyCandidate], str | None], rejected: Counter[str]
-) -> AnyCandidate | None:
-    """The first candidate that nothing speaks against; the objections to those before it are counted."""
-    for candidate in ordered:
-        found = objection(candidate)
-        if found is None:
-            return candidate
-        rejected[found] += 1
-    return None
-
-
-# ---------- frenetix
-# Frenetix: the sampling planner of TUM, its C++ core driven by our own loop.
-#
-# Candidates end at sampled durations, speeds and lateral offsets (quartic along, quintic across the reference path).
-# They are tested in the order of their cost against the limits of the vehicle, the predicted obstacles and the edge
-# of the road; the first that passes is driven. Where none passes: standing still under 0.1 m/s, else the drivable
-# candidate that stops soonest.
-
-LOW_SPEED_MPS = 2.0
-STANDSTILL_MPS = 0.1
-COMPLETED_AT_ONCE = 16
 
 
 @dataclass
@@ -198,7 +83,7 @@ class Frenetix:
         self._task = task
         self._settings = self._given_settings or SamplingSettings.of(task.configuration.settings)
         self._weights = task.configuration.weights
-        self._own_terms = {name: term for name, term in own_terms().items() if self._weights[name] > 0}
+        self._own_terms = {name: term for name, term in OWN_TERMS.items() if self._weights[name] > 0}
         network = task.scenario.lanelet_network
         self._lanes = LaneCenters(network) if self._own_terms else None
         self._corridors = LaneCorridors(network) if self._own_terms else None
@@ -240,15 +125,15 @@ class Frenetix:
         began = perf_counter()
         self._handler.generate_trajectories(matrix, step.low_speed)
         self._handler.evaluate_all_current_functions(False)
-        found = list(self._handler.get_sorted_trajectories())
+        samples = list(self._handler.get_sorted_trajectories())
         step.core_s = perf_counter() - began
         step.candidates, step.fastest_mps = len(matrix), float(matrix[:, FINAL_SPEED].max())
-        return self._sorted_out(found, step)
+        return self._sorted_out(samples, step)
 
     def _ranked(
         self, feasible: list["frenetix.TrajectorySample"], inputs: StepInputs, step: _Step
     ) -> Iterator["frenetix.TrajectorySample"]:
-        """Feasible candidates, cheapest first; the dear terms are computed as the candidates are asked for."""
+        """Feasible candidates, cheapest first; the expensive terms are computed as the candidates are asked for."""
         weight, collision = self._weights["prediction"], None
         if weight > 0:
             collision = collision_probability(weight, step.frame, inputs, self._task.vehicle)
@@ -275,17 +160,17 @@ class Frenetix:
             reach_m=self._reach_m(step.ego),
         )
 
-    def _sorted_out(self, found: list["frenetix.TrajectorySample"], step: _Step) -> list["frenetix.TrajectorySample"]:
+    def _sorted_out(self, samples: list["frenetix.TrajectorySample"], step: _Step) -> list["frenetix.TrajectorySample"]:
         feasible: list[frenetix.TrajectorySample] = []
-        for sample in found:
+        for sample in samples:
             if sample.feasible:
                 feasible.append(sample)
                 continue
             broken = [CONSTRAINTS[name] for name, count in sample.feasabilityMap.items() if count > 0]
             for name in broken or ["negative_speed"]:
                 step.rejected[name] += 1
-        if len(found) < step.candidates:
-            step.rejected["off_reference_path"] += step.candidates - len(found)
+        if len(samples) < step.candidates:
+            step.rejected["off_reference_path"] += step.candidates - len(samples)
         return feasible
 
     def _add_own_terms(self, candidates: Sequence["frenetix.TrajectorySample"], step: _Step) -> None:
@@ -348,3 +233,105 @@ class Frenetix:
         """Distance that the fastest candidate covers within the horizon."""
         gain = self._task.vehicle.maximum_acceleration_mps2 / 6.0 * self._settings.horizon_s
         return (ego.speed_mps + gain) * self._settings.horizon_s
+
+
+class _Candidate(Protocol):
+    """A trajectory with its total cost; the id decides between equal costs."""
+
+    @property
+    def cost(self) -> Any:
+        """Weighted sum of the cost terms."""
+
+    @property
+    def uniqueId(self) -> Any:  # noqa: N802 - as the core names it
+        """A number of its own."""
+
+
+AnyCandidate = TypeVar("AnyCandidate", bound=_Candidate)
+
+
+def cheapest_first(
+    candidates: Iterable[AnyCandidate], complete: Callable[[Sequence[AnyCandidate]], None], at_once: int
+) -> Iterator[AnyCandidate]:
+    """Candidates by ascending cost, the rest of their costs computed only as far as candidates are asked for.
+
+    The given costs lack expensive terms that are never negative. ``complete`` adds them, to ``at_once`` candidates at a
+    time, in the order of the given costs. A completed candidate that costs less than the next one does without the
+    expensive terms is cheaper than all that follow, so the order is the same as if all had been completed before.
+    """
+    waiting = sorted(candidates, key=_order)
+    completed: list[tuple[Any, Any, AnyCandidate]] = []
+    for begin in range(0, len(waiting), at_once):
+        while completed and completed[0][0] < waiting[begin].cost:
+            yield heapq.heappop(completed)[-1]
+        several = waiting[begin : begin + at_once]
+        complete(several)
+        for candidate in several:
+            heapq.heappush(completed, (*_order(candidate), candidate))
+    while completed:
+        yield heapq.heappop(completed)[-1]
+
+
+def _order(candidate: _Candidate) -> tuple[Any, Any]:
+    return candidate.cost, candidate.uniqueId
+
+
+def first_feasible(
+    ordered: Iterable[AnyCandidate], objection: Callable[[AnyCandidate], str | None], rejected: Counter[str]
+) -> AnyCandidate | None:
+    """The first candidate without an objection; the objections to those before it are counted in ``rejected``."""
+    for candidate in ordered:
+        reason = objection(candidate)
+        if reason is None:
+            return candidate
+        rejected[reason] += 1
+    return None
+
+
+class SafetyCheck:
+    """The checks of one planning step; the present state (index 0) is not judged, since no plan can change it."""
+
+    def __init__(self, task: PlanningTask, observation: Observation) -> None:
+        from commonroad_dc import pycrcc
+
+        self._pycrcc = pycrcc
+        self._vehicle = task.vehicle
+        self._road = task.road
+        self._others = pycrcc.CollisionChecker()
+        for obstacle in observation.obstacles:
+            if len(obstacle.positions) < 2:
+                continue
+            body = pycrcc.TimeVariantCollisionObject(1)
+            half_length, half_width = obstacle.length_m / 2, obstacle.width_m / 2
+            for (x, y), heading in zip(
+                obstacle.positions[1:].tolist(), obstacle.headings_rad[1:].tolist(), strict=True
+            ):
+                body.append_obstacle(pycrcc.RectOBB(half_length, half_width, heading, x, y))
+            self._others.add_collision_object(body)
+        self._on_edge_now = self._road.touches_edge(rectangle(observation.ego, task.vehicle))
+
+    def objection(self, trajectory: PlannedTrajectory) -> Objection | None:
+        """Why a trajectory is not safe, or None.
+
+        An ego that touches the edge of the road now is only asked to stay clear of it once it has left it.
+        """
+        rectangles = self._rectangles(trajectory)
+        if self._others.collide(self._motion(rectangles)):
+            return "collision"
+        if self._on_edge_now:
+            clear = (i for i, body in enumerate(rectangles) if not self._road.touches_edge(body))
+            rectangles = rectangles[next(clear, len(rectangles)) :]
+        if rectangles and self._road.touches_edge(self._motion(rectangles)):
+            return "road_edge"
+        return None
+
+    def _rectangles(self, trajectory: PlannedTrajectory) -> list["pycrcc.RectOBB"]:
+        half_length, half_width = self._vehicle.length_m / 2, self._vehicle.width_m / 2
+        states = zip(trajectory.positions[1:].tolist(), trajectory.headings_rad[1:].tolist(), strict=True)
+        return [self._pycrcc.RectOBB(half_length, half_width, heading, x, y) for (x, y), heading in states]
+
+    def _motion(self, rectangles: list["pycrcc.RectOBB"]) -> "pycrcc.TimeVariantCollisionObject":
+        motion = self._pycrcc.TimeVariantCollisionObject(1)
+        for body in rectangles:
+            motion.append_obstacle(body)
+        return motion

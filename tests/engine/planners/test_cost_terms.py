@@ -14,9 +14,9 @@ from support.planning import (
 )
 
 from plannerforge.engine.planners.frenetix.costs import (
+    OWN_TERMS,
     CandidateBatch,
     lane_center_offset,
-    own_terms,
     path_length,
     velocity,
 )
@@ -65,7 +65,7 @@ def test_all_thirteen_weights_act_and_the_three_external_ones_do_not() -> None:
     tuning = tuning_of("frenetix")
     assert [weight.name for weight in tuning.weights.values() if not weight.acts] == []
     assert len(tuning.weights) == 13
-    assert {name for name, weight in tuning.weights.items() if weight.computed_by == "ours"} == set(own_terms())
+    assert {name for name, weight in tuning.weights.items() if weight.computed_by == "ours"} == set(OWN_TERMS)
     assert sorted(tuning.external) == ["occ_pm", "occ_um", "occ_ve"]
     assert not any(weight.acts for weight in tuning.external.values())
 

@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.planners.frenetix.costs import own_terms
+from plannerforge.engine.planners.frenetix.costs import OWN_TERMS
 from plannerforge.engine.tuning import changed_configuration, differences, named_configuration, to_yaml, tuning_of
 from plannerforge.engine.tuning.settings import apply_assignments
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
@@ -62,7 +62,7 @@ def test_the_presets_agree_with_the_published_facts(shared_data: Path) -> None:
 
 def test_every_weight_names_the_code_that_computes_it_and_ours_are_ours() -> None:
     ours = {name for name, weight in FRENETIX.weights.items() if weight.computed_by == "ours"}
-    assert ours == set(own_terms())
+    assert ours == set(OWN_TERMS)
     assert all(weight.acts for weight in FRENETIX.weights.values())
     assert not any(weight.acts for weight in FRENETIX.external.values())
 
