@@ -1,27 +1,27 @@
 """Motion planners and the loop that runs them: observe, plan, follow, judge.
 
-``CandidateBatch``: States of n candidates at m steps.
-``responsibility``: Sum over obstacles of ``exp(−smallest gap / 2 m)`` where the ego is responsible, per candidate,
-    shape (n,).
-``Frenetix``: The planner.
-``EgoState``: The ego at one time step.
-``Observation``: What the planner sees before it plans.
-``Plan``: An answer of a planner.
-``PlannedTrajectory``: States of the centre, one a step beginning with the present.
-``Planner``: A motion planner.
+``check_planner``: What a planner breaks of the contract on one task; nothing where it keeps it.
+``CandidateBatch``: States of n candidates at m steps, with the obstacles and lanes around them.
+``responsibility``: The cost term of that name: a raw cost for each candidate, shape (n,).
+``Frenetix``: The sampling planner of TUM.
+``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
+``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
+``Plan``: The answer of a planner: a trajectory or None, with costs and what was rejected.
+``PlannedTrajectory``: States of the centre, one a step, beginning with the present.
+``Planner``: The protocol that every planner satisfies.
 ``PlanningTask``: Everything that stays the same during a run.
-``BEYOND_GOAL_M``: Candidates of the planner's horizon must not leave the path.
-``build_reference_path``: The path of a route for an ego that starts at ``position`` with ``speed_mps``.
-``PLANNERS``: TODO.
-``known_planner``: The name as registered, whatever its case.
-``make_planner``: A new planner.
-``run_planner``: Run a planner on one planning problem of a CommonRoad file.
-``DrivenRun``: What a run has given so far.
-``simulate``: Run a planner on a planning problem until the judge ends it.
-``check_modes``: Refuse to tell a planner the future of vehicles that have none yet.
-``open_traffic``: The others of a scenario, standing at the ego's first step.
-``RecordedTraffic``: Dynamic and static obstacles of a scenario, following their recordings.
+``BEYOND_GOAL_M``: How far a reference path goes on beyond its goal at least, in m.
+``build_reference_path``: The path of a route for an ego at a position and speed.
+``PLANNERS``: For each planner by its name the function that makes it.
+``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
+``make_planner``: A new planner by its name.
+``run_planner``: An operation: runs a planner on one planning problem of a CommonRoad file.
+``DrivenRun``: States, plans and verdict of a run.
+``simulate``: The run of a planner on a planning problem, until the judge ends it.
 ``write_solution``: An operation: writes a run's trajectory as a CommonRoad solution file.
+``check_modes``: Raises ``InvalidRequest`` where a prediction does not go with the traffic.
+``open_traffic``: The others of a scenario, recorded or reactive, at the ego's first step.
+``RecordedTraffic``: The obstacles of a scenario, following their recordings.
 """
 
 from typing import TYPE_CHECKING
@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .conformance import check_planner as check_planner
     from .frenetix.costs import CandidateBatch as CandidateBatch
     from .frenetix.costs import responsibility as responsibility
     from .frenetix.planner import Frenetix as Frenetix
