@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -27,32 +27,33 @@ TrafficAfterEdits = Literal["recorded", "reactive"]
 CheckedBy = Literal["closed_form", "drivability_checker"]
 EditDetail = Literal["brief", "checks"]
 """``checks``: touched motions are judged by the drivability checker too, which takes up to a second each."""
-LETTERS: Final[dict[EditOperation, Letter]] = {
-    "reroute": "T",
-    "change_lane": "T",
-    "set_speed": "T",
-    "shift_time": "T",
-    "set_behaviour": "B",
-    "add_vehicle": "P",
-    "remove_vehicle": "P",
-    "set_goal": "G",
-    "set_ego": "G",
-}
-ARGUMENTS_OF: Final[dict[EditOperation, tuple[str, ...]]] = {
-    "reroute": ("vehicles", "to", "via", "turn"),
-    "change_lane": ("vehicles", "lane", "time_s"),
-    "set_speed": ("vehicles", "speed", "time_s"),
-    "shift_time": ("vehicles", "time_s"),
-    "set_behaviour": ("vehicles", "preset", "params"),
-    "add_vehicle": (
-        *("vehicle_class", "count", "spacing_m", "at", "lane", "offset_m", "position", "speed", "time_s", "to"),
-        *("preset", "params"),
+
+
+class EditKind(NamedTuple):
+    """What the tool knows of an operation: the paper's letter, and the arguments that belong to it."""
+
+    letter: Letter
+    arguments: tuple[str, ...]
+
+
+EDITS: Final[dict[EditOperation, EditKind]] = {
+    "reroute": EditKind("T", ("vehicles", "to", "via", "turn")),
+    "change_lane": EditKind("T", ("vehicles", "lane", "time_s")),
+    "set_speed": EditKind("T", ("vehicles", "speed", "time_s")),
+    "shift_time": EditKind("T", ("vehicles", "time_s")),
+    "set_behaviour": EditKind("B", ("vehicles", "preset", "params")),
+    "add_vehicle": EditKind(
+        "P",
+        (
+            *("vehicle_class", "count", "spacing_m", "at", "lane", "offset_m", "position", "speed", "time_s", "to"),
+            *("preset", "params"),
+        ),
     ),
-    "remove_vehicle": ("vehicles",),
-    "set_goal": ("to", "position", "rectangle_m", "goal_time", "goal_speed"),
-    "set_ego": ("vehicles", "at", "lane", "offset_m", "position", "speed", "former_ego"),
+    "remove_vehicle": EditKind("P", ("vehicles",)),
+    "set_goal": EditKind("G", ("to", "position", "rectangle_m", "goal_time", "goal_speed")),
+    "set_ego": EditKind("G", ("vehicles", "at", "lane", "offset_m", "position", "speed", "former_ego")),
 }
-"""Which arguments belong to which operation; any other is refused."""
+"""All operations; any argument of another one is refused. The engine's function of an edit has the operation's name."""
 
 
 class Edit(Arguments):

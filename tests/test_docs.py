@@ -8,7 +8,7 @@ import pytest
 from plannerforge.engine.cosimulation.driver import PARAMETERS, presets
 from plannerforge.engine.network.rules.check import all_rules
 from plannerforge.schemas.errors import error_classes
-from plannerforge.schemas.modification import ARGUMENTS_OF
+from plannerforge.schemas.modification import EDITS
 from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 
@@ -26,7 +26,7 @@ def names_in(page: str) -> set[str]:
         ("README.md", list(Settings.model_fields)),
         ("docs/errors.md", list(error_classes())),
         ("docs/rules.md", [rule.rule_id for rule in all_rules()]),
-        ("docs/edits.md", [*ARGUMENTS_OF, *presets(), *PARAMETERS]),
+        ("docs/edits.md", [*EDITS, *presets(), *PARAMETERS]),
     ],
     ids=["tools", "settings", "errors", "rules", "edits"],
 )

@@ -1,33 +1,25 @@
 """The edits by the name of their operation, and a list of edits resolved against a scene.
 
 An edit is a function ``(edit, scene, changes) -> EditStep``: it gets the scene as the edits before it leave it, and
-what they ask for. Nothing is simulated or written here.
+what they ask for. Nothing is simulated or written here. A new edit is such a function in ``trajectory``, ``population``
+or ``ego``, and its row in the table of the tool's schema (``EDITS``), which says what arguments it takes.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from ...schemas.errors import InvalidRequest
-from ...schemas.modification import ARGUMENTS_OF, Edit, EditOperation
+from ...schemas.modification import EDITS, Edit, EditOperation
 from ..scene import Scene
+from . import ego, population, trajectory
 from .changes import Changes, EditStep, ResolvedEdits, apply_changes
-from .ego import set_ego, set_goal
 from .goal_feasibility import check_goal
-from .population import add_vehicle, remove_vehicle
-from .trajectory import change_lane, reroute, set_behaviour, set_speed, shift_time
 
 EditFunction = Callable[[Edit, Scene, Changes], EditStep]
 OPERATIONS: Mapping[EditOperation, EditFunction] = {
-    "reroute": reroute,
-    "change_lane": change_lane,
-    "set_speed": set_speed,
-    "shift_time": shift_time,
-    "set_behaviour": set_behaviour,
-    "add_vehicle": add_vehicle,
-    "remove_vehicle": remove_vehicle,
-    "set_goal": set_goal,
-    "set_ego": set_ego,
+    op: next(getattr(module, op) for module in (trajectory, population, ego) if hasattr(module, op)) for op in EDITS
 }
+"""The edits by their operation: each is the function of this name in one of these modules."""
 
 
 def resolve_edits(edits: tuple[Edit, ...], base: Scene, next_id: int, earlier: int = 0) -> ResolvedEdits:
@@ -58,7 +50,7 @@ def resolve_edits(edits: tuple[Edit, ...], base: Scene, next_id: int, earlier: i
 
 def _check_arguments(edit: Edit) -> None:
     """Refuse arguments that do not belong to the operation, so that nothing asked for is silently left out."""
-    allowed = ARGUMENTS_OF[edit.op]
+    allowed = EDITS[edit.op].arguments
     foreign = [name for name in edit.given if name not in allowed]
     if foreign:
         raise InvalidRequest(

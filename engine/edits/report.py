@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ...schemas.modification import (
-    LETTERS,
+    EDITS,
     EditCollision,
     EditReport,
     ModificationOutcome,
@@ -87,7 +87,7 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
             EditReport(
                 index=index - request.earlier,
                 op=edit.op,
-                letter=LETTERS[edit.op],
+                letter=EDITS[edit.op].letter,
                 done=undone is None,
                 what="; ".join([step.what, *speeds, *shifts, *([] if undone is None else [undone])]),
                 vehicles=step.vehicles,

@@ -7,15 +7,16 @@ from support.edits import Apply
 
 from plannerforge.engine.edits.operations import OPERATIONS
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
-from plannerforge.schemas.modification import ARGUMENTS_OF, LETTERS, Edit, EditOperation
+from plannerforge.schemas.modification import EDITS, Edit, EditOperation
 
 
 def test_every_operation_of_the_schema_is_carried_out_by_a_function() -> None:
-    assert set(OPERATIONS) == set(get_args(EditOperation)) == set(ARGUMENTS_OF) == set(LETTERS)
+    assert tuple(OPERATIONS) == get_args(EditOperation) == tuple(EDITS)
+    assert [function.__name__ for function in OPERATIONS.values()] == list(EDITS)
 
 
 def test_every_argument_belongs_to_some_operation() -> None:
-    belonging = {name for names in ARGUMENTS_OF.values() for name in names}
+    belonging = {name for kind in EDITS.values() for name in kind.arguments}
     assert belonging == set(Edit.model_fields) - {"op"}
 
 
@@ -33,7 +34,7 @@ def test_an_argument_of_another_operation_is_refused_with_those_that_belong(
 ) -> None:
     with pytest.raises(InvalidRequest, match=f"{foreign} does not belong to op {edit['op']}") as caught:
         apply(edit)
-    assert set(caught.value.valid) == set(ARGUMENTS_OF[edit["op"]])  # type: ignore[index]
+    assert set(caught.value.valid) == set(EDITS[edit["op"]].arguments)  # type: ignore[index]
 
 
 def test_one_refused_edit_refuses_all(apply: Apply) -> None:
