@@ -103,7 +103,7 @@ class ResolvedEdits:
 
 
 def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
-    """The plan of a vehicle as it stands, or a new one that drives its recorded way from its first step on.
+    """The plan of a vehicle as it stands, or a new one that drives its recorded route from its first step on.
 
     Raises:
         NotPossible: the vehicle cannot be driven (a pedestrian, an obstacle off the lanes, or an occupancy set).

@@ -21,9 +21,9 @@ from ..scene import Scene
 from ..vehicles import EGO_SIZE_M
 from .changes import Changes, EditStep
 
-TOUCH_M = 0.05
+_TOUCH_M = 0.05
 """Bodies that overlap by less are not colliding: recorded positions are not better than that."""
-NEAR_STEPS = 10
+_NEAR_STEPS = 10
 """An overlap that begins so few steps before or after a recorded one of the same two is the recorded one (chosen)."""
 REACTION_S = 4.0
 """A handed-over vehicle is driven from this long before the collision on, which is time to brake gently (chosen)."""
@@ -220,7 +220,7 @@ def _first_new(first: Body, second: Body, first_before: Body | None, second_befo
     known = tuple(overlap_steps(first_before, second_before))
     before = -2
     for now in chain([step], steps):
-        if now > before + 1 and not any(abs(now - recorded) <= NEAR_STEPS for recorded in known):
+        if now > before + 1 and not any(abs(now - recorded) <= _NEAR_STEPS for recorded in known):
             return now
         before = now
     return None
@@ -243,5 +243,5 @@ def overlap_steps(first: Body, second: Body) -> Iterator[int]:
             oriented_rectangle(body.positions[index], float(body.headings_rad[index]), body.size_m)
             for body, index in ((first, one.start + offset), (second, two.start + offset))
         ]
-        if rectangles_overlap(corners[0], corners[1], TOUCH_M):
+        if rectangles_overlap(corners[0], corners[1], _TOUCH_M):
             yield int(begin + offset)

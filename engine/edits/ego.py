@@ -19,11 +19,11 @@ from .goal_feasibility import GoalTask, distance_along, goal_lanelet_ids, goal_s
 from .placement import Place, first_place
 from .references import reachable_lanelets, route_to, select, target_lanelets
 
-SPEED_TOLERANCE_MPS = 1.0
+_SPEED_TOLERANCE_MPS = 1.0
 """Half the width of the speed interval of a goal whose speed is given as one value (chosen)."""
-LARGEST_RECTANGLE_M = 500.0
+_LARGEST_RECTANGLE_M = 500.0
 """Longer than any goal region of a published scenario: what is larger is a slip of the units (chosen)."""
-LET_VANISH = "let it vanish: nobody can drive it on"
+_LET_VANISH = "let it vanish: nobody can drive it on"
 
 
 def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -81,10 +81,10 @@ def _starts(scene: Scene, ego: Ego) -> tuple[int, ...]:
 def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
     if rectangle_m is None:
         return None
-    if len(rectangle_m) != 2 or not all(0.0 < side <= LARGEST_RECTANGLE_M for side in rectangle_m):
+    if len(rectangle_m) != 2 or not all(0.0 < side <= _LARGEST_RECTANGLE_M for side in rectangle_m):
         raise InvalidRequest(
             f"rectangle_m={rectangle_m} is no goal region",
-            valid=[f"[length, width] in m, both above 0 and at most {LARGEST_RECTANGLE_M:g}"],
+            valid=[f"[length, width] in m, both above 0 and at most {_LARGEST_RECTANGLE_M:g}"],
             next_step="give both sides, as in [8, 3]",
         )
     return rectangle_m[0], rectangle_m[1]
@@ -119,10 +119,10 @@ def _speeds(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
     interval = parse_interval(text, "m/s")
-    slack = SPEED_TOLERANCE_MPS if interval.exact else 0.0
+    slack = _SPEED_TOLERANCE_MPS if interval.exact else 0.0
     low = max((interval.low or 0.0) - slack, 0.0)
     high = (LARGEST_SPEED_MPS if interval.high is None else interval.high) + slack
-    if high > LARGEST_SPEED_MPS + SPEED_TOLERANCE_MPS or high <= low:
+    if high > LARGEST_SPEED_MPS + _SPEED_TOLERANCE_MPS or high <= low:
         raise InvalidRequest(
             f"goal_speed '{text}' is no speed of a car",
             valid=[f"0 … {LARGEST_SPEED_MPS} m/s"],
@@ -263,7 +263,7 @@ def _check_free(edit: Edit, scene: Scene, changes: Changes, place: Place, ego: E
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
     """The former ego as a car that drives to the former goal, or straight on."""
     if not ego.lanelets:
-        raise NotPossible("the former ego stands on no lanelet", valid=["former_ego=vanish"], next_step=LET_VANISH)
+        raise NotPossible("the former ego stands on no lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)
     route = scene.lanelet_graph.shortest_route(ego.lanelets[:1], goals) if goals else None
     edges = scene.edge_graph.route(route or ego.lanelets[:1])
@@ -271,7 +271,7 @@ def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
         route, edges = None, scene.edge_graph.route(ego.lanelets[:1])
     if edges is None:
         raise NotPossible(
-            "the former ego's way leaves the lanelet graph", valid=["former_ego=vanish"], next_step=LET_VANISH
+            "the former ego's way leaves the lanelet graph", valid=["former_ego=vanish"], next_step=_LET_VANISH
         )
     lanelets, car = route or ego.lanelets[:1], vehicle_classes()["car"]
     start = Track(

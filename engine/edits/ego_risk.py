@@ -32,11 +32,11 @@ from ..vehicles import EGO_SIZE_M, vehicle_classes
 from .changes import Changes
 from .edited_scene import REACTION_S, EditedScene
 
-LONGEST_TIME_S = 60.0
+_LONGEST_TIME_S = 60.0
 """A later collision is none: no road user keeps speed and heading for so long (chosen)."""
-CLASS = "car"
+_CLASS = "car"
 """The class whose ordinary driver stands for the ego's."""
-NO_CHANGES = Changes(next_id=0, driven={})
+_NO_CHANGES = Changes(next_id=0, driven={})
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
     """The ego's motion among the recorded vehicles of a base scenario; None without one."""
     if base.ego is None:
         return None
-    track = simulate_ego(base, base.ego, _problem_goals(base, base.ego), setup)
+    track = _simulate_ego(base, base.ego, _problem_goals(base, base.ego), setup)
     if track is None:
         return None
     others = [*base.standing.values(), *(region.track for region in base.regions)]
@@ -74,7 +74,7 @@ def drive_after(
     if ego is None or (ego is base.ego and goal is None):
         return None if before is None else before.track
     goals = _problem_goals(scene, ego) if goal is None else (goal.lanelet_id,)
-    return simulate_ego(scene, ego, goals, setup, changes)
+    return _simulate_ego(scene, ego, goals, setup, changes)
 
 
 def _problem_goals(scene: Scene, ego: Ego) -> tuple[int, ...]:
@@ -82,10 +82,10 @@ def _problem_goals(scene: Scene, ego: Ego) -> tuple[int, ...]:
     return tuple(goal_lanelets(scene.network, scene.loaded.problem(ego.problem_id).goal) or ())
 
 
-def simulate_ego(
-    scene: Scene, ego: Ego, goals: Collection[int], setup: SimulationSetup, changes: Changes = NO_CHANGES
+def _simulate_ego(
+    scene: Scene, ego: Ego, goals: Collection[int], setup: SimulationSetup, changes: Changes = _NO_CHANGES
 ) -> Track | None:
-    """The ego's motion on the shortest way to any of the goal lanelets, else straight on.
+    """The ego's motion on the shortest route to any of the goal lanelets, else straight on.
 
     None where the ego stands on no lanelet or begins when the scenario ends.
     """
@@ -109,18 +109,18 @@ def _plan(scene: Scene, ego: Ego, goals: Collection[int]) -> DrivePlan | None:
     drivable = [key for key in ego.lanelets if key in scene.layout.table.lanes]
     if not drivable:
         return None
-    way = scene.lanelet_graph.shortest_route(drivable, sorted(goals)) or drivable[:1]
-    way = tuple(key for key in way if key in scene.layout.table.lanes)
-    edges = scene.edge_graph.route(way) or scene.edge_graph.route(drivable[:1])
+    route = scene.lanelet_graph.shortest_route(drivable, sorted(goals)) or drivable[:1]
+    route = tuple(key for key in route if key in scene.layout.table.lanes)
+    edges = scene.edge_graph.route(route) or scene.edge_graph.route(drivable[:1])
     if edges is None:
         return None
-    vehicle_class = vehicle_classes()[CLASS]
+    vehicle_class = vehicle_classes()[_CLASS]
     return DrivePlan(
         start=_start(scene, ego),
         cause="added",
         from_step=ego.step,
-        lanelets=way,
-        edges=scene.edge_graph.extended(edges, way[-1]),
+        lanelets=route,
+        edges=scene.edge_graph.extended(edges, route[-1]),
         targets=frozenset(goals),
         behaviour=usual_behaviour(vehicle_class),
         vehicle_class=vehicle_class,
@@ -132,7 +132,7 @@ def _start(scene: Scene, ego: Ego) -> Track:
     is_taken = ego.problem_id in scene.tracks or ego.problem_id in scene.standing
     return Track(
         obstacle_id=-ego.problem_id if is_taken else ego.problem_id,
-        kind=CLASS,
+        kind=_CLASS,
         length_m=EGO_SIZE_M[0],
         width_m=EGO_SIZE_M[1],
         first_step=ego.step,
@@ -206,7 +206,7 @@ def _figures(ego: Track, others: tuple[Track, ...], step_s: float) -> EgoDanger:
     if not len(met.state):
         return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
     gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
-    times[times > LONGEST_TIME_S] = math.inf
+    times[times > _LONGEST_TIME_S] = math.inf
     scores = risk_scores(gaps, times)
     worst = int(np.lexsort((met.state, gaps, times, scores))[0])
     soonest = float(times.min())

@@ -27,19 +27,19 @@ PLACE_TAKEN, HIT_ON_ENTRY = "place_taken", "hit_on_entry"
 """Reasons of refusals: another road user is on the place, or would run into the vehicle that enters there."""
 CLEARANCE_M = 0.3
 """Kept free before, behind and (half of it) beside a vehicle that enters (chosen)."""
-SEARCH_STEP_M = 1.0
-FREE_PLACES_NAMED = 3
-NEAR_M = 40.0
+_SEARCH_STEP_M = 1.0
+_FREE_PLACES_NAMED = 3
+_NEAR_M = 40.0
 """Vehicles whose centres are farther apart along an axis do not touch: no road user is as long."""
-REACTION_S = 0.5
+_REACTION_S = 0.5
 """The least time after which a driver brakes hard (chosen)."""
-SHARE_OF_LANE_SPEED = 0.8
+_SHARE_OF_LANE_SPEED = 0.8
 """A vehicle with no traffic around it enters a little slower than its lane allows (chosen)."""
-LOOK_M = 60.0
+_LOOK_M = 60.0
 """Vehicles of the lane that are farther away do not set the entry speed (chosen)."""
-SOON_S = 2.0
+_SOON_S = 2.0
 """A collision within this time after the entry is one of place and speed; a later one is one of driving (chosen)."""
-SLOWER_SHARES = (0.5, 0.0)
+_SLOWER_SHARES = (0.5, 0.0)
 """Shares of its usual speed with which a vehicle enters instead where it would collide (chosen)."""
 
 
@@ -92,7 +92,7 @@ class OccupiedPlaces:
         """The same for a centre (2,) and a heading."""
         wanted = oriented_rectangle(center, heading_rad, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
         for one in self._occupants:
-            if float(np.abs(one.center - center).max()) < NEAR_M and rectangles_overlap(
+            if float(np.abs(one.center - center).max()) < _NEAR_M and rectangles_overlap(
                 wanted, oriented_rectangle(one.center, one.heading_rad, one.size_m)
             ):
                 return one.name
@@ -110,19 +110,21 @@ class OccupiedPlaces:
         wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
         tried = []
         for key in lanelets:
-            for station in np.arange(size_m[0] / 2, lanes[key].length_m - size_m[0] / 2 + 1e-6, SEARCH_STEP_M).tolist():
+            for station in np.arange(
+                size_m[0] / 2, lanes[key].length_m - size_m[0] / 2 + 1e-6, _SEARCH_STEP_M
+            ).tolist():
                 distance_m = float(np.linalg.norm(Place(key, station).pose(self.scene)[0] - wanted))
                 tried.append((distance_m, key, station))
         free: list[str] = []
         for _, key, station in sorted(tried):
             if self.occupant(Place(key, station), size_m) is None:
                 free.append(f"at={key} position='{station:.1f}m'")
-            if len(free) == FREE_PLACES_NAMED:
+            if len(free) == _FREE_PLACES_NAMED:
                 break
         return free
 
 
-def would_reach(coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float]) -> bool:
+def _would_reach(coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float]) -> bool:
     """Whether a recorded vehicle gets onto a rectangle (length, width) although it brakes hard from a step on.
 
     It stays on its recorded path, and is as far along it as its stopping distance at most.
@@ -141,7 +143,7 @@ def would_reach(coming: Track, step: int, center: Points, heading_rad: float, si
 
 def _stopping_distance_m(speed_mps: float) -> float:
     """The distance in which a driver stops from a speed; or, of a closing speed, by which it comes closer."""
-    return speed_mps * REACTION_S + speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+    return speed_mps * _REACTION_S + speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
 
 
 @dataclass(frozen=True)
@@ -163,19 +165,19 @@ class _Neighbour:
 
 
 def entry_speed(
-    scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, way: tuple[int, ...]
+    scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, route: tuple[int, ...]
 ) -> float:
     """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane; parked ones are no traffic.
 
-    Never too fast for the leader, parked or not, nor for the bends of the way, which begins with the place's lanelet.
+    Never too fast for the leader, parked or not, nor for the curves of the route, which begins on the place's lanelet.
 
     Raises:
         NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.
     """
-    fastest = min(vehicle_class.maximum_speed_mps, highest_entry_speed(scene, way, place.station_m))
-    usual = min(SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id], fastest)
+    fastest = min(vehicle_class.maximum_speed_mps, highest_entry_speed(scene, route, place.station_m))
+    usual = min(_SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id], fastest)
     neighbours = _same_lane(scene, changes, place, step)
-    traffic = [one for one in neighbours if not one.is_parked and abs(one.distance_m) < LOOK_M]
+    traffic = [one for one in neighbours if not one.is_parked and abs(one.distance_m) < _LOOK_M]
     nearest = min(traffic, key=lambda one: (abs(one.distance_m), one.distance_m), default=None)
     speed = usual if nearest is None else min(nearest.speed_mps, fastest)
     leaders = [one for one in neighbours if one.distance_m > 0]
@@ -199,7 +201,7 @@ def _comes_along(
     if recorded is None:
         return True
     center, heading_rad = place.pose(scene)
-    return would_reach(recorded, step, center, heading_rad, (vehicle_class.length_m, vehicle_class.width_m))
+    return _would_reach(recorded, step, center, heading_rad, (vehicle_class.length_m, vehicle_class.width_m))
 
 
 def _check_follower(follower: _Neighbour, vehicle_class: VehicleClass, place: Place, speed_mps: float) -> None:
@@ -225,7 +227,7 @@ def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[
             starts[before] = -lanes[before].length_m
     for after in scene.layout.table.successors[place.lanelet_id]:
         starts[after] = lanes[place.lanelet_id].length_m
-    there, found = scene_for_references(scene, changes), []
+    there, neighbours = scene_for_references(scene, changes), []
     for key, match in sorted(there.matches.items()):
         track: Track | None = there.tracks.get(key) or there.standing.get(key)
         index = track.index_at(step) if track else None
@@ -235,8 +237,8 @@ def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[
         station, _ = project(lanes[lanelet].center, track.positions[index])
         distance = starts[lanelet] + station - place.station_m
         is_parked = key not in there.tracks
-        found.append(_Neighbour(key, distance, float(track.speeds_mps[index]), track.length_m, is_parked))
-    return found
+        neighbours.append(_Neighbour(key, distance, float(track.speeds_mps[index]), track.length_m, is_parked))
+    return neighbours
 
 
 def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[str, ...]] | None:
@@ -246,11 +248,11 @@ def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[s
         The edits, and a sentence on each vehicle that enters slower; None where there is no such vehicle.
     """
     edits = simulated.edits
-    slower, notes, soon = list(edits), [], round(SOON_S / simulated.scene.step_s) + 1
+    slower, notes, soon = list(edits), [], round(_SOON_S / simulated.scene.step_s) + 1
     for conflict in _conflicts(simulated):
         plan, usual_mps = conflict.plan, float(conflict.plan.start.speeds_mps[0])
         added, other = (simulated.simulated_body(key) for key in (plan.start.obstacle_id, conflict.other))
-        slowed = {share: added.slowed(share, soon) for share in SLOWER_SHARES}
+        slowed = {share: added.slowed(share, soon) for share in _SLOWER_SHARES}
         clear = [share for share, body in slowed.items() if next(overlap_steps(body, other), None) is None]
         if clear and usual_mps > 0.0 and slower[conflict.edit].speed is None:
             speed = f"{usual_mps * clear[0]:.1f}"
@@ -335,7 +337,7 @@ def _entry_place(edited: EditedScene, start: Track) -> Place | None:
 
 @dataclass(frozen=True)
 class _Conflict:
-    """An added vehicle by its plan, the index of the edit that left its speed open, and whom it collides with."""
+    """An added vehicle by its plan, the index of the edit that left its speed open, and the id of the other one."""
 
     edit: int
     plan: DrivePlan
@@ -372,14 +374,14 @@ def _conflicts(simulated: SimulatedEdits) -> Iterator[_Conflict]:
     }
     for hit in simulated.result.overlaps:
         for key, other in ((hit.first, hit.second), (hit.second, hit.first)):
-            if key in left_open and (hit.step - driven[key].from_step) * simulated.scene.step_s <= SOON_S:
+            if key in left_open and (hit.step - driven[key].from_step) * simulated.scene.step_s <= _SOON_S:
                 yield _Conflict(left_open[key], driven[key], other)
 
 
 def _is_run_over(start: Track, coming: Track, step: int) -> bool:
     """Whether a recorded vehicle gets onto or close to the place of an entry, however hard it brakes from a step on."""
     size = start.length_m + 2 * CLEARANCE_M, start.width_m + CLEARANCE_M
-    return would_reach(coming, step, start.positions[0], float(start.headings_rad[0]), size)
+    return _would_reach(coming, step, start.positions[0], float(start.headings_rad[0]), size)
 
 
 def _next_safe_time(edited: EditedScene, plan: DrivePlan) -> list[str]:
@@ -461,5 +463,5 @@ def _fits(shift: _Shift, steps: int, edited: EditedScene) -> bool:
             return False
         size_m = track.length_m + 2 * CLEARANCE_M, track.width_m + CLEARANCE_M
         moved[key] = replace(Body.of_track(track), size_m=size_m, shifted_steps=total)
-    there, states = {**edited.requested_bodies, **moved}, round(SOON_S / scene.step_s) + 1
+    there, states = {**edited.requested_bodies, **moved}, round(_SOON_S / scene.step_s) + 1
     return not any(_hits(body.beginning(states), there, moved) for body in moved.values())

@@ -19,13 +19,13 @@ from ..vehicles import LARGEST_SPEED_MPS, can_be_there, latest_passing_s, least_
 from .changes import Changes, GoalChange
 from .writing import USUAL_GOAL_SIZE_M
 
-TIMES, SPEEDS, SPEED_STEP_MPS = 101, 41, 0.1
+_TIMES, _SPEEDS, _SPEED_STEP_MPS = 101, 41, 0.1
 """How finely a goal's time window and speed interval are tried, and the speeds that a refusal names (chosen)."""
-SLACK_M = 2.0
+_SLACK_M = 2.0
 """No car drives exactly along the middles of lanelets, which is how distances are measured (chosen)."""
-LONGEST_S = 60.0
+_LONGEST_S = 60.0
 """A car without a time to keep has had time for every speed until then."""
-AFTER_START = "add a set_goal edit after set_ego, or choose another start"
+_AFTER_START = "add a set_goal edit after set_ego, or choose another start"
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class GoalTask:
     @property
     def bounds_m(self) -> tuple[float, float]:
         """Where the goal begins and ends along the route, at least and at most."""
-        return self.ahead_m - self.half_m - SLACK_M, self.ahead_m + self.half_m + SLACK_M
+        return self.ahead_m - self.half_m - _SLACK_M, self.ahead_m + self.half_m + _SLACK_M
 
     def __str__(self) -> str:
         """The time window (counted from the scenario's start) and the speed interval in words."""
@@ -107,12 +107,12 @@ class GoalTask:
             self._check_speeds(*self.speeds_mps)
 
     def _check_speeds(self, low: float, high: float) -> None:
-        times = np.linspace(*(self.window_s or (0.0, LONGEST_S)), TIMES)
+        times = np.linspace(*(self.window_s or (0.0, _LONGEST_S)), _TIMES)
         bounds = self.bounds_m[0], math.inf if self.comes_back else self.bounds_m[1]
-        wanted = np.append(np.linspace(low, high, SPEEDS), np.clip(self.speed_mps, low, high))
+        wanted = np.append(np.linspace(low, high, _SPEEDS), np.clip(self.speed_mps, low, high))
         if can_be_there(self.speed_mps, bounds, times, wanted).any():
             return
-        every = np.arange(0.0, LARGEST_SPEED_MPS, SPEED_STEP_MPS)
+        every = np.arange(0.0, LARGEST_SPEED_MPS, _SPEED_STEP_MPS)
         possible = every[can_be_there(self.speed_mps, bounds, times, every).any(axis=0)]
         raise NotPossible(
             f"no car that starts at {self.speed_mps:.1f} m/s is {self.ahead_m:.1f} m ahead {self}",
@@ -153,7 +153,7 @@ def check_goal(scene: Scene, changes: Changes) -> None:
         raise NotPossible(
             f"the goal on lanelet {', '.join(map(str, goals))} cannot be reached from the ego's new start on lanelet "
             f"{', '.join(map(str, ego.lanelets))}",
-            next_step=AFTER_START,
+            next_step=_AFTER_START,
         )
     goal = changes.goal or _kept_goal(scene, ego)
     route = None if goal is None else scene.lanelet_graph.shortest_route(ego.lanelets, (goal.lanelet_id,))
@@ -164,7 +164,7 @@ def check_goal(scene: Scene, changes: Changes) -> None:
         GoalTask.of(scene, ego, goal, distance_along(scene, ego, route, station)).check()
     except NotPossible as error:
         message = f"the goal on lanelet {goal.lanelet_id} cannot be met from the ego's new start: {error.message}"
-        raise NotPossible(message, valid=error.valid, next_step=AFTER_START) from error
+        raise NotPossible(message, valid=error.valid, next_step=_AFTER_START) from error
 
 
 def distance_along(scene: Scene, ego: Ego, route: tuple[int, ...], station_m: float) -> float:

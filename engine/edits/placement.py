@@ -1,4 +1,9 @@
-"""Where an added vehicle is put."""
+"""The place on a lanelet that an edit names, and which road users may use a lanelet.
+
+A place is an arc length in m along a lanelet's middle. Who may use a lanelet is what its users and its type say;
+bicycles and pedestrians are kept off motorways. Pedestrians cross any other road, and walk along footpaths. An
+emergency vehicle may drive everywhere.
+"""
 
 import math
 from collections.abc import Mapping
@@ -14,22 +19,21 @@ from ..vehicles import vehicle_classes
 from .changes import Changes, scene_for_references
 from .references import EGO_WORDS, known_lanelet, select
 
-# ---------- road_users
-# Who may use a lanelet: what its users and its type say, no bicycles or walkers on motorways.
-#
-# Walkers cross any other road, and walk along footpaths. An emergency vehicle may drive everywhere.
-
-MOTORWAY_WORDS = frozenset({"highway", "interstate", "mainCarriageWay"})
+_MOTORWAY_WORDS = frozenset({"highway", "interstate", "mainCarriageWay"})
 """Lanelet types and scenario tags that say motorway; some recordings carry only the tag."""
-FOOTPATH_TYPES = frozenset({"sidewalk", "crosswalk"})
-USERS_OF_TYPE: Mapping[str, frozenset[str]] = {
+_FOOTPATH_TYPES = frozenset({"sidewalk", "crosswalk"})
+_USERS_OF_TYPE: Mapping[str, frozenset[str]] = {
     "busLane": frozenset({"bus", "taxi"}),
     "bicycleLane": frozenset({"bicycle"}),
 }
 """Types of lanelets that are there for some vehicles only, where the file does not name the users itself."""
-ANY_VEHICLE = "vehicle"
+_ANY_VEHICLE = "vehicle"
 """CommonRoad's road user that stands for all vehicles."""
-SLOW_CLASSES, EVERYWHERE = ("bicycle", "pedestrian"), "priorityVehicle"
+_SLOW_CLASSES, _EVERYWHERE = ("bicycle", "pedestrian"), "priorityVehicle"
+_ONCOMING_RAD = math.radians(135.0)
+"""Lanes whose directions differ by more are oncoming ones (chosen)."""
+_ONCOMING_REACH_M = 15.0
+"""How far beside its own lane a vehicle's oncoming lane may lie: a median is narrower (chosen)."""
 
 
 def check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
@@ -39,8 +43,8 @@ def check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
         NotPossible: users or type of the lanelet leave the class out, or a bicycle or pedestrian on a motorway.
     """
     reason = _closed_because(class_name, lanelet_id, scene)
-    if reason:
-        elsewhere = [key for key in scene.layout.table.lanes if not _closed_because(class_name, key, scene)]
+    if reason is not None:
+        elsewhere = [key for key in scene.layout.table.lanes if _closed_because(class_name, key, scene) is None]
         raise NotPossible(
             f"a {class_name} is not allowed on lanelet {lanelet_id}: {reason}",
             valid=elsewhere,
@@ -50,31 +54,31 @@ def check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
 
 def is_footpath(scene: Scene, lanelet_id: int) -> bool:
     """Whether a lanelet is there to walk along."""
-    return bool(_kinds(scene, lanelet_id) & FOOTPATH_TYPES) or _users(scene, lanelet_id) == {"pedestrian"}
+    return bool(_kinds(scene, lanelet_id) & _FOOTPATH_TYPES) or _users(scene, lanelet_id) == {"pedestrian"}
 
 
-def _closed_because(class_name: str, lanelet_id: int, scene: Scene) -> str:
-    """Why a class may not use a lanelet; empty if it may. Its users say it, else its type, else the kind of road."""
-    one, kinds, users = _user(class_name), _kinds(scene, lanelet_id), _users(scene, lanelet_id)
-    if one == EVERYWHERE or one in users:
-        return ""
-    if users and ANY_VEHICLE not in users and one != "pedestrian":
+def _closed_because(class_name: str, lanelet_id: int, scene: Scene) -> str | None:
+    """Why a class may not use a lanelet; None if it may. Its users say it, else its type, else the kind of road."""
+    user, kinds, users = _user(class_name), _kinds(scene, lanelet_id), _users(scene, lanelet_id)
+    if user == _EVERYWHERE or user in users:
+        return None
+    if users and _ANY_VEHICLE not in users and user != "pedestrian":
         return f"it is for {', '.join(sorted(users))}"
-    special = sorted(kinds & USERS_OF_TYPE.keys())
-    if special and not users and one != "pedestrian":
-        return "" if any(one in USERS_OF_TYPE[kind] for kind in special) else f"it is a {' and '.join(special)}"
-    return "it belongs to a motorway" if one in SLOW_CLASSES and not special and _is_motorway(scene, kinds) else ""
+    special = sorted(kinds & _USERS_OF_TYPE.keys())
+    if special and not users and user != "pedestrian":
+        return None if any(user in _USERS_OF_TYPE[kind] for kind in special) else f"it is a {' and '.join(special)}"
+    return "it belongs to a motorway" if user in _SLOW_CLASSES and not special and _is_motorway(scene, kinds) else None
 
 
 def _is_motorway(scene: Scene, kinds: set[str]) -> bool:
     tags = {str(tag.value) for tag in scene.loaded.scenario.tags or ()}
-    return bool((kinds | tags) & MOTORWAY_WORDS)
+    return bool((kinds | tags) & _MOTORWAY_WORDS)
 
 
 def _user(class_name: str) -> str:
     """CommonRoad's word for a class."""
-    found = vehicle_classes().get(class_name)
-    return class_name if found is None else found.commonroad_type
+    vehicle_class = vehicle_classes().get(class_name)
+    return class_name if vehicle_class is None else vehicle_class.commonroad_type
 
 
 def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
@@ -82,17 +86,9 @@ def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def _users(scene: Scene, lanelet_id: int) -> set[str]:
-    """Who is named as a user of a lanelet, in its direction or in both; nobody where the file does not say."""
+    """The users that a file names for a lanelet, in its direction or in both; empty where it names none."""
     lanelet = scene.network.find_lanelet_by_id(lanelet_id)
     return {str(user.value) for user in {*(lanelet.user_one_way or ()), *(lanelet.user_bidirectional or ())}}
-
-
-# ---------- placing
-# Where an added vehicle is put.
-
-ONCOMING_RAD = math.radians(135.0)
-ONCOMING_REACH_M = 15.0
-"""How far beside its own lane a vehicle's oncoming lane may lie."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +154,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
     """The place farther along the lane (behind for a negative distance), over the straightest joints.
 
-    ``targets``: lanelets on the shortest way to any of which it lies, as far as a way leads there.
+    ``targets``: where a route leads to any of these lanelets, the place lies on the shortest one.
 
     Raises:
         NotPossible: the road ends before.
@@ -190,12 +186,12 @@ def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: f
 
 
 def _towards(scene: Scene, key: int, onward: list[int], targets: frozenset[int]) -> list[int]:
-    """Those of the lanelets after one that are on the shortest way to targets, else that lead there, else all."""
+    """Those of the lanelets after one that are on the shortest route to targets, else that lead there, else all."""
     if not targets:
         return onward
-    way = scene.driven_graph.shortest_route([key], sorted(targets)) or ()
+    route = scene.driven_graph.shortest_route([key], sorted(targets)) or ()
     leading = [other for other in onward if scene.driven_graph.shortest_route([other], sorted(targets))]
-    return [other for other in onward if other in way] or leading or onward
+    return [other for other in onward if other in route] or leading or onward
 
 
 def _lanelet(text: str, scene: Scene, changes: Changes) -> int | None:
@@ -216,15 +212,15 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
         if scene.ego is None or not scene.ego.lanelets:
             raise NotPossible("the scenario has no ego on a lanelet", next_step="name a lanelet or a vehicle")
         return _Reference("the ego", scene.ego.lanelets[0], scene.ego.position)
-    found = _vehicles_meant(text, body.removeprefix("vehicle:"), scene, changes)
-    if len(found) != 1:
-        raise NotPossible(f"'{text}' means {len(found)} vehicles", valid=found, next_step="name one by its id")
-    there = scene_for_references(scene, changes)
-    if found[0] not in there.tracks or found[0] not in there.matches:
-        raise NotPossible(f"vehicle {found[0]} is recorded on no lanelet", next_step="name a lanelet")
-    track, match = there.tracks[found[0]], there.matches[found[0]]
+    vehicles = _vehicles_meant(text, body.removeprefix("vehicle:"), scene, changes)
+    if len(vehicles) != 1:
+        raise NotPossible(f"'{text}' means {len(vehicles)} vehicles", valid=vehicles, next_step="name one by its id")
+    there, key = scene_for_references(scene, changes), vehicles[0]
+    if key not in there.tracks or key not in there.matches:
+        raise NotPossible(f"vehicle {key} is recorded on no lanelet", next_step="name a lanelet")
+    track, match = there.tracks[key], there.matches[key]
     index = track.index_at(scene.ego.step if scene.ego else 0) or 0
-    return _Reference(f"vehicle {found[0]}", match.at(index), track.positions[index])
+    return _Reference(f"vehicle {key}", match.at(index), track.positions[index])
 
 
 def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
@@ -242,26 +238,26 @@ def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) ->
 
 
 def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
-    """The lane of the other direction beside a point so far along the reference's own lane.
+    """The lane of the other direction beside a point ``offset_m`` along the reference's own lane.
 
     It is the one that the map says lies beside, else the nearest.
     """
     station, _ = project(scene.layout.table.lanes[reference.lanelet_id].center, reference.position)
     own = advance_along_lane(scene, Place(reference.lanelet_id, station), offset_m)
     (point, heading), declared = own.pose(scene), _declared_opposite(scene, own.lanelet_id)
-    found = []
+    candidates = []
     for key, lane in scene.layout.table.lanes.items():
         station, beside = project(lane.center, point)
-        against = abs(wrap_angle(point_at(lane.center, station)[1] - heading)) > ONCOMING_RAD
-        if against and abs(beside) <= ONCOMING_REACH_M and 0.0 < station < lane.length_m:
-            found.append((key != declared, abs(beside), key, station))
-    if not found:
+        against = abs(wrap_angle(point_at(lane.center, station)[1] - heading)) > _ONCOMING_RAD
+        if against and abs(beside) <= _ONCOMING_REACH_M and 0.0 < station < lane.length_m:
+            candidates.append((key != declared, abs(beside), key, station))
+    if not candidates:
         raise NotPossible(
             f"{reference.name} has no oncoming lane beside its own {offset_m:+.6g} m along it",
             valid=["lane=same, left or right", "another offset_m"],
             next_step="choose another place",
         )
-    *_, key, station = min(found)
+    *_, key, station = min(candidates)
     return Place(key, station)
 
 

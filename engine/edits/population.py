@@ -1,4 +1,8 @@
-"""Edit P: put new vehicles in."""
+"""Edits P: put vehicles and pedestrians in, take vehicles out.
+
+SUMO's vehicles do not walk: a pedestrian moves at one speed along a given line, a footpath or across a road. The
+vehicles that SUMO drives see it where it is on their lane, or about to be.
+"""
 
 import math
 from dataclasses import replace
@@ -19,167 +23,16 @@ from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed
 from .placement import Place, advance_along_lane, check_allowed, first_place, is_footpath
 from .references import drive_to, nearest_driven, select, target_lanelets
 
-# ---------- walkers
-# Edit P: people on foot, along a footpath or across a road.
-#
-# SUMO's vehicles do not walk: a walker moves at one speed along a given line. The vehicles that SUMO drives see him
-# where he is on their lane, or about to be.
-
-WALKING_MPS, RUNNING_MPS = 1.4, 4.0
-SIZE_M = (0.5, 0.6)
-"""Length and width of a person."""
-KERB_M = 0.6
-
-
-def _add_walker(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add a pedestrian: along a footpath or crossing from the place on, or across a road from right to left there.
-
-    Raises:
-        InvalidRequest: an argument that walkers have not, an impossible speed or departure.
-        NotPossible: a motorway, or a place that is taken.
-    """
-    foreign = [name for name in ("to", "preset", "params", "count", "spacing_m") if name in edit.given]
-    if foreign:
-        raise InvalidRequest(
-            f"{', '.join(foreign)} is for vehicles; a pedestrian walks straight on",
-            valid=["at", "position", "lane", "offset_m", "speed", "time_s"],
-            next_step="leave it out",
-        )
-    speed = WALKING_MPS if edit.speed is None else parse_quantity(edit.speed, "m/s")
-    if not 0.0 <= speed <= RUNNING_MPS:
-        raise InvalidRequest(
-            f"a pedestrian does not walk {edit.speed}",
-            valid=[f"0 … {RUNNING_MPS:g} m/s"],
-            next_step="choose a slower speed",
-        )
-    first = round((edit.time_s or 0.0) / scene.step_s)
-    if not 0 <= first < scene.last_step:
-        raise InvalidRequest(
-            f"departure at {edit.time_s} s is not within the scenario",
-            valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
-            next_step="choose another time_s",
-        )
-    line, where = _line(edit, scene, changes, stands=speed == 0.0)
-    track = _walk(changes.next_id, line, speed, first, scene)
-    places = OccupiedPlaces.at(scene, first, changes)
-    occupant = places.occupant_at(track.positions[0], float(track.headings_rad[0]), SIZE_M)
-    if occupant is not None:
-        raise NotPossible(
-            f"the place is taken by {occupant}", reason=PLACE_TAKEN, next_step="choose another position or departure"
-        )
-    changes = replace(changes.with_replay(Replay(track, None)), next_id=changes.next_id + 1)
-    what = f"pedestrian {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s on"
-    return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
-
-
-def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[Points, str]:
-    """The line walked along, and in words."""
-    footpath = _footpath(edit, scene)
-    if footpath is not None:
-        return _along(edit, footpath, scene, stands=stands)
-    place = first_place(edit, scene, changes, SIZE_M[0])
-    check_allowed("pedestrian", place.lanelet_id, scene)
-    if stands:
-        (x, y), heading = place.pose(scene)
-        line = np.array([(x, y), (x + np.cos(heading), y + np.sin(heading))])
-        return line, _stands_on(place.lanelet_id, place.station_m)
-    line = _across(scene, place)
-    where = f"crosses lanelet {place.lanelet_id} at {place.station_m:.1f} m from its right"
-    return line, where
-
-
-def _along(edit: Edit, footpath: int, scene: Scene, *, stands: bool) -> tuple[Points, str]:
-    """The line along a footpath or crossing, and in words."""
-    if edit.lane not in (None, "same"):
-        raise InvalidRequest(
-            f"lane is relative to the ego or a vehicle; '{edit.at}' is a lanelet",
-            valid=["position", "offset_m"],
-            next_step="leave lane out",
-        )
-    center = without_repeats(np.asarray(scene.network.find_lanelet_by_id(footpath).center_vertices, dtype=float))
-    last_m = length_m(center) - SIZE_M[0]
-    station = station_m(edit.position or "beginning", footpath, length_m(center)) + (edit.offset_m or 0.0)
-    if not 0.0 <= station <= last_m:
-        raise InvalidRequest(
-            f"lanelet {footpath} has no room for a pedestrian at {station:.1f} m",
-            valid=[f"position='0m' … position='{math.floor(last_m * 10) / 10:g}m'"],
-            next_step="choose another position",
-        )
-    onward = [vertex for vertex in center if project(center, vertex)[0] > station + 1e-6]
-    line = np.array([point_at(center, station)[0], *onward])
-    return line, _stands_on(footpath, station) if stands else f"walks along lanelet {footpath} from {station:.1f} m on"
-
-
-def _stands_on(lanelet_id: int, station: float) -> str:
-    return f"stands on lanelet {lanelet_id} at {station:.1f} m"
-
-
-def _footpath(edit: Edit, scene: Scene) -> int | None:
-    known = {int(lanelet.lanelet_id) for lanelet in scene.network.lanelets}
-    text = (edit.at or "").strip()
-    return int(text) if text.isdigit() and int(text) in known and is_footpath(scene, int(text)) else None
-
-
-def _across(scene: Scene, place: Place) -> Points:
-    """From the right edge of the road to its left edge (2, 2), past all lanes beside, kerbs included."""
-    point, heading = place.pose(scene)
-    left = np.array([-np.sin(heading), np.cos(heading)])
-    offsets = [offset for key in _side_by_side(scene, place.lanelet_id) for offset in _bounds(scene, key, point, left)]
-    return np.array([point + left * (min(offsets) - KERB_M), point + left * (max(offsets) + KERB_M)])
-
-
-def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
-    """The lanelets of a road at a place, oncoming ones included."""
-    found = [lanelet_id]
-    for key in found:
-        lanelet = scene.network.find_lanelet_by_id(key)
-        found += [int(one) for one in (lanelet.adj_left, lanelet.adj_right) if one is not None and one not in found]
-    return found
-
-
-def _bounds(scene: Scene, lanelet_id: int, point: Points, left: Points) -> list[float]:
-    """How far the bounds of a lanelet lie to the left of a point (negative: to its right)."""
-    lanelet = scene.network.find_lanelet_by_id(lanelet_id)
-    lines = [
-        without_repeats(np.asarray(bound, dtype=float)) for bound in (lanelet.left_vertices, lanelet.right_vertices)
-    ]
-    return [float((point_at(line, project(line, point)[0])[0] - point) @ left) for line in lines]
-
-
-def _walk(key: int, line: Points, speed_mps: float, first: int, scene: Scene) -> Track:
-    """The walk until the line or the scenario ends; at no speed, standing where the line begins."""
-    stations = np.arange(scene.last_step - first + 1) * scene.step_s * speed_mps
-    poses = [point_at(line, float(station)) for station in stations if station <= length_m(line)]
-    return Track(
-        obstacle_id=key,
-        kind="pedestrian",
-        length_m=SIZE_M[0],
-        width_m=SIZE_M[1],
-        first_step=first,
-        positions=np.array([point for point, _ in poses]),
-        headings_rad=np.array([heading for _, heading in poses]),
-        speeds_mps=np.full(len(poses), speed_mps),
-    )
-
-
-# ---------- remove_vehicle
-# Edit P: take vehicles out.
-
-
-def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Remove the selected vehicles; the others stay as recorded, driven ones no longer see them."""
-    vehicles = select(edit.vehicles, scene, changes)
-    for vehicle_id in vehicles:
-        changes = changes.without(vehicle_id)
-    shown = ", ".join(str(key) for key in vehicles[:12]) + (" …" if len(vehicles) > 12 else "")
-    return EditStep(changes, vehicles, f"removed {len(vehicles)}: {shown}")
-
-
-# ---------- add_vehicle
-# Edit P: put new vehicles in.
-
-USUAL_SPACING_M = 10.0
-ROUNDING_M = 0.01
+_USUAL_SPACING_M = 10.0
+"""Between the centres of several vehicles, or twice their length (chosen)."""
+_ROUNDING_M = 0.01
+"""The least spacing that a refusal names is rounded up from this much more than is needed."""
+_WALKING_MPS, _RUNNING_MPS = 1.4, 4.0
+"""The usual speed of pedestrians, and the fastest (chosen)."""
+_SIZE_M = (0.5, 0.6)
+"""Length and width of a person (chosen)."""
+_KERB_M = 0.6
+"""A pedestrian that crosses begins and ends this far beside the road (chosen)."""
 
 
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -191,12 +44,12 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             there is no such lane.
     """
     if edit.vehicle_class is not None and edit.vehicle_class.strip().lower() == "pedestrian":
-        return _add_walker(edit, scene, changes)
+        return _add_pedestrian(edit, scene, changes)
     vehicle_class = _class(edit.vehicle_class)
     place = first_place(edit, scene, changes, vehicle_class.length_m)
     check_allowed(vehicle_class.name, place.lanelet_id, scene)
     count = edit.count or 1
-    spacing = edit.spacing_m if edit.spacing_m is not None else max(USUAL_SPACING_M, 2 * vehicle_class.length_m)
+    spacing = edit.spacing_m if edit.spacing_m is not None else max(_USUAL_SPACING_M, 2 * vehicle_class.length_m)
     targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
     added: list[int] = []
     places: list[Place] = []
@@ -231,7 +84,7 @@ def _where(places: list[Place], spacing_m: float) -> str:
 
 def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehicle_class: VehicleClass) -> NotPossible:
     """The refusal of several vehicles of which only some have a place: fewer of them or another spacing would do."""
-    least_m = math.ceil(10 * (vehicle_class.length_m + CLEARANCE_M + ROUNDING_M)) / 10
+    least_m = math.ceil(10 * (vehicle_class.length_m + CLEARANCE_M + _ROUNDING_M)) / 10
     too_near = spacing_m < least_m
     return NotPossible(
         f"{number} of {count} vehicles have a place, {spacing_m:g} m apart; of the next: {error.message}",
@@ -275,22 +128,22 @@ def _plan(
     step = _free_step(edit, scene, changes, vehicle_class, place)
     usual = behaviour_from(usual_behaviour(vehicle_class), edit.preset, edit.params, own_minimum_gap_m(vehicle_class))
     who = f"the added {vehicle_class.name}"
-    way = drive_to(scene, place.lanelet_id, targets, who) if targets else (place.lanelet_id,)
-    edges = scene.edge_graph.route(way)
+    route = drive_to(scene, place.lanelet_id, targets, who) if targets else (place.lanelet_id,)
+    edges = scene.edge_graph.route(route)
     if edges is None:
         raise NotPossible(
-            f"{who} cannot drive from lanelet {way[0]} to {way[-1]}: the lanes do not connect",
-            valid=nearest_driven(scene, way[0], way[-1:]),
+            f"{who} cannot drive from lanelet {route[0]} to {route[-1]}: the lanes do not connect",
+            valid=nearest_driven(scene, route[0], route[-1:]),
             next_step="choose another lanelet in 'to'",
         )
     asked = None if edit.speed is None else _speed(edit.speed, vehicle_class)
-    speed = entry_speed(scene, changes, vehicle_class, place, step, way) if asked is None else asked
+    speed = entry_speed(scene, changes, vehicle_class, place, step, route) if asked is None else asked
     return DrivePlan(
         start=_start(changes.next_id, vehicle_class, scene, place, step, speed),
         cause="added",
         from_step=step,
-        lanelets=way,
-        edges=scene.edge_graph.extended(edges, way[-1]),
+        lanelets=route,
+        edges=scene.edge_graph.extended(edges, route[-1]),
         targets=targets,
         behaviour=usual,
         vehicle_class=vehicle_class,
@@ -348,3 +201,143 @@ def _start(key: int, vehicle_class: VehicleClass, scene: Scene, place: Place, st
         headings_rad=np.array([heading]),
         speeds_mps=np.array([speed_mps]),
     )
+
+
+def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Add a pedestrian: along a footpath or crossing from the place on, or across a road from right to left there.
+
+    Raises:
+        InvalidRequest: an argument that is for vehicles, an impossible speed or departure.
+        NotPossible: a motorway, or a place that is taken.
+    """
+    foreign = [name for name in ("to", "preset", "params", "count", "spacing_m") if name in edit.given]
+    if foreign:
+        raise InvalidRequest(
+            f"{', '.join(foreign)} is for vehicles; a pedestrian walks straight on",
+            valid=["at", "position", "lane", "offset_m", "speed", "time_s"],
+            next_step="leave it out",
+        )
+    speed = _WALKING_MPS if edit.speed is None else parse_quantity(edit.speed, "m/s")
+    if not 0.0 <= speed <= _RUNNING_MPS:
+        raise InvalidRequest(
+            f"a pedestrian does not walk {edit.speed}",
+            valid=[f"0 … {_RUNNING_MPS:g} m/s"],
+            next_step="choose a slower speed",
+        )
+    first = round((edit.time_s or 0.0) / scene.step_s)
+    if not 0 <= first < scene.last_step:
+        raise InvalidRequest(
+            f"departure at {edit.time_s} s is not within the scenario",
+            valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
+            next_step="choose another time_s",
+        )
+    line, where = _line(edit, scene, changes, stands=speed == 0.0)
+    track = _walk(changes.next_id, line, speed, first, scene)
+    places = OccupiedPlaces.at(scene, first, changes)
+    occupant = places.occupant_at(track.positions[0], float(track.headings_rad[0]), _SIZE_M)
+    if occupant is not None:
+        raise NotPossible(
+            f"the place is taken by {occupant}", reason=PLACE_TAKEN, next_step="choose another position or departure"
+        )
+    changes = replace(changes.with_replay(Replay(track, None)), next_id=changes.next_id + 1)
+    what = f"pedestrian {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s on"
+    return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
+
+
+def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[Points, str]:
+    """The line (n, 2) that a pedestrian walks along, and where that is, in words."""
+    footpath = _footpath(edit, scene)
+    if footpath is not None:
+        return _along(edit, footpath, scene, stands=stands)
+    place = first_place(edit, scene, changes, _SIZE_M[0])
+    check_allowed("pedestrian", place.lanelet_id, scene)
+    if stands:
+        (x, y), heading = place.pose(scene)
+        line = np.array([(x, y), (x + np.cos(heading), y + np.sin(heading))])
+        return line, _stands_on(place.lanelet_id, place.station_m)
+    line = _across(scene, place)
+    where = f"crosses lanelet {place.lanelet_id} at {place.station_m:.1f} m from its right"
+    return line, where
+
+
+def _along(edit: Edit, footpath: int, scene: Scene, *, stands: bool) -> tuple[Points, str]:
+    """The line (n, 2) along a footpath or crossing, and where that is, in words."""
+    if edit.lane not in (None, "same"):
+        raise InvalidRequest(
+            f"lane is relative to the ego or a vehicle; '{edit.at}' is a lanelet",
+            valid=["position", "offset_m"],
+            next_step="leave lane out",
+        )
+    center = without_repeats(np.asarray(scene.network.find_lanelet_by_id(footpath).center_vertices, dtype=float))
+    last_m = length_m(center) - _SIZE_M[0]
+    station = station_m(edit.position or "beginning", footpath, length_m(center)) + (edit.offset_m or 0.0)
+    if not 0.0 <= station <= last_m:
+        raise InvalidRequest(
+            f"lanelet {footpath} has no room for a pedestrian at {station:.1f} m",
+            valid=[f"position='0m' … position='{math.floor(last_m * 10) / 10:g}m'"],
+            next_step="choose another position",
+        )
+    onward = [vertex for vertex in center if project(center, vertex)[0] > station + 1e-6]
+    line = np.array([point_at(center, station)[0], *onward])
+    return line, _stands_on(footpath, station) if stands else f"walks along lanelet {footpath} from {station:.1f} m on"
+
+
+def _stands_on(lanelet_id: int, station: float) -> str:
+    return f"stands on lanelet {lanelet_id} at {station:.1f} m"
+
+
+def _footpath(edit: Edit, scene: Scene) -> int | None:
+    known = {int(lanelet.lanelet_id) for lanelet in scene.network.lanelets}
+    text = (edit.at or "").strip()
+    return int(text) if text.isdigit() and int(text) in known and is_footpath(scene, int(text)) else None
+
+
+def _across(scene: Scene, place: Place) -> Points:
+    """From the right edge of the road to its left edge (2, 2), past all lanes beside, kerbs included."""
+    point, heading = place.pose(scene)
+    left = np.array([-np.sin(heading), np.cos(heading)])
+    offsets = [offset for key in _side_by_side(scene, place.lanelet_id) for offset in _bounds(scene, key, point, left)]
+    return np.array([point + left * (min(offsets) - _KERB_M), point + left * (max(offsets) + _KERB_M)])
+
+
+def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
+    """The lanelets of a road at a place, oncoming ones included."""
+    row = [lanelet_id]
+    for key in row:
+        lanelet = scene.network.find_lanelet_by_id(key)
+        row += [int(other) for other in (lanelet.adj_left, lanelet.adj_right) if other is not None and other not in row]
+    return row
+
+
+def _bounds(scene: Scene, lanelet_id: int, point: Points, left: Points) -> list[float]:
+    """How far the bounds of a lanelet lie to the left of a point (negative: to its right)."""
+    lanelet = scene.network.find_lanelet_by_id(lanelet_id)
+    lines = [
+        without_repeats(np.asarray(bound, dtype=float)) for bound in (lanelet.left_vertices, lanelet.right_vertices)
+    ]
+    return [float((point_at(line, project(line, point)[0])[0] - point) @ left) for line in lines]
+
+
+def _walk(key: int, line: Points, speed_mps: float, first: int, scene: Scene) -> Track:
+    """The walk until the line or the scenario ends; at no speed, standing where the line begins."""
+    stations = np.arange(scene.last_step - first + 1) * scene.step_s * speed_mps
+    poses = [point_at(line, float(station)) for station in stations if station <= length_m(line)]
+    return Track(
+        obstacle_id=key,
+        kind="pedestrian",
+        length_m=_SIZE_M[0],
+        width_m=_SIZE_M[1],
+        first_step=first,
+        positions=np.array([point for point, _ in poses]),
+        headings_rad=np.array([heading for _, heading in poses]),
+        speeds_mps=np.full(len(poses), speed_mps),
+    )
+
+
+def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Remove the selected vehicles; the others stay as recorded, driven ones no longer see them."""
+    vehicles = select(edit.vehicles, scene, changes)
+    for vehicle_id in vehicles:
+        changes = changes.without(vehicle_id)
+    shown = ", ".join(str(key) for key in vehicles[:12]) + (" …" if len(vehicles) > 12 else "")
+    return EditStep(changes, vehicles, f"removed {len(vehicles)}: {shown}")

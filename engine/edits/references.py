@@ -1,4 +1,8 @@
-"""Which vehicles an edit means: among those that the edits before it leave, at the ego's first time step."""
+"""What the words of an edit mean: vehicles, lanelets, and the routes that lead there.
+
+Words for vehicles mean those that the edits before leave, at the ego's first time step, as a description of the
+scenario at that step shows them. Lanelets are named by id, by SUMO's edges and lanes, or by a turn at the next fork.
+"""
 
 import itertools
 import math
@@ -15,88 +19,15 @@ from ..scene import NOT_DRIVEN, Ego, Scene, leader_and_follower
 from ..vehicles import vehicle_classes
 from .changes import Changes, scene_for_references
 
-# ---------- forks
-# The branches of the next fork and how they bend, as seen in driving direction.
-
-TURN_RAD, STRAIGHT_RAD = math.radians(50.0), math.radians(20.0)
-BRANCH_M = 60.0
-"""A branch is looked at no farther than this, so that a later bend of the road is no turn."""
-
-
-@dataclass(frozen=True)
-class _Branch:
-    """One way on at a fork: its lanelets up to the next fork, and its change of heading in rad (left positive)."""
-
-    lanelets: tuple[int, ...]
-    bend_rad: float
-
-    @property
-    def turn(self) -> str:
-        """``left``, ``right``, ``straight``, or "" for a bend in between."""
-        if abs(self.bend_rad) < STRAIGHT_RAD:
-            return "straight"
-        if abs(self.bend_rad) > TURN_RAD:
-            return "left" if self.bend_rad > 0 else "right"
-        return ""
-
-    def __str__(self) -> str:
-        """What the branch is, for an error that lists it."""
-        side = "left" if self.bend_rad > 0 else "right"
-        how = self.turn or f"slightly {side}"
-        return f"{how} ({math.degrees(abs(self.bend_rad)):.0f}° {side}) on lanelet {self.lanelets[0]}"
-
-
-def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
-    """The branches of the first fork of a lanelet's own lane; none where the lane ends without one."""
-    successors = scene.layout.table.successors
-    current, seen = start, {start}
-    while len(successors[current]) == 1 and successors[current][0] not in seen:
-        current = successors[current][0]
-        seen.add(current)
-    if len(successors[current]) < 2:
-        return ()
-    arriving = _end_heading(scene, current)
-    return tuple(_branch(scene, first, arriving) for first in successors[current])
-
-
-def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
-    """The branch that turns left or right or goes straight at the next fork.
-
-    Raises:
-        NotPossible: no fork ahead, or none of its branches goes that way; those there are are listed.
-    """
-    branches = _branches_at_next_fork(scene, start)
-    if not branches:
-        raise NotPossible(f"{who} has no fork ahead in its lane", next_step="name a lanelet with 'to'")
-    fitting = [branch for branch in branches if branch.turn == turn]
-    if not fitting:
-        raise NotPossible(f"{who} cannot go {turn} at the next fork", valid=branches, next_step="choose one of these")
-    sign = {"left": -1.0, "right": 1.0}.get(turn)
-    rank = (lambda branch: abs(branch.bend_rad)) if sign is None else (lambda branch: sign * branch.bend_rad)
-    return min(fitting, key=rank)
-
-
-def _branch(scene: Scene, first: int, arriving_rad: float) -> _Branch:
-    successors, lanes = scene.layout.table.successors, scene.layout.table.lanes
-    chain, length = [first], lanes[first].length_m
-    while len(successors[chain[-1]]) == 1 and successors[chain[-1]][0] not in chain and length < BRANCH_M:
-        chain.append(successors[chain[-1]][0])
-        length += lanes[chain[-1]].length_m
-    return _Branch(tuple(chain), wrap_angle(_end_heading(scene, first) - arriving_rad))
-
-
-def _end_heading(scene: Scene, key: int) -> float:
-    lane = scene.layout.table.lanes[key]
-    return point_at(lane.center, lane.length_m)[1]
-
-
-# ---------- selection
-# Which vehicles an edit means: among those that the edits before it leave, at the ego's first time step.
-
-STANDING_MPS = 0.1
-TIE = 1e-3
-"""Speeds in m/s or distances in m that differ by less are the same to whoever describes a vehicle by them."""
-NAME_A_VEHICLE = "name one of these by its id; describe_scenario with detail=vehicles lists all"
+_TURN_RAD, _STRAIGHT_RAD = math.radians(50.0), math.radians(20.0)
+"""A branch turns beyond the first, and goes straight below the second (chosen); in between it does neither."""
+_BRANCH_M = 60.0
+"""A branch is looked at no farther than this, so that a later curve of the road is no turn."""
+_STANDING_MPS = 0.1
+_TIE = 1e-3
+"""Speeds in m/s or distances in m that differ by less are the same to a person who describes a vehicle by them."""
+_NAME_A_VEHICLE = "name one of these by its id; describe_scenario with detail=vehicles lists all"
+_NAME_A_LANELET = "name one of these; describe_scenario with detail=lanelets lists all"
 EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
@@ -108,7 +39,7 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
     Raises:
         InvalidRequest: nothing is selected, or only exclusions are given.
         UnknownName: an id, class or word that does not exist.
-        NotPossible: the ego, a removed vehicle, an ambiguous description, or a description that nobody fits.
+        NotPossible: the ego, a removed vehicle, an ambiguous description, or one that fits no vehicle.
     """
     there = scene_for_references(scene, changes)
     if not texts:
@@ -180,13 +111,13 @@ def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
     known = {*scene.tracks, *scene.standing, *_sets(scene)} - gone
     if vehicle_id not in known | gone:
         raise UnknownName(
-            f"there is no vehicle {vehicle_id}", valid=nearest_ids(vehicle_id, sorted(known)), next_step=NAME_A_VEHICLE
+            f"there is no vehicle {vehicle_id}", valid=nearest_ids(vehicle_id, sorted(known)), next_step=_NAME_A_VEHICLE
         )
     return vehicle_id
 
 
 def _gone(scene: Scene, changes: Changes) -> set[int]:
-    """Whom the edits so far removed; an added vehicle that was removed again has left no other trace."""
+    """The vehicles that edits removed; an added vehicle that was removed again has left no other trace."""
     return {*changes.removed, *(key for added in changes.added_by_edit for key in added if key not in scene.tracks)}
 
 
@@ -209,26 +140,26 @@ def _vehicles(scene: Scene) -> tuple[int, ...]:
 
 
 def _of_class(word: str, scene: Scene) -> tuple[int, ...]:
-    kinds = {name: one.commonroad_type for name, one in vehicle_classes().items()}
+    kinds = {name: kind.commonroad_type for name, kind in vehicle_classes().items()}
     kinds |= {track.kind: track.kind for track in scene.tracks.values()} | {"pedestrian": "pedestrian"}
     if word not in kinds:
         raise UnknownName(
             f"there is no vehicle class '{word}'", valid=closest(word, sorted(kinds)), next_step="name one of these"
         )
-    found = tuple(key for key, track in scene.tracks.items() if track.kind == kinds[word])
-    if not found:
-        raise NotPossible(f"the scenario has no {word}", valid=_listed(scene), next_step=NAME_A_VEHICLE)
-    return found
+    vehicles = tuple(key for key, track in scene.tracks.items() if track.kind == kinds[word])
+    if not vehicles:
+        raise NotPossible(f"the scenario has no {word}", valid=_listed(scene), next_step=_NAME_A_VEHICLE)
+    return vehicles
 
 
-def _the_only(what: str, found: tuple[int, ...], scene: Scene) -> tuple[int, ...]:
-    if len(found) != 1:
+def _the_only(what: str, vehicles: tuple[int, ...], scene: Scene) -> tuple[int, ...]:
+    if len(vehicles) != 1:
         raise NotPossible(
-            f"there are {len(found)} {what}",
-            valid=[_name(scene.tracks[key]) for key in found] or _listed(scene),
+            f"there are {len(vehicles)} {what}",
+            valid=[_name(scene.tracks[key]) for key in vehicles] or _listed(scene),
             next_step="name one by its id",
         )
-    return found
+    return vehicles
 
 
 def _outermost(side: str, scene: Scene) -> tuple[int, ...]:
@@ -236,15 +167,15 @@ def _outermost(side: str, scene: Scene) -> tuple[int, ...]:
         raise UnknownName(
             f"there is no lane '{side}'", valid=["lane:leftmost", "lane:rightmost"], next_step="name one of these"
         )
-    found, step = [], scene.ego.step if scene.ego else 0
+    outermost, step = [], scene.ego.step if scene.ego else 0
     for key in _vehicles(scene):
         index = scene.tracks[key].index_at(step)
         if key in scene.matches and index is not None:
             lane = scene.layout.table.lanes[scene.matches[key].at(index)]
             outer, inner = (lane.left, lane.right) if side == "leftmost" else (lane.right, lane.left)
             if outer is None and inner is not None:
-                found.append(key)
-    return tuple(found)
+                outermost.append(key)
+    return tuple(outermost)
 
 
 def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
@@ -252,16 +183,18 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
     step = scene.ego.step if scene.ego else 0
     there = {key: scene.tracks[key] for key in _vehicles(scene) if scene.tracks[key].index_at(step) is not None}
     if not there:
-        raise NotPossible(f"no vehicle is there at time step {step}", valid=_listed(scene), next_step=NAME_A_VEHICLE)
+        raise NotPossible(f"no vehicle is there at time step {step}", valid=_listed(scene), next_step=_NAME_A_VEHICLE)
     if selector.kind == "standing":
-        return _fitting("stands at the start", [key for key in there if _speed(there[key], step) < STANDING_MPS], scene)
+        return _fitting(
+            "stands at the start", [key for key in there if _speed(there[key], step) < _STANDING_MPS], scene
+        )
     if selector.kind in ("fastest", "slowest"):
         sign = -1.0 if selector.kind == "fastest" else 1.0
         return _first(selector, there, 1, lambda track: sign * _speed(track, step))
     ego = _ego(scene, selector)
     if selector.kind in ("lead", "follow"):
-        found = leader_and_follower(scene, ego)[selector.kind == "follow"]
-        return _fitting(f"is the ego's {selector.kind}", [] if found is None else [found], scene)
+        neighbour = leader_and_follower(scene, ego)[selector.kind == "follow"]
+        return _fitting(f"is the ego's {selector.kind}", [] if neighbour is None else [neighbour], scene)
     sign, count = (-1.0, 1) if selector.kind == "farthest" else (1.0, _number(selector, len(there)))
     return _first(selector, there, count, lambda track: sign * _distance(track, step, ego))
 
@@ -282,17 +215,17 @@ def _number(selector: Selector, there: int) -> int:
     return count
 
 
-def _fitting(what: str, found: Sequence[int], scene: Scene) -> tuple[int, ...]:
-    if not found:
-        raise NotPossible(f"no vehicle {what}", valid=_listed(scene), next_step=NAME_A_VEHICLE)
-    return tuple(found)
+def _fitting(what: str, vehicles: Sequence[int], scene: Scene) -> tuple[int, ...]:
+    if not vehicles:
+        raise NotPossible(f"no vehicle {what}", valid=_listed(scene), next_step=_NAME_A_VEHICLE)
+    return tuple(vehicles)
 
 
 def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
     """The first vehicles by a rank, of which the last must not be as good as the next one."""
     order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
     chosen, bound = order[:count], rank(tracks[order[:count][-1]])
-    alike = [key for key in order if abs(rank(tracks[key]) - bound) < TIE]
+    alike = [key for key in order if abs(rank(tracks[key]) - bound) < _TIE]
     if not set(alike) <= set(chosen):
         raise NotPossible(
             f"'{selector}' is ambiguous: {len(alike)} vehicles are alike",
@@ -307,7 +240,7 @@ def _ego(scene: Scene, selector: Selector) -> Ego:
         raise NotPossible(
             f"'{selector}' needs an ego, and the scenario has no planning problem",
             valid=_listed(scene),
-            next_step=NAME_A_VEHICLE,
+            next_step=_NAME_A_VEHICLE,
         )
     return scene.ego
 
@@ -326,12 +259,6 @@ def _listed(scene: Scene) -> list[str]:
 
 def _name(track: Track) -> str:
     return f"{track.obstacle_id} ({track.kind})"
-
-
-# ---------- lanelet_targets
-# Which lanelets the argument ``to`` means, and how they are reached.
-
-NAME_A_LANELET = "name one of these; describe_scenario with detail=lanelets lists all"
 
 
 def target_lanelets(texts: Sequence[str], scene: Scene, changes: Changes) -> frozenset[int]:
@@ -369,9 +296,9 @@ def known_lanelet(text: str, scene: Scene) -> int:
     if text.isdigit():
         every = {lanelet.lanelet_id for lanelet in scene.network.lanelets}
         what = "is no lanelet that vehicles drive on" if int(text) in every else "is no lanelet of the scenario"
-        raise UnknownName(f"{text} {what}", valid=nearest_ids(int(text), list(lanes)), next_step=NAME_A_LANELET)
+        raise UnknownName(f"{text} {what}", valid=nearest_ids(int(text), list(lanes)), next_step=_NAME_A_LANELET)
     known = [*map(str, lanes), *scene.layout.edges]
-    raise UnknownName(f"'{text}' is no lanelet or edge", valid=closest(text, known), next_step=NAME_A_LANELET)
+    raise UnknownName(f"'{text}' is no lanelet or edge", valid=closest(text, known), next_step=_NAME_A_LANELET)
 
 
 def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str) -> tuple[int, ...]:
@@ -401,10 +328,10 @@ def route_via(
         UnknownName: a lanelet or edge that does not exist.
         NotPossible: one of the legs cannot be driven.
     """
-    way: tuple[int, ...] = (start,)
+    route: tuple[int, ...] = (start,)
     for wanted in (*(target_lanelets([text], scene, changes) for text in via), targets):
-        way += drive_to(scene, way[-1], wanted, who, is_there=way == (start,))[1:]
-    return way
+        route += drive_to(scene, route[-1], wanted, who, is_there=route == (start,))[1:]
+    return route
 
 
 def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_there: bool = False) -> tuple[int, ...]:
@@ -420,8 +347,8 @@ def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_
         route = scene.graph_from_inside(start).shortest_route([start], sorted(targets))
     if route is not None:
         return route
-    way = route_to(scene, [start], targets, who)
-    changes = [pair for pair in itertools.pairwise(way) if pair[1] in scene.lanelet_graph.neighbours[pair[0]]]
+    route = route_to(scene, [start], targets, who)
+    changes = [pair for pair in itertools.pairwise(route) if pair[1] in scene.lanelet_graph.neighbours[pair[0]]]
     wrong, right = next(pair for pair in changes if not set(pair) <= set(scene.layout.lane_of))
     raise NotPossible(
         f"{who} would have to change from lanelet {wrong} to {right} inside a junction, where SUMO's vehicles keep "
@@ -467,3 +394,70 @@ def _lanelet_at_start(vehicle_id: int, scene: Scene) -> int:
     track = scene.tracks.get(vehicle_id)
     index = track.index_at(scene.ego.step) if track and scene.ego else None
     return match.at(index or 0)
+
+
+@dataclass(frozen=True)
+class _Branch:
+    """One branch of a fork: its lanelets up to the next fork, and its change of heading in rad (left positive)."""
+
+    lanelets: tuple[int, ...]
+    turn_rad: float
+
+    @property
+    def turn(self) -> str:
+        """``left``, ``right``, ``straight``, or "" for a curve in between."""
+        if abs(self.turn_rad) < _STRAIGHT_RAD:
+            return "straight"
+        if abs(self.turn_rad) > _TURN_RAD:
+            return "left" if self.turn_rad > 0 else "right"
+        return ""
+
+    def __str__(self) -> str:
+        """What the branch is, for an error that lists it."""
+        side = "left" if self.turn_rad > 0 else "right"
+        how = self.turn or f"slightly {side}"
+        return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}° {side}) on lanelet {self.lanelets[0]}"
+
+
+def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
+    """The branches of the first fork of a lanelet's own lane; none where the lane ends without one."""
+    successors = scene.layout.table.successors
+    current, seen = start, {start}
+    while len(successors[current]) == 1 and successors[current][0] not in seen:
+        current = successors[current][0]
+        seen.add(current)
+    if len(successors[current]) < 2:
+        return ()
+    arriving = _end_heading(scene, current)
+    return tuple(_branch(scene, first, arriving) for first in successors[current])
+
+
+def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
+    """The branch that turns left or right or goes straight at the next fork.
+
+    Raises:
+        NotPossible: no fork ahead, or none of its branches goes in that direction; all are listed.
+    """
+    branches = _branches_at_next_fork(scene, start)
+    if not branches:
+        raise NotPossible(f"{who} has no fork ahead in its lane", next_step="name a lanelet with 'to'")
+    fitting = [branch for branch in branches if branch.turn == turn]
+    if not fitting:
+        raise NotPossible(f"{who} cannot go {turn} at the next fork", valid=branches, next_step="choose one of these")
+    sign = {"left": -1.0, "right": 1.0}.get(turn)
+    rank = (lambda branch: abs(branch.turn_rad)) if sign is None else (lambda branch: sign * branch.turn_rad)
+    return min(fitting, key=rank)
+
+
+def _branch(scene: Scene, first: int, arriving_rad: float) -> _Branch:
+    successors, lanes = scene.layout.table.successors, scene.layout.table.lanes
+    chain, length = [first], lanes[first].length_m
+    while len(successors[chain[-1]]) == 1 and successors[chain[-1]][0] not in chain and length < _BRANCH_M:
+        chain.append(successors[chain[-1]][0])
+        length += lanes[chain[-1]].length_m
+    return _Branch(tuple(chain), wrap_angle(_end_heading(scene, first) - arriving_rad))
+
+
+def _end_heading(scene: Scene, key: int) -> float:
+    lane = scene.layout.table.lanes[key]
+    return point_at(lane.center, lane.length_m)[1]

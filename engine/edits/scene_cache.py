@@ -10,7 +10,7 @@ from ..cosimulation import SimulationSetup
 from ..scene import Scene
 from .ego_risk import EgoDrive, base_drive
 
-KEPT = 4
+_KEPT = 4
 """Scenes kept by a worker, tens of MB each (chosen)."""
 
 
@@ -48,7 +48,7 @@ def scene_of(path: Path, problem_id: int | None = None) -> KeptScene:
     return _scene(path, hashlib.sha256(content).hexdigest(), problem_id)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=_KEPT)
 def _scene(path: Path, digest: str, problem_id: int | None) -> KeptScene:
     del digest
     read = read_recorded(path)

@@ -3,7 +3,7 @@
 After each round, replayed vehicles that a driven one hits are handed over to SUMO too, in time to react; of two driven
 ones that collide, one waits. An added vehicle that collides as it enters is simulated once more with a lower speed.
 
-SUMO knows lanes, not bodies: it does not see a vehicle that stands askew between two lanes, a rear that cuts a corner,
+SUMO knows lanes, not bodies: it does not see a vehicle that stands across two lanes, a rear that cuts a corner,
 or two lanelets that overlap before they meet, and takes no vehicle to be in the way that has passed its stop line.
 """
 
@@ -37,17 +37,17 @@ from .ego_risk import EgoDrive, drive_after, ego_actor
 from .entries import slower_entries
 from .operations import resolve_edits
 
-ROUNDS = 8
+_ROUNDS = 8
 """Each may reach one vehicle farther back in a queue; 8 end within seconds (chosen)."""
-END_M = 0.5
+_END_M = 0.5
 """A vehicle whose front is nearer than this to the end of the network when it is handed over has left it."""
-CLEAR_LENGTH_M, CLEAR_WIDTH_M = 0.5, 0.3
+_CLEAR_LENGTH_M, _CLEAR_WIDTH_M = 0.5, 0.3
 """The body that has to find room where a vehicle waits is longer and wider by these (chosen)."""
-STOP_BEFORE_M = 0.5
+_STOP_BEFORE_M = 0.5
 """Smoothing moves a vehicle along its path by this at most."""
-SAME_PLACE_M = 0.1
+_SAME_PLACE_M = 0.1
 """Poses nearer to each other than this are looked at once."""
-AFTER_STEPS = 2
+_AFTER_STEPS = 2
 """A vehicle that waits goes on this many steps after the other one is gone (chosen)."""
 
 
@@ -118,7 +118,7 @@ class _Simulation:
         """
         plans = dict(sorted({**(self._all_handed_over() if all_react else {}), **self.changes.driven}.items()))
         best = result = self._round(plans, shown)
-        for _ in range(ROUNDS):
+        for _ in range(_ROUNDS):
             more, reacting = self._handed_over(plans, result.overlaps), self._reacting(shown, result)
             if not more and reacting is None:
                 more = self._giving_way(result)
@@ -175,7 +175,7 @@ class _Simulation:
         lanelet = plan.lanelets[0] if match is None else match.at(index)
         lane, front = table.lanes[lanelet], front_of(plan.start, index)
         station, _ = project(lane.center, front)
-        if table.successors[lanelet] or station < lane.length_m - END_M:
+        if table.successors[lanelet] or station < lane.length_m - _END_M:
             return None
         return DrivenTrack(plan.from_step, front[None], (), leaves=True)
 
@@ -279,7 +279,7 @@ def _wait(plan: DrivePlan, track: TakenOverTrack, other: Body, hit_step: int) ->
     It does not react before the other one has entered.
     """
     body, in_the_way = Body.of_touched(track), _in_the_way(other, hit_step)
-    roomy = (body.size_m[0] + CLEAR_LENGTH_M, body.size_m[1] + CLEAR_WIDTH_M)
+    roomy = (body.size_m[0] + _CLEAR_LENGTH_M, body.size_m[1] + _CLEAR_WIDTH_M)
     index, gone = hit_step - body.first_step, hit_step
     while index >= 0:
         mine = oriented_rectangle(body.positions[index], float(body.headings_rad[index]), roomy)
@@ -291,18 +291,18 @@ def _wait(plan: DrivePlan, track: TakenOverTrack, other: Body, hit_step: int) ->
         return None
     from_step = max(body.first_step, other.first_step)
     stations = arc_length(track.motion.positions)
-    rolled_m = max(float(stations[index]) - STOP_BEFORE_M, 0.0)
+    rolled_m = max(float(stations[index]) - _STOP_BEFORE_M, 0.0)
     now = from_step - body.first_step
     if float(track.motion.speeds_mps[now]) ** 2 > 2 * HARDEST_BRAKING_MPS2 * (rolled_m - float(stations[now])):
         return None
-    return _Wait(plan, Halt(from_step, gone + AFTER_STEPS, rolled_m), body.first_step + index)
+    return _Wait(plan, Halt(from_step, gone + _AFTER_STEPS, rolled_m), body.first_step + index)
 
 
 def _in_the_way(body: Body, from_step: int) -> list[tuple[int, Points]]:
     """The places of a body from a step on, each once: the last step at which it is there, and its corners (4, 2)."""
     places: list[tuple[int, int]] = []
     for index in range(max(from_step - body.first_step, 0), len(body.positions)):
-        stays = bool(places) and math.dist(body.positions[places[-1][0]], body.positions[index]) < SAME_PLACE_M
+        stays = bool(places) and math.dist(body.positions[places[-1][0]], body.positions[index]) < _SAME_PLACE_M
         first = places.pop()[0] if stays else index
         places.append((first, index))
     return [

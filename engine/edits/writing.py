@@ -16,13 +16,16 @@ from ..vehicles import Motion, nearest_class, steering_angles
 from .changes import GoalChange
 from .edited_scene import EditedScene
 
-DECIMALS = 6
-USUAL_FIELDS = ("position", "orientation", "time", "velocity", "acceleration")
+_DECIMALS = 6
+"""Coordinates to a micrometre (chosen)."""
+_USUAL_FIELDS = ("position", "orientation", "time", "velocity", "acceleration")
 USUAL_GOAL_SIZE_M = (6.0, 2.0)
 """Length and width of a goal region where neither the request nor the file gives one, as in the paper's code."""
-Element = etree._Element
+_Element = etree._Element
 _INITIAL_OF = {"trajectory": "initialState", "signalSeries": "initialSignalState"}
+"""Where an obstacle has the first state of each list of states."""
 _AT_REST = {"yawRate": 0.0, "slipAngle": 0.0, "acceleration": 0.0}
+"""What a new start of the ego does not say of its motion."""
 
 
 def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
@@ -63,11 +66,11 @@ def _write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: fl
         document.replace_children(trajectory, states[-1:], [states[-1], *new])
 
 
-def _state_elements(track: TakenOverTrack, fields: tuple[str, ...], step_s: float, first: int) -> list[Element]:
-    """``<state>`` elements for the motion from its ``first`` index on, with the fields that can be told."""
+def _state_elements(track: TakenOverTrack, fields: tuple[str, ...], step_s: float, first: int) -> list[_Element]:
+    """``<state>`` elements for the motion from its ``first`` index on, among the fields that are wanted."""
     rates = np.gradient(track.motion.headings_rad, step_s)
     steering = steering_angles(track.motion, step_s, track.wheelbase_m)
-    made = []
+    states = []
     for index in range(first, len(track.motion.speeds_mps)):
         values = {
             "orientation": wrap_angle(float(track.motion.headings_rad[index])),
@@ -78,11 +81,11 @@ def _state_elements(track: TakenOverTrack, fields: tuple[str, ...], step_s: floa
             "steeringAngle": float(steering[index]),
         }
         x, y = track.motion.positions[index]
-        made.append(_state("state", fields, values, (float(x), float(y)), track.first_step + index))
-    return made
+        states.append(_state("state", fields, values, (float(x), float(y)), track.first_step + index))
+    return states
 
 
-def _obstacle_element(kind: str, track: TakenOverTrack, step_s: float, *, is_2018b: bool) -> Element:
+def _obstacle_element(kind: str, track: TakenOverTrack, step_s: float, *, is_2018b: bool) -> _Element:
     """The element of a moving road user of a CommonRoad type."""
     obstacle = etree.Element("obstacle" if is_2018b else "dynamicObstacle", id=str(track.vehicle_id))
     if is_2018b:
@@ -91,7 +94,7 @@ def _obstacle_element(kind: str, track: TakenOverTrack, step_s: float, *, is_201
     rectangle = etree.SubElement(etree.SubElement(obstacle, "shape"), "rectangle")
     etree.SubElement(rectangle, "length").text = _number(track.length_m)
     etree.SubElement(rectangle, "width").text = _number(track.width_m)
-    states = _state_elements(track, USUAL_FIELDS, step_s, first=0)
+    states = _state_elements(track, _USUAL_FIELDS, step_s, first=0)
     states[0].tag = "initialState"
     obstacle.append(states[0])
     trajectory = etree.SubElement(obstacle, "trajectory")
@@ -130,15 +133,15 @@ def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
     return notes
 
 
-def _first_goal(problem: Element) -> Element:
+def _first_goal(problem: _Element) -> _Element:
     """An empty goal state at the end of a problem that has none, indented like the others."""
     before = problem[-1]
-    made = etree.SubElement(problem, "goalState")
-    before.tail, made.tail = problem.text, before.tail
-    return made
+    goal = etree.SubElement(problem, "goalState")
+    before.tail, goal.tail = problem.text, before.tail
+    return goal
 
 
-def _goal_position(old: Element, goal: GoalChange) -> Element:
+def _goal_position(old: _Element, goal: GoalChange) -> _Element:
     rectangle = old.find("position/rectangle")
     size = goal.size_m or (USUAL_GOAL_SIZE_M if rectangle is None else _size(rectangle))
     position = etree.Element("position")
@@ -152,11 +155,11 @@ def _goal_position(old: Element, goal: GoalChange) -> Element:
     return position
 
 
-def _size(rectangle: Element) -> tuple[float, float]:
+def _size(rectangle: _Element) -> tuple[float, float]:
     return float(rectangle.findtext("length", "0")), float(rectangle.findtext("width", "0"))
 
 
-def _turned(orientation: Element, heading_rad: float) -> Element:
+def _turned(orientation: _Element, heading_rad: float) -> _Element:
     """The interval with its old width around a new heading."""
     start, end = float(orientation.findtext("intervalStart", "0")), float(orientation.findtext("intervalEnd", "0"))
     half = min(abs(end - start) / 2, 3.14)
@@ -164,7 +167,7 @@ def _turned(orientation: Element, heading_rad: float) -> Element:
     return _interval("orientation", middle - half, middle + half)
 
 
-def _interval(name: str, start: float, end: float) -> Element:
+def _interval(name: str, start: float, end: float) -> _Element:
     element = etree.Element(name)
     etree.SubElement(element, "intervalStart").text = str(start) if isinstance(start, int) else _number(start)
     etree.SubElement(element, "intervalEnd").text = str(end) if isinstance(end, int) else _number(end)
@@ -173,7 +176,7 @@ def _interval(name: str, start: float, end: float) -> Element:
 
 def _state(
     tag: str, fields: tuple[str, ...], values: dict[str, float], position: tuple[float, float], step: int
-) -> Element:
+) -> _Element:
     state = etree.Element(tag)
     for field in fields:
         if field == "position":
@@ -185,7 +188,7 @@ def _state(
     return state
 
 
-def _point_element(position: Sequence[float] | Points) -> Element:
+def _point_element(position: Sequence[float] | Points) -> _Element:
     """A ``<position>`` with one point."""
     element = etree.Element("position")
     point = etree.SubElement(element, "point")
@@ -194,26 +197,26 @@ def _point_element(position: Sequence[float] | Points) -> Element:
     return element
 
 
-def _exact(name: str, value: float) -> Element:
+def _exact(name: str, value: float) -> _Element:
     """An element with one exact value."""
     element = etree.Element(name)
     etree.SubElement(element, "exact").text = _number(value)
     return element
 
 
-def _state_step(state: Element) -> int:
+def _state_step(state: _Element) -> int:
     """The time step of a state; the first one of an interval."""
     exact = state.findtext("time/exact")
     return int(exact if exact is not None else state.findtext("time/intervalStart", "0"))
 
 
 def _number(value: float) -> str:
-    rounded = round(value, DECIMALS)
-    return f"{rounded + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".") if rounded else "0"
+    rounded = round(value, _DECIMALS)
+    return f"{rounded + 0.0:.{_DECIMALS}f}".rstrip("0").rstrip(".") if rounded else "0"
 
 
 def _write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> None:
-    """Move the states of a recorded obstacle in time, or put an added walker in."""
+    """Move the states of a recorded obstacle in time, or put an added pedestrian in."""
     if replay.recording is None:
         motion = replayed_motion(replay, step_s)
         track = replay.track
@@ -249,14 +252,14 @@ def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
         return
     values = {"orientation": ego.heading_rad, "velocity": ego.speed_mps, **_AT_REST}
     for child in [one for one in state if isinstance(one.tag, str)]:
-        made = _point_element(ego.position) if child.tag == "position" else None
+        new = _point_element(ego.position) if child.tag == "position" else None
         if child.tag in values:
-            made = _exact(str(child.tag), values[str(child.tag)])
-        if made is not None:
-            document.replace_children(state, [child], [made])
+            new = _exact(str(child.tag), values[str(child.tag)])
+        if new is not None:
+            document.replace_children(state, [child], [new])
 
 
-def _move(obstacle: Element, tag: str, initial_tag: str, replay: Replay) -> None:
+def _move(obstacle: _Element, tag: str, initial_tag: str, replay: Replay) -> None:
     """Move an initial state and those of a list by the replay's steps; those outside its track go."""
     initial, series = obstacle.find(initial_tag), obstacle.find(tag)
     states = [one for one in (initial, *([] if series is None else series)) if one is not None]
@@ -276,7 +279,7 @@ def _move(obstacle: Element, tag: str, initial_tag: str, replay: Replay) -> None
     series.remove(kept[0])
 
 
-def _set_step(state: Element, step: int) -> None:
+def _set_step(state: _Element, step: int) -> None:
     time = state.find("time")
     if time is None:
         return

@@ -11,7 +11,7 @@ from plannerforge.engine.cosimulation.handover import TakenOverTrack
 from plannerforge.engine.cosimulation.plans import recorded_plan
 from plannerforge.engine.edits.changes import Changes, EditStep
 from plannerforge.engine.edits.edited_scene import EditedScene, SimulationResult
-from plannerforge.engine.edits.explanations import driven_lanelets, driven_since, vehicle_route
+from plannerforge.engine.edits.explanations import DrivenVehicle, vehicle_route
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.vehicles.motion import Motion
 from plannerforge.schemas.modification import VehicleRoute
@@ -46,17 +46,17 @@ def test_a_lanelet_of_which_the_bumper_is_over_the_line_is_not_driven(
     tmp_path: Path, over_m: float, expected: tuple[int, ...]
 ) -> None:
     scene = scene_of(crossing(), tmp_path)
-    track = halting(-10 + over_m)
-    assert driven_lanelets(scene, track, recorded_plan(scene, 31, "edited", 0)) == expected
-    assert driven_since(scene, track, LINE_STEP - 5) == expected
+    vehicle = DrivenVehicle(scene, recorded_plan(scene, 31, "edited", 0), halting(-10 + over_m), {})
+    assert vehicle.lanelets == expected
+    assert vehicle.lanelets_since(LINE_STEP - 5) == expected
 
 
 def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
     lanes = (Lane(1, line((-60, 0), (-10, 0)), successors=(2,)), Lane(2, line((-10, 0), (-9.4, 0)), predecessors=(1,)))
     scene = scene_of(ScenarioBuilder(lanes), tmp_path)
     plan, over = recorded_plan(scene, 31, "edited", 0), ("e1_0",) * LINE_STEP + ("e2_0",) * (STEPS - LINE_STEP)
-    assert driven_lanelets(scene, halting(-9.65, over), plan) == (1, 2)
-    assert driven_lanelets(scene, halting(-9.75, over), plan) == (1,)
+    assert DrivenVehicle(scene, plan, halting(-9.65, over), {}).lanelets == (1, 2)
+    assert DrivenVehicle(scene, plan, halting(-9.75, over), {}).lanelets == (1,)
 
 
 def test_a_bumper_over_the_line_is_no_arrival_but_a_wait_at_the_junction(tmp_path: Path) -> None:
