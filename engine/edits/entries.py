@@ -28,7 +28,9 @@ PLACE_TAKEN, HIT_ON_ENTRY = "place_taken", "hit_on_entry"
 CLEARANCE_M = 0.3
 """Kept free before, behind and (half of it) beside a vehicle that enters (chosen)."""
 _SEARCH_STEP_M = 1.0
+"""How finely a lane is searched for free places (chosen)."""
 _FREE_PLACES_NAMED = 3
+"""A refusal names this many free places (chosen)."""
 _NEAR_M = 40.0
 """Vehicles whose centres are farther apart along an axis do not touch: no road user is as long."""
 _REACTION_S = 0.5

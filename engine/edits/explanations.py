@@ -38,6 +38,7 @@ _NEAR_M, _NEAR_S, _ASIDE_M = 5.0, 2.0, 2.0
 _LEADER_SHARE = 0.5
 """A leader is one for more than this share of the steps."""
 _STANDING_MPS = 0.1
+"""SUMO's speed of a waiting vehicle."""
 _LEAST_STANDING_S = 1.0
 """A shorter stand is no reason to be late (chosen)."""
 _SLOW_MPS = 8.0
@@ -53,6 +54,7 @@ _SPEED_TOLERANCE_MPS = 0.3
 _STILL_CHANGING_MPS2 = 0.3
 """A vehicle that gained this in the last second was still speeding up (chosen)."""
 _MOST_NAMED = 3
+"""A sentence names this many road users before it is cut short (chosen)."""
 _Indices = NDArray[np.intp]
 
 

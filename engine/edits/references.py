@@ -24,6 +24,7 @@ _TURN_RAD, _STRAIGHT_RAD = math.radians(50.0), math.radians(20.0)
 _BRANCH_M = 60.0
 """A branch is looked at no farther than this, so that a later curve of the road is no turn."""
 _STANDING_MPS = 0.1
+"""SUMO's speed of a waiting vehicle."""
 _TIE = 1e-3
 """Speeds in m/s or distances in m that differ by less are the same to a person who describes a vehicle by them."""
 _NAME_A_VEHICLE = "name one of these by its id; describe_scenario with detail=vehicles lists all"
