@@ -1,6 +1,6 @@
 """What a planner is: it is reset for one planning problem, then asked for a plan again and again.
 
-Planners that satisfy :class:`Planner` run in our loop; :mod:`plannerforge.engine.planners.conformance` checks one.
+Planners that satisfy :class:`Planner` run in the loop of ``simulation.py``; ``conformance.py`` checks one.
 """
 
 import math
@@ -59,10 +59,10 @@ def _middle(value: Any) -> float:
 
 @dataclass(frozen=True)
 class PredictedObstacle:
-    """Where another is now (index 0) and will be, one entry a step: centres (n, 2), headings (n,), covariance (2, 2).
+    """The present (index 0) and future of another road user, one entry a step: centres (n, 2), headings (n,).
 
-    A covariance (in m²) that changes has shape (n, 2, 2), one matrix a step. ``length_m`` and ``width_m`` hold the
-    safety margin of the prediction already.
+    ``covariance`` of the centre in m²: (2, 2), or (n, 2, 2) with one matrix a step where it changes. ``length_m`` and
+    ``width_m`` hold the safety margin of the prediction already.
     """
 
     obstacle_id: int
@@ -114,7 +114,7 @@ class PlannedTrajectory:
     accelerations_mps2: Values
 
     def until(self, count: int) -> "PlannedTrajectory":
-        """The first so many states."""
+        """The first ``count`` states."""
         arrays = (self.positions, self.headings_rad, self.speeds_mps, self.accelerations_mps2)
         return PlannedTrajectory(*(array[:count] for array in arrays))
 

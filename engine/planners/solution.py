@@ -77,7 +77,7 @@ def solution_xml(
 
     vehicle = VehicleType(vehicle_id)
     parameters = VehicleDynamics.from_model(VehicleModel.KS, vehicle).parameters
-    steering = steering_angles(steps, step_s, parameters.a + parameters.b, parameters.steering.max)
+    steering = mean_steering_angles(steps, step_s, parameters.a + parameters.b, parameters.steering.max)
     states = [
         KSState(
             time_step=steps.first_step + index,
@@ -95,8 +95,8 @@ def solution_xml(
     return text
 
 
-def steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, largest_rad: float) -> Points:
-    """Steering angle in rad at every state, shape (n,): the mean of the curvature before and after it."""
+def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, largest_rad: float) -> Points:
+    """Steering angle in rad at every state, shape (n,): the mean of those that the turns before and after it need."""
     turned = np.diff(np.unwrap(np.array(steps.heading_rad)))
     speed = np.array(steps.speed_mps)
     mean_speed = 0.5 * (speed[1:] + speed[:-1])

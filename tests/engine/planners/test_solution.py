@@ -29,7 +29,7 @@ from plannerforge.engine.planners.frenetix import planner as frenetix
 from plannerforge.engine.planners.interface import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.engine.planners.runs import run_planner, run_steps
 from plannerforge.engine.planners.simulation import simulate
-from plannerforge.engine.planners.solution import solution_xml, steering_angles, write_solution
+from plannerforge.engine.planners.solution import mean_steering_angles, solution_xml, write_solution
 from plannerforge.engine.tuning.configurations import changed_configuration
 from plannerforge.schemas.artifacts import SolutionRequest
 from plannerforge.schemas.errors import NotPossible
@@ -256,7 +256,7 @@ def test_steering_follows_the_curvature_and_rests_at_a_stand() -> None:
         plan_steps=(0,),
         costs={},
     )
-    angles = steering_angles(steps, step_s, 2.579, 1.066)
+    angles = mean_steering_angles(steps, step_s, 2.579, 1.066)
     assert len(angles) == count + 5
     assert angles[: count - 1] == pytest.approx(0.12825, abs=1e-4)
     assert angles[-1] == angles[-2]
