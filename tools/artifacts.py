@@ -1,9 +1,21 @@
-"""The tool that lists what was made."""
+"""The tools that list what was made, and look at and stop what is being made."""
 
+from ..engine.execution import Job
 from ..engine.workspace import Artifact
 from ..resources.templates import SCHEME
 from ..schemas.artifacts import ListArtifactsArguments, ListArtifactsResult, ListedArtifact
+from ..schemas.errors import NotPossible
+from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
 from .call import ToolCall
+
+_NEXT = {
+    "running": "call get_job again with the same job_id",
+    "done": "use the finished ids, for instance in analyze_results",
+    "failed": "correct what the error names and start again; what is finished is reused",
+    "cancelled": "the finished results stay; the same call takes up the rest",
+    "interrupted": "its server ended; the same call takes up the rest, what is finished is reused",
+}
+_NEXT_AFTER_IMPORT = "search with find_scenarios, or list what came in with list_artifacts"
 
 
 async def list_artifacts(arguments: ListArtifactsArguments, call: ToolCall) -> ListArtifactsResult:
@@ -48,3 +60,34 @@ def _jobs(arguments: ListArtifactsArguments, call: ToolCall) -> ListArtifactsRes
         for job in jobs[: arguments.limit]
     )
     return ListArtifactsResult(artifacts=listed, more=len(jobs) > arguments.limit)
+
+
+async def get_job(arguments: GetJobArguments, call: ToolCall) -> JobResult:
+    """Wait for the end of a job."""
+    job = call.jobs.store.get(arguments.job_id)
+    return _job_result(await call.wait_for(job.job_id, arguments.wait_s))
+
+
+async def cancel_job(arguments: CancelJobArguments, call: ToolCall) -> JobResult:
+    """Stop a job."""
+    job = await call.jobs.cancel(call.jobs.store.get(arguments.job_id).job_id)
+    if not job.ended:
+        raise NotPossible(
+            f"{job.job_id} runs in another server on this workspace",
+            next_step="cancel it from the client that started it",
+        )
+    return _job_result(job)
+
+
+def _job_result(job: Job) -> JobResult:
+    return JobResult(
+        job_id=job.job_id,
+        kind=job.kind,
+        state=job.state,
+        share=round(job.share, 4),
+        message=job.message,
+        remaining_s=None if job.remaining_s is None else round(job.remaining_s, 1),
+        results=job.results,
+        error=job.error,
+        next_step=_NEXT_AFTER_IMPORT if (job.kind, job.state) == ("import", "done") else _NEXT[job.state],
+    )

@@ -127,9 +127,19 @@ TOOLS: tuple[ToolSpec, ...] = (
         "planning:RunPlannerArguments",
         "planning:RunPlannerResult",
     ),
-    ToolSpec("get_job", "Look at a job", "jobs:get_job", "jobs:GetJobArguments", "jobs:JobResult", read_only=True),
+    ToolSpec("get_job", "Look at a job", "artifacts:get_job", "jobs:GetJobArguments", "jobs:JobResult", read_only=True),
     ToolSpec(
-        "cancel_job", "Cancel a job", "jobs:cancel_job", "jobs:CancelJobArguments", "jobs:JobResult", essential=False
+        "cancel_job",
+        "Cancel a job",
+        "artifacts:cancel_job",
+        "jobs:CancelJobArguments",
+        "jobs:JobResult",
+        essential=False,
+    ),
+        "artifacts:cancel_job",
+        "jobs:CancelJobArguments",
+        "jobs:JobResult",
+        essential=False,
     ),
     ToolSpec(
         "analyze_results",
