@@ -29,7 +29,7 @@ PAIRS_AT_ONCE = 2000
 
 
 @dataclass(frozen=True)
-class Criticality:
+class _Criticality:
     """The most critical figures of a drive; None where no other came within 60 m (or, for times, no closing one)."""
 
     minimum_distance_m: float | None = None
@@ -54,7 +54,7 @@ class MovingRectangles:
 
 
 @dataclass(frozen=True)
-class Encounters:
+class _Encounters:
     """All pairs of a driven state (``state``, an index) and another near it; ``ego`` and ``other`` of shape (n,).
 
     ``track``: which other, an index into the moving and then the standing ones.
@@ -66,7 +66,7 @@ class Encounters:
     other: MovingRectangles
 
 
-def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> Criticality:
+def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> _Criticality:
     """The most critical figures over the driven states of the ego (the initial one included).
 
     Args:
@@ -76,11 +76,11 @@ def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Tr
     """
     met = encounters(ego, moving, standing)
     if not len(met.state):
-        return Criticality()
+        return _Criticality()
     gaps = gaps_m(met)
     times = times_to_collision_s(met.ego, met.other)
     headways = _time_headways_s(ego, met)
-    return Criticality(
+    return _Criticality(
         minimum_distance_m=float(gaps.min()),
         minimum_time_to_collision_s=_least(times),
         minimum_time_headway_s=_least(headways),
@@ -88,7 +88,7 @@ def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Tr
     )
 
 
-def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> Encounters:
+def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> _Encounters:
     """The pairs of all states of the ego and others within 60 m of it, centre to centre."""
     steps = np.arange(ego.first_step, ego.last_step + 1)
     centers = ego.positions
@@ -107,7 +107,7 @@ def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = 
     other = np.concatenate(states) if states else np.zeros((0, 4))
     size = np.concatenate(sizes) if sizes else np.zeros((0, 2))
     own_size = np.tile([ego.length_m, ego.width_m], (len(state), 1))
-    return Encounters(
+    return _Encounters(
         state,
         track_of,
         MovingRectangles(centers[state], ego.headings_rad[state], own_size, ego.speeds_mps[state]),
@@ -157,7 +157,7 @@ def _directions(headings_rad: Values) -> Points:
     return np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
 
 
-def gaps_m(met: Encounters) -> Values:
+def gaps_m(met: _Encounters) -> Values:
     """Distances between the rectangles of all pairs, 0 where they overlap, shape (n,)."""
     import shapely
 
@@ -165,7 +165,7 @@ def gaps_m(met: Encounters) -> Values:
     return gaps
 
 
-def _time_headways_s(ego: Track, met: Encounters) -> Values:
+def _time_headways_s(ego: Track, met: _Encounters) -> Values:
     """Seconds until the ego's front is where the front of the vehicle ahead is now, at the ego's speed.
 
     Time headway as in Vogel 2003 (a comparison of headway and time to collision): the distance from front to front
@@ -198,7 +198,7 @@ def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
     return scores
 
 
-def _on_path(path: Points, stations: Values, met: Encounters) -> tuple[Values, Values, Values]:
+def _on_path(path: Points, stations: Values, met: _Encounters) -> tuple[Values, Values, Values]:
     """Arc length, distance and heading of the path at the point nearest to each other, shapes (n,).
 
     Only the path from the ego's state on counts: a route that crosses itself must not find others behind the ego.

@@ -114,7 +114,7 @@ async def _record_scenario(client: Client, digests: _Digests, path: Path) -> Non
             digests.note(f"{name} edit {kind} {traffic}", await client.call_tool("modify_scenario", arguments))
     for planner, traffic, prediction in (
         ("frenetix:Default", "recorded", "constant_velocity"),
-        ("frenetix:Safety", "reactive", "lane_following"),
+        ("frenetix:Safety", "reactive", "lane"),
         ("idm", "recorded", "ground_truth"),
     ):
         arguments = {"scenarios": [name], "configs": [planner], "traffic": traffic, "prediction": prediction}

@@ -32,7 +32,7 @@ _LONG_WORK: dict[str, Any] = {"density": "high", "duration_s": 120}
 """A generation that takes long enough to be killed or cancelled."""
 
 
-async def measure(workspace: Path) -> None:
+async def _measure(workspace: Path) -> None:
     """Measure and print."""
     ours = ["-m", "plannerforge.server", "serve", "--workspace", str(workspace)]
     bare, full = [], []
@@ -165,4 +165,4 @@ def _once(action: Callable[[], None]) -> Any:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
-        anyio.run(measure, Path(folder))
+        anyio.run(_measure, Path(folder))

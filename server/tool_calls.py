@@ -24,21 +24,21 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         arguments = read_arguments(spec.arguments_type, given)
         if not isinstance(arguments, Arguments):
             raise TypeError(f"{spec.name} takes {type(arguments).__name__}, which is no Arguments")
-        return shaped(await spec.load_function()(arguments, call))
+        return _shaped(await spec.load_function()(arguments, call))
     except PlannerForgeError as error:
         if isinstance(error, UnexpectedFailure):
             _log(error)
-        return refusal(error)
+        return _refusal(error)
     except Exception:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
         failure = UnexpectedFailure(spec.name, traceback.format_exc())
         _log(failure)
-        return refusal(failure)
+        return _refusal(failure)
 
 
-def shaped(result: Result | ImageAnswer) -> CallToolResult:
+def _shaped(result: Result | ImageAnswer) -> CallToolResult:
     """The answer as content blocks and structured content, each of which says the whole."""
     if isinstance(result, ImageAnswer):
-        blocks: list[ContentBlock] = [TextContent(type="text", text=printable(result.text))]
+        blocks: list[ContentBlock] = [TextContent(type="text", text=_printable(result.text))]
         for image in result.images:
             data = base64.b64encode(image.path.read_bytes()).decode()
             blocks.append(ImageContent(type="image", data=data, mime_type=image.mime_type))
@@ -46,28 +46,28 @@ def shaped(result: Result | ImageAnswer) -> CallToolResult:
             ResourceLink(type="resource_link", name=link.rpartition("/")[2], uri=link) for link in result.links
         )
         return CallToolResult(content=blocks)
-    text = printable(result.to_text())
+    text = _printable(result.to_text())
     structured = _printable_parts(result.model_dump(mode="json"))
     return CallToolResult(content=[TextContent(type="text", text=text)], structured_content=structured)
 
 
-def refusal(error: PlannerForgeError) -> CallToolResult:
+def _refusal(error: PlannerForgeError) -> CallToolResult:
     """An error result: its text holds code, message, valid values and next step."""
-    return CallToolResult(content=[TextContent(type="text", text=printable(error.text))], is_error=True)
+    return CallToolResult(content=[TextContent(type="text", text=_printable(error.text))], is_error=True)
 
 
-def printable(text: str) -> str:
+def _printable(text: str) -> str:
     """The text without control, zero-width and direction characters, which file contents could smuggle in."""
     return "".join(c for c in text if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cf", "Co", "Cs"))
 
 
 def _printable_parts(value: Any) -> Any:
     if isinstance(value, str):
-        return printable(value)
+        return _printable(value)
     if isinstance(value, list):
         return [_printable_parts(part) for part in value]
     if isinstance(value, dict):
-        return {printable(key): _printable_parts(part) for key, part in value.items()}
+        return {_printable(key): _printable_parts(part) for key, part in value.items()}
     return value
 
 

@@ -136,11 +136,6 @@ TOOLS: tuple[ToolSpec, ...] = (
         "jobs:JobResult",
         essential=False,
     ),
-        "artifacts:cancel_job",
-        "jobs:CancelJobArguments",
-        "jobs:JobResult",
-        essential=False,
-    ),
     ToolSpec(
         "analyze_results",
         "Analyse results",

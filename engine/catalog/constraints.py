@@ -246,14 +246,14 @@ def _bounds(interval: Interval, tolerance: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Places:
+class _Places:
     """What the catalogue holds: countries, and places with their countries, alphabetically."""
 
     countries: tuple[str, ...]
     places: tuple[tuple[str, str], ...]
 
 
-def known_places(connection: sqlite3.Connection, among: frozenset[int] | None = None) -> Places:
+def known_places(connection: sqlite3.Connection, among: frozenset[int] | None = None) -> _Places:
     """All countries and places of the catalogue, or of these entries."""
     if among is None:
         rows = connection.execute("SELECT DISTINCT place, country FROM catalog_scenarios").fetchall()
@@ -261,7 +261,7 @@ def known_places(connection: sqlite3.Connection, among: frozenset[int] | None = 
         every = connection.execute("SELECT place, country, number FROM catalog_scenarios")
         rows = [row[:2] for row in every if row[2] in among]
     places = tuple(sorted({(str(row[0]), str(row[1])) for row in rows}))
-    return Places(tuple(sorted({country for _, country in places})), places)
+    return _Places(tuple(sorted({country for _, country in places})), places)
 
 
 def location_constraints(connection: sqlite3.Connection, country: str | None, city: str | None) -> list[Constraint]:

@@ -37,7 +37,7 @@ RANKED_FALLBACKS = 50
 
 
 @dataclass(frozen=True)
-class Entry:
+class _Entry:
     """A scenario with one of its planning problems: ``size`` counts obstacles.
 
     ``time_to_conflict_s`` is None without an ego, and ``NEVER_S`` where it never meets the recording.
@@ -131,7 +131,7 @@ class Search:
         if self.arguments.sort == "size":
             matches.sort(key=lambda entry: (-entry.size, entry.scenario_id))
         elif self.arguments.sort == "criticality":
-            matches.sort(key=Entry.criticality)
+            matches.sort(key=_Entry.criticality)
         ids = [entry.scenario_id for entry in matches]
         if self.arguments.diverse is None:
             return _Found(tuple(ordered), tuple(ids))
@@ -175,10 +175,10 @@ class Search:
         )
 
     @cached_property
-    def _matching(self) -> list[Entry]:
+    def _matching(self) -> list[_Entry]:
         return self._entries(self.funnel.matches)
 
-    def _entries(self, numbers: frozenset[int]) -> list[Entry]:
+    def _entries(self, numbers: frozenset[int]) -> list[_Entry]:
         """The entries by id, without the one that others are to be like."""
         return [entry for entry in entries_of(self._connection, numbers) if entry.scenario_id != self.arguments.like]
 
@@ -310,12 +310,12 @@ _MANY = 20_000
 _COLUMNS = "number, scenario_id, size, ttc_s"
 
 
-def entries_of(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[Entry]:
+def entries_of(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[_Entry]:
     """These entries in the alphabetical order of their ids."""
     if len(numbers) > _MANY:
         rows = connection.execute(f"SELECT {_COLUMNS} FROM catalog_scenarios ORDER BY scenario_id")  # noqa: S608 - fixed
-        return [Entry(*row) for row in rows if row[0] in numbers]
-    entries = [Entry(*row) for chunk in _chunks(numbers) for row in _selected(connection, "number", chunk)]
+        return [_Entry(*row) for row in rows if row[0] in numbers]
+    entries = [_Entry(*row) for chunk in _chunks(numbers) for row in _selected(connection, "number", chunk)]
     return sorted(entries, key=lambda entry: entry.scenario_id)
 
 
@@ -351,7 +351,7 @@ Values = frozenset[tuple[str, str]]
 """What an entry covers: pairs of dimension and value."""
 
 
-def _covered_values(connection: sqlite3.Connection, entries: Sequence[Entry]) -> dict[str, Values]:
+def _covered_values(connection: sqlite3.Connection, entries: Sequence[_Entry]) -> dict[str, Values]:
     """What every entry covers, by id."""
     chosen = {entry.number: entry.scenario_id for entry in entries}
     covered: dict[str, set[tuple[str, str]]] = {entry.scenario_id: set() for entry in entries}

@@ -15,7 +15,7 @@ _KEPT = 4
 
 
 @dataclass(frozen=True)
-class KeptScene:
+class _KeptScene:
     """A scene, and what its ego does in it before any edit: a simulation that does not depend on the edits."""
 
     scene: Scene
@@ -30,7 +30,7 @@ class KeptScene:
         return self._drives[setup.seed]
 
 
-def scene_of(path: Path, problem_id: int | None = None) -> KeptScene:
+def scene_of(path: Path, problem_id: int | None = None) -> _KeptScene:
     """The scene of a file with its lanes and SUMO network; made once for the same content, and never changed.
 
     Args:
@@ -49,7 +49,7 @@ def scene_of(path: Path, problem_id: int | None = None) -> KeptScene:
 
 
 @lru_cache(maxsize=_KEPT)
-def _scene(path: Path, digest: str, problem_id: int | None) -> KeptScene:
+def _scene(path: Path, digest: str, problem_id: int | None) -> _KeptScene:
     del digest
     read = read_recorded(path)
-    return KeptScene(Scene.of(read.loaded, read.tracks, problem_id))
+    return _KeptScene(Scene.of(read.loaded, read.tracks, problem_id))

@@ -53,7 +53,7 @@ SHORTEST_ASKED_PATH_M = 4.0
 
 
 @dataclass(frozen=True)
-class GoalSpec:
+class _GoalSpec:
     """The goal as asked: after a number of steps, after a distance in m on the ego's own path, or on a lanelet."""
 
     steps: int | None = None
@@ -76,7 +76,7 @@ class TaskSpec:
     """Ego and goal as asked."""
 
     ego: EgoSpec
-    goal: GoalSpec
+    goal: _GoalSpec
 
     @classmethod
     def of(cls, request: GenerationRequest) -> "TaskSpec":
@@ -99,23 +99,23 @@ def _parse_ego(text: str) -> EgoSpec:
     raise InvalidRequest(f"ego {text!r} cannot be read", valid=["first", "index:N (cars, from 0)", "type:CLASS"])
 
 
-def parse_goal(text: str) -> GoalSpec:
+def parse_goal(text: str) -> _GoalSpec:
     """Read ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``; the usual position is the middle.
 
     Raises:
         InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
     """
     if (match := re.fullmatch(r"steps:(\d{1,5})", text)) and 10 <= int(match[1]) <= 1000:
-        return GoalSpec(steps=int(match[1]))
+        return _GoalSpec(steps=int(match[1]))
     if (match := re.fullmatch(r"distance_m:(\d{1,5}(?:\.\d+)?)", text)) and 5 <= float(match[1]) <= 2000:
-        return GoalSpec(distance_m=float(match[1]))
+        return _GoalSpec(distance_m=float(match[1]))
     if match := re.fullmatch(r"lanelet:(\d{1,9})(?::([a-z_]+|[\d.]+m?))?(?::([\d.]+)x([\d.]+))?", text):
         try:
             size = (float(match[3]), float(match[4])) if match[3] else None
         except ValueError:
             size = (0.0, 0.0)
         if size is None or all(0.5 <= side <= 500 for side in size):
-            return GoalSpec(lanelet=_LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
+            return _GoalSpec(lanelet=_LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
     raise InvalidRequest(f"goal {text!r} cannot be read", valid=GOAL_FORMS)
 
 
@@ -194,7 +194,7 @@ def choose_task(
     )
 
 
-def _check_lanelet(goal: GoalSpec, network: RoadNetwork) -> None:
+def _check_lanelet(goal: _GoalSpec, network: RoadNetwork) -> None:
     """Refuse a lanelet that the network does not have, or a position beyond it."""
     if goal.lanelet is None:
         return
@@ -219,7 +219,7 @@ def _under(lookup: LaneletLookup, vehicle: Participant, step: int) -> RoadLanele
 
 
 def _task(
-    car: Participant, goal: GoalSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
+    car: Participant, goal: _GoalSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
 ) -> PlanningTask | None:
     """The task of a car; None where it is not at such a goal, or lanelets do not lead there."""
     at_goal = passage(goal, car, network)
@@ -270,7 +270,7 @@ class _Passage:
     heading_rad: float
 
 
-def passage(goal: GoalSpec, car: Participant, network: RoadNetwork) -> _Passage | None:
+def passage(goal: _GoalSpec, car: Participant, network: RoadNetwork) -> _Passage | None:
     """Where and when a car is at the goal; None if it is not there within its recording, or too near to its start."""
     driven = arc_length(car.motion.positions)
     if goal.lanelet is not None:
@@ -281,7 +281,7 @@ def passage(goal: GoalSpec, car: Participant, network: RoadNetwork) -> _Passage 
     return _Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))
 
 
-def _ahead(goal: GoalSpec, driven: Values) -> int | None:
+def _ahead(goal: _GoalSpec, driven: Values) -> int | None:
     """The step at which the asked steps or metres are behind the car; None beyond its recording."""
     if goal.steps is not None:
         return goal.steps if goal.steps < len(driven) else None

@@ -36,7 +36,7 @@ LASTING_S = 30.0
 
 
 @dataclass(frozen=True)
-class GeneratedTraffic:
+class _GeneratedTraffic:
     """Smoothed vehicles at a site, spare ones among them, and the demand that they meet.
 
     ``left_out``: vehicles that could not be driven as recorded or overlapped others.
@@ -54,7 +54,7 @@ def generate_traffic(
     round_number: int,
     scratch: Path,
     report: ProgressReporter,
-) -> GeneratedTraffic:
+) -> _GeneratedTraffic:
     """Traffic without overlaps that holds all vehicles that were asked for: the first of several attempts.
 
     ``round_number`` draws other traffic with the same seed.
@@ -93,7 +93,7 @@ def generate_traffic(
         kept = drop_infeasible(smoothed, needed)
         absent = _missing(demand, kept)
         if not absent:
-            return GeneratedTraffic(kept, len(smoothed) - len(kept), demand)
+            return _GeneratedTraffic(kept, len(smoothed) - len(kept), demand)
         shortfalls.append(absent)
         more.update({name: MORE_FOR_EACH_ABSENT * count for name, count in absent.items()})
     if not shortfalls:

@@ -172,6 +172,6 @@ def exact_palette(images: Sequence["Image"], colours: int) -> "Image":
     return palette
 
 
-def shortened(text: str, length: int) -> str:
+def _shortened(text: str, length: int) -> str:
     """The text cut to a length, with an ellipsis where something is missing."""
     return text if len(text) <= length else text[: length - 1] + "…"

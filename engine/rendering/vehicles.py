@@ -72,14 +72,14 @@ def _nose(corners: Points) -> Points:
 
 
 @dataclass(frozen=True)
-class NamedOutline:
+class _NamedOutline:
     """Corners (n, 2) of something that gets a label, such as an ego."""
 
     name: str
     corners: Points
 
 
-def draw_egos(axes: "Axes", view: ScenarioView, *, start: bool = True) -> list[NamedOutline]:
+def draw_egos(axes: "Axes", view: ScenarioView, *, start: bool = True) -> list[_NamedOutline]:
     """Draw the egos of all runs, and faded the place where they started; without runs the ego's start.
 
     Returns:
@@ -95,7 +95,7 @@ def draw_egos(axes: "Axes", view: ScenarioView, *, start: bool = True) -> list[N
     alone = "ego's start" if later and not egos else "ego"
     names = [path.name for path in view.paths] if len(view.paths) > 1 else [alone]
     drawn = egos or ([begin] if begin is not None else [])
-    return [NamedOutline(name, corners) for name, corners in zip(names, drawn, strict=False)]
+    return [_NamedOutline(name, corners) for name, corners in zip(names, drawn, strict=False)]
 
 
 def _start_corners(content: ScenarioContent) -> Points | None:
@@ -173,7 +173,7 @@ _EGO_KEY = -1
 def label_vehicles(
     axes: "Axes",
     vehicles: Sequence[VehicleShape],
-    egos: Sequence[NamedOutline],
+    egos: Sequence[_NamedOutline],
     near: Points,
     viewport: Viewport,
     keep_free: Points,
@@ -223,7 +223,7 @@ class Label:
 
 
 @dataclass(frozen=True)
-class PlacedLabel:
+class _PlacedLabel:
     """A label with the place of its centre; ``is_far``: a line has to lead to what it belongs to."""
 
     label: Label
@@ -239,14 +239,14 @@ def _label(key: int, text: str, corners_px: Points) -> Label:
 
 def place_labels(
     labels: Sequence[Label], occupied: Sequence[Box], frame: Box, character_px: tuple[float, float]
-) -> tuple[tuple[PlacedLabel, ...], tuple[int, ...]]:
+) -> tuple[tuple[_PlacedLabel, ...], tuple[int, ...]]:
     """Place labels greedily in the given order, the important ones first.
 
     Returns:
         The placed labels, and the keys of those for which no free place was found.
     """
     taken = list(occupied)
-    placed: list[PlacedLabel] = []
+    placed: list[_PlacedLabel] = []
     left_out: list[int] = []
     for label in labels:
         width, height = character_px[0] * len(label.text), character_px[1]
@@ -254,7 +254,7 @@ def place_labels(
             box = (center[0] - width / 2, center[1] - height / 2, center[0] + width / 2, center[1] + height / 2)
             if _is_inside(box, frame) and not any(_overlap(box, other) for other in taken):
                 taken.append(box)
-                placed.append(PlacedLabel(label, center, is_far))
+                placed.append(_PlacedLabel(label, center, is_far))
                 break
         else:
             left_out.append(label.key)
@@ -292,7 +292,7 @@ def _overlap(first: Box, second: Box) -> bool:
     return first[0] < second[2] and second[0] < first[2] and first[1] < second[3] and second[1] < first[3]
 
 
-def _write(axes: "Axes", place: PlacedLabel) -> None:
+def _write(axes: "Axes", place: _PlacedLabel) -> None:
     from matplotlib.patheffects import withStroke
 
     back = axes.transData.inverted().transform

@@ -139,7 +139,7 @@ OWN, ONCOMING = "same lane", "oncoming"
 
 
 @dataclass(frozen=True)
-class Where:
+class _Where:
     """Words, distance in m along the ego's lane (ahead positive; None off its road), and the gap in m in that lane."""
 
     words: str
@@ -182,7 +182,7 @@ class EgoLane:
         beside = _lanes_beside(network, (*before, *chosen))
         return cls(network, line, project(line, pose[0])[0], pose[0], pose[1], beside)
 
-    def where(self, track: Track, index: int, lanelet: int | None) -> Where:
+    def where(self, track: Track, index: int, lanelet: int | None) -> _Where:
         """Where the track is at an index of its arrays."""
         point, heading = track.positions[index], float(track.headings_rad[index])
         station, offset = project(self.line, point)
@@ -190,11 +190,11 @@ class EgoLane:
         round_about = abs(ahead) > max(ALONGSIDE_M, ROUND_ABOUT * float(np.linalg.norm(point - self.position)))
         lane = self._lane(track, index, lanelet, (station, offset))
         if lane is None or (round_about and lane == ONCOMING):
-            return Where(self._elsewhere(point, heading), None, None)
+            return _Where(self._elsewhere(point, heading), None, None)
         if round_about:
-            return Where(f"{self._elsewhere(point, heading)}, {_along(ahead)} along the lane", round(ahead, 1), None)
+            return _Where(f"{self._elsewhere(point, heading)}, {_along(ahead)} along the lane", round(ahead, 1), None)
         gap = abs(ahead) - (track.length_m + EGO_SIZE_M[0]) / 2 if lane == OWN else None
-        return Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
+        return _Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
 
     def _lane(self, track: Track, index: int, lanelet: int | None, at: tuple[float, float]) -> str | None:
         """The lane that a vehicle is in, at an arc length and an offset of the line; None on another road."""

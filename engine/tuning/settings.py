@@ -15,7 +15,7 @@ from .tunings import LARGEST_WEIGHT
 
 
 @dataclass(frozen=True)
-class ChangedValues:
+class _ChangedValues:
     """All values after the changes, and remarks on changes that changed nothing."""
 
     values: dict[str, float]
@@ -29,7 +29,7 @@ def apply_assignments(
     limits: Mapping[str, tuple[float, float]] | None = None,
     kind: str = "cost weight",
     elsewhere: Mapping[str, str] | None = None,
-) -> ChangedValues:
+) -> _ChangedValues:
     """The weights (or settings) after all changes in their order; all are applied or none.
 
     ``jerk=lateral_jerk`` copies the value that the other weight has at that point. ``limits``: ranges of single names,
@@ -58,7 +58,7 @@ def apply_assignments(
         if after == before:
             zero = " (0 times anything stays 0; set a value instead)" if before == 0 and change.operator == "*" else ""
             notes.append(f"'{text}' leaves {name} at {before:g}{zero}")
-    return ChangedValues(result, tuple(notes))
+    return _ChangedValues(result, tuple(notes))
 
 
 def _value(change: Assignment, before: float, text: str) -> float:

@@ -16,7 +16,7 @@ from .kill_test_import import kill_imports
 KILLS, FILES, SEED = 30, 40, 20261121
 
 
-def measure(source: Path, scratch: Path) -> int:
+def _measure(source: Path, scratch: Path) -> int:
     """Kill, print, and return the number of disagreements."""
     folder = scratch / "files"
     folder.mkdir()
@@ -38,4 +38,4 @@ if __name__ == "__main__":
     if not (shared / "data/commonroad").is_dir():
         sys.exit("the real scenarios are not here; name their folder in PLANNERFORGE_SHARED")
     with tempfile.TemporaryDirectory() as name:
-        sys.exit(1 if measure(shared / "data/commonroad", Path(name)) else 0)
+        sys.exit(1 if _measure(shared / "data/commonroad", Path(name)) else 0)

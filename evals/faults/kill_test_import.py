@@ -50,36 +50,36 @@ _GUARD_S = 300.0
 
 
 @dataclass
-class KillTally:
+class _KillTally:
     """Kills by what was killed or had ended before, and what did not agree afterwards."""
 
     kills: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
 
 
-def kill_imports(workspace: Path, folder: Path, chance: random.Random, kills: int) -> KillTally:
+def kill_imports(workspace: Path, folder: Path, chance: random.Random, kills: int) -> _KillTally:
     """Import the folder again and again, each time with a kill at a random moment, then once undisturbed.
 
     The server is killed, or (one time in three) one of its processes only. After each the workspace is opened and
     checked. A workspace that is full is followed by a new one beside it.
     """
-    tally, number = KillTally(), 0
+    tally, number = _KillTally(), 0
     total = len(list(folder.glob("*.xml")))
     while tally.kills.total() < kills:
         root = workspace / str(number)
         killed = _kill_once(root, folder, chance, total)
         tally.kills[killed] += 1
         tally.faults += disagreements(root)
-        if stored(root) == total:
+        if _stored(root) == total:
             number += 1
     _wait(_server(workspace / str(number), folder))
     tally.faults += disagreements(workspace / str(number))
-    if (left := total - stored(workspace / str(number))) > 0:
+    if (left := total - _stored(workspace / str(number))) > 0:
         tally.faults.append(f"{left} files are missing in the end")
     return tally
 
 
-def stored(root: Path) -> int:
+def _stored(root: Path) -> int:
     """Scenarios in a workspace's database, 0 where there is none yet."""
     if not (root / "workspace.sqlite").is_file():
         return 0
@@ -139,10 +139,10 @@ def _hash_vectors(texts: Sequence[str]) -> Vectors:
 
 def _kill_once(root: Path, folder: Path, chance: random.Random, total: int) -> str:
     """Start an import and kill it, or one of its processes, when a random number of files more is in."""
-    moment = chance.randint(stored(root), total - 1)
+    moment = chance.randint(_stored(root), total - 1)
     delay_s, spares_the_server = chance.uniform(0.0, _LATEST_S), chance.random() < 1 / 3
     process = _server(root, folder)
-    while stored(root) < moment and process.poll() is None:
+    while _stored(root) < moment and process.poll() is None:
         time.sleep(0.01)
     time.sleep(delay_s)
     workers = [] if process.poll() is not None else psutil.Process(process.pid).children()

@@ -77,7 +77,7 @@ class _Grid:
 
 
 @dataclass
-class Tally:
+class _Tally:
     """What was done, and what was seen of it: faults by kind, codes of errors, and what has none."""
 
     faults: Counter[str] = field(default_factory=Counter)
@@ -94,7 +94,7 @@ class Tally:
             self.unnamed.append(text.strip()[-500:])
 
 
-def drive(workspace: Path, grid: _Grid, chance: random.Random, tally: Tally, faults: int) -> None:
+def _drive(workspace: Path, grid: _Grid, chance: random.Random, tally: _Tally, faults: int) -> None:
     """Ask until the grid is whole; at most ``faults`` faults strike meanwhile, at random moments.
 
     Raises:
@@ -129,7 +129,7 @@ def _server(workspace: Path, grid: _Grid) -> subprocess.Popen[str]:
     )
 
 
-def _strike(process: subprocess.Popen[str], chance: random.Random, tally: Tally, most: int) -> int:
+def _strike(process: subprocess.Popen[str], chance: random.Random, tally: _Tally, most: int) -> int:
     """Strike a server again and again until it has ended or enough was done; gives the number of faults."""
     struck = 0
     while struck < most and _still_runs(process, chance.uniform(*_BETWEEN_FAULTS_S)):
@@ -198,7 +198,7 @@ def _drawn_configs(call: ToolCall, chance: random.Random) -> tuple[str, ...]:
     return tuple(configuration.config_id for configuration in made)
 
 
-async def _faulty_grid(workspace: Workspace, scenarios: list[str], chance: random.Random, tally: Tally) -> _Grid:
+async def _faulty_grid(workspace: Workspace, scenarios: list[str], chance: random.Random, tally: _Tally) -> _Grid:
     """A new grid, of which the runs of a scenario that hangs and of one that crashes were tried."""
     hanging, crashing = chance.sample(scenarios, 2)
     async with _faulty_call(workspace, {hanging: HANG, crashing: CRASH}) as call:
@@ -213,7 +213,7 @@ async def _faulty_grid(workspace: Workspace, scenarios: list[str], chance: rando
     return grid
 
 
-def _count_lost_cells(workspace: Workspace, tally: Tally) -> None:
+def _count_lost_cells(workspace: Workspace, tally: _Tally) -> None:
     """Count the errors of the cells that some batch lost."""
     for artifact in workspace.newest(kind="batch", limit=10_000):
         for cell in artifact.read(BatchRecord).lost:
@@ -227,15 +227,15 @@ def _whole_batches(workspace: Workspace, grids: list[_Grid]) -> list[BatchRecord
     return [whole[key] for grid in grids if (key := (grid.scenarios, grid.configs)) in whole]
 
 
-def measure(folder: Path, runs: int, seed: int) -> None:
+def _measure(folder: Path, runs: int, seed: int) -> None:
     """Grids, one after the other, until at least ``runs`` runs were asked for."""
-    began, chance, tally = time.monotonic(), random.Random(seed), Tally()  # noqa: S311 - moments of faults, no secret
+    began, chance, tally = time.monotonic(), random.Random(seed), _Tally()  # noqa: S311 - moments of faults, no secret
     workspace, grids = Workspace(folder), list[_Grid]()
     open_catalogue(workspace)
     scenarios = _small_scenarios(workspace)
     for number in range(math.ceil(runs / (len(scenarios) * _CONFIGS))):
         grids.append(anyio.run(_faulty_grid, workspace, scenarios, chance, tally))
-        drive(folder, grids[-1], chance, tally, _FAULTS_A_GRID)
+        _drive(folder, grids[-1], chance, tally, _FAULTS_A_GRID)
         minutes = (time.monotonic() - began) / 60
         sys.stderr.write(f"grid {number + 1} is whole after {minutes:.1f} minutes: {dict(tally.faults)}\n")
     _count_lost_cells(workspace, tally)
@@ -267,7 +267,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        measure(Path(folder), arguments.runs, arguments.seed)
+        _measure(Path(folder), arguments.runs, arguments.seed)
 
 
 if __name__ == "__main__":

@@ -139,7 +139,7 @@ def _make(request: BenchRequest, asked: GenerationRequest, session: Session, see
             return Made(request, fault=f"breaks the schema: {faults[0]}")
         loaded = read_scenario(folder / "scenario.xml")
         files, evidence = MadeFiles.read(folder), session.evidence(asked.map_path)
-        executable, outcome = drive(loaded)
+        executable, outcome = _drive(loaded)
         return Made(
             request,
             executable=executable,
@@ -168,7 +168,7 @@ def _required_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int |
     )
 
 
-def drive(loaded: LoadedScenario) -> tuple[bool, str]:
+def _drive(loaded: LoadedScenario) -> tuple[bool, str]:
     """Whether Frenetix with its default weights finishes a trajectory, and the outcome."""
     default, planner = built_in("frenetix:Default"), make_planner("frenetix")
     run = simulate(loaded.scenario, loaded.problem(), default, planner, "constant_velocity", silent)

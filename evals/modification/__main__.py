@@ -54,7 +54,7 @@ REASONS, REASON_LETTERS = 6, 110
 """Of refusals that the table shows for each task: how many, and how long."""
 
 
-def measure(files: Sequence[Path], lines: Sequence[str], shared: Path, workers: int) -> list[Measured]:
+def _measure(files: Sequence[Path], lines: Sequence[str], shared: Path, workers: int) -> list[Measured]:
     """All jobs on worker processes; the results in no particular order."""
     presets = published_presets(shared / "facts")
     spawn, modules = get_context("spawn"), PRELOAD["compute"]
@@ -257,7 +257,7 @@ def main() -> None:
     files = sorted((shared / "data" / "commonroad").glob("*.xml"))[:: arguments.every]
     corpora = [shared / "corpora" / "dev" / f"modification_{task}.jsonl" for task in CORPUS]
     lines = [line for path in corpora for line in path.read_text(encoding="utf-8").splitlines()][:: arguments.every]
-    measured = measure(files, lines, shared, arguments.workers)
+    measured = _measure(files, lines, shared, arguments.workers)
     figures = figures_of(measured)
     Console(stderr=True, soft_wrap=True).print("\n".join(failures_of(measured)), markup=False, highlight=False)
     print_figures("Modification", [*((k, f"{v:g}") for k, v in figures.items()), *rows_of(measured)], figures)

@@ -56,7 +56,7 @@ LEAST_GAP_M, HEADWAY_S = 2.5, 1.0
 so long. The next lane lies within these distances to the side."""
 
 
-def fronts(track: Track) -> Points:
+def _fronts(track: Track) -> Points:
     """Front bumpers (n, 2) in m."""
     ahead = np.column_stack([np.cos(track.headings_rad), np.sin(track.headings_rad)])
     return np.asarray(track.positions + track.length_m / 2 * ahead)
@@ -69,7 +69,7 @@ def arrives_on(network: "LaneletNetwork", track: Track, begin: int, targets: set
     lanelet) is on the lanelet, or on those that it alone leads to. ``begin``: index of the track from which on it was
     driven. A vehicle that arrives does not vanish: one that is on the target early drives on along what follows it.
     """
-    there, centres = fronts(track)[max(begin, 0) :], track.positions[max(begin, 0) :]
+    there, centres = _fronts(track)[max(begin, 0) :], track.positions[max(begin, 0) :]
     # A lanelet may be shorter than one step of the way, so that the way between the steps counts and not their ends.
     steps = shapely.linestrings(np.stack([np.vstack([there[:1], there[:-1]]), there, centres], axis=1))
     halves = shapely.linestrings(np.stack([there, centres], axis=1))
@@ -217,7 +217,7 @@ class Journey:
         """Whether it stands where a lanelet ends right ahead: a stop line, a junction, or the last place to change."""
         if float(self.track.speeds_mps[index]) > STANDING_MPS:
             return False
-        front, heading = fronts(self.track)[index], float(self.track.headings_rad[index])
+        front, heading = _fronts(self.track)[index], float(self.track.headings_rad[index])
         points = [front, front - LINE_M * np.array([math.cos(heading), math.sin(heading)])]
         under = zip(points, self.network.find_lanelet_by_position(points), strict=True)
         found = [(point, self.network.find_lanelet_by_id(key)) for point, keys in under for key in keys]
@@ -282,7 +282,7 @@ def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozense
     Braked to some speed, it turns in the narrowest circle that grip and steering allow: an arc of radius r comes y
     aside on √(2 r y - y²), and on no less than r where that is less than y.
     """
-    front = shapely.Point(fronts(track)[0])
+    front = shapely.Point(_fronts(track)[0])
     over = [one for one in network.lanelets if _straight_on(network, int(one.lanelet_id)) & targets]
     aside = min(front.distance(one.polygon.shapely_object) for one in over)
     speeds = np.linspace(0.0, speed_mps, 51)
@@ -294,7 +294,7 @@ def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozense
 def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> float:
     """Way in m from the front to the last place from which a target can be reached; infinite if straight on."""
     leading = leads_on(network, targets)
-    front, found = fronts(track)[0], 0.0
+    front, found = _fronts(track)[0], 0.0
     for key in _lanelets_at(network, track, 0):
         if _straight_on(network, key) & targets:
             return math.inf
@@ -333,7 +333,7 @@ def _way_m(network: "LaneletNetwork", track: Track, index: int, targets: frozens
     heading = float(track.headings_rad[index])
     aside = np.array([-math.sin(heading), math.cos(heading)]) * BESIDE_M
     here = _inside(network, track, index)
-    ways = [ways_m(network, point, heading) for point in (here, here + aside, here - aside, fronts(track)[index])]
+    ways = [ways_m(network, point, heading) for point in (here, here + aside, here - aside, _fronts(track)[index])]
     return min((found[key] for found in ways for key in targets if key in found), default=math.inf)
 
 
@@ -343,7 +343,7 @@ def _ways(network: "LaneletNetwork", track: Track, index: int) -> dict[int, floa
 
 def _inside(network: "LaneletNetwork", track: Track, index: int) -> Points:
     """The centre, the front where the centre is on no lanelet, or the nearest point of any lanelet."""
-    points = [track.positions[index], fronts(track)[index]]
+    points = [track.positions[index], _fronts(track)[index]]
     for point in points:
         if network.find_lanelet_by_position([point])[0]:
             return np.asarray(point)

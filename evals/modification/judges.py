@@ -200,7 +200,7 @@ def _ends_right(written: Written, key: int, targets: frozenset[int]) -> bool:
     track = written.new[key]
     if written.sumo.share_on_route(key, track.positions) < ON_ROUTE_SHARE:
         return False
-    return arrives(written, key, targets) or journey(written, key, targets).is_late_with_reason()
+    return arrives(written, key, targets) or _journey(written, key, targets).is_late_with_reason()
 
 
 def arrives(written: Written, key: int, targets: frozenset[int]) -> bool:
@@ -208,7 +208,7 @@ def arrives(written: Written, key: int, targets: frozenset[int]) -> bool:
     return key in written.new and arrives_on(written.scene.network, written.new[key], 0, set(targets))
 
 
-def journey(written: Written, key: int, targets: frozenset[int]) -> Journey:
+def _journey(written: Written, key: int, targets: frozenset[int]) -> Journey:
     """The way of a vehicle of the new file, among all others there."""
     everybody = {**written.scene.standing, **written.new}
     return Journey(written.scene.network, written.new[key], targets, everybody, written.scene.step_s)

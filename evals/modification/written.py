@@ -134,7 +134,7 @@ def _anonymous(errors: list[str], loaded: LoadedScenario) -> set[str]:
 
 
 @dataclass(frozen=True)
-class Lane:
+class _Lane:
     """A lane of the net: its middle line, and its width in m."""
 
     line: shapely.LineString
@@ -150,8 +150,8 @@ class _SumoRecord:
 
     types: Mapping[int, Mapping[str, str]]
     routes: Mapping[int, tuple[str, ...]]
-    lanes: Mapping[str, tuple[Lane, ...]]
-    across: Mapping[tuple[str, str], tuple[Lane, ...]]
+    lanes: Mapping[str, tuple[_Lane, ...]]
+    across: Mapping[tuple[str, str], tuple[_Lane, ...]]
 
     @classmethod
     def of(cls, folder: Path) -> "_SumoRecord":
@@ -180,20 +180,20 @@ class _SumoRecord:
         area = shapely.union_all([lane.line.buffer(lane.width_m / 2 + BESIDE_M) for lane in lanes])
         return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1])))
 
-    def _lanes_of(self, vehicle_id: int) -> list[Lane]:
+    def _lanes_of(self, vehicle_id: int) -> list[_Lane]:
         edges = self.routes.get(vehicle_id, ())
         found = [lane for edge in edges for lane in self.lanes.get(edge, ())]
         return found + [lane for pair in pairwise(edges) for lane in self.across.get(pair, ())]
 
 
-def _net(path: Path) -> tuple[dict[str, tuple[Lane, ...]], dict[tuple[str, str], tuple[Lane, ...]]]:
+def _net(path: Path) -> tuple[dict[str, tuple[_Lane, ...]], dict[tuple[str, str], tuple[_Lane, ...]]]:
     root = etree.parse(path).getroot()
     by_lane = {str(lane.get("id")): _lane(lane) for lane in root.iter("lane")}
     lanes = {
         str(edge.get("id")): tuple(by_lane[str(lane.get("id"))] for lane in edge.iter("lane"))
         for edge in root.iter("edge")
     }
-    across = dict[tuple[str, str], tuple[Lane, ...]]()
+    across = dict[tuple[str, str], tuple[_Lane, ...]]()
     for connection in root.iter("connection"):
         via = by_lane.get(str(connection.get("via")))
         if via is not None:
@@ -202,9 +202,9 @@ def _net(path: Path) -> tuple[dict[str, tuple[Lane, ...]], dict[tuple[str, str],
     return lanes, across
 
 
-def _lane(element: Any) -> Lane:
+def _lane(element: Any) -> _Lane:
     points = [tuple(map(float, point.split(",")[:2])) for point in str(element.get("shape")).split()]
-    return Lane(shapely.LineString(points), float(element.get("width", "3.2")))
+    return _Lane(shapely.LineString(points), float(element.get("width", "3.2")))
 
 
 def _elements(path: Path, tag: str) -> list[Any]:

@@ -59,7 +59,7 @@ Content = TypeVar("Content", bound=Model)
 
 
 @dataclass(frozen=True)
-class Measured:
+class _Measured:
     """All that is printed: records, lost cells, causes of failures, step and run times, and the braked runs."""
 
     runs: tuple[RunRecord, ...]
@@ -93,7 +93,7 @@ async def _throughput(
     return pace, walls
 
 
-async def measure(workspace: Path, folder: Path, limit: int | None) -> None:
+async def _measure(workspace: Path, folder: Path, limit: int | None) -> None:
     """Import, run, print."""
     files = scenario_files(folder, limit)
     async with Client(create_server(settings_for(workspace, folder, WORKERS))) as client:
@@ -118,7 +118,7 @@ async def measure(workspace: Path, folder: Path, limit: int | None) -> None:
     two, _ = await _throughput(workspace, folder, timed, 2)
     braked = tuple(braked_runs(files, WORKERS))
     lost = sum(len(batch.lost) for batch in records)
-    _print(Measured(runs, lost, traps, failures, timings, acting, walls, two / one, braked))
+    _print(_Measured(runs, lost, traps, failures, timings, acting, walls, two / one, braked))
 
 
 def _cause(workspace: Workspace, run: RunRecord) -> str:
@@ -178,7 +178,7 @@ def _print_failures(failures: Sequence[tuple[RunRecord, str]]) -> None:
     Console(width=180).print(table)
 
 
-def _print(measured: Measured) -> None:
+def _print(measured: _Measured) -> None:
     success = _print_outcomes(measured.runs)
     _print_failures(measured.failures)
     ratios = [t.planning_step_median_ms / t.core_step_median_ms for t in measured.timings if t.core_step_median_ms]
@@ -215,7 +215,7 @@ def main() -> None:
     arguments = parser.parse_args()
     folder = existing(arguments.folder, parser, "--folder")
     with tempfile.TemporaryDirectory() as workspace:
-        anyio.run(measure, Path(workspace), folder, arguments.limit)
+        anyio.run(_measure, Path(workspace), folder, arguments.limit)
 
 
 if __name__ == "__main__":

@@ -76,11 +76,11 @@ def _braked_runs_of(file: Path) -> list[BrakedRun]:
 def _has_follower(loaded: LoadedScenario, ego: EgoState) -> bool:
     """Whether a vehicle drives behind a moving ego in its lane at its first step."""
     return ego.speed_mps >= _SLOWEST_MPS and any(
-        follows(other, ego) for other in recorded_tracks(loaded.scenario).values()
+        _follows(other, ego) for other in recorded_tracks(loaded.scenario).values()
     )
 
 
-def follows(other: Track, ego: EgoState) -> bool:
+def _follows(other: Track, ego: EgoState) -> bool:
     """Whether another vehicle drives behind the ego in its lane."""
     index = other.index_at(ego.step)
     if index is None or other.speeds_mps[index] < _SLOWEST_MPS:
@@ -118,7 +118,7 @@ def _rear_hit(run: DrivenRun, brake_step: int) -> str | None:
     tracks = (*run.traffic.moving, *run.traffic.standing)
     other = next(track for track in tracks if track.obstacle_id == hit.obstacle_id)
     behind, _ = _place_behind(ego, *other.positions[other.index_at(ego.step) or 0])
-    if not (follows(other, begin) and behind > 0.0):
+    if not (_follows(other, begin) and behind > 0.0):
         return None
     driven = (
         "driven" if any(track.obstacle_id == hit.obstacle_id for track in run.traffic.driven) else "on its recording"

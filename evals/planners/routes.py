@@ -36,14 +36,14 @@ CALLS = 2
 
 
 @dataclass
-class Tally:
+class _Tally:
     """What one router did: seconds of each route that it found, and how many of them miss the goal."""
 
     seconds: list[float] = field(default_factory=list)
     misses_goal: int = 0
 
 
-def ours(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, ...]:
+def _ours(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, ...]:
     """The lanelets of our route up to the goal; its reference path is built too."""
     start = problem.initial_state
     position = np.asarray(start.position, dtype=float)
@@ -70,7 +70,7 @@ def _problems_of(folder: Path, limit: int | None) -> "Iterator[tuple[LaneletNetw
             yield loaded.scenario.lanelet_network, problem
 
 
-def routed(router: "Router", network: "LaneletNetwork", problem: "PlanningProblem", tally: Tally) -> None:
+def _routed(router: "Router", network: "LaneletNetwork", problem: "PlanningProblem", tally: _Tally) -> None:
     """Plan, and note what came of it; no route is an outcome."""
     spent = []
     try:
@@ -92,17 +92,17 @@ def main() -> None:
     parser.add_argument("--limit", type=int, default=None, help="only a sample of this many files")
     arguments = parser.parse_args()
     try:
-        routers = {"ours": ours, "peer": _peer()}
+        routers = {"ours": _ours, "peer": _peer()}
     except ModuleNotFoundError as error:
         parser.error(f"{error}: pip install --no-deps commonroad-route-planner into this environment")
     warnings.simplefilter("ignore")
     logging.disable(logging.CRITICAL)
-    tallies = {who: Tally() for who in routers}
+    tallies = {who: _Tally() for who in routers}
     count = 0
     for network, problem in _problems_of(arguments.folder, arguments.limit):
         count += 1
         for who, router in routers.items():
-            routed(router, network, problem, tallies[who])
+            _routed(router, network, problem, tallies[who])
     figures: dict[str, float | int] = {"problems": count}
     for who, tally in tallies.items():
         ordered = sorted(tally.seconds)

@@ -46,17 +46,17 @@ FACTOR, INSTEAD_OF_ZERO, RECORDED = 10.0, 1.0, 1e-6
 SCENARIOS, WORKERS = 30, 2
 
 
-def raised(value: float) -> float:
+def _raised(value: float) -> float:
     """The weight that is compared with Default's."""
     return FACTOR * value or INSTEAD_OF_ZERO
 
 
-def difference(before: float, after: float) -> float:
+def _difference(before: float, after: float) -> float:
     """The change of a term; what is only rounding is none."""
     return 0.0 if math.isclose(before, after, rel_tol=1e-9, abs_tol=1e-9) else after - before
 
 
-async def measure(workspace: Path, folder: Path, scenarios: int) -> None:
+async def _measure(workspace: Path, folder: Path, scenarios: int) -> None:
     """Make the configurations, run the grid, print."""
     weights = built_in(BASE).weights
     recorded = [f"{name}={RECORDED:g}" for name, value in weights.items() if not value]
@@ -65,19 +65,19 @@ async def measure(workspace: Path, folder: Path, scenarios: int) -> None:
         base = await ask(client, "configure_planner", base=BASE, weights=recorded)
         configs = {"": str(base["config_id"])}
         for name, value in weights.items():
-            made = await ask(client, "configure_planner", base=configs[""], weights=[f"{name}={raised(value):g}"])
+            made = await ask(client, "configure_planner", base=configs[""], weights=[f"{name}={_raised(value):g}"])
             configs[name] = str(made["config_id"])
         batch_id = await finished_batch(
             client, scenarios=["preset:500"], configs=list(configs.values()), prediction=PREDICTION
         )
     opened = Workspace(workspace)
     batch = opened.get(batch_id, "batch").read(BatchRecord)
-    terms = own_terms(opened, batch)
+    terms = _own_terms(opened, batch)
     opened.close()
     _print(weights, configs, terms, batch)
 
 
-def own_terms(workspace: Workspace, batch: BatchRecord) -> dict[tuple[str, str], dict[str, float]]:
+def _own_terms(workspace: Workspace, batch: BatchRecord) -> dict[tuple[str, str], dict[str, float]]:
     """(configuration, scenario) → unweighted mean of each term over the planning steps of the run."""
     terms = {}
     for run_id in batch.runs:
@@ -107,7 +107,7 @@ def _print(
             for scenario in batch.scenarios
             if (configs[""], scenario) in terms and (configs[name], scenario) in terms
         ]
-        differences = [difference(before, after) for before, after in both]
+        differences = [_difference(before, after) for before, after in both]
         tests[name] = test = signed_rank(differences)
         before, after = fmean(pair[0] for pair in both), fmean(pair[1] for pair in both)
         shifts[f"shift_{name}"] = round(test.shift / before, 4) if before else 0.0
@@ -116,7 +116,7 @@ def _print(
         table.add_row(
             name,
             f"{value:g}",
-            f"{raised(value):g}",
+            f"{_raised(value):g}",
             f"{before:.4g}",
             f"{after:.4g}",
             f"{test.shift:.3g}{interval}",
@@ -145,7 +145,7 @@ def main() -> None:
     arguments = parser.parse_args()
     folder = existing(arguments.folder, parser, "--folder")
     with tempfile.TemporaryDirectory() as workspace:
-        anyio.run(measure, Path(workspace), folder, arguments.scenarios)
+        anyio.run(_measure, Path(workspace), folder, arguments.scenarios)
 
 
 if __name__ == "__main__":

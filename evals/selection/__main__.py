@@ -50,7 +50,7 @@ async def _import_folder(settings: Settings, folder: Path) -> tuple[int, float]:
     return int(added), took_s
 
 
-def measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
+def _measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
     """Measure and print."""
     console, begun = Console(stderr=True), time.perf_counter()
 
@@ -140,4 +140,4 @@ if __name__ == "__main__":
     if not (found / "data/commonroad").is_dir():
         sys.exit("the real scenarios and the corpus are not here; name their folder in PLANNERFORGE_SHARED")
     with tempfile.TemporaryDirectory() as name:
-        measure(found, Path(name), range(asked.first_seed, asked.first_seed + asked.seeds), asked.largest)
+        _measure(found, Path(name), range(asked.first_seed, asked.first_seed + asked.seeds), asked.largest)

@@ -24,7 +24,7 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Spoiled:
+class _Spoiled:
     """Results with spoiled slots of one seed: strict matches, with the fallback, with the request's text as well."""
 
     extract: float
@@ -111,7 +111,7 @@ class SelectionQuality:
         search = Search(self._connection, arguments)
         return search.find(self._ranking(search)).ordered
 
-    def _spoiled(self, seed: int) -> Spoiled:
+    def _spoiled(self, seed: int) -> _Spoiled:
         extracts, strict, fallback, with_text = [], Ranked(), Ranked(), Ranked()
         for request in self._answerable:
             truth = arguments_of(request.truth)
@@ -121,7 +121,7 @@ class SelectionQuality:
             strict.append((request, matches))
             fallback.append((request, shown))
             with_text.append((request, self._found(given.model_copy(update={"text": request.text}))[1]))
-        return Spoiled(sum(extracts) / len(extracts), strict, fallback, with_text)
+        return _Spoiled(sum(extracts) / len(extracts), strict, fallback, with_text)
 
     def _found(self, arguments: FindScenariosArguments) -> tuple[list[str], list[str]]:
         """The matches, and the matches or else the fallback."""

@@ -27,7 +27,7 @@ _WARM_TEXTS = 15
 
 
 @dataclass(frozen=True)
-class Starts:
+class _Starts:
     """Seconds from the start of a server process to an answer, and milliseconds of a search by text after that."""
 
     first_search_s: float
@@ -47,7 +47,7 @@ async def measure_searches(
         return await search_ms(client, requests)
 
 
-async def measure_starts(python: str, workspace: Path, new_workspace: Path) -> Starts:
+async def measure_starts(python: str, workspace: Path, new_workspace: Path) -> _Starts:
     """Start three servers: two are searched by slots at once, the third by text at once and then again.
 
     The second one begins with an empty workspace, which it fills with the starter catalogue before it answers.
@@ -70,7 +70,7 @@ async def measure_starts(python: str, workspace: Path, new_workspace: Path) -> S
             again = time.perf_counter()
             await client.call_tool("find_scenarios", {"text": f"a left turn with {number} trucks"})
             warm.append((time.perf_counter() - again) * 1000)
-    return Starts(first_s, new_s, text_s, statistics.median(warm))
+    return _Starts(first_s, new_s, text_s, statistics.median(warm))
 
 
 async def _first_search_s(server: StdioServerParameters) -> float:
