@@ -25,7 +25,7 @@ scooter drone
 MOTOR_CLASSES = frozenset(_MOTOR.split())
 """SUMO's classes of motor vehicles on roads."""
 _ALL_CLASSES = MOTOR_CLASSES | frozenset(_OTHER.split())
-_ROAD_CLASSES = MOTOR_CLASSES | {"bicycle"}
+ROAD_CLASSES = MOTOR_CLASSES | {"bicycle"}
 _DEFAULT_LANE_WIDTH_M, _DEFAULT_SPEED_MPS = 3.2, 13.89
 """SUMO's own, where the net gives none."""
 
@@ -250,7 +250,7 @@ def connect(net: SumoNet) -> LaneGraph:
 
 
 def _usable(lane: NetLane) -> bool:
-    return bool(lane.allowed & _ROAD_CLASSES) and len(lane.shape) >= 2 and length_m(lane.shape) > _SHORTEST_LANE_M
+    return bool(lane.allowed & ROAD_CLASSES) and len(lane.shape) >= 2 and length_m(lane.shape) > _SHORTEST_LANE_M
 
 
 def _join_over_tiny_lanes(graph: LaneGraph) -> None:

@@ -55,7 +55,7 @@ def test_the_bench_counts_a_heading_wrap_only_where_its_cure_is_off(
     cured = driven(westward_bend(speed_mps), tmp_path)
     assert outcome_and_trap(cured) == ("goal_reached", False)
     monkeypatch.setattr(FrameKeeper, "frame_for", headings_as_they_come)
-    monkeypatch.setattr(simulation, "EASED_OVER_M", ())
+    monkeypatch.setattr(simulation, "BLENDED_OVER_M", ())
     uncured = driven(westward_bend(speed_mps), tmp_path)
     assert outcome_and_trap(uncured) == ("infeasible", True)
 

@@ -82,7 +82,7 @@ class FrenetFrame:
         origin = np.array(path[0])
         inner = np.ascontiguousarray((path - origin) @ _rotation(angle_rad))
         system = frenetix.CoordinateSystemWrapper(inner)
-        system.ref_theta = _tangents(np.array(system.ref_theta))
+        system.ref_theta = tangents(np.array(system.ref_theta))
         return cls(origin, angle_rad, system)
 
     def inwards(self, points: Points) -> Points:
@@ -152,7 +152,7 @@ def _is_accepted(path: Points) -> bool:
     return True
 
 
-def _tangents(segments_rad: Values) -> Values:
+def tangents(segments_rad: Values) -> Values:
     """Heading at every vertex: the middle of the segments before and after it.
 
     ``segments_rad``: heading of the segment after each vertex, without jumps, the last one twice.
