@@ -1,5 +1,6 @@
 """The docs are complete: what can be named in a call or a setting has an entry."""
 
+import ast
 import re
 from pathlib import Path
 
@@ -38,3 +39,41 @@ def test_links_between_the_pages_lead_somewhere() -> None:
     for page in [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", *(CHECKOUT / "docs").glob("*.md")]:
         for target in re.findall(r"\]\((?!https?://|#)([^)#]+)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name} → {target}"
+
+
+GLOSSARY_EXCEPTIONS = {
+    "EgoDanger": "in the answers of modify_scenario",
+    "Danger": "what an EgoDanger is made of",
+    "danger_to": "what an EgoDanger is made of",
+    "danger_after": "what an EgoDanger is made of",
+    "ParticipantFacts": "in stored records of scenarios",
+    "Participant": "anything that takes part in generated traffic, also who stands at its edge",
+    "OsmWay": "a way of OpenStreetMap",
+    "one_way_succession": 'the id of a rule, in reports; "one-way" is not a path',
+    "one_way_neighbour": 'the id of a rule, in reports; "one-way" is not a path',
+    "plans_giving_way": "to give way is a rule of traffic, no path",
+    "ground_truth": "the name of a prediction, an argument of run_planner",
+    "ground_distance_m": "along the surface of the earth, not a site network",
+}
+"""Names with a word of the glossary's third column that may have it, and why."""
+
+
+def _words(name: str) -> str:
+    """The words of a name in snake_case or CamelCase, in lower case, with a space on both sides of each."""
+    return f" {' '.join(re.findall(r'[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+', name)).lower()} "
+
+
+def test_public_names_use_the_words_of_the_glossary() -> None:
+    glossary = (CHECKOUT / "docs" / "glossary.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\|.*\| ([^|]+) \|$", glossary, re.MULTILINE)
+    refused = {word.strip() for row in rows for word in row.split(",")} - {"not", "---"}
+    assert len(refused) >= 9
+    definitions = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+    names = {
+        node.name
+        for package in ("agent", "engine", "evals", "prompts", "resources", "schemas", "server", "tools")
+        for file in (CHECKOUT / package).rglob("*.py")
+        for node in ast.parse(file.read_text(encoding="utf-8")).body
+        if isinstance(node, definitions) and not node.name.startswith("_")
+    }
+    assert {name for name in names if any(f" {word} " in _words(name) for word in refused)} == set(GLOSSARY_EXCEPTIONS)

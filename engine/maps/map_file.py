@@ -5,6 +5,7 @@ are numbers made here, because a network has names for its roads and no OSM ids.
 made from one map, so a process keeps the one that it read last.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,7 @@ from ..geometry import Points
 from ..network import MOTOR_CLASSES, NetEdge, SumoNet, read_net
 from .osm import NO_TAGS, OSM_ATTRIBUTION, OsmMap, OsmNode, OsmWay, read_osm
 from .road_classes import LINKS, ROADS
-from .unpacking import is_net
+from .unpacking import NET_ENDING
 
 OSM_TYPE = "highway."
 """Before the ``highway`` value, in the types that netconvert gives to edges from OSM."""
@@ -56,8 +57,13 @@ class LastMap:
         state = _state_of(path)
         if self._kept is None or self._kept[0] != state:
             self._kept = None  # two large maps at once may be more than a worker's memory
-            self._kept = state, read_net_map(path) if is_net(path) else read_osm(path)
+            self._kept = state, _read(path)
         return self._kept[1]
+
+
+def _read(path: Path) -> OsmMap:
+    readers = (reader for ending, reader in MAP_READERS.items() if path.name.lower().endswith(ending))
+    return next(readers, read_osm)(path)
 
 
 def _state_of(path: Path) -> FileState:
@@ -194,3 +200,7 @@ def _degrees(points: Points, net: SumoNet) -> list[tuple[float, float]]:
     if not (np.isfinite(latitudes).all() and np.isfinite(longitudes).all()):
         raise ValueError(f"its coordinates lie outside the projection {net.projection!r}")
     return list(zip(np.round(latitudes, 7).tolist(), np.round(longitudes, 7).tolist(), strict=True))
+
+
+MAP_READERS: dict[str, Callable[[Path], OsmMap]] = {NET_ENDING: read_net_map}
+"""Readers of maps by the ending of the file in lower case; any other file is read as OpenStreetMap."""

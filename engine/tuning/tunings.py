@@ -1,7 +1,7 @@
 """What can be set in each planner: weights, presets, and the settings that do nothing in it.
 
 Nothing heavy is imported here: the server reads the tables without loading a planner. To add a planner, add a
-``PlannerTuning`` to ``_TUNINGS`` under the name that ``engine/planners/registry.py`` has.
+``PlannerTuning`` to ``TUNINGS`` under the name that ``engine/planners/registry.py`` has.
 """
 
 from collections.abc import Mapping
@@ -97,7 +97,7 @@ def tuning_of(planner: str) -> PlannerTuning:
     Raises:
         UnknownName: no such planner.
     """
-    return _TUNINGS[known_planner(planner)]
+    return TUNINGS[known_planner(planner)]
 
 
 def _preset(weights: tuple[Weight, ...], name: str, short_name: str, intent: str, values: tuple[float, ...]) -> Preset:
@@ -191,7 +191,7 @@ observations and microscopic simulations, Physical Review E 62, 2000, table I); 
 lateral accelerations are those that passengers judged on a test track (Optimal Lateral Acceleration for Different
 Levels of Automated Driving, preprint 10.31234/osf.io/kcw2d): 2 m/s² often too slow, 3 balanced, 4 often too fast."""
 
-_TUNINGS = {
+TUNINGS = {
     "frenetix": PlannerTuning(
         summary="sampling planner of TUM",
         weights=_by_name(_COST_WEIGHTS),
@@ -206,3 +206,4 @@ _TUNINGS = {
         idle_settings=("sampling_level", "switching_speed_mps", "maximum_steering_rate_radps"),
     ),
 }
+"""The planners by name, as in ``engine/planners/registry.py``."""
