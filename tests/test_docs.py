@@ -47,7 +47,7 @@ GLOSSARY_EXCEPTIONS = {
     "danger_to": "what an EgoDanger is made of",
     "danger_after": "what an EgoDanger is made of",
     "ParticipantFacts": "in stored records of scenarios",
-    "Participant": "anything that takes part in generated traffic, also who stands at its edge",
+    "Participant": "a generated vehicle; still to be renamed",
     "OsmWay": "a way of OpenStreetMap",
     "one_way_succession": 'the id of a rule, in reports; "one-way" is not a path',
     "one_way_neighbour": 'the id of a rule, in reports; "one-way" is not a path',
