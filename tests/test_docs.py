@@ -43,11 +43,7 @@ def test_links_between_the_pages_lead_somewhere() -> None:
 
 GLOSSARY_EXCEPTIONS = {
     "EgoDanger": "in the answers of modify_scenario",
-    "Danger": "what an EgoDanger is made of",
-    "danger_to": "what an EgoDanger is made of",
-    "danger_after": "what an EgoDanger is made of",
     "ParticipantFacts": "in stored records of scenarios",
-    "Participant": "a generated vehicle; still to be renamed",
     "OsmWay": "a way of OpenStreetMap",
     "one_way_succession": 'the id of a rule, in reports; "one-way" is not a path',
     "one_way_neighbour": 'the id of a rule, in reports; "one-way" is not a path',

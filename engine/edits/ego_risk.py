@@ -40,7 +40,7 @@ _NO_CHANGES = Changes(next_id=0, driven={})
 
 
 @dataclass(frozen=True)
-class Danger:
+class EgoRisk:
     """The figures, and the ids that are left out of them: replayed vehicles that run into the ego from behind."""
 
     figures: EgoDanger
@@ -52,7 +52,7 @@ class EgoDrive:
     """The ego's motion, and how dangerous it is among the recorded ones."""
 
     track: Track
-    danger: Danger
+    danger: EgoRisk
 
 
 def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
@@ -63,7 +63,7 @@ def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
     if track is None:
         return None
     others = [*base.standing.values(), *(region.track for region in base.regions)]
-    return EgoDrive(track, danger_to(track, others, base.tracks.values(), step_s=base.step_s))
+    return EgoDrive(track, ego_risk_to(track, others, base.tracks.values(), step_s=base.step_s))
 
 
 def drive_after(
@@ -151,7 +151,7 @@ class _Replayed:
     until_step: int | None = None
 
 
-def danger_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] = (), *, step_s: float) -> Danger:
+def ego_risk_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] = (), *, step_s: float) -> EgoRisk:
     """The most critical figures of a motion of the ego among others that do as their tracks say.
 
     A replayed vehicle does not know of this ego. Where it runs into it from behind, a driver would have braked: the
@@ -166,7 +166,7 @@ def danger_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] =
     return _danger(drive, tuple(others), tuple(_Replayed(track, track) for track in replayed), step_s)
 
 
-def danger_after(drive: Track, edited: EditedScene) -> Danger:
+def ego_risk_after(drive: Track, edited: EditedScene) -> EgoRisk:
     """The figures of a motion of the ego among all road users as edits leave them.
 
     A driven vehicle counts from its hand-over on whatever happens. A hit from behind before that is the recording's,
@@ -186,19 +186,19 @@ def danger_after(drive: Track, edited: EditedScene) -> Danger:
     return _danger(drive, tuple(others), tuple(replayed), edited.scene.step_s)
 
 
-def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> Danger:
+def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> EgoRisk:
     ego = replace(drive, length_m=EGO_SIZE_M[0], width_m=EGO_SIZE_M[1])
     figures = _figures(ego, (*others, *(one.track for one in replayed)), step_s)
     if figures.minimum_distance_m != 0.0:
-        return Danger(figures)
+        return EgoRisk(figures)
     hits = {one.track.obstacle_id: step for one in replayed if (step := _recorded_hit(ego, one)) is not None}
     if not hits:
-        return Danger(figures)
+        return EgoRisk(figures)
     last_steps = {key: step - round(REACTION_S / step_s) for key, step in hits.items()}
     tracks = [one.track for one in replayed]
     kept = [_until(track, last_steps[track.obstacle_id]) if track.obstacle_id in hits else track for track in tracks]
     counted = (*others, *(track for track in kept if track is not None))
-    return Danger(_figures(ego, counted, step_s), tuple(sorted(hits)))
+    return EgoRisk(_figures(ego, counted, step_s), tuple(sorted(hits)))
 
 
 def _figures(ego: Track, others: tuple[Track, ...], step_s: float) -> EgoDanger:

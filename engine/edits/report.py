@@ -18,7 +18,7 @@ from ..cosimulation import DrivePlan, Replay, TakenOverTrack
 from ..scene import Scene, is_own_recording
 from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics, nearest_class
 from .edited_scene import EditedScene, SimulatedEdits
-from .ego_risk import Danger, danger_after
+from .ego_risk import EgoRisk, ego_risk_after
 from .entries import entering_onto_ego
 from .explanations import speeds_reached, vehicle_route, why_shifts_are_driven, why_undone
 from .writing import replayed_motion
@@ -27,7 +27,7 @@ from .writing import replayed_motion
 def outcome_of(
     request: ModificationRequest,
     simulated: SimulatedEdits,
-    before: Danger | None,
+    before: EgoRisk | None,
     files: tuple[Path | None, Path | None],
     notes: list[str],
 ) -> ModificationOutcome:
@@ -41,7 +41,7 @@ def outcome_of(
         notes: sentences on what writing the files changed besides.
     """
     scene, changes, result, ego = simulated.scene, simulated.changes, simulated.result, simulated.ego
-    after = None if ego is None else danger_after(ego, simulated)
+    after = None if ego is None else ego_risk_after(ego, simulated)
     edits = _edit_reports(request, simulated)
     touched, agree = _judged(request, simulated)
     recorded = set(scene.tracks) - set(result.tracks) - changes.removed - set(changes.replays)
@@ -176,7 +176,7 @@ def _ego_notes(simulated: SimulatedEdits) -> list[str]:
     return notes
 
 
-def _left_out_notes(before: Danger | None, after: Danger | None) -> list[str]:
+def _left_out_notes(before: EgoRisk | None, after: EgoRisk | None) -> list[str]:
     """A sentence on the vehicles left out of the figures before and after the edits; none where there are none."""
     keys = [() if danger is None else danger.left_out for danger in (before, after)]
     if not any(keys):

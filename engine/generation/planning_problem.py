@@ -19,7 +19,7 @@ from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.generation import GenerationRequest
 from ..geometry import Points, Values, arc_length, gaussian, point_at, project, resample, without_repeats, wrap_angle
 from ..network import WIDEST_TURN_RAD, LaneletLookup, RoadLanelet, RoadNetwork, station_m
-from ..traffic import Participant
+from ..traffic import GeneratedVehicle
 from .sites import SiteFocus
 
 
@@ -134,7 +134,7 @@ class PlanningTask:
     site's focus the recorded path to it passes.
     """
 
-    ego: Participant
+    ego: GeneratedVehicle
     goal_step: int
     goal_distance_m: float
     lanelet_id: int
@@ -147,7 +147,7 @@ class PlanningTask:
 
 
 def choose_task(
-    spec: TaskSpec, vehicles: Sequence[Participant], network: RoadNetwork, focus: SiteFocus, step_s: float
+    spec: TaskSpec, vehicles: Sequence[GeneratedVehicle], network: RoadNetwork, focus: SiteFocus, step_s: float
 ) -> PlanningTask:
     """The planning task of the asked car, or of the best car that can have the asked goal.
 
@@ -208,18 +208,18 @@ def _check_lanelet(goal: _GoalSpec, network: RoadNetwork) -> None:
     station_m(goal.lanelet.position, key, float(arc_length(network.lanelets[key].center)[-1]))
 
 
-def _driven_lanelets(cars: Sequence[Participant], lookup: LaneletLookup) -> list[int]:
+def _driven_lanelets(cars: Sequence[GeneratedVehicle], lookup: LaneletLookup) -> list[int]:
     """The lanelets that the cars drive over, seen twice a second."""
     passed = (_under(lookup, car, step) for car in cars for step in range(0, len(car.motion.positions), 5))
     return sorted({lanelet.lanelet_id for lanelet in passed if lanelet is not None})
 
 
-def _under(lookup: LaneletLookup, vehicle: Participant, step: int) -> RoadLanelet | None:
+def _under(lookup: LaneletLookup, vehicle: GeneratedVehicle, step: int) -> RoadLanelet | None:
     return lookup.under(vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step]))
 
 
 def _task(
-    car: Participant, goal: _GoalSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
+    car: GeneratedVehicle, goal: _GoalSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
 ) -> PlanningTask | None:
     """The task of a car; None where it is not at such a goal, or lanelets do not lead there."""
     at_goal = passage(goal, car, network)
@@ -270,7 +270,7 @@ class _Passage:
     heading_rad: float
 
 
-def passage(goal: _GoalSpec, car: Participant, network: RoadNetwork) -> _Passage | None:
+def passage(goal: _GoalSpec, car: GeneratedVehicle, network: RoadNetwork) -> _Passage | None:
     """Where and when a car is at the goal; None if it is not there within its recording, or too near to its start."""
     driven = arc_length(car.motion.positions)
     if goal.lanelet is not None:
@@ -289,7 +289,7 @@ def _ahead(goal: _GoalSpec, driven: Values) -> int | None:
     return int(reached[0]) if len(reached) else None
 
 
-def _on_lanelet(goal: _LaneletGoal, car: Participant, lanelet: RoadLanelet, driven: Values) -> _Passage | None:
+def _on_lanelet(goal: _LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, driven: Values) -> _Passage | None:
     """The step at which the car is nearest to the position, if it drives over it along the lanelet.
 
     A rectangle that already holds the car at its start is no goal.
@@ -321,7 +321,7 @@ SAMPLED_EVERY = 5
 """Steps (0.5 s) between two looks at the lanelet under a car and at its speed."""
 
 
-def follows_smooth_lanes(car: Participant, last_step: int, network: RoadNetwork, lookup: LaneletLookup) -> bool:
+def follows_smooth_lanes(car: GeneratedVehicle, last_step: int, network: RoadNetwork, lookup: LaneletLookup) -> bool:
     """Whether the centre lines under the car up to a step, and 20 m beyond, curve no more than it can steer."""
     under = [_under(lookup, car, step) for step in range(0, last_step + 1, SAMPLED_EVERY)]
     route = [lanelet for lanelet, _ in itertools.groupby(lanelet for lanelet in under if lanelet is not None)]
@@ -342,7 +342,7 @@ def _lines(route: Sequence[RoadLanelet], network: RoadNetwork) -> list[Points]:
     return [without_repeats(np.concatenate(parts)) for parts in lines]
 
 
-def _is_smooth(line: Points, car: Participant, last_step: int) -> bool:
+def _is_smooth(line: Points, car: GeneratedVehicle, last_step: int) -> bool:
     length = float(arc_length(line)[-1])
     if length < 4 * SMOOTHING_M:
         return True
@@ -359,7 +359,7 @@ def _is_smooth(line: Points, car: Participant, last_step: int) -> bool:
     return not bool(np.any(watched & (too_tight | (rate > LARGEST_CURVATURE_RATE_PER_MS))))
 
 
-def _speeds_along(line: Points, stations: Points, car: Participant, last_step: int) -> Points:
+def _speeds_along(line: Points, stations: Points, car: GeneratedVehicle, last_step: int) -> Points:
     """The car's recorded speed at every station, that at either end beyond."""
     steps = np.arange(0, last_step + 1, SAMPLED_EVERY)
     at = np.array([project(line, car.motion.positions[step])[0] for step in steps])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...schemas.generation import Checks, DensityFacts, GeneratedEgo, GeneratedScenario, GenerationRequest, SiteFacts
 from ..maps import is_net
-from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, Participant
+from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, GeneratedVehicle
 from .metadata import limits_without_sign
 from .planning_problem import PlanningTask
 from .site_network import SiteNetwork
@@ -29,7 +29,7 @@ class WrittenScenario:
     lane_km: float
     demand: Demand
     task: PlanningTask
-    vehicles: tuple[Participant, ...]
+    vehicles: tuple[GeneratedVehicle, ...]
     obstacle_ids: Mapping[str, int]
     checks: Checks
     notes: tuple[str, ...]
@@ -128,7 +128,7 @@ def _limit_notes(limits_kmh: Mapping[int, float]) -> list[str]:
     return [f"the file holds no speed-limit signs: CommonRoad has none for this country; posted are {values} km/h"]
 
 
-def _ego_facts(task: PlanningTask, vehicles: Sequence[Participant], step_s: float) -> GeneratedEgo:
+def _ego_facts(task: PlanningTask, vehicles: Sequence[GeneratedVehicle], step_s: float) -> GeneratedEgo:
     first, last = task.time_steps
     return GeneratedEgo(
         vehicle=task.ego.vehicle_id,

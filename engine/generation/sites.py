@@ -19,7 +19,7 @@ from ..execution import ProgressReporter
 from ..geometry import Points
 from ..maps import LINKS, ROADS, RURAL_CLASSES, OsmMap, Site, SiteFinder, fold, ground_distance_m, read_map_file
 from ..network import NetEdge, RoadLanelet, RoadNetwork, SumoNet
-from ..traffic import Participant
+from ..traffic import GeneratedVehicle
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -283,7 +283,7 @@ class SiteFocus:
         """The most areas that a path can pass: two at a ramp, otherwise one."""
         return max(len(self._areas), 1)
 
-    def parts_passed(self, car: Participant, last_step: int) -> int:
+    def parts_passed(self, car: GeneratedVehicle, last_step: int) -> int:
         """How many areas the car's centre is on by the step, none without the first; 1 where a road is the site."""
         from shapely import contains_xy
 

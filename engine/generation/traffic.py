@@ -17,7 +17,15 @@ from ...schemas.generation import GenerationRequest, SiteType
 from ..execution import ProgressReporter
 from ..maps import RURAL_CLASSES
 from ..network import LaneletLookup
-from ..traffic import WARM_UP_S, Demand, Participant, TripMaker, drop_infeasible, participants, simulate_traffic
+from ..traffic import (
+    WARM_UP_S,
+    Demand,
+    GeneratedVehicle,
+    TripMaker,
+    drop_infeasible,
+    generated_vehicles,
+    simulate_traffic,
+)
 from ..vehicles import vehicle_classes
 from .metadata import STEP_S
 from .site_network import SiteNetwork
@@ -42,7 +50,7 @@ class _GeneratedTraffic:
     ``left_out``: vehicles that could not be driven as recorded or overlapped others.
     """
 
-    vehicles: tuple[Participant, ...]
+    vehicles: tuple[GeneratedVehicle, ...]
     left_out: int
     demand: Demand
 
@@ -88,7 +96,7 @@ def generate_traffic(
             demand = _fewer(demand, MOST_STATES / states, request.duration_s)
             continue
         part(1.0, "smoothing motion")
-        smoothed = participants(recorded)
+        smoothed = generated_vehicles(recorded)
         part(1.0, "looking for overlaps")
         kept = drop_infeasible(smoothed, needed)
         absent = _missing(demand, kept)
@@ -136,7 +144,7 @@ def _too_large(duration_s: float) -> NotPossible:
     )
 
 
-def _missing(demand: Demand, vehicles: Sequence[Participant]) -> dict[str, int]:
+def _missing(demand: Demand, vehicles: Sequence[GeneratedVehicle]) -> dict[str, int]:
     """How many vehicles of the classes asked for are not there; one car is the ego and does not count."""
     here = Counter(vehicle.vehicle_class.name for vehicle in vehicles)
     here["car"] -= 1
@@ -157,10 +165,10 @@ def _listed(counts: Mapping[str, int]) -> str:
     return " and ".join(f"{count} {name}" for name, count in counts.items())
 
 
-def without_spares(vehicles: tuple[Participant, ...], demand: Demand) -> tuple[Participant, ...]:
+def without_spares(vehicles: tuple[GeneratedVehicle, ...], demand: Demand) -> tuple[GeneratedVehicle, ...]:
     """Without the last vehicles of every class beyond those that are wanted; the ego has to come first."""
     seen: Counter[str] = Counter()
-    kept: list[Participant] = []
+    kept: list[GeneratedVehicle] = []
     for vehicle in vehicles:
         name = vehicle.vehicle_class.name
         seen[name] += 1
@@ -185,12 +193,12 @@ ROADS_OF: dict[SiteType, frozenset[str]] = {
 """OSM classes of the roads that a site of this type is about; sites at junctions are about all."""
 
 
-def along_the_site(vehicles: tuple[Participant, ...], site: SiteNetwork) -> tuple[Participant, ...]:
+def along_the_site(vehicles: tuple[GeneratedVehicle, ...], site: SiteNetwork) -> tuple[GeneratedVehicle, ...]:
     """Vehicles, those first that drive through the middle of the site, on the roads that its type is about."""
     middle = middle_of(site.site, site.net)
     lookup = LaneletLookup(site.network)
 
-    def rank(vehicle: Participant) -> tuple[bool, bool, bool, float, str]:
+    def rank(vehicle: GeneratedVehicle) -> tuple[bool, bool, bool, float, str]:
         positions = vehicle.motion.positions
         distance = np.linalg.norm(positions[:WATCHED_STEPS] - middle, axis=1)
         stands = bool(np.linalg.norm(positions[-1] - positions[0]) < STANDS_WITHIN_M)
@@ -202,7 +210,7 @@ def along_the_site(vehicles: tuple[Participant, ...], site: SiteNetwork) -> tupl
     return tuple(sorted(vehicles, key=rank))
 
 
-def _on_road(vehicle: Participant, site: SiteNetwork, lookup: LaneletLookup) -> bool:
+def _on_road(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup) -> bool:
     """Whether a vehicle begins on one of the roads that the site is about."""
     wanted = ROADS_OF.get(site.site.kind)
     if wanted is None:
@@ -211,7 +219,7 @@ def _on_road(vehicle: Participant, site: SiteNetwork, lookup: LaneletLookup) -> 
     return classes is not None and (not classes or bool(classes & wanted))
 
 
-def _takes_ramp(vehicle: Participant, site: SiteNetwork, lookup: LaneletLookup) -> bool:
+def _takes_ramp(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup) -> bool:
     """Whether a vehicle leaves or joins the main road over a link soon: what a ramp is for. True at other sites."""
     if site.site.kind != "ramp":
         return True
@@ -221,7 +229,9 @@ def _takes_ramp(vehicle: Participant, site: SiteNetwork, lookup: LaneletLookup) 
     return any(on_link) and not all(on_link)
 
 
-def _classes_under(vehicle: Participant, step: int, site: SiteNetwork, lookup: LaneletLookup) -> frozenset[str] | None:
+def _classes_under(
+    vehicle: GeneratedVehicle, step: int, site: SiteNetwork, lookup: LaneletLookup
+) -> frozenset[str] | None:
     """OSM classes of the road under a vehicle; empty inside a junction, None beside all roads."""
     lanelet = lookup.under(vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step]))
     if lanelet is None:

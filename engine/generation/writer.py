@@ -11,7 +11,7 @@ from lxml import etree
 
 from ..geometry import Points
 from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight
-from ..traffic import DECIMALS, Participant
+from ..traffic import DECIMALS, GeneratedVehicle
 from ..vehicles import Motion
 from .metadata import ScenarioMetadata
 from .planning_problem import PlanningTask
@@ -22,7 +22,11 @@ ROAD_DECIMALS = 4
 
 
 def write_scenario(
-    path: Path, metadata: ScenarioMetadata, network: RoadNetwork, traffic: tuple[Participant, ...], task: PlanningTask
+    path: Path,
+    metadata: ScenarioMetadata,
+    network: RoadNetwork,
+    traffic: tuple[GeneratedVehicle, ...],
+    task: PlanningTask,
 ) -> dict[str, int]:
     """Write a scenario.
 
@@ -174,7 +178,7 @@ def _write_incoming(intersection: etree._Element, incoming: Incoming) -> None:
     _references(element, "successorsLeft", incoming.left)
 
 
-def _write_obstacle(root: etree._Element, obstacle_id: int, vehicle: Participant) -> None:
+def _write_obstacle(root: etree._Element, obstacle_id: int, vehicle: GeneratedVehicle) -> None:
     """Append a vehicle with its trajectory from step 0 on."""
     element = etree.SubElement(root, "dynamicObstacle", {"id": str(obstacle_id)})
     etree.SubElement(element, "type").text = vehicle.vehicle_class.commonroad_type

@@ -17,8 +17,8 @@
 ``TripMaker``: Makes trips of a class on a net, each long enough to last through the recording where the net allows it.
 ``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 ``WARM_UP_S``: How long vehicles drive before the first recorded step, in s.
-``Participant``: A generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
-``participants``: The recorded vehicles with smoothed, drivable motions.
+``GeneratedVehicle``: A generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
+``generated_vehicles``: The recorded vehicles with smoothed, drivable motions.
 ``drop_infeasible``: The vehicles without the fewest whose removal leaves all drivable and no two overlapping.
 ``DECIMALS``: Decimal places of the motions.
 """
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from .demand import TripMaker as TripMaker
     from .demand import lane_km_of as lane_km_of
     from .motions import DECIMALS as DECIMALS
-    from .motions import Participant as Participant
+    from .motions import GeneratedVehicle as GeneratedVehicle
     from .motions import drop_infeasible as drop_infeasible
-    from .motions import participants as participants
+    from .motions import generated_vehicles as generated_vehicles
     from .simulation import WARM_UP_S as WARM_UP_S
     from .simulation import simulate_traffic as simulate_traffic
     from .sumo import NO_LANE as NO_LANE

@@ -3,7 +3,7 @@
 SUMO spreads a lane change over time: a vehicle that has to stop meanwhile slides on sideways, or is set back where the
 next lane is bent otherwise, and the heading that follows from its track turns across the lane. So each track is first
 put on wheels (:func:`on_wheels`): it moves aside only as far as it rolls. Then it is smoothed, the more the less
-drivable it is (:func:`participants`). Motions that still cannot be driven, or overlap, are left out
+drivable it is (:func:`generated_vehicles`). Motions that still cannot be driven, or overlap, are left out
 (:func:`drop_infeasible`).
 """
 
@@ -29,7 +29,7 @@ BEHIND_START_M = 1.0
 
 
 @dataclass(frozen=True)
-class Participant:
+class GeneratedVehicle:
     """A generated vehicle from step 0 on: its class, its motion of the centre, and whether that can be driven."""
 
     vehicle_id: str
@@ -53,18 +53,18 @@ class Participant:
         return BoxTrack(self.motion.positions, self.motion.headings_rad, self.size_m)
 
 
-def participants(traffic: SimulatedTraffic) -> tuple[Participant, ...]:
+def generated_vehicles(traffic: SimulatedTraffic) -> tuple[GeneratedVehicle, ...]:
     """The recorded vehicles with smoothed, drivable motions."""
-    return tuple(_participant(track, traffic.step_s) for track in traffic.tracks)
+    return tuple(_generated_vehicle(track, traffic.step_s) for track in traffic.tracks)
 
 
-def drop_infeasible(everyone: Sequence[Participant], needed: Mapping[str, int]) -> tuple[Participant, ...]:
+def drop_infeasible(everyone: Sequence[GeneratedVehicle], needed: Mapping[str, int]) -> tuple[GeneratedVehicle, ...]:
     """The vehicles without those that cannot be driven or overlap others; as few as possible are taken out.
 
     ``needed``: how many of a class must stay, even where their motion cannot be driven.
     """
     counts = Counter(vehicle.vehicle_class.name for vehicle in everyone)
-    kept: list[Participant] = []
+    kept: list[GeneratedVehicle] = []
     for vehicle in everyone:
         name = vehicle.vehicle_class.name
         if vehicle.feasible or counts[name] <= needed.get(name, 0):
@@ -74,7 +74,9 @@ def drop_infeasible(everyone: Sequence[Participant], needed: Mapping[str, int]) 
     return _apart(kept, counts, needed)
 
 
-def _apart(kept: list[Participant], counts: Counter[str], needed: Mapping[str, int]) -> tuple[Participant, ...]:
+def _apart(
+    kept: list[GeneratedVehicle], counts: Counter[str], needed: Mapping[str, int]
+) -> tuple[GeneratedVehicle, ...]:
     """Without overlaps at any step: first go those whose class can spare them, of these the ones that overlap most."""
     pairs = [(kept[pair.first], kept[pair.second]) for pair in first_overlaps([vehicle.body for vehicle in kept])]
     gone: set[str] = set()
@@ -92,12 +94,12 @@ def _apart(kept: list[Participant], counts: Counter[str], needed: Mapping[str, i
     return tuple(vehicle for vehicle in kept if vehicle.vehicle_id not in gone)
 
 
-def _participant(track: RawTrack, step_s: float) -> Participant:
+def _generated_vehicle(track: RawTrack, step_s: float) -> GeneratedVehicle:
     chassis = track.vehicle_class
     front = on_wheels(track.front, track.along_m, track.aside_m)
     center = _center_track(front, track)
     astray = bool(np.any(np.linalg.norm((front - track.front)[track.lead_in :], axis=1) > FARTHEST_ASTRAY_M))
-    tried: list[Participant] = []
+    tried: list[GeneratedVehicle] = []
     for sigma_steps, sigma_m in SMOOTHINGS:
         whole = drivable_motion(
             center,
@@ -110,7 +112,7 @@ def _participant(track: RawTrack, step_s: float) -> Participant:
         )
         motion = _rounded(_from(whole, track.lead_in))
         verdict = check_kinematics(motion, step_s, wheelbase_m=chassis.wheelbase_m, rear_axle_m=chassis.rear_axle_m)
-        tried.append(Participant(track.vehicle_id, chassis, motion, verdict.feasible and not astray))
+        tried.append(GeneratedVehicle(track.vehicle_id, chassis, motion, verdict.feasible and not astray))
         if verdict.feasible:
             return tried[-1]
     return tried[0]

@@ -12,7 +12,7 @@ from support.edits import Apply
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.criticality import drive_criticality
-from plannerforge.engine.edits.ego_risk import danger_to
+from plannerforge.engine.edits.ego_risk import ego_risk_to
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.schemas.errors import NotPossible
@@ -57,7 +57,7 @@ def test_danger_is_the_criticality_of_the_same_drive(tmp_path: Path) -> None:
     drive, others = tracks[32], tuple(track for key, track in tracks.items() if key != 32)
     ego = replace(drive, length_m=BMW_320I.length_m, width_m=BMW_320I.width_m)
     whole = drive_criticality(ego, others)
-    found = danger_to(drive, others, step_s=0.1).figures
+    found = ego_risk_to(drive, others, step_s=0.1).figures
     assert found.minimum_distance_m == pytest.approx(whole.minimum_distance_m, abs=1e-3)
     assert found.minimum_time_to_collision_s == pytest.approx(whole.minimum_time_to_collision_s, abs=1e-3)
     assert found.risk_score == whole.risk_score
@@ -129,36 +129,36 @@ def moving(key: int, x_m: float, speed_mps: float, *, y_m: float = 0.0, heading_
 )
 def test_only_a_hit_from_behind_is_left_out(other: Track, counts: bool) -> None:
     ego = moving(1, 0.0, 10.0)
-    found = danger_to(ego, (), (other,), step_s=0.1)
+    found = ego_risk_to(ego, (), (other,), step_s=0.1)
     assert found.left_out == (() if counts else (2,))
     if counts:
-        assert found.figures == danger_to(ego, (other,), step_s=0.1).figures
+        assert found.figures == ego_risk_to(ego, (other,), step_s=0.1).figures
 
 
 def test_a_vehicle_left_out_counts_until_a_driver_would_have_reacted() -> None:
     ego, follower = moving(1, 0.0, 10.0), moving(2, -64.5, 20.0)
-    figures = danger_to(ego, (), (follower,), step_s=0.1).figures
+    figures = ego_risk_to(ego, (), (follower,), step_s=0.1).figures
     assert figures.minimum_time_to_collision_s == pytest.approx(4.0, abs=0.15)
-    assert danger_to(ego, (follower,), step_s=0.1).figures.risk_score == 0
+    assert ego_risk_to(ego, (follower,), step_s=0.1).figures.risk_score == 0
 
 
 def test_a_collision_more_than_a_minute_away_is_none() -> None:
-    creeping = danger_to(moving(1, 0.0, 10.0), (moving(2, 30.0, 9.999),), step_s=0.1).figures
+    creeping = ego_risk_to(moving(1, 0.0, 10.0), (moving(2, 30.0, 9.999),), step_s=0.1).figures
     assert creeping.minimum_time_to_collision_s is None
     assert creeping.minimum_distance_m is not None
 
 
 def test_the_most_critical_moment_is_the_first_collision_or_the_least_time_to_it() -> None:
     ego, ahead, passing = moving(1, 0.0, 10.0), moving(2, 40.0, 5.0), moving(3, -20.0, 15.0, y_m=3.5)
-    figures = danger_to(ego, (passing, ahead), step_s=0.1).figures
+    figures = ego_risk_to(ego, (passing, ahead), step_s=0.1).figures
     assert (figures.most_critical_id, figures.most_critical_time_s) == (2, pytest.approx(7.1, abs=0.1))
-    closing = danger_to(ego, (passing, moving(2, 60.0, 5.0)), step_s=0.1).figures
+    closing = ego_risk_to(ego, (passing, moving(2, 60.0, 5.0)), step_s=0.1).figures
     assert (closing.most_critical_id, closing.most_critical_time_s) == (2, 10.0)
 
 
 def test_a_region_counts_under_the_id_of_its_obstacle() -> None:
     region = replace(moving(2, 40.0, 5.0), obstacle_id=-70_003)
-    assert danger_to(moving(1, 0.0, 10.0), (region,), step_s=0.1).figures.most_critical_id == 7
+    assert ego_risk_to(moving(1, 0.0, 10.0), (region,), step_s=0.1).figures.most_critical_id == 7
 
 
 def test_both_checks_are_asked_for_with_detail(apply: Apply) -> None:

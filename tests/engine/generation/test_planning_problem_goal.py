@@ -6,7 +6,7 @@ from support.roads import network_of_streets, street
 
 from plannerforge.engine.generation.planning_problem import parse_goal, passage
 from plannerforge.engine.network.road_network import RoadNetwork
-from plannerforge.engine.traffic.motions import Participant
+from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
 
@@ -18,11 +18,11 @@ def road() -> RoadNetwork:
     return network_of_streets(street(1, along))
 
 
-def car() -> Participant:
+def car() -> GeneratedVehicle:
     """Drives 180 m along the lanelet from 10 m beyond its beginning, with 10 m/s."""
     still = np.zeros(181)
     positions = np.stack([10.0 + np.arange(181.0), still], axis=1)
-    return Participant("1", vehicle_classes()["car"], Motion(positions, still, still + 10.0, still), True)
+    return GeneratedVehicle("1", vehicle_classes()["car"], Motion(positions, still, still + 10.0, still), True)
 
 
 @pytest.mark.parametrize(

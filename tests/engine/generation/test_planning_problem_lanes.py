@@ -5,7 +5,7 @@ from support.roads import network_of_streets, street
 from plannerforge.engine.generation.planning_problem import follows_smooth_lanes
 from plannerforge.engine.geometry.polyline import Points, headings
 from plannerforge.engine.network.road_network import LaneletLookup
-from plannerforge.engine.traffic.motions import Participant
+from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
 
@@ -17,14 +17,14 @@ def road_with_jog(aside_m: float, on_m: float) -> Points:
     return np.stack([ALONG_M, aside_m * np.clip((ALONG_M - 60.0) / on_m, 0.0, 1.0)], axis=1)
 
 
-def driven(line: Points, speed_mps: float) -> Participant:
+def driven(line: Points, speed_mps: float) -> GeneratedVehicle:
     """A car that drives along a line, at most 10 s, as smoothly as recorded cars do."""
     positions = np.stack([speed_mps * 0.1 * np.arange(100), np.zeros(100)], axis=1)
     positions[:, 1] = np.interp(positions[:, 0], line[:, 0], line[:, 1])
     positions = positions[positions[:, 0] < 115.0]
     turned = np.append(headings(positions), 0.0)
     speeds = np.full(len(positions), speed_mps)
-    return Participant("1", vehicle_classes()["car"], Motion(positions, turned, speeds, speeds * 0.0), True)
+    return GeneratedVehicle("1", vehicle_classes()["car"], Motion(positions, turned, speeds, speeds * 0.0), True)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_a_jog_behind_the_goal_or_before_the_start_does_not_count() -> None:
     motion = Motion(
         late.motion.positions[60:], late.motion.headings_rad[60:], late.motion.speeds_mps[60:], np.zeros(30)
     )
-    assert follows_smooth_lanes(Participant("1", late.vehicle_class, motion, True), 20, roads, lookup)
+    assert follows_smooth_lanes(GeneratedVehicle("1", late.vehicle_class, motion, True), 20, roads, lookup)
 
 
 def test_a_corner_where_one_lanelet_follows_on_another_counts() -> None:
