@@ -1,5 +1,6 @@
 """CommonRoad files: read without trust, written with what is untouched as it was; names of benchmarks.
 
+``parse_benchmark_id``: country and place of a benchmark id; refuses what does not follow COUNTRY_Place.
 ``derived_benchmark_id``: The base's id with a prediction number made of the recipe's digest (hexadecimal).
 ``ScenarioDocument``: The XML tree of a scenario file, with what edits replace in it.
 ``schema_errors``: What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file.
@@ -18,6 +19,7 @@
 ``last_recorded_step``: The last time step at which any obstacle is recorded.
 ``middle_of``: A value as it is, or the middle of an interval.
 ``recorded_tracks``: Tracks of all dynamic obstacles that carry a trajectory, by id in ascending order.
+``static_tracks``: Static obstacles as tracks that stand still, by id in ascending order.
 ``size_of``: Length and width in metres of a CommonRoad shape.
 ``SPEED_LIMITS``: Numbers of the signs for a speed limit or the beginning of a zone with one, of all countries.
 ``has_light``: Whether one of these lanelets refers to a traffic light of the file.
@@ -37,6 +39,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .benchmark_id import derived_benchmark_id as derived_benchmark_id
+    from .benchmark_id import parse_benchmark_id as parse_benchmark_id
     from .document import ScenarioDocument as ScenarioDocument
     from .document import schema_errors as schema_errors
     from .reader import LoadedScenario as LoadedScenario
@@ -55,6 +58,7 @@ if TYPE_CHECKING:
     from .tracks import middle_of as middle_of
     from .tracks import recorded_tracks as recorded_tracks
     from .tracks import size_of as size_of
+    from .tracks import static_tracks as static_tracks
     from .traffic_signs import SPEED_LIMITS as SPEED_LIMITS
     from .traffic_signs import has_light as has_light
     from .traffic_signs import is_known_number as is_known_number

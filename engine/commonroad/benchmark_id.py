@@ -7,8 +7,12 @@ drops whatever does not fit its pattern (older files have leading zeros and othe
 
 import re
 
+from ...schemas.errors import UnsafeInput
+
 _VALID_ID = re.compile(r"[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
 _USUAL_ID = re.compile(r"^(?P<head>(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+)(_(?P<config>\d+)(_(?P<kind>[A-Z])-[\d-]+)?)?$")
+_READABLE_ID = re.compile(r"(?:C-)?([A-Z]{3})_([A-Za-z0-9][A-Za-z0-9_]{0,60}?)(?:-[A-Za-z0-9_,]{1,30}){0,3}")
+"""What is taken of a file: more than the scheme allows, but nothing that is no name of a file."""
 _DIGITS = 9
 """Chosen: of a thousand derived scenarios two have the same number once in about 2,000 times."""
 
@@ -29,3 +33,19 @@ def derived_benchmark_id(base_id: str, digest: str) -> str:
         name = re.sub(r"[^A-Za-z0-9]", "", base_id) or "Scenario"
         return f"ZAM_{name}-1_1_T-{number}"
     return f"{match['head']}_{match['config'] or 1}_{match['kind'] or 'T'}-{number}"
+
+
+def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
+    """Country and place of a CommonRoad benchmark id; the cooperative prefix ``C-`` is left out.
+
+    Raises:
+        UnsafeInput: the id does not follow COUNTRY_Place-…; ids become file names, so nothing else is taken.
+    """
+    match = _READABLE_ID.fullmatch(benchmark_id)
+    if match is None:
+        raise UnsafeInput(
+            f"the benchmark id '{benchmark_id[:80]}' does not follow CommonRoad's naming",
+            valid=["COUNTRY_Place-1_1_T-1"],
+            next_step="correct benchmarkID in the file's root element",
+        )
+    return match[1], match[2]

@@ -65,6 +65,25 @@ def recorded_tracks(scenario: "Scenario", states: "Mapping[int, _PlainStates] | 
     return {track.obstacle_id: track for track in recorded}
 
 
+def static_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
+    """Static obstacles as tracks that stand still up to a step, by id in ascending order; regions by their middle."""
+    tracks = {}
+    for obstacle in sorted(scenario.static_obstacles, key=lambda obstacle: int(obstacle.obstacle_id)):
+        state, count = obstacle.initial_state, last_step + 1
+        length, width = size_of(obstacle.obstacle_shape)
+        tracks[int(obstacle.obstacle_id)] = Track(
+            obstacle_id=int(obstacle.obstacle_id),
+            kind=str(obstacle.obstacle_type.value),
+            length_m=length,
+            width_m=width,
+            first_step=0,
+            positions=np.repeat(np.asarray(center_of(state.position), dtype=float)[None], count, axis=0),
+            headings_rad=np.full(count, middle_of(getattr(state, "orientation", 0.0))),
+            speeds_mps=np.zeros(count),
+        )
+    return tracks
+
+
 def last_recorded_step(scenario: "Scenario") -> int:
     """The last time step at which any obstacle is recorded; 0 without moving obstacles."""
     finals = [o.prediction.final_time_step for o in scenario.dynamic_obstacles if o.prediction is not None]

@@ -5,7 +5,6 @@ facts state how dense the traffic is, and when it meets an ego that does not rea
 """
 
 import math
-import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,7 +12,6 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from ...schemas.errors import UnsafeInput
 from ...schemas.scenarios import EgoFacts, LocationFacts, ParticipantFacts, ReadFactsRequest, RoadFacts, ScenarioFacts
 from ...schemas.vocabulary import GoalForm
 from ..commonroad import (
@@ -24,11 +22,12 @@ from ..commonroad import (
     lanes_beside,
     last_recorded_step,
     limits_kmh,
+    parse_benchmark_id,
     read_recorded,
     refuse_values_beyond_limits,
     sign_keys,
     signs_of,
-    size_of,
+    static_tracks,
 )
 from ..execution import ProgressReporter
 from ..geometry import arc_length, headings, project, project_all
@@ -40,8 +39,6 @@ from .features import features
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.scenario import Scenario
-
-_BENCHMARK_ID = re.compile(r"(?:C-)?([A-Z]{3})_([A-Za-z0-9][A-Za-z0-9_]{0,60}?)(?:-[A-Za-z0-9_,]{1,30}){0,3}")
 
 
 def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioFacts:
@@ -69,7 +66,7 @@ def _facts_of(read: RecordedScenario) -> ScenarioFacts:
     graph = LaneletGraph.of(network)
     problems = [problem for _, problem in sorted(loaded.planning_problems.planning_problem_dict.items())]
     last_step = last_recorded_step(scenario)
-    recording = _Recording(scenario, graph, tracks, {**tracks, **_standing_tracks(scenario, last_step)}, last_step)
+    recording = _Recording(scenario, graph, tracks, {**tracks, **static_tracks(scenario, last_step)}, last_step)
     egos = tuple(_ego(recording, problem) for problem in problems)
     first = egos[0] if egos else None
     last_goal = max((ego.goal_last_step or 0 for ego in egos), default=0)
@@ -109,22 +106,6 @@ class _Recording:
     last_step: int
 
 
-def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
-    """Country and place of a CommonRoad benchmark id; the cooperative prefix ``C-`` is left out.
-
-    Raises:
-        UnsafeInput: the id does not follow COUNTRY_Place-…; ids become file names, so nothing else is taken.
-    """
-    match = _BENCHMARK_ID.fullmatch(benchmark_id)
-    if match is None:
-        raise UnsafeInput(
-            f"the benchmark id '{benchmark_id[:80]}' does not follow CommonRoad's naming",
-            valid=["COUNTRY_Place-1_1_T-1"],
-            next_step="correct benchmarkID in the file's root element",
-        )
-    return match[1], match[2]
-
-
 def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
     network, state = recording.scenario.lanelet_network, problem.initial_state
     route = ego_route(network, recording.graph, problem)
@@ -162,27 +143,6 @@ def _density_per_km(graph: LaneletGraph, tracks: Iterable[Track], last_step: int
     length_km = sum(graph.length_m.values()) / 1000.0
     steps = sum(len(track.positions) for track in tracks)
     return round(steps / (last_step + 1) / length_km, 1) if length_km > 0 else 0.0
-
-
-def _standing_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
-    """Static obstacles as tracks that do not move."""
-    tracks = {}
-    for obstacle in scenario.static_obstacles:
-        state: Any = obstacle.initial_state
-        position = np.asarray(getattr(state.position, "center", state.position), dtype=float)
-        length, width = size_of(obstacle.obstacle_shape)
-        heading = getattr(state, "orientation", 0.0)
-        tracks[int(obstacle.obstacle_id)] = Track(
-            obstacle_id=int(obstacle.obstacle_id),
-            kind=str(obstacle.obstacle_type.value),
-            length_m=length,
-            width_m=width,
-            first_step=0,
-            positions=np.repeat(position[None, :], last_step + 1, axis=0),
-            headings_rad=np.full(last_step + 1, float(getattr(heading, "start", heading))),
-            speeds_mps=np.zeros(last_step + 1),
-        )
-    return tracks
 
 
 LONGEST_LOOK_M = 1000.0

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..commonroad import LoadedScenario, Track, center_of, last_recorded_step, middle_of, recorded_tracks, size_of
+from ..commonroad import LoadedScenario, Track, center_of, last_recorded_step, middle_of, recorded_tracks, static_tracks
 from ..geometry import Points, project
 from ..network import (
     LONG_LANELET_M,
@@ -97,7 +97,7 @@ class Scene:
         matcher = MapMatcher.of(layout, network)
         tracks = recorded_tracks(loaded.scenario) if recorded is None else recorded
         last = last_recorded_step(loaded.scenario)
-        standing = _standing(loaded, last)
+        standing = static_tracks(loaded.scenario, last)
         matches = matcher.match_all(tracks | standing)
         ego, regions = _ego(loaded, matcher, problem_id), _regions(loaded, matcher)
         return cls(loaded, layout, matcher, tracks, standing, matches, last, ego, regions)
@@ -213,22 +213,3 @@ def _regions(loaded: LoadedScenario, matcher: MapMatcher) -> tuple[_Region, ...]
     return tuple(
         _Region(key, track, matches.get(track.obstacle_id)) for key, tracks in regions.items() for track in tracks
     )
-
-
-def _standing(loaded: LoadedScenario, last_step: int) -> dict[int, Track]:
-    standing = {}
-    for obstacle in sorted(loaded.scenario.static_obstacles, key=lambda obstacle: int(obstacle.obstacle_id)):
-        state = obstacle.initial_state
-        length, width = size_of(obstacle.obstacle_shape)
-        count = last_step + 1
-        standing[int(obstacle.obstacle_id)] = Track(
-            obstacle_id=int(obstacle.obstacle_id),
-            kind=str(obstacle.obstacle_type.value),
-            length_m=length,
-            width_m=width,
-            first_step=0,
-            positions=np.repeat(np.asarray(center_of(state.position), dtype=float)[None], count, axis=0),
-            headings_rad=np.full(count, middle_of(getattr(state, "orientation", 0.0))),
-            speeds_mps=np.zeros(count),
-        )
-    return standing

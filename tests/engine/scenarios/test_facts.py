@@ -7,8 +7,7 @@ import pytest
 from support.builders import Problem, ScenarioBuilder, Vehicle, driving, town_road
 
 from plannerforge.engine.execution.executor import silent
-from plannerforge.engine.scenarios.facts import parse_benchmark_id, read_facts
-from plannerforge.schemas.errors import UnsafeInput
+from plannerforge.engine.scenarios.facts import read_facts
 from plannerforge.schemas.scenarios import ReadFactsRequest, ScenarioFacts
 
 PARKED = Vehicle(50, ((100.0, -4.0, 0.0, 0.0),), kind="parkedVehicle")
@@ -85,25 +84,6 @@ def test_old_files_are_read(tmp_path: Path) -> None:
     found = facts_of(replace(town_road(), version="2018b"), tmp_path)
     assert found.tags == ("urban",)
     assert found.participants.total == 5
-
-
-@pytest.mark.parametrize(
-    ("benchmark_id", "expected"),
-    [
-        ("DEU_A99-1_2_T-1", ("DEU", "A99")),
-        ("C-DEU_B471-1_3_T-1", ("DEU", "B471")),
-        ("ZAM_OpenDrive-1", ("ZAM", "OpenDrive")),
-        ("ZAM_test_0-1", ("ZAM", "test_0")),
-    ],
-)
-def test_country_and_place_come_from_the_benchmark_id(benchmark_id: str, expected: tuple[str, str]) -> None:
-    assert parse_benchmark_id(benchmark_id) == expected
-
-
-@pytest.mark.parametrize("benchmark_id", ["", "../../etc/passwd", "DEU_../x-1_1_T-1", "DEU_" + "a" * 500, "x y"])
-def test_ids_that_are_no_ordinary_file_name_are_refused(benchmark_id: str) -> None:
-    with pytest.raises(UnsafeInput, match="naming"):
-        parse_benchmark_id(benchmark_id)
 
 
 @pytest.mark.shared_data

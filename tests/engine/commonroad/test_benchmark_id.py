@@ -1,0 +1,25 @@
+"""What a benchmark id says, and which ids are taken."""
+
+import pytest
+
+from plannerforge.engine.commonroad.benchmark_id import parse_benchmark_id
+from plannerforge.schemas.errors import UnsafeInput
+
+
+@pytest.mark.parametrize(
+    ("benchmark_id", "expected"),
+    [
+        ("DEU_A99-1_2_T-1", ("DEU", "A99")),
+        ("C-DEU_B471-1_3_T-1", ("DEU", "B471")),
+        ("ZAM_OpenDrive-1", ("ZAM", "OpenDrive")),
+        ("ZAM_test_0-1", ("ZAM", "test_0")),
+    ],
+)
+def test_country_and_place_come_from_the_benchmark_id(benchmark_id: str, expected: tuple[str, str]) -> None:
+    assert parse_benchmark_id(benchmark_id) == expected
+
+
+@pytest.mark.parametrize("benchmark_id", ["", "../../etc/passwd", "DEU_../x-1_1_T-1", "DEU_" + "a" * 500, "x y"])
+def test_ids_that_are_no_ordinary_file_name_are_refused(benchmark_id: str) -> None:
+    with pytest.raises(UnsafeInput, match="naming"):
+        parse_benchmark_id(benchmark_id)
