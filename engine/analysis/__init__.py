@@ -19,17 +19,11 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .comparison import compare as compare
-    from .costs import cost_shares as cost_shares
-    from .costs import mean_terms as mean_terms
-    from .run_set import RunSet as RunSet
-    from .run_set import driven_tracks as driven_tracks
-    from .run_set import read_steps as read_steps
-    from .run_table import write_run_table as write_run_table
-    from .statistics import SignedRank as SignedRank
-    from .statistics import rate as rate
-    from .statistics import signed_rank as signed_rank
-    from .statistics import wilson_interval as wilson_interval
-    from .summary import analyse as analyse
+    from .comparison import compare
+    from .costs import cost_shares, mean_terms
+    from .run_set import RunSet, driven_tracks, read_steps
+    from .run_table import write_run_table
+    from .statistics import SignedRank, rate, signed_rank, wilson_interval
+    from .summary import analyse
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -36,34 +36,14 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .archives import download as download
-    from .archives import unpack as unpack
-    from .facets import scenario_facets as scenario_facets
-    from .intake import FileFailure as FileFailure
-    from .intake import ReadFile as ReadFile
-    from .intake import ScenarioIntake as ScenarioIntake
-    from .intake import put_scenario as put_scenario
-    from .ranking import build_index as build_index
-    from .ranking import rank as rank
-    from .search import Ranking as Ranking
-    from .search import Search as Search
-    from .search import entries_of as entries_of
-    from .starter import ARCHIVE as ARCHIVE
-    from .starter import open_catalogue as open_catalogue
-    from .tables import MOST_ENTRIES as MOST_ENTRIES
-    from .tables import add_facts as add_facts
-    from .tables import description_of as description_of
-    from .tables import descriptions as descriptions
-    from .tables import facts_of as facts_of
-    from .tables import is_ready as is_ready
-    from .tables import prepare as prepare
-    from .tables import summary as summary
-    from .updates import listed_version as listed_version
-    from .updates import refresh as refresh
-    from .vector_index import COMPLETE as COMPLETE
-    from .vector_index import EmbeddingModel as EmbeddingModel
-    from .vector_index import Vectors as Vectors
-    from .vector_index import ensure_generation as ensure_generation
-    from .vector_index import query as query
+    from .archives import download, unpack
+    from .facets import scenario_facets
+    from .intake import FileFailure, ReadFile, ScenarioIntake, put_scenario
+    from .ranking import build_index, rank
+    from .search import Ranking, Search, entries_of
+    from .starter import ARCHIVE, open_catalogue
+    from .tables import MOST_ENTRIES, add_facts, description_of, descriptions, facts_of, is_ready, prepare, summary
+    from .updates import listed_version, refresh
+    from .vector_index import COMPLETE, EmbeddingModel, Vectors, ensure_generation, query
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -38,36 +38,22 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .benchmark_id import derived_benchmark_id as derived_benchmark_id
-    from .benchmark_id import parse_benchmark_id as parse_benchmark_id
-    from .document import ScenarioDocument as ScenarioDocument
-    from .document import schema_errors as schema_errors
-    from .reader import LoadedScenario as LoadedScenario
-    from .reader import RecordedScenario as RecordedScenario
-    from .reader import XmlLimits as XmlLimits
-    from .reader import read_recorded as read_recorded
-    from .reader import read_scenario as read_scenario
-    from .reader import scan_xml as scan_xml
-    from .road_elements import LaneletElement as LaneletElement
-    from .road_elements import RoadDocument as RoadDocument
-    from .road_elements import read_road_document as read_road_document
-    from .road_elements import road_document as road_document
-    from .tracks import Track as Track
-    from .tracks import center_of as center_of
-    from .tracks import last_recorded_step as last_recorded_step
-    from .tracks import middle_of as middle_of
-    from .tracks import recorded_tracks as recorded_tracks
-    from .tracks import size_of as size_of
-    from .tracks import static_tracks as static_tracks
-    from .traffic_signs import SPEED_LIMITS as SPEED_LIMITS
-    from .traffic_signs import has_light as has_light
-    from .traffic_signs import is_known_number as is_known_number
-    from .traffic_signs import is_speed_limit as is_speed_limit
-    from .traffic_signs import lanes_beside as lanes_beside
-    from .traffic_signs import limits_kmh as limits_kmh
-    from .traffic_signs import sign_keys as sign_keys
-    from .traffic_signs import signs_of as signs_of
-    from .traffic_signs import speed_limit_number as speed_limit_number
-    from .value_limits import refuse_values_beyond_limits as refuse_values_beyond_limits
+    from .benchmark_id import derived_benchmark_id, parse_benchmark_id
+    from .document import ScenarioDocument, schema_errors
+    from .reader import LoadedScenario, RecordedScenario, XmlLimits, read_recorded, read_scenario, scan_xml
+    from .road_elements import LaneletElement, RoadDocument, read_road_document, road_document
+    from .tracks import Track, center_of, last_recorded_step, middle_of, recorded_tracks, size_of, static_tracks
+    from .traffic_signs import (
+        SPEED_LIMITS,
+        has_light,
+        is_known_number,
+        is_speed_limit,
+        lanes_beside,
+        limits_kmh,
+        sign_keys,
+        signs_of,
+        speed_limit_number,
+    )
+    from .value_limits import refuse_values_beyond_limits
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

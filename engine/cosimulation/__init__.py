@@ -45,43 +45,30 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .actors import Actor as Actor
-    from .actors import all_actors as all_actors
-    from .actors import driven_actor as driven_actor
-    from .actors import lane_hint as lane_hint
-    from .actors import pedestrian_of as pedestrian_of
-    from .actors import replayed_actor as replayed_actor
-    from .curve_speeds import check_curves as check_curves
-    from .curve_speeds import first_curve_too_tight as first_curve_too_tight
-    from .curve_speeds import highest_entry_speed as highest_entry_speed
-    from .driver import Behaviour as Behaviour
-    from .driver import behaviour_from as behaviour_from
-    from .driver import own_minimum_gap_m as own_minimum_gap_m
-    from .driver import parameters_set as parameters_set
-    from .driver import presets as presets
-    from .driver import usual_behaviour as usual_behaviour
-    from .driver import values_set as values_set
-    from .handover import TakenOverTrack as TakenOverTrack
-    from .handover import taken_over_track as taken_over_track
-    from .manoeuvres import LANE_CHANGE_S as LANE_CHANGE_S
-    from .manoeuvres import Halt as Halt
-    from .manoeuvres import Manoeuvre as Manoeuvre
-    from .plans import PROGRESS_ACROSS as PROGRESS_ACROSS
-    from .plans import DrivePlan as DrivePlan
-    from .plans import JunctionLaneChange as JunctionLaneChange
-    from .plans import Replay as Replay
-    from .plans import class_of as class_of
-    from .plans import drivable_ids as drivable_ids
-    from .plans import not_drivable as not_drivable
-    from .plans import recorded_plan as recorded_plan
-    from .replay import DrivenTrack as DrivenTrack
-    from .replay import ShownState as ShownState
-    from .replay import front_of as front_of
-    from .replay import replayed_states as replayed_states
-    from .replay import resimulate as resimulate
-    from .session import ROUTES_FILE as ROUTES_FILE
-    from .session import TYPES_FILE as TYPES_FILE
-    from .session import SimulationSetup as SimulationSetup
-    from .session import open_simulation as open_simulation
+    from .actors import Actor, all_actors, driven_actor, lane_hint, pedestrian_of, replayed_actor
+    from .curve_speeds import check_curves, first_curve_too_tight, highest_entry_speed
+    from .driver import (
+        Behaviour,
+        behaviour_from,
+        own_minimum_gap_m,
+        parameters_set,
+        presets,
+        usual_behaviour,
+        values_set,
+    )
+    from .handover import TakenOverTrack, taken_over_track
+    from .manoeuvres import LANE_CHANGE_S, Halt, Manoeuvre
+    from .plans import (
+        PROGRESS_ACROSS,
+        DrivePlan,
+        JunctionLaneChange,
+        Replay,
+        class_of,
+        drivable_ids,
+        not_drivable,
+        recorded_plan,
+    )
+    from .replay import DrivenTrack, ShownState, front_of, replayed_states, resimulate
+    from .session import ROUTES_FILE, TYPES_FILE, SimulationSetup, open_simulation
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -16,14 +16,10 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .apply import NET_FILE as NET_FILE
-    from .apply import SCENARIO_FILE as SCENARIO_FILE
-    from .apply import apply_edits as apply_edits
-    from .changes import Changes as Changes
-    from .entries import HIT_ON_ENTRY as HIT_ON_ENTRY
-    from .entries import PLACE_TAKEN as PLACE_TAKEN
-    from .references import reachable_lanelets as reachable_lanelets
-    from .references import select as select
-    from .scene_cache import scene_of as scene_of
+    from .apply import NET_FILE, SCENARIO_FILE, apply_edits
+    from .changes import Changes
+    from .entries import HIT_ON_ENTRY, PLACE_TAKEN
+    from .references import reachable_lanelets, select
+    from .scene_cache import scene_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -26,24 +26,21 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .claims import Claims as Claims
-    from .executor import Executor as Executor
-    from .executor import Lane as Lane
-    from .executor import OnProgress as OnProgress
-    from .executor import Operation as Operation
-    from .executor import ProgressReporter as ProgressReporter
-    from .executor import Request as Request
-    from .executor import Response as Response
-    from .executor import no_progress as no_progress
-    from .executor import silent as silent
-    from .jobs import Job as Job
-    from .jobs import JobProgress as JobProgress
-    from .jobs import JobRunner as JobRunner
-    from .jobs import JobState as JobState
-    from .jobs import JobStore as JobStore
-    from .limits import Limits as Limits
-    from .pool import PRELOAD as PRELOAD
-    from .pool import WorkerPool as WorkerPool
-    from .worker import warm_up as warm_up
+    from .claims import Claims
+    from .executor import (
+        Executor,
+        Lane,
+        OnProgress,
+        Operation,
+        ProgressReporter,
+        Request,
+        Response,
+        no_progress,
+        silent,
+    )
+    from .jobs import Job, JobProgress, JobRunner, JobState, JobStore
+    from .limits import Limits
+    from .pool import PRELOAD, WorkerPool
+    from .worker import warm_up
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

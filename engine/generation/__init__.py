@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .generator import generate_scenario as generate_scenario
-    from .site_network import convert_map as convert_map
-    from .sites import count_sites as count_sites
+    from .generator import generate_scenario
+    from .site_network import convert_map
+    from .sites import count_sites
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -29,27 +29,25 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .curves import hermite as hermite
-    from .curves import unit as unit
-    from .polyline import Points as Points
-    from .polyline import Values as Values
-    from .polyline import arc_length as arc_length
-    from .polyline import curvatures as curvatures
-    from .polyline import gaussian as gaussian
-    from .polyline import headings as headings
-    from .polyline import interpolate as interpolate
-    from .polyline import length_m as length_m
-    from .polyline import maximum_curvature as maximum_curvature
-    from .polyline import point_at as point_at
-    from .polyline import project as project
-    from .polyline import project_all as project_all
-    from .polyline import resample as resample
-    from .polyline import without_repeats as without_repeats
-    from .polyline import wrap_angle as wrap_angle
-    from .polyline import wrap_angles as wrap_angles
-    from .rectangles import BoxTrack as BoxTrack
-    from .rectangles import first_overlaps as first_overlaps
-    from .rectangles import oriented_rectangle as oriented_rectangle
-    from .rectangles import rectangles_overlap as rectangles_overlap
+    from .curves import hermite, unit
+    from .polyline import (
+        Points,
+        Values,
+        arc_length,
+        curvatures,
+        gaussian,
+        headings,
+        interpolate,
+        length_m,
+        maximum_curvature,
+        point_at,
+        project,
+        project_all,
+        resample,
+        without_repeats,
+        wrap_angle,
+        wrap_angles,
+    )
+    from .rectangles import BoxTrack, first_overlaps, oriented_rectangle, rectangles_overlap
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -37,35 +37,14 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .cut import cut_map as cut_map
-    from .cut import cut_net as cut_net
-    from .facts import read_map as read_map
-    from .index import Box as Box
-    from .index import MapEntry as MapEntry
-    from .index import MapMatch as MapMatch
-    from .index import SeenFile as SeenFile
-    from .index import SeenFiles as SeenFiles
-    from .index import built_in_maps as built_in_maps
-    from .index import find_maps as find_maps
-    from .map_file import NetMap as NetMap
-    from .map_file import read_map_file as read_map_file
-    from .osm import OsmMap as OsmMap
-    from .osm import ground_distance_m as ground_distance_m
-    from .osm import write_as_xml as write_as_xml
-    from .places import country_code as country_code
-    from .places import fold as fold
-    from .places import place_keys as place_keys
-    from .road_classes import LINKS as LINKS
-    from .road_classes import ROADS as ROADS
-    from .road_classes import resolve_road_classes as resolve_road_classes
-    from .sites import RURAL_CLASSES as RURAL_CLASSES
-    from .sites import Site as Site
-    from .sites import SiteFinder as SiteFinder
-    from .unpacking import MAP_ENDINGS as MAP_ENDINGS
-    from .unpacking import is_binary as is_binary
-    from .unpacking import is_map as is_map
-    from .unpacking import is_net as is_net
-    from .unpacking import stored_name as stored_name
-    from .unpacking import unpacked as unpacked
+    from .cut import cut_map, cut_net
+    from .facts import read_map
+    from .index import Box, MapEntry, MapMatch, SeenFile, SeenFiles, built_in_maps, find_maps
+    from .map_file import NetMap, read_map_file
+    from .osm import OsmMap, ground_distance_m, write_as_xml
+    from .places import country_code, fold, place_keys
+    from .road_classes import LINKS, ROADS, resolve_road_classes
+    from .sites import RURAL_CLASSES, Site, SiteFinder
+    from .unpacking import MAP_ENDINGS, is_binary, is_map, is_net, stored_name, unpacked
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

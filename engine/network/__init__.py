@@ -43,41 +43,31 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .lanelet_builder import build_road_network as build_road_network
-    from .lanelet_builder import remove_hairpins as remove_hairpins
-    from .lanelet_graph import Digraph as Digraph
-    from .lanelet_graph import LaneletGraph as LaneletGraph
-    from .net_parser import MOTOR_CLASSES as MOTOR_CLASSES
-    from .net_parser import NetEdge as NetEdge
-    from .net_parser import SumoNet as SumoNet
-    from .net_parser import read_net as read_net
-    from .netconvert import Conversion as Conversion
-    from .netconvert import cap_speeds as cap_speeds
-    from .netconvert import convert_osm as convert_osm
-    from .netconvert import run_netconvert as run_netconvert
-    from .positions import POSITION_WORDS as POSITION_WORDS
-    from .positions import station_m as station_m
-    from .road_network import WIDEST_TURN_RAD as WIDEST_TURN_RAD
-    from .road_network import Incoming as Incoming
-    from .road_network import LaneletLookup as LaneletLookup
-    from .road_network import RoadLanelet as RoadLanelet
-    from .road_network import RoadNetwork as RoadNetwork
-    from .road_network import SpeedSign as SpeedSign
-    from .road_network import TrafficLight as TrafficLight
-    from .rules.check import check_file as check_file
-    from .rules.check import check_network as check_network
-    from .rules.check import summarise_findings as summarise_findings
-    from .sumo_export.layout import NetLayout as NetLayout
-    from .sumo_export.speeds import LONG_LANELET_M as LONG_LANELET_M
-    from .sumo_export.speeds import USUAL_SPEED_MPS as USUAL_SPEED_MPS
-    from .sumo_export.speeds import SlowPlaces as SlowPlaces
-    from .sumo_export.speeds import lowered_by_curves as lowered_by_curves
-    from .sumo_export.speeds import posted_speeds as posted_speeds
-    from .sumo_export.speeds import slow_places as slow_places
-    from .sumo_export.speeds import straight_speeds as straight_speeds
-    from .sumo_export.writer import Signal as Signal
-    from .sumo_export.writer import signals_of as signals_of
-    from .sumo_export.writer import sumo_net as sumo_net
-    from .sumo_export.writer import write_sumo_net as write_sumo_net
+    from .lanelet_builder import build_road_network, remove_hairpins
+    from .lanelet_graph import Digraph, LaneletGraph
+    from .net_parser import MOTOR_CLASSES, NetEdge, SumoNet, read_net
+    from .netconvert import Conversion, cap_speeds, convert_osm, run_netconvert
+    from .positions import POSITION_WORDS, station_m
+    from .road_network import (
+        WIDEST_TURN_RAD,
+        Incoming,
+        LaneletLookup,
+        RoadLanelet,
+        RoadNetwork,
+        SpeedSign,
+        TrafficLight,
+    )
+    from .rules.check import check_file, check_network, summarise_findings
+    from .sumo_export.layout import NetLayout
+    from .sumo_export.speeds import (
+        LONG_LANELET_M,
+        USUAL_SPEED_MPS,
+        SlowPlaces,
+        lowered_by_curves,
+        posted_speeds,
+        slow_places,
+        straight_speeds,
+    )
+    from .sumo_export.writer import Signal, signals_of, sumo_net, write_sumo_net
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -29,27 +29,16 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .conformance import check_planner as check_planner
-    from .frenetix.costs import CandidateBatch as CandidateBatch
-    from .frenetix.costs import responsibility as responsibility
-    from .frenetix.planner import Frenetix as Frenetix
-    from .interface import EgoState as EgoState
-    from .interface import Observation as Observation
-    from .interface import Plan as Plan
-    from .interface import PlannedTrajectory as PlannedTrajectory
-    from .interface import Planner as Planner
-    from .interface import PlanningTask as PlanningTask
-    from .reference_path import BEYOND_GOAL_M as BEYOND_GOAL_M
-    from .reference_path import build_reference_path as build_reference_path
-    from .registry import PLANNERS as PLANNERS
-    from .registry import known_planner as known_planner
-    from .registry import make_planner as make_planner
-    from .runs import run_planner as run_planner
-    from .simulation import DrivenRun as DrivenRun
-    from .simulation import simulate as simulate
-    from .solution import write_solution as write_solution
-    from .traffic.modes import check_modes as check_modes
-    from .traffic.modes import open_traffic as open_traffic
-    from .traffic.recorded import RecordedTraffic as RecordedTraffic
+    from .conformance import check_planner
+    from .frenetix.costs import CandidateBatch, responsibility
+    from .frenetix.planner import Frenetix
+    from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
+    from .reference_path import BEYOND_GOAL_M, build_reference_path
+    from .registry import PLANNERS, known_planner, make_planner
+    from .runs import run_planner
+    from .simulation import DrivenRun, simulate
+    from .solution import write_solution
+    from .traffic.modes import check_modes, open_traffic
+    from .traffic.recorded import RecordedTraffic
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

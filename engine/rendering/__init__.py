@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .pictures import render as render
-    from .reports import analysis_section as analysis_section
-    from .reports import batch_section as batch_section
-    from .reports import comparison_section as comparison_section
-    from .reports import report_image as report_image
-    from .reports import scenario_section as scenario_section
-    from .reports import write_report as write_report
+    from .pictures import render
+    from .reports import (
+        analysis_section,
+        batch_section,
+        comparison_section,
+        report_image,
+        scenario_section,
+        write_report,
+    )
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .description import describe as describe
-    from .facts import read_facts as read_facts
+    from .description import describe
+    from .facts import read_facts
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -32,30 +32,25 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .ego_relations import EgoLane as EgoLane
-    from .ego_relations import ego_lane as ego_lane
-    from .ego_relations import is_own_recording as is_own_recording
-    from .ego_relations import leader_and_follower as leader_and_follower
-    from .map_matching import LaneMatch as LaneMatch
-    from .map_matching import MapMatcher as MapMatcher
-    from .map_matching import straightness as straightness
-    from .occupancies import obstacle_of as obstacle_of
-    from .routing import TURN_RAD as TURN_RAD
-    from .routing import EgoRoute as EgoRoute
-    from .routing import Route as Route
-    from .routing import aligned_lanelets as aligned_lanelets
-    from .routing import center_line as center_line
-    from .routing import ego_route as ego_route
-    from .routing import find_route as find_route
-    from .routing import goal_center_lanelets as goal_center_lanelets
-    from .routing import goal_centers as goal_centers
-    from .routing import goal_lanelets as goal_lanelets
-    from .routing import lanelets_at as lanelets_at
-    from .routing import path_ahead as path_ahead
-    from .routing import start_lanelets as start_lanelets
-    from .routing import straight_on as straight_on
-    from .scene import NOT_DRIVEN as NOT_DRIVEN
-    from .scene import Ego as Ego
-    from .scene import Scene as Scene
+    from .ego_relations import EgoLane, ego_lane, is_own_recording, leader_and_follower
+    from .map_matching import LaneMatch, MapMatcher, straightness
+    from .occupancies import obstacle_of
+    from .routing import (
+        TURN_RAD,
+        EgoRoute,
+        Route,
+        aligned_lanelets,
+        center_line,
+        ego_route,
+        find_route,
+        goal_center_lanelets,
+        goal_centers,
+        goal_lanelets,
+        lanelets_at,
+        path_ahead,
+        start_lanelets,
+        straight_on,
+    )
+    from .scene import NOT_DRIVEN, Ego, Scene
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

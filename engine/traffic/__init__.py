@@ -28,26 +28,10 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .demand import TripMaker as TripMaker
-    from .demand import lane_km_of as lane_km_of
-    from .motions import DECIMALS as DECIMALS
-    from .motions import GeneratedVehicle as GeneratedVehicle
-    from .motions import drop_infeasible as drop_infeasible
-    from .motions import generated_vehicles as generated_vehicles
-    from .simulation import WARM_UP_S as WARM_UP_S
-    from .simulation import simulate_traffic as simulate_traffic
-    from .sumo import NO_LANE as NO_LANE
-    from .sumo import LaneChanges as LaneChanges
-    from .sumo import LaneHint as LaneHint
-    from .sumo import Sumo as Sumo
-    from .sumo import sumo_pose as sumo_pose
-    from .sumo import sumo_running as sumo_running
-    from .sumo import sumo_version as sumo_version
-    from .sumo import vehicle_type as vehicle_type
-    from .vehicle_counts import FEWEST as FEWEST
-    from .vehicle_counts import PAPER_TRIPS as PAPER_TRIPS
-    from .vehicle_counts import VEHICLES_PER_LANE_KM as VEHICLES_PER_LANE_KM
-    from .vehicle_counts import Demand as Demand
-    from .vehicle_counts import plan_counts as plan_counts
+    from .demand import TripMaker, lane_km_of
+    from .motions import DECIMALS, GeneratedVehicle, drop_infeasible, generated_vehicles
+    from .simulation import WARM_UP_S, simulate_traffic
+    from .sumo import NO_LANE, LaneChanges, LaneHint, Sumo, sumo_pose, sumo_running, sumo_version, vehicle_type
+    from .vehicle_counts import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, plan_counts
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

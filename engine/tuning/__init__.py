@@ -20,18 +20,15 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .configurations import DEFAULT_CONFIGURATION as DEFAULT_CONFIGURATION
-    from .configurations import changed_configuration as changed_configuration
-    from .configurations import differences as differences
-    from .configurations import named_configuration as named_configuration
-    from .configurations import preset_configuration as preset_configuration
-    from .settings import Setting as Setting
-    from .settings import known_settings as known_settings
-    from .settings import setting_values as setting_values
-    from .tunings import PlannerTuning as PlannerTuning
-    from .tunings import tuning_of as tuning_of
-    from .weight_file import WeightFile as WeightFile
-    from .weight_file import read_weight_file as read_weight_file
-    from .weight_file import to_yaml as to_yaml
+    from .configurations import (
+        DEFAULT_CONFIGURATION,
+        changed_configuration,
+        differences,
+        named_configuration,
+        preset_configuration,
+    )
+    from .settings import Setting, known_settings, setting_values
+    from .tunings import PlannerTuning, tuning_of
+    from .weight_file import WeightFile, read_weight_file, to_yaml
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -35,33 +35,30 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .classes import VehicleClass as VehicleClass
-    from .classes import class_by_size as class_by_size
-    from .classes import nearest_class as nearest_class
-    from .classes import vehicle_classes as vehicle_classes
-    from .kinematics import can_be_there as can_be_there
-    from .kinematics import centers as centers
-    from .kinematics import latest_passing_s as latest_passing_s
-    from .kinematics import least_time_s as least_time_s
-    from .kinematics import rear_axle as rear_axle
-    from .models import BMW_320I as BMW_320I
-    from .models import COMFORTABLE_MPS2 as COMFORTABLE_MPS2
-    from .models import EGO_SIZE_M as EGO_SIZE_M
-    from .models import HARDEST_BRAKING_MPS2 as HARDEST_BRAKING_MPS2
-    from .models import HARDEST_LATERAL_MPS2 as HARDEST_LATERAL_MPS2
-    from .models import LARGEST_ACCELERATION_MPS2 as LARGEST_ACCELERATION_MPS2
-    from .models import LARGEST_SPEED_MPS as LARGEST_SPEED_MPS
-    from .models import VEHICLES as VEHICLES
-    from .models import VehicleParameters as VehicleParameters
-    from .models import commonroad_vehicle as commonroad_vehicle
-    from .models import parameter_names as parameter_names
-    from .models import vehicle_of as vehicle_of
-    from .motion import Feasibility as Feasibility
-    from .motion import Motion as Motion
-    from .motion import check_drivability as check_drivability
-    from .motion import check_kinematics as check_kinematics
-    from .motion import drivable_motion as drivable_motion
-    from .motion import steering_angles as steering_angles
-    from .motion import tractrix as tractrix
+    from .classes import VehicleClass, class_by_size, nearest_class, vehicle_classes
+    from .kinematics import can_be_there, centers, latest_passing_s, least_time_s, rear_axle
+    from .models import (
+        BMW_320I,
+        COMFORTABLE_MPS2,
+        EGO_SIZE_M,
+        HARDEST_BRAKING_MPS2,
+        HARDEST_LATERAL_MPS2,
+        LARGEST_ACCELERATION_MPS2,
+        LARGEST_SPEED_MPS,
+        VEHICLES,
+        VehicleParameters,
+        commonroad_vehicle,
+        parameter_names,
+        vehicle_of,
+    )
+    from .motion import (
+        Feasibility,
+        Motion,
+        check_drivability,
+        check_kinematics,
+        drivable_motion,
+        steering_angles,
+        tractrix,
+    )
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -25,23 +25,9 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .artifacts import Artifact as Artifact
-    from .artifacts import NewArtifact as NewArtifact
-    from .artifacts import Staged as Staged
-    from .artifacts import Workspace as Workspace
-    from .artifacts import artifact_kinds as artifact_kinds
-    from .artifacts import disk_failure as disk_failure
-    from .artifacts import stage as stage
-    from .artifacts import write_text as write_text
-    from .database import Database as Database
-    from .database import still_runs as still_runs
-    from .export import REPORT_NAME as REPORT_NAME
-    from .export import Export as Export
-    from .export import plan_exports as plan_exports
-    from .export import refuse_taken as refuse_taken
-    from .export import write_export as write_export
-    from .recipe import Recipe as Recipe
-    from .recipe import content_digest as content_digest
-    from .recipe import versions_of as versions_of
+    from .artifacts import Artifact, NewArtifact, Staged, Workspace, artifact_kinds, disk_failure, stage, write_text
+    from .database import Database, still_runs
+    from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export
+    from .recipe import Recipe, content_digest, versions_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)
