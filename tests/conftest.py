@@ -1,14 +1,20 @@
 """Fixtures that every part of the test suite uses."""
 
+import gc
 import os
-from collections.abc import AsyncIterator
+import shutil
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 from mcp import Client
-from support.server import Connect
+from support.server import Connect, KeptWorkers, worker_processes
 
+from plannerforge.engine.catalog import open_catalogue
+from plannerforge.engine.execution import WorkerPool
+from plannerforge.engine.workspace import Workspace
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
@@ -48,8 +54,21 @@ def era(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
+@pytest.fixture(scope="session")
+async def kept_workers(anyio_backend: str, tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[KeptWorkers]:
+    """Worker processes for the servers of all tests that look at answers, not at processes."""
+    async with KeptWorkers.until_left(tmp_path_factory.mktemp("workers") / "workers.log") as kept:
+        yield kept
+
+
 @pytest.fixture
-def connect(settings: Settings, era: str, tmp_path: Path) -> Connect:
+def warm_workers(kept_workers: KeptWorkers, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Servers find warm workers and leave them warm; a module whose tests count or end workers overrides this."""
+    monkeypatch.setattr(WorkerPool, "open", kept_workers.lent)
+
+
+@pytest.fixture
+def connect(warm_workers: None, settings: Settings, era: str, tmp_path: Path) -> Connect:
     """A real client session with a server of these settings, in memory."""
 
     @asynccontextmanager
@@ -62,10 +81,47 @@ def connect(settings: Settings, era: str, tmp_path: Path) -> Connect:
 
 
 @pytest.fixture
+def own_workers() -> Callable[[], set[psutil.Process]]:
+    """Tells which workers of this process run that did not run before the test."""
+    before = worker_processes()
+    return lambda: worker_processes() - before
+
+
+@pytest.fixture(scope="session")
+def starter_workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A workspace that holds the starter catalogue and nothing else; not to be written to."""
+    workspace = Workspace(tmp_path_factory.mktemp("starter") / "workspace")
+    open_catalogue(workspace)
+    workspace.close()
+    return workspace.root
+
+
+@pytest.fixture
+def starter_ready(starter_workspace: Path, settings: Settings) -> None:
+    """The test's workspace holds the starter catalogue already: linked, since artifacts are never written again."""
+
+    def linked(source: str, target: str) -> str:
+        if Path(source).parent == starter_workspace:  # the database
+            shutil.copyfile(source, target)
+        else:
+            os.link(source, target)
+        return target
+
+    shutil.copytree(starter_workspace, settings.workspace, copy_function=linked)
+
+
+@pytest.fixture
 def importable_tests(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets worker processes import ``support.worker_operations``, the operations that only tests have."""
     folders = [str(CHECKOUT / "tests"), os.environ.get("PYTHONPATH", "")]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, folders)))
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Leave what the imports made out of garbage collections, and collect less often: a fifth of the processor time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 10, 10)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -14,7 +14,7 @@ from plannerforge.server.assembly import create_server
 from plannerforge.server.tokens import count_tokens
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("warm_workers")]
 
 MOST_TOKENS_OF_AN_ANSWER = 1500
 BAD_CALLS = [(tool, bad) for tool, case in CASES.items() for bad in case.bad]

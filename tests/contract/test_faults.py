@@ -2,6 +2,7 @@
 
 import os
 import signal
+from collections.abc import Callable
 from typing import Any
 
 import anyio
@@ -14,10 +15,9 @@ pytestmark = pytest.mark.anyio
 LONG_WORK: dict[str, Any] = {"density": "high", "duration_s": 120, "seed": 3}
 
 
-def worker_processes() -> set[psutil.Process]:
-    """Workers of this test process."""
-    children = psutil.Process().children(recursive=True)
-    return {child for child in children if "plannerforge.engine.execution.worker" in " ".join(child.cmdline())}
+@pytest.fixture
+def warm_workers() -> None:
+    """Each server has workers of its own here: they are counted and killed."""
 
 
 class Strike:
@@ -32,12 +32,13 @@ class Strike:
             self.action()
 
 
-def kill_all_workers() -> None:
-    for process in worker_processes():
-        os.kill(process.pid, signal.SIGKILL)
+async def test_a_killed_worker_gives_an_error_and_the_next_call_works(
+    connect: Connect, own_workers: Callable[[], set[psutil.Process]]
+) -> None:
+    def kill_all_workers() -> None:
+        for process in own_workers():
+            os.kill(process.pid, signal.SIGKILL)
 
-
-async def test_a_killed_worker_gives_an_error_and_the_next_call_works(connect: Connect) -> None:
     async with connect() as client:
         strike = Strike(kill_all_workers)
         result = await client.call_tool("generate_scenarios", LONG_WORK, progress_callback=strike)
@@ -48,19 +49,23 @@ async def test_a_killed_worker_gives_an_error_and_the_next_call_works(connect: C
         assert not again.is_error
 
 
-async def test_a_cancelled_call_ends_its_worker_and_the_next_call_works(connect: Connect) -> None:
+async def test_a_cancelled_call_ends_its_worker_and_the_next_call_works(
+    connect: Connect, own_workers: Callable[[], set[psutil.Process]]
+) -> None:
     async with connect() as client:
         with anyio.CancelScope() as scope:
             await client.call_tool("generate_scenarios", LONG_WORK, progress_callback=Strike(scope.cancel))
         assert scope.cancelled_caught
-        while worker_processes():
+        while own_workers():
             await anyio.sleep(0.05)
         again = await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": 4})
         assert not again.is_error
 
 
-async def test_a_server_that_is_left_leaves_no_worker(connect: Connect) -> None:
+async def test_a_server_that_is_left_leaves_no_worker(
+    connect: Connect, own_workers: Callable[[], set[psutil.Process]]
+) -> None:
     async with connect() as client:
         await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": 4})
-        assert worker_processes()
-    assert not worker_processes()
+        assert own_workers()
+    assert not own_workers()

@@ -11,7 +11,7 @@ from support.server import Connect
 
 from plannerforge.server.settings import Settings
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 
 
 async def call(client: Client, tool: str, **arguments: Any) -> tuple[bool, str, dict[str, Any]]:
@@ -20,9 +20,9 @@ async def call(client: Client, tool: str, **arguments: Any) -> tuple[bool, str, 
 
 
 @pytest.fixture
-def bare(settings: Settings) -> Settings:
+def bare(settings: Settings, tmp_path: Path) -> Settings:
     """No starter catalogue."""
-    return settings.model_copy(update={"starter": False})
+    return settings.model_copy(update={"starter": False, "workspace": tmp_path / "bare"})
 
 
 @pytest.fixture

@@ -10,7 +10,11 @@ import pytest
 from mcp import Client
 from support.server import Connect
 
-pytestmark = [pytest.mark.anyio, pytest.mark.parametrize("era", ["auto"], indirect=True)]
+pytestmark = [
+    pytest.mark.anyio,
+    pytest.mark.usefixtures("starter_ready"),
+    pytest.mark.parametrize("era", ["auto"], indirect=True),
+]
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PAGE = (CHECKOUT / "docs" / "criticality.md").read_text(encoding="utf-8")

@@ -112,11 +112,6 @@ def codes(result: Any) -> set[str]:
     return {cell["error"].partition("[")[2].partition("]")[0] for cell in result["lost"]}
 
 
-def worker_processes() -> list[psutil.Process]:
-    children = psutil.Process().children(recursive=True)
-    return [child for child in children if "execution.worker" in " ".join(child.cmdline())]
-
-
 async def test_every_misbehaviour_loses_its_own_run_by_name_and_is_tried_again(
     served: Any, files: Path, faults: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -149,14 +144,16 @@ async def test_a_single_run_that_crashes_is_an_error_and_the_next_call_works(
         assert (await ask("run_planner", scenarios=[scenario_id(1)]))["finished"] == 1
 
 
-async def test_workers_killed_at_random_lose_no_run(served: Any, files: Path, faults: Path, tmp_path: Path) -> None:
+async def test_workers_killed_at_random_lose_no_run(
+    served: Any, files: Path, faults: Path, tmp_path: Path, own_workers: Callable[[], set[psutil.Process]]
+) -> None:
     chance, struck = random.Random(4), 0
 
     async def kill_now_and_then() -> None:
         nonlocal struck
         while struck < 6:
             await anyio.sleep(chance.uniform(0.1, 0.6))
-            alive = worker_processes()
+            alive = sorted(own_workers(), key=lambda process: process.pid)
             if alive:
                 os.kill(chance.choice(alive).pid, signal.SIGKILL)
                 struck += 1

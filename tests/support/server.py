@@ -5,13 +5,15 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
-from contextlib import AbstractAsyncContextManager
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
+import psutil
 from mcp import Client
 
+from plannerforge.engine.execution import Limits, WorkerPool
 from plannerforge.server.settings import Settings
 
 GUARD_S = 120.0
@@ -77,3 +79,32 @@ class Connect(Protocol):
     """Opens a client session with a server."""
 
     def __call__(self, settings: Settings | None = None) -> AbstractAsyncContextManager[Client]: ...
+
+
+def worker_processes() -> set[psutil.Process]:
+    """Workers of this test process."""
+    children = psutil.Process().children(recursive=True)
+    return {child for child in children if "plannerforge.engine.execution.worker" in " ".join(child.cmdline())}
+
+
+class KeptWorkers:
+    """Pools that outlive the servers that use them: a worker imports its libraries once, not once a test."""
+
+    def __init__(self, stack: AsyncExitStack, log: Path) -> None:
+        self._stack, self._log, self._open = stack, log, WorkerPool.open
+        self._pools: dict[tuple[int, int, float], WorkerPool] = {}
+
+    @classmethod
+    @asynccontextmanager
+    async def until_left(cls, log: Path) -> AsyncIterator["KeptWorkers"]:
+        """Pools whose processes are gone when the block is left."""
+        async with AsyncExitStack() as stack:
+            yield cls(stack, log)
+
+    @asynccontextmanager
+    async def lent(self, limits: Limits, log: Path) -> AsyncIterator[WorkerPool]:
+        """In place of ``WorkerPool.open``: the pool of these limits, which stays open afterwards."""
+        key = (limits.worker_count, limits.worker_memory_bytes, limits.operation_timeout_s)
+        if key not in self._pools:
+            self._pools[key] = await self._stack.enter_async_context(self._open(limits, self._log))
+        yield self._pools[key]

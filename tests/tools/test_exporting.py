@@ -13,7 +13,7 @@ from support.builders import Problem, town_road
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("warm_workers")]
 NEAR = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 45))
 BLOCKED = Problem(start=(70.0, 0.0, 0.0, 8.0))
 """The ego starts in the parked car."""

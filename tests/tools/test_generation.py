@@ -1,7 +1,7 @@
 import pytest
 from support.server import Connect
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 WISH = {"place": "Musterstadt", "vehicles": ["truck", "bicycle=2"], "duration_s": 5, "count": 2, "seed": 4}
 
 

@@ -67,6 +67,7 @@ def test_a_country_named_for_a_map_without_one_reaches_the_engine_as_its_code(sp
 
 
 @pytest.mark.anyio
+@pytest.mark.usefixtures("starter_ready")
 async def test_the_orders_of_a_call_reach_the_engine_with_their_step(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -87,6 +88,7 @@ async def test_the_orders_of_a_call_reach_the_engine_with_their_step(
 
 
 @pytest.mark.anyio
+@pytest.mark.usefixtures("starter_ready")
 async def test_a_box_over_two_maps_is_served_by_the_one_that_holds_a_site_in_it(connect: Connect) -> None:
     async with connect() as client:
         wish = {"bbox": OVER_THREE_MAPS, "scenario_type": "intersection", "duration_s": 5}
@@ -98,6 +100,7 @@ async def test_a_box_over_two_maps_is_served_by_the_one_that_holds_a_site_in_it(
 
 
 @pytest.mark.anyio
+@pytest.mark.usefixtures("starter_ready")
 async def test_what_was_made_is_answered_though_another_one_failed(
     connect: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,7 +8,7 @@ from support.server import Connect
 from plannerforge.server.settings import Settings
 from plannerforge.tools.generation_record import REPORT
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 WISH = {
     "place": "Musterstadt",
     "scenario_type": "urban",

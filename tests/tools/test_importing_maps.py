@@ -6,7 +6,7 @@ from support.server import Connect
 
 from plannerforge.engine.maps.drawn_library import LIBRARY
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 
 
 async def test_packed_maps_of_a_folder_go_in_and_a_broken_one_is_named(connect: Connect, tmp_path: Path) -> None:

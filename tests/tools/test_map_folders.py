@@ -10,7 +10,7 @@ from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.server.settings import Settings
 from plannerforge.tools import maps as importing_kinds
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 WISH = {"place": "town", "duration_s": 5, "scenario_type": "intersection"}
 
 

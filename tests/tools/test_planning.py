@@ -18,7 +18,7 @@ Call = Callable[..., Awaitable[Any]]
 
 
 @pytest.fixture
-async def call(settings: Settings, tmp_path: Path) -> AsyncIterator[Call]:
+async def call(settings: Settings, warm_workers: None, tmp_path: Path) -> AsyncIterator[Call]:
     """Calls a tool of a workspace with two scenarios; gives the structured answer, or the text of an error."""
     folder = tmp_path / "files"
     folder.mkdir()

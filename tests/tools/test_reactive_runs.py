@@ -19,7 +19,7 @@ from plannerforge.schemas.runs import RunRecord
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("warm_workers")]
 NEAR = Problem(goal=(75.0, 0.0, 8.0, 3.0), steps=(30, 45))
 
 

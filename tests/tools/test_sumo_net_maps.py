@@ -10,7 +10,7 @@ from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.network.netconvert import convert_osm
 from plannerforge.server.settings import Settings
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 
 
 @pytest.fixture
