@@ -20,10 +20,11 @@ from typing import Any
 
 import anyio
 from mcp import Client
-from mcp.types import CallToolResult, TextContent
+from mcp.types import CallToolResult
 
 from ..server.assembly import create_server
 from ..server.settings import Settings
+from ..server.tool_calls import answer_text
 from .harness import shared_folder
 
 _WRITTEN_AT = re.compile(r"\b\d{4}-\d\d-\d\dT[\d:.+Z-]+")
@@ -43,9 +44,8 @@ class _Digests:
 
     def note(self, name: str, result: CallToolResult) -> None:
         """Keep an answer: its text, and its structure where it has one; a refusal too."""
-        text = "\n".join(block.text for block in result.content if isinstance(block, TextContent))
         structure = "" if result.structured_content is None else json.dumps(_steady(result.structured_content))
-        self.answers[name] = self._plain(f"{text}\n{structure}")
+        self.answers[name] = self._plain(f"{answer_text(result)}\n{structure}")
 
     def files(self) -> dict[str, str]:
         """A digest of each file of each artifact; JSON without its durations."""

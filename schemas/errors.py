@@ -9,8 +9,7 @@
     ├── ResourceFailure     disk, database or memory gave up                         (nothing was lost)
     ├── WorkerFailure       native code in a worker process died
     │   └── WorkerTimeout   … or ran past its limit
-    ├── UnexpectedFailure   a defect of ours; logged with an incident number         (never shown with a traceback)
-    └── Cancelled           the caller stopped the work
+    └── UnexpectedFailure   a defect of ours; logged with an incident number         (never shown with a traceback)
 
 Every error carries a stable code, what was wrong, the valid values and the next step, and its text says all of them,
 because a host may show the model nothing else.
@@ -118,12 +117,6 @@ class UnexpectedFailure(PlannerForgeError):
             f"{what} failed through a defect of the server (incident {self.incident})",
             next_step="try other arguments, and report the incident with the server's log",
         )
-
-
-class Cancelled(PlannerForgeError):
-    """The work was stopped on request."""
-
-    code = "cancelled"
 
 
 def error_classes() -> dict[str, type[PlannerForgeError]]:

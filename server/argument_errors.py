@@ -3,18 +3,19 @@
 import json
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from ..schemas.errors import InvalidRequest, closest
 
+_Arguments = TypeVar("_Arguments", bound=BaseModel)
 _SHOWN_CHARACTERS = 60
 """Characters of a given value that a refusal repeats; chosen."""
 
 
-def read_arguments(model: type[BaseModel], given: Mapping[str, Any]) -> BaseModel:
+def read_arguments(model: type[_Arguments], given: Mapping[str, Any]) -> _Arguments:
     """The arguments as their model.
 
     Hosts and small models send lists as JSON text, or one element without its list: both are unambiguous and taken.

@@ -1,5 +1,6 @@
 """``plannerforge catalog add | fetch``: filling the catalogue from a folder or from an archive on the internet."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -56,10 +57,4 @@ def _import(folder: Path, workspace: Path | None, workers: int | None) -> int:
     path = folder.expanduser().resolve()
     root = path if path.is_dir() else path.parent
     settings = settings_from(workspace=workspace, workers=workers, roots=[root], warm_up=False)
-    return make_call(settings, "import_files", _json(path), as_json=False, to_the_end=True)
-
-
-def _json(path: Path) -> str:
-    import json
-
-    return json.dumps({"path": str(path)})
+    return make_call(settings, "import_files", json.dumps({"path": str(path)}), as_json=False, to_the_end=True)

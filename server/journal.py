@@ -6,14 +6,15 @@ import logging.handlers
 import queue
 import re
 import threading
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from mcp.types import CallToolResult, TextContent
+from mcp.types import CallToolResult
 
 from .tokens import count_tokens
+from .tool_calls import answer_text
 
 logger = logging.getLogger(__name__)
 KEPT_FILES = 5
@@ -27,17 +28,32 @@ _ID = re.compile(
 
 
 @dataclass(frozen=True)
-class _JournalEntry:
-    """One call: when (UTC), by which client, what was asked, what came out and how long it took."""
+class _JournalledCall:
+    """One call: when (UTC), by which client, what was asked, how long it took and what came out."""
 
     time: str
     client: str
     tool: str
     arguments: dict[str, Any]
-    result_ids: tuple[str, ...]
     duration_s: float
-    result_tokens: int
-    error: str
+    text: str
+    structured: dict[str, Any] | None
+    failed: bool
+
+    def line(self) -> str:
+        """What the journal holds of it."""
+        said = json.dumps(self.structured, ensure_ascii=False) if self.structured else self.text
+        entry = {
+            "time": self.time,
+            "client": self.client,
+            "tool": self.tool,
+            "arguments": self.arguments,
+            "result_ids": [] if self.failed else list(dict.fromkeys(_ID.findall(said)))[:_MOST_IDS],
+            "duration_s": round(self.duration_s, 4),
+            "result_tokens": count_tokens(self.text),
+            "error": self.text if self.failed else "",
+        }
+        return json.dumps(entry, ensure_ascii=False)
 
 
 class Journal:
@@ -45,7 +61,7 @@ class Journal:
 
     def __init__(self, path: Path, size_bytes: int) -> None:
         self._path, self._size_bytes = path, size_bytes
-        self._waiting: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
+        self._waiting: queue.SimpleQueue[_JournalledCall | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
 
     def add(
@@ -55,18 +71,9 @@ class Journal:
         if self._thread is None:
             self._thread = threading.Thread(target=self._write, name="journal", daemon=True)
             self._thread.start()
-        texts = [block.text for block in result.content if isinstance(block, TextContent)]
+        text, failed = answer_text(result), bool(result.is_error)
         self._waiting.put(
-            {
-                "time": time,
-                "client": client,
-                "tool": tool,
-                "arguments": arguments,
-                "duration_s": round(duration_s, 4),
-                "text": "\n".join(texts),
-                "structured": result.structured_content,
-                "failed": bool(result.is_error),
-            }
+            _JournalledCall(time, client, tool, arguments, duration_s, text, result.structured_content, failed)
         )
 
     def close(self) -> None:
@@ -86,8 +93,7 @@ class Journal:
             delay=True,
         )
         while (call := self._waiting.get()) is not None:
-            line = json.dumps(asdict(_entry(call)), ensure_ascii=False)
-            handler.emit(logging.LogRecord("journal", logging.INFO, "", 0, line, None, None))
+            handler.emit(logging.LogRecord("journal", logging.INFO, "", 0, call.line(), None, None))
         handler.close()
 
 
@@ -101,17 +107,3 @@ class _Appending(logging.handlers.RotatingFileHandler):
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the name is the standard library's
         del record
         logger.error("a call could not be written down in %s", self.baseFilename, exc_info=True)
-
-
-def _entry(call: dict[str, Any]) -> _JournalEntry:
-    said = json.dumps(call["structured"], ensure_ascii=False) if call["structured"] else call["text"]
-    return _JournalEntry(
-        time=call["time"],
-        client=call["client"],
-        tool=call["tool"],
-        arguments=call["arguments"],
-        result_ids=() if call["failed"] else tuple(dict.fromkeys(_ID.findall(said)))[:_MOST_IDS],
-        duration_s=call["duration_s"],
-        result_tokens=count_tokens(call["text"]),
-        error=call["text"] if call["failed"] else "",
-    )

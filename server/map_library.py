@@ -21,22 +21,19 @@ _SHOWN_STREETS = 3
 
 def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, country: str | None) -> int:
     """Take map files in; 0, or 1 where one was refused."""
-    console, errors = Console(), Console(stderr=True)
     refused = 0
     try:
         code = known_country(country)
     except InvalidRequest as error:
-        errors.print(escape(error.text), style="red", highlight=False, soft_wrap=True)
+        _complain(error.text)
         return 2
     for path, item in anyio.run(_add, settings, paths, place, code):
         if isinstance(item, ImportedItem):
-            known = " (known already)" if item.reused else ""
-            console.print(
-                escape(f"{path.name} → {item.artifact_id}: {item.summary}{known}"), highlight=False, soft_wrap=True
-            )
+            line = f"{path.name} → {item.artifact_id}: {item.summary}{' (known already)' if item.reused else ''}"
+            Console().print(escape(line), highlight=False, soft_wrap=True)
         else:
             refused += 1
-            errors.print(escape(f"{path.name}: {item.text}"), style="red", highlight=False, soft_wrap=True)
+            _complain(f"{path.name}: {item.text}")
     return 1 if refused else 0
 
 
@@ -45,7 +42,7 @@ def list_maps(settings: Settings) -> int:
     try:
         at_hand = anyio.run(_all, settings)
     except PlannerForgeError as error:
-        Console(stderr=True).print(escape(error.text), style="red", highlight=False, soft_wrap=True)
+        _complain(error.text)
         return 1
     longest = max((len(entry.facts.map_id) for entry in at_hand.entries), default=0)
     identity = Column("id", no_wrap=True, min_width=longest)  # never cut: it is what other commands are given
@@ -58,7 +55,7 @@ def list_maps(settings: Settings) -> int:
         table.add_row(*(escape(cell) for cell in cells))
     Console().print(table)
     for note in at_hand.notes:
-        Console(stderr=True).print(escape(note), style="red", highlight=False, soft_wrap=True)
+        _complain(note)
     return 0
 
 
@@ -67,7 +64,7 @@ async def _add(
 ) -> list[tuple[Path, ImportedItem | PlannerForgeError]]:
     outcomes: list[tuple[Path, ImportedItem | PlannerForgeError]] = []
     async with open_services(settings, Path.cwd()) as services:
-        call = ToolCall(services, _silent)
+        call = ToolCall(services)
         for path in paths:
             try:
                 outcomes.append((path, await import_map(call, path, place, country)))
@@ -78,8 +75,8 @@ async def _add(
 
 async def _all(settings: Settings) -> MapInventory:
     async with open_services(settings, Path.cwd()) as services:
-        return await maps_at_hand(ToolCall(services, _silent))
+        return await maps_at_hand(ToolCall(services))
 
 
-async def _silent(share: float, message: str) -> None:
-    del share, message
+def _complain(text: str) -> None:
+    Console(stderr=True).print(escape(text), style="red", highlight=False, soft_wrap=True)

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
 from .assembly import create_server
 from .settings import Settings
+from .tool_calls import answer_text
 
 
 def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool, to_the_end: bool = False) -> int:
@@ -32,8 +33,7 @@ def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool, t
     if as_json and not result.is_error:
         sys.stdout.write(json.dumps(result.structured_content, indent=1, ensure_ascii=False) + "\n")
     else:
-        texts = [block.text for block in result.content if isinstance(block, TextContent)]
-        (sys.stderr if result.is_error else sys.stdout).write("\n".join(texts) + "\n")
+        (sys.stderr if result.is_error else sys.stdout).write(answer_text(result) + "\n")
     return 1 if result.is_error else 0
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from mcp.types import CallToolResult, ContentBlock, ImageContent, ResourceLink, TextContent
 
-from ..schemas.base import Arguments, Result
+from ..schemas.base import Result
 from ..schemas.errors import PlannerForgeError, UnexpectedFailure
 from ..tools.call import ImageAnswer, ToolCall
 from ..tools.registry import ToolSpec
@@ -22,8 +22,6 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
     """Call a tool; whatever goes wrong becomes a result that says what was wrong and what to do next."""
     try:
         arguments = read_arguments(spec.arguments_type, given)
-        if not isinstance(arguments, Arguments):
-            raise TypeError(f"{spec.name} takes {type(arguments).__name__}, which is no Arguments")
         return _shaped(await spec.load_function()(arguments, call))
     except PlannerForgeError as error:
         if isinstance(error, UnexpectedFailure):
@@ -33,6 +31,11 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
         failure = UnexpectedFailure(spec.name, traceback.format_exc())
         _log(failure)
         return _refusal(failure)
+
+
+def answer_text(result: CallToolResult) -> str:
+    """What an answer says in words: its blocks of text, one below the other."""
+    return "\n".join(block.text for block in result.content if isinstance(block, TextContent))
 
 
 def _shaped(result: Result | ImageAnswer) -> CallToolResult:

@@ -60,7 +60,6 @@ from plannerforge.engine.scene import Scene
 from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.tuning import tunings
 from plannerforge.engine.vehicles.models import BMW_320I
-from plannerforge.schemas import catalog as catalog_schemas
 from plannerforge.schemas import modification
 from plannerforge.schemas.base import Arguments, Result
 from plannerforge.schemas.modification import Edit, EditKind, EditReport, ModificationRequest
@@ -96,11 +95,8 @@ async def test_a_tool_has_a_worker_carry_out_an_operation(
         response = await call.run(echo, worker_operations.Words(text=arguments.words))
         return RepeatWordsResult(words=response.text)
 
-    names = ("catalog:repeat_words", "catalog:RepeatWordsArguments", "catalog:RepeatWordsResult")
     monkeypatch.setattr(catalog, "repeat_words", repeat_words, raising=False)
-    monkeypatch.setattr(catalog_schemas, "RepeatWordsArguments", RepeatWordsArguments, raising=False)
-    monkeypatch.setattr(catalog_schemas, "RepeatWordsResult", RepeatWordsResult, raising=False)
-    monkeypatch.setattr(assembly, "TOOLS", (*TOOLS, ToolSpec("repeat_words", "Repeat words", *names)))
+    monkeypatch.setattr(assembly, "TOOLS", (*TOOLS, ToolSpec("repeat_words", "Repeat words", "catalog")))
     async with connect() as client:
         result = await client.call_tool("repeat_words", {"words": "hello"})
         assert result.structured_content == {"words": "hello"}

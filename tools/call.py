@@ -1,14 +1,23 @@
 """What a tool function is given beside its arguments, and what it may answer."""
 
-from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..engine.execution import Claims, Executor, Job, JobRunner, Limits, Operation, Request, Response
+from ..engine.execution import (
+    Claims,
+    Executor,
+    Job,
+    JobRunner,
+    Limits,
+    OnProgress,
+    Operation,
+    Request,
+    Response,
+    no_progress,
+)
 from ..engine.workspace import Workspace
 from ..schemas.catalog import PACKAGED_MODEL
 
-_SendProgress = Callable[[float, str], Awaitable[None]]
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
 
@@ -30,7 +39,7 @@ class Services:
 class ToolCall:
     """One call of a tool: the services, and the way to report progress to the client."""
 
-    def __init__(self, services: Services, send_progress: _SendProgress) -> None:
+    def __init__(self, services: Services, send_progress: OnProgress = no_progress) -> None:
         self.services = services
         self._send_progress = send_progress
 
@@ -48,14 +57,6 @@ class ToolCall:
     def limits(self) -> Limits:
         """The bounds on files, time and memory."""
         return self.services.limits
-
-    def allowed_path(self, text: str) -> Path:
-        """The path, if it lies inside an allowed root.
-
-        Raises:
-            OutsideRoots: it does not.
-        """
-        return self.limits.allowed_path(text)
 
     async def progress(self, share: float, message: str = "") -> None:
         """Tell the client the share done in [0, 1] of the whole call."""

@@ -33,7 +33,7 @@ _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "g
 
 async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) -> ExportArtifactsResult:
     """Write what was asked for; every name is checked before the first file is written."""
-    folder = call.allowed_path(arguments.folder)
+    folder = call.limits.allowed_path(arguments.folder)
     artifacts = [call.workspace.get(key, call.workspace.kind_of(key)) for key in dict.fromkeys(arguments.ids)]
     planned = plan_exports(call.workspace, artifacts, arguments.formats, folder)
     report = folder / REPORT_NAME if "html" in arguments.formats else None

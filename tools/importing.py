@@ -3,7 +3,7 @@
 Many files are a job: it goes on when the call has answered, and the same call takes up what a crash left.
 """
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -11,7 +11,7 @@ from typing import Literal
 import anyio
 
 from ..engine.catalog import FileFailure, open_catalogue
-from ..engine.execution import JobProgress, JobState
+from ..engine.execution import JobProgress, JobState, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_net
 from ..engine.workspace import Recipe
 from ..schemas.errors import InvalidRequest, PlannerForgeError
@@ -22,7 +22,6 @@ from .maps import import_map, known_country
 from .scenario_storage import import_scenarios
 
 _ImportKind = Literal["scenario", "map", "config"]
-_Report = Callable[[float, str], Awaitable[None]]
 _SHOWN = 20
 """Items that an answer lists; its model says so."""
 _REPORT_EVERY_S = 0.5
@@ -98,7 +97,7 @@ def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _Impor
 
 
 def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, _ImportKind]]:
-    path = call.allowed_path(arguments.path)
+    path = call.limits.allowed_path(arguments.path)
     if not path.exists():
         raise InvalidRequest(f"'{arguments.path}' does not exist", next_step="name a file or folder that does")
     if path.is_file():
@@ -136,10 +135,11 @@ async def _import_as_job(
         async def report(share: float, message: str) -> None:
             progress.report(share, message)
 
-        await _take_in(ToolCall(call.services, _no_client), files, arguments, tally, report)
+        own_call = ToolCall(call.services)  # the one that started the job may have been answered already
+        await _take_in(own_call, files, arguments, tally, report)
         progress.report(1.0, tally.result().to_line())
 
-    resolved = {"path": str(call.allowed_path(arguments.path))}
+    resolved = {"path": str(call.limits.allowed_path(arguments.path))}
     recipe = Recipe(tool="import_files", arguments=arguments.model_dump(mode="json") | resolved)
     job = call.jobs.start("import", recipe, work)
     job = await call.wait_for(job.job_id, WAIT_S)
@@ -147,17 +147,12 @@ async def _import_as_job(
     return result.model_copy(update={"note": job.error or ("" if tally.done else job.message)})
 
 
-async def _no_client(share: float, message: str) -> None:
-    """The call that started the job may have been answered already."""
-    del share, message
-
-
 async def _take_in(
     call: ToolCall,
     files: Sequence[tuple[Path, _ImportKind]],
     arguments: ImportFilesArguments,
     tally: _Tally,
-    report: _Report,
+    report: OnProgress,
 ) -> None:
     """Import the files; the share done is reported every half second."""
     async with anyio.create_task_group() as tasks:
@@ -169,7 +164,7 @@ async def _take_in(
         tasks.cancel_scope.cancel()
 
 
-async def _keep_reporting(tally: _Tally, report: _Report) -> None:
+async def _keep_reporting(tally: _Tally, report: OnProgress) -> None:
     while True:
         await report(tally.done / tally.total, f"{tally.done} of {tally.total} files")
         await anyio.sleep(_REPORT_EVERY_S)
@@ -179,7 +174,7 @@ async def _import_other(
     call: ToolCall, path: Path, kind: _ImportKind, arguments: ImportFilesArguments, tally: _Tally
 ) -> None:
     try:
-        checked = call.allowed_path(str(path))
+        checked = call.limits.allowed_path(str(path))
         call.limits.check_size(checked)
         if kind == "map":
             tally.note(path, await import_map(call, checked, arguments.name, arguments.country))

@@ -1,16 +1,16 @@
-"""Every tool by name: where its function, its arguments and its result are. Nothing is imported until used.
+"""Every tool by name and where its function is. Nothing is imported until used.
 
-Adding a tool: its file, one entry here, one contract test. What it has workers do stands in ``operations.py``.
+Adding a tool: its function, which has the tool's name, one entry here, one contract test. What it has workers do stands
+in ``operations.py``.
 """
 
 import importlib
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_type_hints
 
 from ..schemas.base import Arguments, Result
-
-ToolFunction = Callable[[Arguments, Any], Awaitable[Any]]
+from .call import ImageAnswer
 
 
 @dataclass(frozen=True)
@@ -18,156 +18,53 @@ class ToolSpec:
     """One tool.
 
     Args:
-        name: verb in snake_case, as clients call it.
+        name: verb in snake_case, as clients call it; the function has it too.
         title: what a person reads.
-        function: ``module:name`` below ``plannerforge.tools``.
-        arguments: ``module:name`` of its arguments below ``plannerforge.schemas``.
-        result: the same of its result; None for tools that answer with pictures.
+        module: where the function is, below ``plannerforge.tools``.
         read_only: makes nothing that can be listed afterwards.
-        idempotent: the same call again changes nothing more.
         essential: part of the small set for small models.
     """
 
     name: str
     title: str
-    function: str
-    arguments: str
-    result: str | None
+    module: str
     read_only: bool = False
-    idempotent: bool = True
     essential: bool = True
 
     @property
     def arguments_type(self) -> type[Arguments]:
-        """The model of the arguments; its docstring is the tool's description."""
-        arguments: type[Arguments] = _load("plannerforge.schemas", self.arguments)
+        """The model of the arguments, as the function declares it; its docstring is the tool's description."""
+        arguments: type[Arguments] = get_type_hints(self.load_function())["arguments"]
         return arguments
 
     @property
     def result_type(self) -> type[Result] | None:
-        """The model of the structured answer, or None."""
-        return None if self.result is None else _load("plannerforge.schemas", self.result)
+        """The model of the structured answer, as the function declares it; None for one that answers with pictures."""
+        result: type[Result | ImageAnswer] = get_type_hints(self.load_function())["return"]
+        return result if issubclass(result, Result) else None
 
-    def load_function(self) -> ToolFunction:
+    def load_function(self) -> Callable[[Arguments, Any], Awaitable[Any]]:
         """The function, imported now."""
-        function: ToolFunction = _load("plannerforge.tools", self.function)
+        module = importlib.import_module(f"plannerforge.tools.{self.module}")
+        function: Callable[[Arguments, Any], Awaitable[Any]] = getattr(module, self.name)
         return function
 
 
-def _load(package: str, entry_point: str) -> Any:
-    module, name = entry_point.split(":")
-    return getattr(importlib.import_module(f"{package}.{module}"), name)
-
-
 TOOLS: tuple[ToolSpec, ...] = (
-    ToolSpec(
-        "describe_catalog",
-        "Describe the catalogue",
-        "catalog:describe_catalog",
-        "catalog:DescribeCatalogArguments",
-        "catalog:DescribeCatalogResult",
-        read_only=True,
-    ),
-    ToolSpec(
-        "generate_scenarios",
-        "Generate scenarios",
-        "generation:generate_scenarios",
-        "generation:GenerateScenariosArguments",
-        "generation:GenerateScenariosResult",
-    ),
-    ToolSpec(
-        "find_scenarios",
-        "Find scenarios",
-        "catalog:find_scenarios",
-        "catalog:FindScenariosArguments",
-        "catalog:FindScenariosResult",
-    ),
-    ToolSpec(
-        "import_files",
-        "Import files",
-        "importing:import_files",
-        "importing:ImportFilesArguments",
-        "importing:ImportFilesResult",
-        essential=False,
-    ),
-    ToolSpec(
-        "describe_scenario",
-        "Describe a scenario",
-        "scenarios:describe_scenario",
-        "scenarios:DescribeScenarioArguments",
-        "scenarios:DescribeScenarioResult",
-        read_only=True,
-    ),
-    ToolSpec(
-        "modify_scenario",
-        "Modify a scenario",
-        "modification:modify_scenario",
-        "modification:ModifyScenarioArguments",
-        "modification:ModifyScenarioResult",
-    ),
-    ToolSpec(
-        "list_planners",
-        "List planners",
-        "planning:list_planners",
-        "planning:ListPlannersArguments",
-        "planning:ListPlannersResult",
-        read_only=True,
-    ),
-    ToolSpec(
-        "configure_planner",
-        "Configure a planner",
-        "planning:configure_planner",
-        "planning:ConfigurePlannerArguments",
-        "planning:ConfigurePlannerResult",
-    ),
-    ToolSpec(
-        "run_planner",
-        "Run a planner",
-        "planning:run_planner",
-        "planning:RunPlannerArguments",
-        "planning:RunPlannerResult",
-    ),
-    ToolSpec("get_job", "Look at a job", "artifacts:get_job", "jobs:GetJobArguments", "jobs:JobResult", read_only=True),
-    ToolSpec(
-        "cancel_job",
-        "Cancel a job",
-        "artifacts:cancel_job",
-        "jobs:CancelJobArguments",
-        "jobs:JobResult",
-        essential=False,
-    ),
-    ToolSpec(
-        "analyze_results",
-        "Analyse results",
-        "results:analyze_results",
-        "results:AnalyzeResultsArguments",
-        "results:AnalyzeResultsResult",
-        read_only=True,
-    ),
-    ToolSpec(
-        "compare_results",
-        "Compare results",
-        "results:compare_results",
-        "comparison:CompareResultsArguments",
-        "comparison:CompareResultsResult",
-        read_only=True,
-    ),
-    ToolSpec("render", "Draw", "rendering:render", "rendering:RenderArguments", None, read_only=True),
-    ToolSpec(
-        "list_artifacts",
-        "List artifacts",
-        "artifacts:list_artifacts",
-        "artifacts:ListArtifactsArguments",
-        "artifacts:ListArtifactsResult",
-        read_only=True,
-        essential=False,
-    ),
-    ToolSpec(
-        "export_artifacts",
-        "Export artifacts",
-        "exporting:export_artifacts",
-        "artifacts:ExportArtifactsArguments",
-        "artifacts:ExportArtifactsResult",
-        essential=False,
-    ),
+    ToolSpec("describe_catalog", "Describe the catalogue", "catalog", read_only=True),
+    ToolSpec("generate_scenarios", "Generate scenarios", "generation"),
+    ToolSpec("find_scenarios", "Find scenarios", "catalog"),
+    ToolSpec("import_files", "Import files", "importing", essential=False),
+    ToolSpec("describe_scenario", "Describe a scenario", "scenarios", read_only=True),
+    ToolSpec("modify_scenario", "Modify a scenario", "modification"),
+    ToolSpec("list_planners", "List planners", "planning", read_only=True),
+    ToolSpec("configure_planner", "Configure a planner", "planning"),
+    ToolSpec("run_planner", "Run a planner", "planning"),
+    ToolSpec("get_job", "Look at a job", "artifacts", read_only=True),
+    ToolSpec("cancel_job", "Cancel a job", "artifacts", essential=False),
+    ToolSpec("analyze_results", "Analyse results", "results", read_only=True),
+    ToolSpec("compare_results", "Compare results", "results", read_only=True),
+    ToolSpec("render", "Draw", "rendering", read_only=True),
+    ToolSpec("list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False),
+    ToolSpec("export_artifacts", "Export artifacts", "exporting", essential=False),
 )

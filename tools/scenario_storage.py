@@ -68,7 +68,7 @@ async def _read_files(
 
 async def _read(call: ToolCall, intake: ScenarioIntake, path: Path) -> ReadFile | FileFailure:
     try:
-        checked = call.allowed_path(str(path))
+        checked = call.limits.allowed_path(str(path))
         call.limits.check_size(checked)
         content = await anyio.to_thread.run_sync(content_digest, checked)
         return ReadFile(path, content, None if intake.knows(content) else await _facts(call, checked))

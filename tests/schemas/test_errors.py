@@ -17,7 +17,6 @@ from plannerforge.schemas.errors import (
 )
 
 CODES = {
-    "cancelled",
     "error",
     "invalid_request",
     "not_possible",

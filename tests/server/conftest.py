@@ -91,35 +91,17 @@ async def start_job(arguments: EchoArguments, call: ToolCall) -> EchoResult:
 
 @dataclass(frozen=True)
 class ProbeSpec(ToolSpec):
-    """A tool of these tests, given as a function instead of by its entry point."""
+    """A tool of these tests, given as a function instead of by its place."""
 
     call: Callable[..., Any] = echo
-    takes: type[Arguments] = NoArguments
-    gives: type[Result] | None = EchoResult
-
-    @property
-    def arguments_type(self) -> type[Arguments]:
-        return self.takes
-
-    @property
-    def result_type(self) -> type[Result] | None:
-        return self.gives
 
     def load_function(self) -> Callable[..., Any]:
         return self.call
 
 
-def probe(function: Callable[..., Any], takes: type[Arguments], gives: type[Result] | None = EchoResult) -> ProbeSpec:
-    return ProbeSpec(function.__name__, "Probe", "", "", None, read_only=True, call=function, takes=takes, gives=gives)
-
-
-PROBES: tuple[ToolSpec, ...] = (
-    probe(echo, EchoArguments),
-    probe(refuse, NoArguments),
-    probe(break_down, NoArguments),
-    probe(draw, NoArguments, None),
-    probe(tell_progress, NoArguments),
-    probe(start_job, EchoArguments),
+PROBES: tuple[ToolSpec, ...] = tuple(
+    ProbeSpec(function.__name__, "Probe", "", read_only=True, call=function)
+    for function in (echo, refuse, break_down, draw, tell_progress, start_job)
 )
 
 

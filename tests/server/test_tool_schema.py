@@ -116,7 +116,7 @@ def test_every_tool_has_a_lean_flat_input_and_a_description(spec: ToolSpec) -> N
     assert_lean(tool.input_schema)
     assert tool.description
     assert "\n" not in tool.description
-    assert (tool.output_schema is None) == (spec.result is None)
+    assert (tool.output_schema is None) == (spec.result_type is None)
     for name, part in tool.input_schema["properties"].items():
         assert part.get("type") != "object", f"{name} nests"
         for inner in part.get("items", {}).get("properties", {}).values():
