@@ -9,7 +9,7 @@
 ``XmlLimits``: What an XML file may hold at most before any parser of a library sees it.
 ``read_recorded``: Read a CommonRoad file (2018b or 2020a) as ``read_scenario`` does, in half of its time.
 ``read_scenario``: Scan and read a CommonRoad file (2018b or 2020a).
-``scan_xml``: Refuse an XML file that is too large, too deep, broken or that declares a document type.
+``scan_xml``: Refuse an XML file that is too large, too deep, broken or declares a document type; its root element.
 ``LaneletElement``: A lanelet as written.
 ``RoadDocument``: The network of one file in the file's order, defects included.
 ``read_road_document``: Scan a CommonRoad file and read its network as written.
@@ -24,9 +24,8 @@
 ``SPEED_LIMITS``: Numbers of the signs for a speed limit or the beginning of a zone with one, of all countries.
 ``has_light``: Whether one of these lanelets refers to a traffic light of the file.
 ``is_known_number``: Whether CommonRoad's reader knows a sign's number in a country.
-``is_speed_limit``: Whether a sign is a speed limit, or the beginning of a zone with one.
-``lanes_beside``: The number of lanelets side by side in the same direction, this one included.
 ``limits_kmh``: Posted speed limits in km/h, ascending, rounded to 0.1.
+``limits_mps``: The speed limits in m/s that a sign posts; empty for all other signs.
 ``sign_keys``: The keys of all signs in the vocabulary, sorted, each once.
 ``signs_of``: The signs that these lanelets refer to.
 ``speed_limit_number``: The number to write for a speed limit in a country; None where CommonRoad has none.
@@ -47,9 +46,8 @@ if TYPE_CHECKING:
         SPEED_LIMITS,
         has_light,
         is_known_number,
-        is_speed_limit,
-        lanes_beside,
         limits_kmh,
+        limits_mps,
         sign_keys,
         signs_of,
         speed_limit_number,

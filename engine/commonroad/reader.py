@@ -108,7 +108,7 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
     """
     from commonroad.common.file_reader import CommonRoadFileReader
 
-    root = scan_root(path, limits)
+    root = scan_xml(path, limits)
     _refuse_without_road(path, root.name, root.lanelets)
     return _open(path, lambda: CommonRoadFileReader(path), root.attributes.get("benchmarkID", ""))
 
@@ -206,7 +206,7 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> Element:
     try:
         content = path.read_bytes() if path.stat().st_size <= _SMALL_BYTES else b""
         if not _is_surely_within(content, limits):
-            scan_root(path, limits)
+            scan_xml(path, limits)
             content = path.read_bytes()
         root = fromstring(content)  # noqa: S314 - entities and size were looked at
     except OSError as error:
@@ -250,20 +250,11 @@ class _XmlRoot:
     lanelets: int
 
 
-def scan_xml(path: Path, limits: XmlLimits | None = None) -> str:
+def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
     """Refuse an XML file that is too large, too deep, broken or that declares a document type.
 
     Returns:
-        The name of the root element.
-
-    Raises:
-        UnsafeInput: naming what was found and the limit.
-    """
-    return scan_root(path, limits).name
-
-
-def scan_root(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
-    """As ``scan_xml``, with the attributes of the root element and the number of lanelets.
+        The name and the attributes of its root element, and the number of its lanelets.
 
     Raises:
         UnsafeInput: naming what was found and the limit.

@@ -15,8 +15,8 @@ import numpy as np
 from lxml import etree
 
 from ...schemas.errors import UnsafeInput
-from ..geometry import Points, Values, without_repeats
-from .reader import XmlLimits, scan_root
+from ..geometry import Points, without_repeats
+from .reader import XmlLimits, scan_xml
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -32,7 +32,7 @@ class _NeighbourElement:
 
 @dataclass(frozen=True)
 class _StopLineElement:
-    """A stop line: its points (n, 2), none where it lies at the lanelet's end, and the ids it refers to."""
+    """A stop line: its points (n, 2), none where it lies at the lanelet's end, and the ids it refers to, if any."""
 
     points: Points
     sign_ids: tuple[int, ...]
@@ -41,7 +41,10 @@ class _StopLineElement:
 
 @dataclass(frozen=True)
 class LaneletElement:
-    """A lanelet as written: bounds (n, 2) in metres, of any length; ``markings`` of the left and right bound."""
+    """A lanelet as written: bounds (n, 2) in metres, of any length; ``markings`` of the left and right bound.
+
+    ``neighbours``: those on the ``left`` and on the ``right``.
+    """
 
     lanelet_id: int
     left: Points
@@ -49,18 +52,22 @@ class LaneletElement:
     markings: tuple[str, ...]
     predecessors: tuple[int, ...]
     successors: tuple[int, ...]
-    left_neighbour: _NeighbourElement | None
-    right_neighbour: _NeighbourElement | None
-    stop_line: _StopLineElement | None
+    neighbours: dict[str, _NeighbourElement]
+    stop_line: _StopLineElement
     types: tuple[str, ...]
     users: tuple[str, ...]
     sign_ids: tuple[int, ...]
     light_ids: tuple[int, ...]
 
     @property
-    def neighbours(self) -> tuple[_NeighbourElement, ...]:
-        """The lanelets beside this one, left before right."""
-        return tuple(beside for beside in (self.left_neighbour, self.right_neighbour) if beside is not None)
+    def neighbour_ids(self) -> tuple[int, ...]:
+        """The ids of the lanelets beside this one, left before right."""
+        return tuple(beside.lanelet_id for beside in self.neighbours.values())
+
+    @property
+    def bounds(self) -> tuple[tuple[str, Points], ...]:
+        """Both bounds with the words for their sides, left before right."""
+        return ("left", self.left), ("right", self.right)
 
     @cached_property
     def is_drawn(self) -> bool:
@@ -80,10 +87,9 @@ class LaneletElement:
         return without_repeats(self.center)
 
     @cached_property
-    def widths_m(self) -> Values:
-        """Distance of the bounds' points of one number, shape (n,), of a drawn lanelet."""
-        widths: Values = np.linalg.norm(self.left - self.right, axis=1)
-        return widths
+    def width_m(self) -> float:
+        """The width of a drawn lanelet: the median distance of the bounds' points of one number."""
+        return float(np.median(np.linalg.norm(self.left - self.right, axis=1)))
 
     @cached_property
     def polygon(self) -> "Polygon":
@@ -174,7 +180,7 @@ def read_road_document(path: Path, limits: XmlLimits | None = None) -> RoadDocum
     Raises:
         UnsafeInput: the file is hostile, broken or not a CommonRoad file, or an id or a duration is no number.
     """
-    name = scan_root(path, limits).name
+    name = scan_xml(path, limits).name
     if name != "commonRoad":
         raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{name}>, not <commonRoad>")
     try:
@@ -216,8 +222,11 @@ def _lanelet(element: etree._Element) -> LaneletElement:
         markings=tuple(word for word in markings if word),
         predecessors=_references(element, "predecessor"),
         successors=_references(element, "successor"),
-        left_neighbour=_neighbour(element.find("adjacentLeft")),
-        right_neighbour=_neighbour(element.find("adjacentRight")),
+        neighbours={
+            side: _NeighbourElement(_number(beside, "ref"), beside.get("drivingDir") == "same")
+            for side, tag in (("left", "adjacentLeft"), ("right", "adjacentRight"))
+            if (beside := element.find(tag)) is not None
+        },
         stop_line=_stop_line(element.find("stopLine")),
         types=_words(element, "laneletType"),
         users=_words(element, "userOneWay") + _words(element, "userBidirectional"),
@@ -226,13 +235,9 @@ def _lanelet(element: etree._Element) -> LaneletElement:
     )
 
 
-def _neighbour(element: etree._Element | None) -> _NeighbourElement | None:
-    return None if element is None else _NeighbourElement(_number(element, "ref"), element.get("drivingDir") == "same")
-
-
-def _stop_line(element: etree._Element | None) -> _StopLineElement | None:
+def _stop_line(element: etree._Element | None) -> _StopLineElement:
     if element is None:
-        return None
+        return _StopLineElement(_points([]), (), ())
     return _StopLineElement(
         points=_points(element.iterfind("point")),
         sign_ids=_references(element, "trafficSignRef"),

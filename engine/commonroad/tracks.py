@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from ...schemas.errors import UnsafeInput
-from ..geometry import Points, Values
+from ..geometry import Points, Values, segment_lengths
 
 if TYPE_CHECKING:
     from commonroad.scenario.obstacle import DynamicObstacle
@@ -69,18 +69,9 @@ def static_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
     """Static obstacles as tracks that stand still up to a step, by id in ascending order; regions by their middle."""
     tracks = {}
     for obstacle in sorted(scenario.static_obstacles, key=lambda obstacle: int(obstacle.obstacle_id)):
-        state, count = obstacle.initial_state, last_step + 1
-        length, width = size_of(obstacle.obstacle_shape)
-        tracks[int(obstacle.obstacle_id)] = Track(
-            obstacle_id=int(obstacle.obstacle_id),
-            kind=str(obstacle.obstacle_type.value),
-            length_m=length,
-            width_m=width,
-            first_step=0,
-            positions=np.repeat(np.asarray(center_of(state.position), dtype=float)[None], count, axis=0),
-            headings_rad=np.full(count, middle_of(getattr(state, "orientation", 0.0))),
-            speeds_mps=np.zeros(count),
-        )
+        state, count = _states([obstacle.initial_state]), last_step + 1
+        positions, headings_rad = np.repeat(state.positions, count, axis=0), np.repeat(state.headings_rad, count)
+        tracks[int(obstacle.obstacle_id)] = _track_of(obstacle, 0, positions, headings_rad, np.zeros(count))
     return tracks
 
 
@@ -110,17 +101,15 @@ def _track(obstacle: "DynamicObstacle", states: "_PlainStates | None", step_s: f
     first, after = _states([obstacle.initial_state]), states or _states(trajectory.state_list)
     positions = np.concatenate([first.positions, after.positions])
     given = np.concatenate([first.speeds_mps, after.speeds_mps])
-    length, width = size_of(obstacle.obstacle_shape)
-    return Track(
-        obstacle_id=int(obstacle.obstacle_id),
-        kind=str(obstacle.obstacle_type.value),
-        length_m=length,
-        width_m=width,
-        first_step=int(obstacle.initial_state.time_step),
-        positions=positions,
-        headings_rad=np.concatenate([first.headings_rad, after.headings_rad]),
-        speeds_mps=np.where(np.isnan(given), _speeds(positions, step_s), given) if np.isnan(given).any() else given,
-    )
+    headings = np.concatenate([first.headings_rad, after.headings_rad])
+    speeds = np.where(np.isnan(given), _speeds(positions, step_s), given) if np.isnan(given).any() else given
+    return _track_of(obstacle, int(obstacle.initial_state.time_step), positions, headings, speeds)
+
+
+def _track_of(obstacle: Any, first_step: int, positions: Points, headings_rad: Values, speeds_mps: Values) -> Track:
+    key, kind = int(obstacle.obstacle_id), str(obstacle.obstacle_type.value)
+    size = size_of(obstacle.obstacle_shape)
+    return Track(key, kind, *size, first_step, positions, headings_rad, speeds_mps)
 
 
 def _states(states: list[Any]) -> "_PlainStates":
@@ -149,7 +138,7 @@ def _speeds(positions: Points, step_s: float) -> Values:
     if len(positions) < 2:
         return np.zeros(len(positions))
     with np.errstate(invalid="ignore"):  # infinite coordinates: value_limits refuses them afterwards
-        speed = np.linalg.norm(np.diff(positions, axis=0), axis=1) / step_s
+        speed = segment_lengths(positions) / step_s
     return np.append(speed, speed[-1])
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
+    from commonroad.scenario.lanelet import LaneletNetwork
     from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement
 
 _GERMAN_LIMIT = "274"
@@ -68,16 +68,18 @@ def sign_keys(signs: Iterable["TrafficSign"]) -> tuple[str, ...]:
     return tuple(sorted({key for element in _elements(signs) if (key := _sign_key(element))}))
 
 
-def is_speed_limit(element: "TrafficSignElement") -> bool:
-    """Whether a sign is a speed limit, or the beginning of a zone with one."""
-    return _sign_key(element) == "speed_limit"
+def limits_mps(element: "TrafficSignElement") -> list[float]:
+    """The limits in m/s that a sign posts, of its own or for a zone; values that are no positive number are left out.
+
+    Empty for all other signs.
+    """
+    texts = element.additional_values if _sign_key(element) == "speed_limit" else []
+    return [speed for text in texts if 0.0 < (speed := _number(text)) < math.inf]
 
 
 def limits_kmh(signs: Iterable["TrafficSign"]) -> tuple[float, ...]:
-    """Posted speed limits in km/h, ascending, rounded to 0.1; values that are no positive number are left out."""
-    limits = [text for element in _elements(signs) if is_speed_limit(element) for text in element.additional_values]
-    speeds = [speed for text in limits if (speed := _number(text)) is not None and speed > 0]
-    return tuple(sorted({round(speed * 3.6, 1) for speed in speeds}))
+    """Posted speed limits in km/h, ascending, rounded to 0.1, as ``limits_mps`` reads them."""
+    return tuple(sorted({round(speed * 3.6, 1) for element in _elements(signs) for speed in limits_mps(element)}))
 
 
 def signs_of(network: "LaneletNetwork", lanelet_ids: Iterable[int]) -> list["TrafficSign"]:
@@ -92,23 +94,6 @@ def has_light(network: "LaneletNetwork", lanelet_ids: Iterable[int]) -> bool:
     return any(network.find_traffic_light_by_id(key) is not None for key in wanted)
 
 
-def lanes_beside(network: "LaneletNetwork", lanelet_id: int) -> int:
-    """The number of lanelets side by side in the same direction, this one included."""
-    start = network.find_lanelet_by_id(lanelet_id)
-    counted = {lanelet_id}
-    for left in (True, False):
-        current: Lanelet | None = start
-        while current is not None:
-            key = current.adj_left if left else current.adj_right
-            same = current.adj_left_same_direction if left else current.adj_right_same_direction
-            if key is None or not same or key in counted:
-                break
-            current = network.find_lanelet_by_id(key)
-            if current is not None:
-                counted.add(key)
-    return len(counted)
-
-
 def _sign_key(element: "TrafficSignElement") -> str | None:
     """The vocabulary's key of a sign by its commonroad-io name; None for signs outside the vocabulary."""
     name = element.traffic_sign_element_id.name
@@ -121,9 +106,8 @@ def _elements(signs: Iterable["TrafficSign"]) -> list["TrafficSignElement"]:
     return [element for sign in signs for element in sign.traffic_sign_elements]
 
 
-def _number(text: object) -> float | None:
+def _number(text: object) -> float:
     try:
-        value = float(str(text))
+        return float(str(text))
     except ValueError:
-        return None
-    return value if math.isfinite(value) else None
+        return math.nan

@@ -16,7 +16,6 @@ from ..commonroad import road_document
 from ..execution import ProgressReporter
 from ..maps import NetMap, OsmMap, Site, cut_map, cut_net
 from ..network import (
-    Conversion,
     RoadNetwork,
     SumoNet,
     build_road_network,
@@ -106,21 +105,20 @@ def build_network(
     notes: list[str] = []
     report(0.05, "cutting out the site")
     if isinstance(osm, NetMap):
-        conversion = cut_net(osm, center, radius, classes, net_path, folder)
+        warnings = cut_net(osm, center, radius, classes, net_path, folder)
         if not _is_drivable(net_path):
             raise _closed_to_cars()
     else:
         cut_map(osm, center, radius, classes, cut)
         report(0.1, "running netconvert")
-        conversion, notes = convert_map(cut, net_path, lefthand=lefthand)
+        warnings, notes = convert_map(cut, net_path, lefthand=lefthand)
     report(0.15, "building the lanelets")
     network = _lanelets(net_path)
     if len(network.dropped_lanes) > MANY_HAIRPINS and not isinstance(osm, NetMap):
         service = bool(notes)
-        conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
+        warnings = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
         notes.append("junctions close together were not joined, because one of them became too large to be drawn")
         network = _lanelets(net_path)
-    warnings = conversion.warnings
     if network.dropped_lanes:
         removed, later = remove_hairpins(net_path, folder)
         warnings += later
@@ -134,19 +132,22 @@ def build_network(
     return SiteNetwork(site, radius, net_path, net, network, metadata, warnings, tuple(notes))
 
 
-def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[Conversion, list[str]]:
-    """The net with the mildest settings that give one on which cars can drive, and notes on what had to be changed.
+def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[tuple[str, ...], list[str]]:
+    """Convert with the mildest settings that give a net on which cars can drive.
+
+    Returns:
+        netconvert's warnings, and notes on what had to be changed.
 
     Raises:
         NotPossible: no road of the extract is open to cars, however it is converted.
     """
-    conversion = convert_osm(cut, net_path, lefthand=lefthand)
+    warnings = convert_osm(cut, net_path, lefthand=lefthand)
     if _is_drivable(net_path):
-        return conversion, []
-    conversion = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
+        return warnings, []
+    warnings = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
     if not _is_drivable(net_path):
         raise _closed_to_cars()
-    return conversion, ["only service roads lie here; they were opened to all vehicles"]
+    return warnings, ["only service roads lie here; they were opened to all vehicles"]
 
 
 def _is_drivable(net_path: Path) -> bool:

@@ -15,6 +15,7 @@
 ``project``: Arc length of the nearest point and signed lateral offset (left positive), both in metres.
 ``project_all``: As :func:`project` for many points of shape (m, 2) at once.
 ``resample``: ``count`` points evenly spaced along the polyline, ends included.
+``segment_lengths``: Length of every segment in m, shape (n − 1,).
 ``without_repeats``: The polyline without vertices that lie closer than the tolerance to the one before.
 ``wrap_angle``: The angle in [−π, π).
 ``wrap_angles``: The angles in [−π, π).
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
         project,
         project_all,
         resample,
+        segment_lengths,
         without_repeats,
         wrap_angle,
         wrap_angles,

@@ -1,7 +1,7 @@
 """Maps: OpenStreetMap extracts and SUMO networks, what they show, and cutting a site out of them.
 
 ``cut_map``: Write the roads within a circle of an extract as an .osm file; returns the ways written.
-``cut_net``: Write the roads of a SUMO network that come within a circle as a network; returns the conversion.
+``cut_net``: Write the roads of a SUMO network that come within a circle as a network; netconvert's warnings.
 ``read_map``: An operation: the facts of a map file, its place and country among them.
 ``Box``: (south, west, north, east) in degrees.
 ``MapEntry``: A map at hand: its facts and its file.

@@ -11,7 +11,7 @@ from pathlib import Path
 from lxml import etree
 
 from ...schemas.errors import NotPossible
-from ..network import Conversion, run_netconvert
+from ..network import run_netconvert
 from .map_file import NetMap
 from .osm import OsmMap, OsmNode, OsmWay, ground_distance_m
 
@@ -141,7 +141,7 @@ def _write_restrictions(root: etree._Element, osm: OsmMap, nodes: dict[int, OsmN
 
 def cut_net(
     net: NetMap, center: tuple[float, float], radius_m: float, classes: Iterable[str], target: Path, scratch: Path
-) -> Conversion:
+) -> tuple[str, ...]:
     """Write the roads of the given classes that come within a circle around (latitude, longitude) as a network.
 
     Coordinates, junctions and traffic lights stay those of the whole network.

@@ -112,7 +112,7 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     Raises:
         UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or holds no road.
     """
-    root_name = scan_xml(path, limits)
+    root_name = scan_xml(path, limits).name
     if root_name != "osm":
         raise UnsafeInput(f"{path.name} is no OpenStreetMap extract: its root element is <{root_name}>, not <osm>")
     try:

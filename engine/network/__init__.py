@@ -8,10 +8,9 @@
 ``NetEdge``: A road in one direction between two junctions, or the inside of a junction (``internal``).
 ``SumoNet``: A SUMO net as plain values.
 ``read_net``: Read a SUMO net from a file that is not trusted.
-``Conversion``: A net that netconvert wrote, with its warnings in the order in which they came.
 ``cap_speeds``: Lower the speed limits of a net, in place, to what the curves of its lanes allow; how many changed.
-``convert_osm``: Turn an OSM extract into a SUMO net.
-``run_netconvert``: Run netconvert with the options and those for good geometry inside junctions.
+``convert_osm``: Turn an OSM extract into a SUMO net; netconvert's warnings.
+``run_netconvert``: Run netconvert with the options and those for good geometry inside junctions; its warnings.
 ``POSITION_WORDS``: Words for places along a lanelet, with their shares of its length.
 ``station_m``: Arc length in m for a position word, a fraction or metres, at least a centimetre inside the lanelet.
 ``Incoming``: One arm of an intersection.
@@ -34,8 +33,7 @@
 ``straight_speeds``: Speed of every lanelet in m/s as if it were straight.
 ``Signal``: One traffic light of a lanelet network, with SUMO's letters for its phases.
 ``signals_of``: The working lights of a lanelet network that stand at a lanelet and have a cycle, by ascending id.
-``sumo_net``: The text of a ``.net.xml``.
-``write_sumo_net``: Write the ``.net.xml`` of a layout with its traffic lights.
+``sumo_net``: The text of the ``.net.xml`` of a layout with its traffic lights.
 """
 
 from typing import TYPE_CHECKING
@@ -46,7 +44,7 @@ if TYPE_CHECKING:
     from .lanelet_builder import build_road_network, remove_hairpins
     from .lanelet_graph import Digraph, LaneletGraph
     from .net_parser import MOTOR_CLASSES, NetEdge, SumoNet, read_net
-    from .netconvert import Conversion, cap_speeds, convert_osm, run_netconvert
+    from .netconvert import cap_speeds, convert_osm, run_netconvert
     from .positions import POSITION_WORDS, station_m
     from .road_network import (
         WIDEST_TURN_RAD,
@@ -68,6 +66,6 @@ if TYPE_CHECKING:
         slow_places,
         straight_speeds,
     )
-    from .sumo_export.writer import Signal, signals_of, sumo_net, write_sumo_net
+    from .sumo_export.writer import Signal, signals_of, sumo_net
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

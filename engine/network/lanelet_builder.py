@@ -4,8 +4,9 @@ SUMO's lanes become lanelets one by one, those inside junctions included. Connec
 follow them (hairpins) are left out, and ``remove_hairpins`` takes them out of the net too, so that both stay the same.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections import defaultdict
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 
 from .lane_bounds import LaneBounds, draw_lane_bounds
@@ -45,9 +46,10 @@ def build_road_network(net: SumoNet, *, step_s: float, elapsed_s: float) -> Road
     ids = {key: number for number, key in enumerate(drawn, start=1)}
     lanelets = {ids[key]: _lanelet(key, bounds, ids, graph, net) for key, bounds in drawn.items()}
     next_id = len(ids) + 1
-    signs = _speed_signs(net, lanelets, next_id)
+    by_lane = {lanelet.lane_id: lanelet for lanelet in lanelets.values()}
+    signs = _speed_signs(net, by_lane, next_id)
     next_id += len(signs)
-    lights = _traffic_lights(net, lanelets, next_id, step_s=step_s, elapsed_s=elapsed_s)
+    lights = _traffic_lights(net, by_lane, next_id, step_s=step_s, elapsed_s=elapsed_s)
     next_id += len(lights)
     return RoadNetwork(lanelets, signs, lights, _find_intersections(net, ids, next_id), dropped)
 
@@ -108,20 +110,15 @@ def _types(edge: NetEdge, allowed: frozenset[str], speed_mps: float) -> tuple[st
 _COLOURS = {"r": "red", "R": "red", "y": "yellow", "Y": "yellow", "g": "green", "G": "green", "s": "green"}
 _COLOURS |= {"u": "redYellow", "o": "inactive", "O": "inactive"}
 """CommonRoad's colour by SUMO's letter for the state of a link (https://sumo.dlr.de/docs/Simulation/Traffic_Lights.html)."""
-_TURNS = {"l": "l", "L": "l", "t": "l", "r": "r", "R": "r"}
-_DIRECTIONS = {
-    "l": "left",
-    "r": "right",
-    "s": "straight",
-    "ls": "leftStraight",
-    "rs": "straightRight",
-    "lr": "leftRight",
-}
+_SIDES = {"r": "right", "R": "right", "l": "left", "L": "left", "t": "left"}
+"""Side to which a connection turns, by SUMO's letter for its direction; all others lead straight on."""
+_DIRECTIONS = {side: side for side in ("left", "straight", "right")}
+_DIRECTIONS |= {"left straight": "leftStraight", "right straight": "straightRight", "left right": "leftRight"}
+"""CommonRoad's direction of a light by the sides that it holds for."""
 
 
-def _speed_signs(net: SumoNet, lanelets: dict[int, RoadLanelet], first_id: int) -> tuple[SpeedSign, ...]:
+def _speed_signs(net: SumoNet, by_lane: dict[str, RoadLanelet], first_id: int) -> tuple[SpeedSign, ...]:
     """One sign for every normal edge, with its lanes' limit in m/s, at the right of its beginning."""
-    by_lane = {lanelet.lane_id: lanelet for lanelet in lanelets.values()}
     signs: list[SpeedSign] = []
     for edge in net.edges.values():
         beside = [by_lane[key] for key in edge.lane_ids if key in by_lane]
@@ -134,71 +131,44 @@ def _speed_signs(net: SumoNet, lanelets: dict[int, RoadLanelet], first_id: int) 
 
 
 def _traffic_lights(
-    net: SumoNet, lanelets: dict[int, RoadLanelet], first_id: int, *, step_s: float, elapsed_s: float
+    net: SumoNet, by_lane: dict[str, RoadLanelet], first_id: int, *, step_s: float, elapsed_s: float
 ) -> tuple[TrafficLight, ...]:
     """A light for every lane and group of directions that are switched alike.
 
     CommonRoad's state at step k is that of SUMO at ``elapsed_s + k · step_s`` (one step off at a phase's change).
     """
-    by_lane = {lanelet.lane_id: lanelet for lanelet in lanelets.values()}
     links: dict[tuple[str, str], list[tuple[int, str]]] = {}
     for connection in net.connections:
         known = connection.signal in net.signals and connection.from_lane in by_lane
         if known and connection.signal is not None and not connection.from_edge.startswith(":"):
-            turn = _TURNS.get(connection.direction, "s")
-            links.setdefault((connection.from_lane, connection.signal), []).append((connection.link, turn))
+            side = _SIDES.get(connection.direction, "straight")
+            links.setdefault((connection.from_lane, connection.signal), []).append((connection.link, side))
     lights: list[TrafficLight] = []
-    for (lane_id, signal), turns in links.items():
-        cycles = _cycles(net.signals[signal], turns, step_s)
-        for cycle, directions in cycles.items():
-            lanelet = by_lane[lane_id]
-            total = sum(steps for steps, _ in cycle)
-            offset = round((net.signals[signal].offset_s - elapsed_s) / step_s) % total
-            one_for_all = len(cycles) == 1
-            direction = "all" if one_for_all else _DIRECTIONS.get("".join(sorted(directions)), "all")
-            lights.append(
-                TrafficLight(
-                    light_id=first_id + len(lights),
-                    lanelet_id=lanelet.lanelet_id,
-                    position=lanelet.right[-1],
-                    cycle=cycle,
-                    offset_steps=offset,
-                    direction=direction,
-                )
-            )
+    for (lane_id, signal), sides_of_links in links.items():
+        program, lanelet = net.signals[signal], by_lane[lane_id]
+        cycles: dict[tuple[tuple[int, str], ...], set[str]] = {}
+        for link, side in sides_of_links:
+            cycles.setdefault(_cycle(program, link, step_s), set()).add(side)
+        for cycle, sides in cycles.items():
+            direction = "all" if len(cycles) == 1 else _DIRECTIONS.get(" ".join(sorted(sides)), "all")
+            offset = round((program.offset_s - elapsed_s) / step_s) % sum(steps for steps, _ in cycle)
+            light_id = first_id + len(lights)
+            lights.append(TrafficLight(light_id, lanelet.lanelet_id, lanelet.right[-1], cycle, offset, direction))
     return tuple(lights)
 
 
-def _cycles(
-    program: SignalProgram, turns: Sequence[tuple[int, str]], step_s: float
-) -> dict[tuple[tuple[int, str], ...], set[str]]:
-    """The different colour sequences of a lane's links, and the turns that each holds for."""
-    cycles: dict[tuple[tuple[int, str], ...], set[str]] = {}
-    for link, turn in turns:
-        merged: list[tuple[int, str]] = []
-        for duration_s, state in program.phases:
-            colour = _COLOURS.get(state[link], "inactive")
-            steps = max(round(duration_s / step_s), 1)
-            if merged and merged[-1][1] == colour:
-                merged[-1] = (merged[-1][0] + steps, colour)
-            else:
-                merged.append((steps, colour))
-        cycles.setdefault(tuple(merged), set()).add(turn)
-    return cycles
-
-
-_SIDES = {"r": "right", "R": "right", "l": "left", "L": "left", "t": "left"}
-
-
-@dataclass
-class _Arm:
-    lanelets: set[int] = field(default_factory=set)
-    behind: dict[str, set[int]] = field(default_factory=lambda: {"right": set(), "straight": set(), "left": set()})
+def _cycle(program: SignalProgram, link: int, step_s: float) -> tuple[tuple[int, str], ...]:
+    """The colours that a link shows, one after the other, each with its time steps."""
+    phases = [
+        (max(round(duration_s / step_s), 1), _COLOURS.get(state[link], "inactive"))
+        for duration_s, state in program.phases
+    ]
+    return tuple((sum(steps for steps, _ in run), colour) for colour, run in groupby(phases, itemgetter(1)))
 
 
 def _find_intersections(net: SumoNet, ids: dict[str, int], first_id: int) -> tuple[Intersection, ...]:
     """Junctions with at least two arms in and two out, three on one side; ``ids``: lanelet id by SUMO lane."""
-    arms: dict[str, dict[str, _Arm]] = {}
+    arms: dict[str, dict[str, defaultdict[str, set[int]]]] = {}
     exits: dict[str, set[str]] = {}
     for connection in net.connections:
         if connection.from_edge.startswith(":"):
@@ -206,28 +176,21 @@ def _find_intersections(net: SumoNet, ids: dict[str, int], first_id: int) -> tup
         junction = net.edges[connection.from_edge].to_junction
         exits.setdefault(junction, set()).add(connection.to_edge)
         if connection.from_lane in ids and connection.via in ids:
-            arm = arms.setdefault(junction, {}).setdefault(connection.from_edge, _Arm())
-            arm.lanelets.add(ids[connection.from_lane])
-            arm.behind[_SIDES.get(connection.direction, "straight")].add(ids[connection.via])
+            arm = arms.setdefault(junction, {}).setdefault(connection.from_edge, defaultdict(set))
+            arm["in"].add(ids[connection.from_lane])
+            arm[_SIDES.get(connection.direction, "straight")].add(ids[connection.via])
     intersections: list[Intersection] = []
     for junction, by_edge in arms.items():
         ways_in, ways_out = len(by_edge), len(exits[junction])
         if min(ways_in, ways_out) < 2 or max(ways_in, ways_out) < 3:
             continue
-        incomings = tuple(_incoming(first_id + 1 + i, arm) for i, arm in enumerate(by_edge.values()))
+        incomings = tuple(
+            Incoming(number, *(tuple(sorted(arm[role])) for role in ("in", "right", "straight", "left")))
+            for number, arm in enumerate(by_edge.values(), start=first_id + 1)
+        )
         intersections.append(Intersection(first_id, incomings))
         first_id += 1 + len(incomings)
     return tuple(intersections)
-
-
-def _incoming(incoming_id: int, arm: _Arm) -> Incoming:
-    return Incoming(
-        incoming_id=incoming_id,
-        lanelet_ids=tuple(sorted(arm.lanelets)),
-        right=tuple(sorted(arm.behind["right"])),
-        straight=tuple(sorted(arm.behind["straight"])),
-        left=tuple(sorted(arm.behind["left"])),
-    )
 
 
 _MAXIMUM_ROUNDS = 3
@@ -249,7 +212,7 @@ def remove_hairpins(net_path: Path, scratch: Path) -> tuple[int, tuple[str, ...]
         if not connections:
             break
         removed += len(connections)
-        warnings += remove_connections(net_path, connections, scratch).warnings
+        warnings += remove_connections(net_path, connections, scratch)
     return removed, tuple(warnings)
 
 

@@ -116,7 +116,7 @@ def read_net(path: Path) -> SumoNet:
     Raises:
         UnsafeInput: the file is hostile, broken or not a SUMO net.
     """
-    if scan_xml(path, XmlLimits(size_bytes=_LARGEST_NET_BYTES)) != "net":
+    if scan_xml(path, XmlLimits(size_bytes=_LARGEST_NET_BYTES)).name != "net":
         raise UnsafeInput(f"{path.name} is no SUMO net: its root element is not <net>")
     root = etree.parse(path).getroot()
     edges, lanes = _edges_and_lanes(root)
@@ -159,8 +159,13 @@ def _edges_and_lanes(root: etree._Element) -> tuple[dict[str, NetEdge], dict[str
     return edges, lanes
 
 
+def shape_of(lane: etree._Element) -> Points:
+    """The centre line of a net's lane without repeated vertices, shape (n, 2), in metres."""
+    points = [[float(value) for value in point.split(",")[:2]] for point in lane.get("shape", "").split()]
+    return without_repeats(np.array(points, dtype=float).reshape(-1, 2))
+
+
 def _lane(element: etree._Element, edge_id: str, internal: bool) -> NetLane:
-    points = [tuple(float(value) for value in point.split(",")[:2]) for point in element.get("shape", "").split()]
     return NetLane(
         lane_id=element.get("id", ""),
         edge_id=edge_id,
@@ -168,7 +173,7 @@ def _lane(element: etree._Element, edge_id: str, internal: bool) -> NetLane:
         speed_mps=float(element.get("speed", str(_DEFAULT_SPEED_MPS))),
         width_m=float(element.get("width", str(_DEFAULT_LANE_WIDTH_M))),
         allowed=_permissions(element.get("allow"), element.get("disallow")),
-        shape=without_repeats(np.array(points, dtype=float)),
+        shape=shape_of(element),
         internal=internal,
     )
 

@@ -12,7 +12,6 @@ import math
 import os
 import subprocess
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise, product
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from lxml import etree
 from ...schemas.errors import NotPossible, WorkerTimeout
 from ..geometry import (
     Points,
-    Values,
     arc_length,
     headings,
     hermite,
@@ -30,9 +28,12 @@ from ..geometry import (
     length_m,
     maximum_curvature,
     resample,
+    segment_lengths,
+    unit,
     without_repeats,
     wrap_angles,
 )
+from .net_parser import shape_of
 
 _TIME_LIMIT_S = 120.0
 """Chosen: maps within the limits of size take seconds."""
@@ -52,18 +53,10 @@ _OSM_OPTIONS = """
 """What SUMO's guide to importing OpenStreetMap recommends, with street names, for roads of motor vehicles alone."""
 
 
-@dataclass(frozen=True)
-class Conversion:
-    """A net that netconvert wrote, with its warnings in the order in which they came."""
-
-    net_path: Path
-    warnings: tuple[str, ...]
-
-
 def convert_osm(
     osm: Path, net: Path, *, lefthand: bool, drivable_service_roads: bool = False, join_junctions: bool = True
-) -> Conversion:
-    """Turn an OSM extract into a SUMO net.
+) -> tuple[str, ...]:
+    """Turn an OSM extract into a SUMO net; netconvert's warnings.
 
     Args:
         osm: the scanned extract.
@@ -85,8 +78,8 @@ def convert_osm(
     return run_netconvert(options, net)
 
 
-def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int]], scratch: Path) -> Conversion:
-    """Take lane connections (from edge, to edge, from lane, to lane) out of a net, which is replaced."""
+def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int]], scratch: Path) -> tuple[str, ...]:
+    """Take lane connections (from edge, to edge, from lane, to lane) out of a net, in place; netconvert's warnings."""
     root = etree.Element("connections")
     for start, end, from_lane, to_lane in connections:
         ends = {"from": start, "to": end, "fromLane": str(from_lane), "toLane": str(to_lane)}
@@ -94,13 +87,16 @@ def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int
     patch = scratch / "removed.con.xml"
     patch.write_bytes(etree.tostring(root))
     options = ["--sumo-net-file", str(net), "--connection-files", str(patch), "--offset.disable-normalization", "true"]
-    result = run_netconvert(options, scratch / "without.net.xml")
-    result.net_path.replace(net)
-    return Conversion(net, result.warnings)
+    warnings = run_netconvert(options, scratch / "without.net.xml")
+    (scratch / "without.net.xml").replace(net)
+    return warnings
 
 
-def run_netconvert(options: Sequence[str], net: Path) -> Conversion:
+def run_netconvert(options: Sequence[str], net: Path) -> tuple[str, ...]:
     """Run netconvert with the options and those for good geometry inside junctions, and smooth the lanes there.
+
+    Returns:
+        Its warnings, in the order in which they came.
 
     Raises:
         NotPossible: it ended with an error.
@@ -128,7 +124,7 @@ def run_netconvert(options: Sequence[str], net: Path) -> Conversion:
             f"no road network can be made from this map: {reason}", next_step="choose another site or map"
         )
     smooth_junction_lanes(net)
-    return Conversion(net, tuple(line.removeprefix("Warning:").strip() for line in lines if line.startswith("Warning")))
+    return tuple(line.removeprefix("Warning:").strip() for line in lines if line.startswith("Warning"))
 
 
 _FOLD_RAD = math.radians(100.0)
@@ -161,12 +157,11 @@ def smooth_junction_lanes(net_path: Path) -> int:
     for before, inside, after in _junction_routes(root):
         if not all(lane in lanes for lane in (before, *inside, after)):
             continue
-        ends = _shape(lanes[before]), _shape(lanes[after])
-        parts = [_shape(lanes[lane]) for lane in inside]
-        if any(len(line) < 2 for line in (*ends, *parts)):
+        arriving, *parts, leaving = (shape_of(lanes[lane]) for lane in (before, *inside, after))
+        if any(len(line) < 2 for line in (arriving, *parts, leaving)):
             continue
         path = without_repeats(np.concatenate(parts))
-        curve = smoothest_curve(ends[0][-1] - ends[0][-2], path, ends[1][1] - ends[1][0])
+        curve = smoothest_curve(arriving[-1] - arriving[-2], path, leaving[1] - leaving[0])
         if curve is not None:
             for lane, part in zip(inside, _split(curve, [length_m(part) for part in parts]), strict=True):
                 _set_shape(lanes[lane], part)
@@ -178,7 +173,7 @@ def smooth_junction_lanes(net_path: Path) -> int:
 
 def _unfold(lane: etree._Element) -> bool:
     """Leave out vertices at which a lane folds back; whether there were any."""
-    old = _shape(lane)
+    old = shape_of(lane)
     new = without_folds(old)
     if len(new) < len(old):
         _set_shape(lane, new)
@@ -207,7 +202,7 @@ def smoothest_curve(ahead: Points, path: Points, onward: Points) -> Points | Non
     curvature = _largest_curvature(path)
     if corner <= _LARGEST_CORNER_RAD and curvature <= 1 / _HOOK_RADIUS_M:
         return None
-    curve = _least_curved(ahead / np.linalg.norm(ahead), path[0], path[-1], onward / np.linalg.norm(onward))
+    curve = _least_curved(unit(ahead), path[0], path[-1], unit(onward))
     if _sharpest_corner(ahead, curve, onward) < corner - _LARGEST_CORNER_RAD / 2:
         return curve
     hooked = corner <= _LARGEST_CORNER_RAD and curvature > _LEAST_GAIN * _largest_curvature(curve)
@@ -235,8 +230,7 @@ def _largest_curvature(curve: Points) -> float:
     """Largest curvature in 1/m."""
     if len(curve) < 3:
         return 0.0
-    steps = np.linalg.norm(np.diff(curve, axis=0), axis=1)
-    turns = np.abs(np.diff(headings(curve)))
+    steps, turns = segment_lengths(curve), np.abs(np.diff(headings(curve)))
     return float(np.max(turns / np.maximum((steps[1:] + steps[:-1]) / 2, 1e-6)))
 
 
@@ -255,21 +249,12 @@ def _junction_routes(root: etree._Element) -> Iterator[tuple[str, list[str], str
         yield f"{link.get('from')}_{link.get('fromLane')}", inside, f"{link.get('to')}_{link.get('toLane')}"
 
 
-def _shape(lane: etree._Element) -> Points:
-    points = [[float(value) for value in point.split(",")[:2]] for point in lane.get("shape", "").split()]
-    return without_repeats(np.array(points, dtype=float).reshape(-1, 2))
-
-
-def _split(curve: Points, lengths_m: list[float]) -> list[Points]:
+def _split(curve: Points, lengths_m: list[float]) -> Iterator[Points]:
     """The curve in pieces that have the given shares of its length."""
     stations = arc_length(curve)
-    ends = np.concatenate([[0.0], np.cumsum(lengths_m)]) / sum(lengths_m) * stations[-1]
-    return [_piece(curve, stations, float(begin), float(end)) for begin, end in pairwise(ends)]
-
-
-def _piece(curve: Points, stations: Values, begin: float, end: float) -> Points:
-    between = stations[(stations > begin + 0.05) & (stations < end - 0.05)]
-    return interpolate(curve, stations, np.concatenate([[begin], between, [end]]))
+    for begin, end in pairwise(np.concatenate([[0.0], np.cumsum(lengths_m)]) / sum(lengths_m) * stations[-1]):
+        between = stations[(stations > begin + 0.05) & (stations < end - 0.05)]
+        yield interpolate(curve, stations, np.concatenate([[begin], between, [end]]))
 
 
 def _set_shape(lane: etree._Element, shape: Points) -> None:
@@ -283,7 +268,7 @@ _SLOWEST_MPS = 2.0
 """Chosen: kinks of a coarse line have a curvature that no vehicle drives."""
 
 
-def cap_speeds(net_path: Path, lateral_acceleration_mps2: float = _LATERAL_ACCELERATION_MPS2) -> int:
+def cap_speeds(net_path: Path) -> int:
     """Lower the speed limit of every lane of a net, in place, to √(a / κ) for its sharpest curve.
 
     SUMO slows down for turns inside junctions only, never in the curves of a road: a quarter of its cars would break
@@ -295,10 +280,9 @@ def cap_speeds(net_path: Path, lateral_acceleration_mps2: float = _LATERAL_ACCEL
     root = etree.parse(net_path, etree.XMLParser(remove_comments=True)).getroot()
     changed = 0
     for lane in root.iter("lane"):
-        shape = [tuple(float(v) for v in point.split(",")[:2]) for point in lane.get("shape", "").split()]
-        curvature = maximum_curvature(np.array(shape, dtype=float)) if len(shape) > 2 else 0.0
-        if curvature > 0 and float(lane.get("speed", "0")) ** 2 * curvature > lateral_acceleration_mps2:
-            lane.set("speed", f"{max(_SLOWEST_MPS, math.sqrt(lateral_acceleration_mps2 / curvature)):.2f}")
+        curvature = maximum_curvature(shape_of(lane))
+        if curvature > 0 and float(lane.get("speed", "0")) ** 2 * curvature > _LATERAL_ACCELERATION_MPS2:
+            lane.set("speed", f"{max(_SLOWEST_MPS, math.sqrt(_LATERAL_ACCELERATION_MPS2 / curvature)):.2f}")
             changed += 1
     net_path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
     return changed

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...schemas.errors import UnknownName, closest
 from ...schemas.scenarios import DescribedEgo, DescribedLanelet, DescribedVehicle, DescribeRequest, Description, Detail
-from ..commonroad import Track, lanes_beside, limits_kmh, schema_errors, signs_of
+from ..commonroad import Track, limits_kmh, schema_errors, signs_of
 from ..edits import Changes, scene_of, select
 from ..execution import ProgressReporter
 from ..geometry import Points, arc_length, oriented_rectangle, point_at, rectangles_overlap, wrap_angle
@@ -159,7 +159,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         problem_id=scene.ego.problem_id,
         speed_mps=round(float(state.velocity), 3),
         lanelets=aligned_lanelets(network, under, point, float(state.orientation)) or under,
-        lanes=max((lanes_beside(network, key) for key in under), default=0),
+        lanes=max((len(scene.lanelet_graph.beside([key])) for key in under), default=0),
         goal=_goal_words(problem, scene.step_s, point, goals),
         goal_lanelets=goals,
         route=route.lanelets if route else (),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..commonroad import Track, center_of, middle_of, size_of
-from ..geometry import Values, wrap_angle
+from ..geometry import Values, segment_lengths, wrap_angle
 
 if TYPE_CHECKING:
     from commonroad.scenario.obstacle import DynamicObstacle
@@ -113,12 +113,9 @@ def _oriented(shapes: list[tuple[int, Any]], heading_rad: float) -> list[_Box]:
 
 def _rectangle(shape: Any, heading_rad: float) -> tuple[tuple[float, float], float, tuple[float, float]]:
     """Centre in m, direction of one side in rad, and the sides in m (that one first) of a rectangle around a shape."""
-    if hasattr(shape, "length"):
+    if hasattr(shape, "length") or hasattr(shape, "radius"):
         x, y = center_of(shape)
-        return (float(x), float(y)), float(shape.orientation), size_of(shape)
-    if hasattr(shape, "radius"):
-        x, y = center_of(shape)
-        return (float(x), float(y)), heading_rad, size_of(shape)
+        return (float(x), float(y)), float(getattr(shape, "orientation", heading_rad)), size_of(shape)
     corners = np.asarray(shape.shapely_object.minimum_rotated_rectangle.exterior.coords)[:4]
     along, across = corners[1] - corners[0], corners[2] - corners[1]
     x, y = corners.mean(axis=0)
@@ -142,5 +139,5 @@ def _speeds(piece: list[_Box], following: _Box | None, step_s: float) -> Values:
     centers, steps = np.array([box.center for box in onward]), np.array([box.step for box in onward])
     if len(onward) == 1:
         return np.zeros(1)
-    speeds = np.linalg.norm(np.diff(centers, axis=0), axis=1) / (np.diff(steps) * step_s)
+    speeds = segment_lengths(centers) / (np.diff(steps) * step_s)
     return speeds if following is not None else np.append(speeds, speeds[-1])

@@ -13,11 +13,12 @@ A network is commonroad-io's; positions are (2,) in m, headings in rad.
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...schemas.errors import NotPossible
+from ..commonroad import center_of
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import LaneletGraph
 
@@ -112,12 +113,6 @@ def _lanelets_of(network: "LaneletNetwork", shape: object) -> set[int]:
     return lanelets
 
 
-def _heading_error(network: "LaneletNetwork", lanelet_id: int, position: Points, heading_rad: float) -> float:
-    center = network.find_lanelet_by_id(lanelet_id).center_vertices
-    _, direction = point_at(center, project(center, position)[0])
-    return abs(wrap_angle(direction - heading_rad))
-
-
 def straight_on(
     network: "LaneletNetwork", graph: LaneletGraph, route: tuple[int, ...], ahead_m: float
 ) -> tuple[int, ...]:
@@ -175,14 +170,15 @@ def aligned_lanelets(
     network: "LaneletNetwork", lanelet_ids: tuple[int, ...], point: Points, heading_rad: float
 ) -> tuple[int, ...]:
     """Those of the lanelets that lead in the direction of the heading (within 90°), best aligned first."""
-    turned = [(abs(wrap_angle(_lanelet_heading(network, key, point) - heading_rad)), key) for key in lanelet_ids]
+    turned = [(_heading_error(network, key, point, heading_rad), key) for key in lanelet_ids]
     return tuple(key for angle, key in sorted(turned) if angle < math.pi / 2)
 
 
-def _lanelet_heading(network: "LaneletNetwork", lanelet_id: int, point: Points) -> float:
-    """Heading in radians of the lanelet's centre line beside the point."""
+def _heading_error(network: "LaneletNetwork", lanelet_id: int, point: Points, heading_rad: float) -> float:
+    """The angle in rad between a heading and the lanelet's centre line beside a point."""
     line = center_line(network, lanelet_id)
-    return point_at(line, project(line, np.asarray(point))[0])[1] if len(line) > 1 else 0.0
+    along = point_at(line, project(line, np.asarray(point))[0])[1] if len(line) > 1 else 0.0
+    return abs(wrap_angle(along - heading_rad))
 
 
 def center_line(network: "LaneletNetwork", lanelet_id: int) -> Points:
@@ -208,8 +204,8 @@ def goal_center_lanelets(network: "LaneletNetwork", problem: "PlanningProblem") 
 
 def goal_centers(problem: "PlanningProblem") -> list[Points]:
     """Centres of the goal's regions, one per goal state that has one."""
-    shapes = [getattr(state, "position", None) for state in problem.goal.state_list]
-    return [_shape_center(shape) for shape in shapes if shape is not None]
+    regions = [getattr(state, "position", None) for state in problem.goal.state_list]
+    return [np.asarray(center_of(region), dtype=float) for region in regions if region is not None]
 
 
 def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "PlanningProblem") -> EgoRoute | None:
@@ -284,10 +280,3 @@ def _turns(
         sums[-1] += turned
         since_fork_m = 0.0
     return tuple(sums)
-
-
-def _shape_center(shape: Any) -> Points:
-    if hasattr(shape, "center"):
-        return np.asarray(shape.center, dtype=float)
-    parts = [_shape_center(part) for part in shape.shapes]
-    return np.asarray(np.mean(parts, axis=0), dtype=float)

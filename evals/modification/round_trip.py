@@ -9,7 +9,7 @@ import numpy as np
 
 from ...engine.commonroad import Track
 from ...engine.cosimulation import Actor, ShownState, SimulationSetup, replayed_actor, replayed_states
-from ...engine.network import write_sumo_net
+from ...engine.network import sumo_net
 from ...engine.scene import LaneMatch, Scene
 
 
@@ -32,7 +32,7 @@ def round_trip(scene: Scene, seed: int = 0) -> RoundTrip:
     everybody = tuple(_participant(scene, key) for key in sorted(scene.tracks | scene.standing))
     with tempfile.TemporaryDirectory() as folder:
         net = Path(folder) / "scenario.net.xml"
-        write_sumo_net(scene.layout, scene.lane_speeds_mps, net, scene.signals)
+        net.write_text(sumo_net(scene.layout, scene.lane_speeds_mps, scene.signals), encoding="utf-8")
         setup = SimulationSetup(net, net.parent, scene.step_s, scene.last_step, seed)
         seen = replayed_states(setup, everybody)
     errors: list[tuple[float, float]] = []

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...commonroad import RoadDocument
-from ...geometry import Points, arc_length, headings, length_m, wrap_angles
+from ...geometry import Points, arc_length, headings, length_m, segment_lengths, wrap_angles
 from .rule import Defect, rule
 
 
@@ -24,7 +24,7 @@ def unequal_bounds(document: RoadDocument) -> Iterator[Defect]:
 def too_few_points(document: RoadDocument) -> Iterator[Defect]:
     """A bound has fewer than two points."""
     for lanelet in document.lanelets:
-        for side, bound in (("left", lanelet.left), ("right", lanelet.right)):
+        for side, bound in lanelet.bounds:
             if len(bound) < 2:
                 yield Defect(f"the {side} bound has {len(bound)} point(s)", (lanelet.lanelet_id,))
 
@@ -33,7 +33,7 @@ def too_few_points(document: RoadDocument) -> Iterator[Defect]:
 def coordinate_not_finite(document: RoadDocument) -> Iterator[Defect]:
     """A coordinate of a bound is missing, infinite or no number."""
     for lanelet in document.lanelets:
-        for side, bound in (("left", lanelet.left), ("right", lanelet.right)):
+        for side, bound in lanelet.bounds:
             wrong = int((~np.isfinite(bound)).any(axis=1).sum())
             if wrong:
                 yield Defect(f"{wrong} point(s) of the {side} bound are not finite", (lanelet.lanelet_id,))
@@ -47,8 +47,7 @@ _SAME_POINT_M = 1e-3
 def repeated_points(document: RoadDocument) -> Iterator[Defect]:
     """Two consecutive points of the centre line are the same."""
     for lanelet in document.drawn:
-        steps = np.linalg.norm(np.diff(lanelet.center, axis=0), axis=1)
-        for index in np.flatnonzero(steps < _SAME_POINT_M):
+        for index in np.flatnonzero(segment_lengths(lanelet.center) < _SAME_POINT_M):
             message = f"points {index + 1} and {index + 2} of the centre line are the same"
             yield Defect(message, (lanelet.lanelet_id,), lanelet.center[index])
 
@@ -62,7 +61,7 @@ def bound_crosses_itself(document: RoadDocument) -> Iterator[Defect]:
     from shapely import LineString
 
     for lanelet in document.drawn:
-        for side, bound in (("left", lanelet.left), ("right", lanelet.right)):
+        for side, bound in lanelet.bounds:
             if not LineString(bound).is_simple:
                 yield Defect(f"the {side} bound crosses itself", (lanelet.lanelet_id,), bound[0])
 
@@ -87,10 +86,11 @@ _SHORTEST_TO_COMPARE_M = 0.2
 def bounds_swapped(document: RoadDocument) -> Iterator[Defect]:
     """The left bound lies on the right of the right bound, seen in driving direction."""
     for lanelet in document.drawn:
-        ahead = np.diff(lanelet.center, axis=0)
-        if np.linalg.norm(ahead, axis=1).sum() < _SHORTEST_TO_COMPARE_M:
+        if length_m(lanelet.center) < _SHORTEST_TO_COMPARE_M:
             continue
-        across = ((lanelet.left - lanelet.right)[:-1] + (lanelet.left - lanelet.right)[1:]) / 2
+        ahead = np.diff(lanelet.center, axis=0)
+        widths = lanelet.left - lanelet.right
+        across = (widths[:-1] + widths[1:]) / 2
         turned = ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]
         if turned.sum() < 0 and (turned < 0).mean() > 0.5:
             yield Defect("the left bound lies on the right", (lanelet.lanelet_id,), lanelet.center[0])
@@ -120,9 +120,9 @@ _NOT_FOR_CARS = frozenset(
 def too_narrow(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet that is open to motor vehicles is narrower than 1.5 m over most of its length."""
     for lanelet in document.drawn:
-        width = float(np.median(lanelet.widths_m))
+        width, halfway = lanelet.width_m, lanelet.center[len(lanelet.center) // 2]
         if width < _NARROWEST_LANELET_M and not set(lanelet.types) & _NOT_FOR_CARS:
-            yield Defect(f"{width:.2f} m wide", (lanelet.lanelet_id,), lanelet.center[len(lanelet.center) // 2])
+            yield Defect(f"{width:.2f} m wide", (lanelet.lanelet_id,), halfway)
 
 
 _WIDEST_LANELET_M = 12.0
@@ -136,9 +136,9 @@ _WIDEST_LANELET_M = 12.0
 def too_wide(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet is wider than 12 m over most of its length."""
     for lanelet in document.drawn:
-        width = float(np.median(lanelet.widths_m))
+        width, halfway = lanelet.width_m, lanelet.center[len(lanelet.center) // 2]
         if width > _WIDEST_LANELET_M:
-            yield Defect(f"{width:.1f} m wide", (lanelet.lanelet_id,), lanelet.center[len(lanelet.center) // 2])
+            yield Defect(f"{width:.1f} m wide", (lanelet.lanelet_id,), halfway)
 
 
 _SHARPEST_TURN_RAD = np.radians(120)

@@ -3,8 +3,10 @@
 from collections.abc import Iterator
 
 import numpy as np
+from commonroad.scenario.traffic_light import TrafficLightState
+from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
 
-from ...commonroad import SPEED_LIMITS, RoadDocument, is_known_number
+from ...commonroad import SPEED_LIMITS, LaneletElement, RoadDocument, is_known_number
 from ...geometry import length_m, project
 from .rule import Defect, rule
 
@@ -25,8 +27,7 @@ def unknown_sign(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet or stop line refers to a traffic sign that is not in the file."""
     known = {sign.sign_id for sign in document.signs}
     for lanelet in document.lanelets:
-        at_line = lanelet.stop_line.sign_ids if lanelet.stop_line is not None else ()
-        for key in sorted({*lanelet.sign_ids, *at_line} - known):
+        for key in sorted({*lanelet.sign_ids, *lanelet.stop_line.sign_ids} - known):
             yield Defect(f"traffic sign {key} is not in the file", (lanelet.lanelet_id, key))
 
 
@@ -35,8 +36,7 @@ def unknown_light(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet or stop line refers to a traffic light that is not in the file."""
     known = {light.light_id for light in document.lights}
     for lanelet in document.lanelets:
-        at_line = lanelet.stop_line.light_ids if lanelet.stop_line is not None else ()
-        for key in sorted({*lanelet.light_ids, *at_line} - known):
+        for key in sorted({*lanelet.light_ids, *lanelet.stop_line.light_ids} - known):
             yield Defect(f"traffic light {key} is not in the file", (lanelet.lanelet_id, key))
 
 
@@ -69,8 +69,6 @@ def sign_without_plate(document: RoadDocument) -> Iterator[Defect]:
 @rule("warning", why="The reader takes it for an unknown sign: a limit or a right of way is lost.")
 def unknown_sign_number(document: RoadDocument) -> Iterator[Defect]:
     """The number of a sign is not among those that CommonRoad knows for the country of the benchmark id."""
-    from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
-
     countries = {country.value for country in SupportedTrafficSignCountry}
     country = document.country if document.country in countries else SupportedTrafficSignCountry.ZAMUNDA.value
     for sign in document.signs:
@@ -126,15 +124,12 @@ def light_never_green(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(f"shows only {', '.join(sorted(colours))}", (light.light_id,), light.position)
 
 
-_LIGHT_COLOURS = frozenset({"red", "yellow", "redYellow", "green", "inactive"})
-"""CommonRoad 2020a's."""
-
-
 @rule("error", why="The reader refuses the file.")
 def unknown_colour(document: RoadDocument) -> Iterator[Defect]:
     """A phase of a traffic light shows a colour that CommonRoad does not know."""
+    known = {state.value for state in TrafficLightState}
     for light in document.lights:
-        for colour in sorted({colour for _, colour in light.phases} - _LIGHT_COLOURS):
+        for colour in sorted({colour for _, colour in light.phases} - known):
             yield Defect(f"shows {colour!r}", (light.light_id,), light.position)
 
 
@@ -168,13 +163,11 @@ def stop_line_misplaced(document: RoadDocument) -> Iterator[Defect]:
     """Both ends of a stop line lie more than 3 m outside the lanelet."""
     from shapely import LineString
 
-    for lanelet in document.drawn:
-        line = lanelet.stop_line
-        if line is None or len(line.points) < 2 or not np.isfinite(line.points).all():
-            continue
-        distance = float(lanelet.polygon.distance(LineString(line.points)))
+    for lanelet in filter(_has_drawn_stop_line, document.drawn):
+        line = lanelet.stop_line.points
+        distance = float(lanelet.polygon.distance(LineString(line)))
         if distance > _FARTHEST_STOP_LINE_M:
-            yield Defect(f"its stop line lies {distance:.1f} m outside", (lanelet.lanelet_id,), line.points[0])
+            yield Defect(f"its stop line lies {distance:.1f} m outside", (lanelet.lanelet_id,), line[0])
 
 
 _SHORTEST_WITH_STOP_LINE_M = 10.0
@@ -184,12 +177,13 @@ _SHORTEST_WITH_STOP_LINE_M = 10.0
 @rule("warning", why="Vehicles would stop far from the junction that the line is for, or behind it.")
 def stop_line_at_beginning(document: RoadDocument) -> Iterator[Defect]:
     """The middle of a stop line lies nearer to the beginning than to the end of a lanelet of 10 m and more."""
-    for lanelet in document.drawn:
-        line = lanelet.stop_line
-        if line is None or len(line.points) < 2 or not np.isfinite(line.points).all():
-            continue
-        length = length_m(lanelet.center)
-        station, _ = project(lanelet.center, line.points.mean(axis=0))
+    for lanelet in filter(_has_drawn_stop_line, document.drawn):
+        line, length = lanelet.stop_line.points, length_m(lanelet.center)
+        station, _ = project(lanelet.center, line.mean(axis=0))
         if length >= _SHORTEST_WITH_STOP_LINE_M and station < length / 2:
             message = f"its stop line lies {station:.1f} m behind the beginning of {length:.1f} m"
-            yield Defect(message, (lanelet.lanelet_id,), line.points[0])
+            yield Defect(message, (lanelet.lanelet_id,), line[0])
+
+
+def _has_drawn_stop_line(lanelet: LaneletElement) -> bool:
+    return len(lanelet.stop_line.points) >= 2 and bool(np.isfinite(lanelet.stop_line.points).all())

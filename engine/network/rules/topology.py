@@ -23,8 +23,8 @@ def unknown_successor(document: RoadDocument) -> Iterator[Defect]:
 def unknown_neighbour(document: RoadDocument) -> Iterator[Defect]:
     """A neighbour on the left or right is not in the file."""
     for lanelet in document.lanelets:
-        for side, beside in (("left", lanelet.left_neighbour), ("right", lanelet.right_neighbour)):
-            if beside is not None and beside.lanelet_id not in document.by_id:
+        for side, beside in lanelet.neighbours.items():
+            if beside.lanelet_id not in document.by_id:
                 message = f"neighbour {beside.lanelet_id} on the {side} is not in the file"
                 yield Defect(message, (lanelet.lanelet_id, beside.lanelet_id))
 
@@ -80,7 +80,7 @@ def follows_itself(document: RoadDocument) -> Iterator[Defect]:
         roles = {
             "successor": lanelet.successors,
             "predecessor": lanelet.predecessors,
-            "neighbour": tuple(beside.lanelet_id for beside in lanelet.neighbours),
+            "neighbour": lanelet.neighbour_ids,
         }
         named = [role for role, keys in roles.items() if lanelet.lanelet_id in keys]
         if named:
@@ -91,8 +91,8 @@ def follows_itself(document: RoadDocument) -> Iterator[Defect]:
 def follows_and_lies_beside(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet is successor or predecessor and also neighbour of the same other lanelet."""
     for lanelet in document.lanelets:
-        beside = {neighbour.lanelet_id for neighbour in lanelet.neighbours}
-        for key in sorted(beside & {*lanelet.successors, *lanelet.predecessors} - {lanelet.lanelet_id}):
+        in_line = {*lanelet.successors, *lanelet.predecessors} - {lanelet.lanelet_id}
+        for key in sorted(in_line.intersection(lanelet.neighbour_ids)):
             yield Defect(f"{key} lies both in line with it and beside it", (lanelet.lanelet_id, key))
 
 
@@ -101,11 +101,11 @@ def one_way_neighbour(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet names a neighbour that does not name it on the side where it lies."""
     known = document.by_id
     for lanelet in document.lanelets:
-        for side, beside in (("left", lanelet.left_neighbour), ("right", lanelet.right_neighbour)):
-            if beside is None or beside.lanelet_id not in known:
+        for side, beside in lanelet.neighbours.items():
+            other = known.get(beside.lanelet_id)
+            if other is None:
                 continue
-            other = known[beside.lanelet_id]
-            facing = other.left_neighbour if (side == "left") != beside.same_direction else other.right_neighbour
+            facing = other.neighbours.get("left" if (side == "left") != beside.same_direction else "right")
             if facing is None or facing.lanelet_id != lanelet.lanelet_id:
                 message = f"{beside.lanelet_id} on its {side} does not name it as neighbour on the side where it lies"
                 yield Defect(message, (lanelet.lanelet_id, beside.lanelet_id))
@@ -115,7 +115,7 @@ def one_way_neighbour(document: RoadDocument) -> Iterator[Defect]:
 def neighbour_direction(document: RoadDocument) -> Iterator[Defect]:
     """A neighbour said to lead the same way leads the other way, or the other way round."""
     for lanelet in document.drawn:
-        for beside in lanelet.neighbours:
+        for beside in lanelet.neighbours.values():
             other = document.by_id.get(beside.lanelet_id)
             if other is None or not other.is_drawn:
                 continue
@@ -136,9 +136,9 @@ def neighbour_apart(document: RoadDocument) -> Iterator[Defect]:
     from shapely import LineString, distance, points
 
     for lanelet in document.drawn:
-        for side, beside in (("left", lanelet.left_neighbour), ("right", lanelet.right_neighbour)):
-            other = None if beside is None else document.by_id.get(beside.lanelet_id)
-            if beside is None or other is None or not other.is_drawn:
+        for side, beside in lanelet.neighbours.items():
+            other = document.by_id.get(beside.lanelet_id)
+            if other is None or not other.is_drawn:
                 continue
             bound = lanelet.left if side == "left" else lanelet.right
             facing = other.right if (side == "left") == beside.same_direction else other.left
@@ -152,7 +152,7 @@ def neighbour_apart(document: RoadDocument) -> Iterator[Defect]:
 def neighbour_on_both_sides(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet has the same neighbour on its left and on its right."""
     for lanelet in document.lanelets:
-        keys = [beside.lanelet_id for beside in lanelet.neighbours]
+        keys = lanelet.neighbour_ids
         if len(keys) == 2 and keys[0] == keys[1]:
             yield Defect(f"neighbour {keys[0]} is named on both sides", (lanelet.lanelet_id, keys[0]))
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...geometry import Points, arc_length, length_m, without_repeats
+from ...geometry import Points, arc_length, length_m, unit, without_repeats
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
@@ -178,14 +178,10 @@ def _successors(network: "LaneletNetwork", lanes: dict[int, _DrivableLane]) -> d
     pairs = {(lanelet.lanelet_id, after) for lanelet in network.lanelets for after in lanelet.successor}
     pairs |= {(before, lanelet.lanelet_id) for lanelet in network.lanelets for before in lanelet.predecessor}
     successors: dict[int, list[int]] = {key: [] for key in lanes}
-    for key, after in sorted(pairs):
-        if key in lanes and after in lanes and key != after and _joined(lanes[key], lanes[after]):
+    for key, after in sorted((key, after) for key, after in pairs if key in lanes and after in lanes and key != after):
+        if float(np.linalg.norm(lanes[key].center[-1] - lanes[after].center[0])) < _WIDEST_JOINT_M:
             successors[key].append(after)
     return {key: tuple(following) for key, following in successors.items()}
-
-
-def _joined(lane: _DrivableLane, after: _DrivableLane) -> bool:
-    return float(np.linalg.norm(lane.center[-1] - after.center[0])) < _WIDEST_JOINT_M
 
 
 _LONGEST_INTERNAL_LANE_M = 90.0
@@ -274,14 +270,11 @@ def _cross(table: _LaneTable, first: _DrivableLane, second: _DrivableLane) -> bo
     hit = crossing_of(first.center, second.center)
     if hit is None:
         return False
-    first_ends = _near_ends(hit[0], first.length_m)
-    second_ends = _near_ends(hit[1], second.length_m)
-    at_ends = any(first_ends) and any(second_ends)
+    at_ends = all(
+        not _JOINT_TOLERANCE_M <= station_m <= lane.length_m - _JOINT_TOLERANCE_M
+        for station_m, lane in zip(hit, (first, second), strict=False)
+    )
     return not at_ends and min(hit[2], math.pi - hit[2]) >= _SMALLEST_CROSSING_ANGLE_RAD
-
-
-def _near_ends(station_m: float, length_m: float) -> tuple[bool, bool]:
-    return station_m < _JOINT_TOLERANCE_M, station_m > length_m - _JOINT_TOLERANCE_M
 
 
 def _named_by_intersections(network: "LaneletNetwork") -> frozenset[int]:
@@ -318,7 +311,7 @@ def _group_into_edges(table: _LaneTable, interior: frozenset[int]) -> dict[str, 
     for key in table.lanes:
         if key in interior or key in placed:
             continue
-        chain = _chain(_rightmost(key, right_of), left_of)
+        chain = _chain(_chain(key, right_of)[-1], left_of)
         edges[f"e{chain[0]}"] = chain
         placed.update(chain)
     return edges
@@ -345,18 +338,11 @@ def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, i
     return left_of
 
 
-def _rightmost(key: int, right_of: dict[int, int]) -> int:
-    seen = {key}
-    while key in right_of and right_of[key] not in seen:
-        key = right_of[key]
-        seen.add(key)
-    return key
-
-
-def _chain(start: int, left_of: dict[int, int]) -> tuple[int, ...]:
+def _chain(start: int, beside: dict[int, int]) -> tuple[int, ...]:
+    """A lanelet, the one beside it, the one beside that, and so on to the last, or until they come round."""
     chain = [start]
-    while chain[-1] in left_of and left_of[chain[-1]] not in chain:
-        chain.append(left_of[chain[-1]])
+    while chain[-1] in beside and beside[chain[-1]] not in chain:
+        chain.append(beside[chain[-1]])
     return tuple(chain)
 
 
@@ -367,17 +353,11 @@ def _side_by_side(first: _DrivableLane, second: _DrivableLane) -> bool:
     widest = 1.5 * (first.width_m + second.width_m) + _LARGEST_STAGGER_M
     begin, end = second.center[0] - first.center[0], second.center[-1] - first.center[-1]
     return (
-        abs(float(begin @ _direction(first.center[:2]))) < _LARGEST_STAGGER_M
-        and abs(float(end @ _direction(first.center[-2:]))) < _LARGEST_STAGGER_M
+        abs(float(begin @ unit(first.center[1] - first.center[0]))) < _LARGEST_STAGGER_M
+        and abs(float(end @ unit(first.center[-1] - first.center[-2]))) < _LARGEST_STAGGER_M
         and float(np.linalg.norm(begin)) < widest
         and float(np.linalg.norm(end)) < widest
     )
-
-
-def _direction(two_points: Points) -> Points:
-    step = two_points[1] - two_points[0]
-    unit: Points = step / (float(np.linalg.norm(step)) + 1e-9)
-    return unit
 
 
 def _lanes_by_lanelet(edges: Mapping[str, tuple[int, ...]]) -> dict[int, tuple[str, int]]:

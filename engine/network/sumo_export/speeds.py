@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...commonroad import is_speed_limit
+from ...commonroad import limits_mps
 from ...geometry import Points, Values, curvatures, maximum_curvature
 from ...vehicles import COMFORTABLE_MPS2, HARDEST_LATERAL_MPS2
 from .layout import NetLayout
@@ -36,10 +36,10 @@ _RECORDED_NEAR_M = 10.0
 def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
     """The lowest speed limit in m/s that signs of a lanelet post, for lanelets that have one."""
     limits = {
-        int(sign.traffic_sign_id): float(element.additional_values[0])
+        int(sign.traffic_sign_id): speeds[0]
         for sign in network.traffic_signs
         for element in sign.traffic_sign_elements
-        if is_speed_limit(element) and _is_positive(element.additional_values)
+        if (speeds := limits_mps(element))
     }
     posted = {
         int(lanelet.lanelet_id): [limits[sign] for sign in sorted(lanelet.traffic_signs or ()) if sign in limits]
@@ -110,10 +110,3 @@ def slow_places(shape: Points, straight_mps: float, recorded: Sequence[tuple[flo
     speeds = np.clip(fastest, easy, hardest)
     slow = speeds < straight_mps
     return SlowPlaces(at[slow], speeds[slow], hardest[slow])
-
-
-def _is_positive(values: list[str]) -> bool:
-    try:
-        return bool(values) and float(values[0]) > 0.0
-    except ValueError:
-        return False

@@ -13,7 +13,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,15 +34,8 @@ _PATH_SMOOTHING_M = 3.0
 """Chosen: paths through junctions are shorter than roads, and kinks in them nearer to each other."""
 
 
-def write_sumo_net(
-    layout: NetLayout, speeds_mps: Mapping[int, float], path: Path, signals: "tuple[Signal, ...]" = ()
-) -> None:
-    """Write the ``.net.xml`` of a layout with its traffic lights."""
-    path.write_text(sumo_net(layout, speeds_mps, signals), encoding="utf-8")
-
-
 def sumo_net(layout: NetLayout, speeds_mps: Mapping[int, float], signals: "tuple[Signal, ...]" = ()) -> str:
-    """The text of a ``.net.xml``; ``speeds_mps``: speed limit by lanelet."""
+    """The text of the ``.net.xml`` of a layout with its traffic lights; ``speeds_mps``: speed limit by lanelet."""
     net = etree.tostring(_NetWriter(layout, speeds_mps, signals).net(), encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{net}\n'
 
@@ -201,26 +193,11 @@ def _path_shape(layout: NetLayout, path: JunctionPath) -> Points:
 
 
 def _hull(points: list[Points]) -> Points:
-    """Convex hull by monotone chain; fewer than three points are given back as they are."""
-    unique: Points = np.unique(np.round(np.array(points, dtype=np.float64), 3), axis=0)
-    if len(unique) < 3:
-        return unique
-    ordered = unique[np.lexsort((unique[:, 1], unique[:, 0]))]
-    return np.array(_half_hull(ordered)[:-1] + _half_hull(ordered[::-1])[:-1])
+    """Corners of the convex hull, counter-clockwise from the leftmost; one point or both ends where it has no area."""
+    from shapely import MultiPoint, get_coordinates
 
-
-def _half_hull(ordered: Points) -> list[Points]:
-    chain: list[Points] = []
-    for point in ordered:
-        while len(chain) > 1 and _turns_right(chain[-2], chain[-1], point):
-            chain.pop()
-        chain.append(point)
-    return chain
-
-
-def _turns_right(first: Points, second: Points, third: Points) -> bool:
-    step, following = second - first, third - second
-    return bool(step[0] * following[1] - step[1] * following[0] <= 0)
+    corners: Points = get_coordinates(MultiPoint(np.round(points, 3)).convex_hull.normalize())
+    return corners[:0:-1] if len(corners) > 2 else corners
 
 
 _Table = NDArray[np.bool_]

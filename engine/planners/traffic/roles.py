@@ -11,7 +11,7 @@ from ....schemas.errors import NotPossible
 from ...commonroad import LoadedScenario, recorded_tracks
 from ...cosimulation import Actor, all_actors, lane_hint, not_drivable, recorded_plan
 from ...geometry import Points, point_at, project
-from ...network import NetLayout, write_sumo_net
+from ...network import NetLayout, sumo_net
 from ...scene import MapMatcher, Scene, find_route
 from ...traffic import NO_LANE, LaneHint, vehicle_type
 from ...vehicles import HARDEST_BRAKING_MPS2, VehicleParameters
@@ -65,7 +65,7 @@ class TrafficRoles:
 
     def write_net(self, path: Path) -> None:
         """Write SUMO's network, fast enough for the recorded speeds."""
-        write_sumo_net(self.scene.layout, self.scene.lane_speeds_mps, path)
+        path.write_text(sumo_net(self.scene.layout, self.scene.lane_speeds_mps), encoding="utf-8")
 
     def keeping_to_route(self, keys: frozenset[str]) -> "TrafficRoles":
         """The roles with some driven vehicles put onto their route's lanes when they begin."""

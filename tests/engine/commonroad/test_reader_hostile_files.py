@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support.builders import town_road
 
-from plannerforge.engine.commonroad.reader import read_recorded, read_scenario, scan_root
+from plannerforge.engine.commonroad.reader import read_recorded, read_scenario, scan_xml
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.facts import read_facts
 from plannerforge.schemas.errors import UnsafeInput
@@ -171,4 +171,4 @@ def test_the_good_file_that_the_hostile_ones_are_made_of_is_taken(tmp_path: Path
 def test_a_long_comment_within_the_limit_is_no_harm(tmp_path: Path) -> None:
     path = tmp_path / "good.xml"
     path.write_text(GOOD.replace("</commonRoad>", f"<!--{'a' * 900_000}--></commonRoad>"), encoding="utf-8")
-    assert scan_root(path).name == "commonRoad"
+    assert scan_xml(path).name == "commonRoad"

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from support.builders import town_road
 
-from plannerforge.engine.commonroad.reader import XmlLimits, parse_document, scan_root
+from plannerforge.engine.commonroad.reader import XmlLimits, parse_document, scan_xml
 from plannerforge.schemas.errors import UnsafeInput
 
 HEAD = "<?xml version='1.0' encoding='UTF-8'?>"
@@ -40,7 +40,7 @@ def test_a_file_is_taken_or_refused_as_by_the_scan(tmp_path: Path, name: str) ->
     path = tmp_path / "file.xml"
     path.write_bytes(FILES[name])
     try:
-        expected = scan_root(path, LIMITS).name
+        expected = scan_xml(path, LIMITS).name
     except UnsafeInput:
         with pytest.raises(UnsafeInput, match=r"file\.xml"):
             parse_document(path, LIMITS)

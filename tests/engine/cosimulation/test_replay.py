@@ -11,7 +11,7 @@ from plannerforge.engine.cosimulation.actors import Actor, all_actors
 from plannerforge.engine.cosimulation.plans import recorded_plan
 from plannerforge.engine.cosimulation.replay import front_of, resimulate
 from plannerforge.engine.cosimulation.session import SimulationSetup
-from plannerforge.engine.network.sumo_export.writer import write_sumo_net
+from plannerforge.engine.network.sumo_export.writer import sumo_net
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.traffic.sumo import Sumo
 
@@ -86,7 +86,7 @@ def _scene(folder: Path, *vehicles: Vehicle) -> Scene:
 
 def _setup(scene: Scene, folder: Path) -> SimulationSetup:
     net = folder / "scenario.net.xml"
-    write_sumo_net(scene.layout, scene.lane_speeds_mps, net, scene.signals)
+    net.write_text(sumo_net(scene.layout, scene.lane_speeds_mps, scene.signals), encoding="utf-8")
     return SimulationSetup(net, folder, scene.step_s, scene.last_step, seed=0)
 
 

@@ -11,7 +11,7 @@ import pytest
 from support.builders import town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.network.sumo_export.writer import write_sumo_net
+from plannerforge.engine.network.sumo_export.writer import sumo_net
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.traffic.sumo import heading_of_angle_rad, sumo_angle_deg, sumo_pose, sumo_running, vehicle_type
 from plannerforge.schemas.errors import NotPossible, WorkerFailure
@@ -40,7 +40,7 @@ def running(tmp_path: Path) -> Any:
     """Opens a simulation over a town road; ``types`` and anything else as in ``sumo_running``."""
     scene = Scene.of(read_scenario(town_road().write(tmp_path / "base.xml")))
     net = tmp_path / "scenario.net.xml"
-    write_sumo_net(scene.layout, scene.lane_speeds_mps, net, scene.signals)
+    net.write_text(sumo_net(scene.layout, scene.lane_speeds_mps, scene.signals), encoding="utf-8")
 
     def run(*types: str, **more: Any) -> Any:
         settings = {"step_s": 0.1, "seed": 0, "options": {}} | more

@@ -13,12 +13,12 @@ from support.builders import ScenarioBuilder, crossing, town_road
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.network.sumo_export.layout import NetLayout
 from plannerforge.engine.network.sumo_export.speeds import lowered_by_curves, straight_speeds
-from plannerforge.engine.network.sumo_export.writer import write_sumo_net
+from plannerforge.engine.network.sumo_export.writer import sumo_net
 
 
 def write(network: Any, net: Path) -> NetLayout:
     layout = NetLayout.of(network)
-    write_sumo_net(layout, lowered_by_curves(layout, straight_speeds(layout, {})), net)
+    net.write_text(sumo_net(layout, lowered_by_curves(layout, straight_speeds(layout, {}))), encoding="utf-8")
     return layout
 
 
@@ -96,9 +96,9 @@ def test_the_bytes_do_not_depend_on_the_hash_seed(builder: ScenarioBuilder, tmp_
     program = (
         "import sys; from pathlib import Path\n"
         "from plannerforge.engine.commonroad import read_scenario\n"
-        "from plannerforge.engine.network import NetLayout, straight_speeds, write_sumo_net\n"
+        "from plannerforge.engine.network import NetLayout, straight_speeds, sumo_net\n"
         "layout = NetLayout.of(read_scenario(Path(sys.argv[1])).scenario.lanelet_network)\n"
-        "write_sumo_net(layout, straight_speeds(layout, {}), Path(sys.argv[2]))\n"
+        "Path(sys.argv[2]).write_text(sumo_net(layout, straight_speeds(layout, {})))\n"
     )
     made = []
     for seed in ("1", "4242"):

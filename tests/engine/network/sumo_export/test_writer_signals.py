@@ -10,7 +10,7 @@ from support.builders import town_road
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.network.sumo_export.layout import NetLayout
 from plannerforge.engine.network.sumo_export.speeds import lowered_by_curves, posted_speeds, straight_speeds
-from plannerforge.engine.network.sumo_export.writer import Signal, signals_of, write_sumo_net
+from plannerforge.engine.network.sumo_export.writer import Signal, signals_of, sumo_net
 
 STEP_S = 0.1
 CYCLE = (("red", 30), ("redYellow", 10), ("green", 50), ("yellow", 10))
@@ -35,7 +35,8 @@ def add_light(network: Any, key: int, lanelet: int, offset: int = 0, direction: 
 
 def write(network: Any, folder: Path, signals: tuple[Signal, ...]) -> Path:
     layout, path = NetLayout.of(network), folder / "town.net.xml"
-    write_sumo_net(layout, lowered_by_curves(layout, straight_speeds(layout, {})), path, signals)
+    speeds_mps = lowered_by_curves(layout, straight_speeds(layout, {}))
+    path.write_text(sumo_net(layout, speeds_mps, signals), encoding="utf-8")
     return path
 
 
