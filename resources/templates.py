@@ -7,7 +7,7 @@ import json
 import re
 from dataclasses import dataclass
 
-from ..engine.workspace import Workspace, artifact_kinds
+from ..engine.workspace import ARTIFACT_KINDS, Workspace
 from ..schemas.errors import UnknownName
 
 SCHEME = "plannerforge://"
@@ -53,7 +53,7 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
     kind, identifier, part = match[1], match[2], match[3]
     if kind in ("picture", "report") and part is None:
         return _made_file(uri, workspace, kind, identifier)
-    if kind not in artifact_kinds():
+    if kind not in ARTIFACT_KINDS:
         raise _unknown(uri)
     if part == "record":
         artifact = workspace.get(identifier, kind)  # type: ignore[arg-type]

@@ -17,7 +17,7 @@ from ...schemas.errors import NotPossible, PlannerForgeError
 from ...schemas.importing import ImportedItem
 from ...schemas.scenarios import Origin, ScenarioFacts, ScenarioRecord
 from ..commonroad import derived_benchmark_id
-from ..workspace import Artifact, NewArtifact, Recipe, Staged, Workspace, content_digest, stage
+from ..workspace import Artifact, NewArtifact, Recipe, Workspace, content_digest, stage
 from .tables import summary
 from .updates import family, list_again, listed_version, refresh
 
@@ -207,15 +207,13 @@ def _import_recipe(content: str) -> Recipe:
     return Recipe(tool="import_files", arguments={"content": content})
 
 
-def _staged(all_new: Sequence[_New], folder: Path) -> tuple[list[Staged], dict[str, PlannerForgeError]]:
+def _staged(all_new: Sequence[_New], folder: Path) -> tuple[list[NewArtifact], dict[str, PlannerForgeError]]:
     """Copy the files; of those that cannot be copied, the reason by content."""
-    staged: list[Staged] = []
+    staged: list[NewArtifact] = []
     failures: dict[str, PlannerForgeError] = {}
     for new in all_new:
-        place = folder / new.artifact.artifact_id
         try:
-            place.mkdir()
-            staged += stage([new.artifact], place)
+            staged.append(stage(new.artifact, folder / new.artifact.artifact_id))
         except PlannerForgeError as error:
             failures[new.file.content] = error
     return staged, failures

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ...schemas.errors import ResourceFailure
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
-from ..workspace import NewArtifact, Recipe, Staged, Workspace, disk_failure
+from ..workspace import NewArtifact, Recipe, Workspace, disk_failure
 from .updates import refresh
 
 ARCHIVE = "starter.zip"
@@ -56,12 +56,12 @@ def _put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
     facts_by_id = json.loads(opened.read("facts.json"))
     made_by = {entry["id"]: entry for entry in json.loads(opened.read("manifest.json"))}
 
-    def stage(scenario_id: str) -> Staged:
+    def stage(scenario_id: str) -> NewArtifact:
         copies, content = _unpack(opened, scenario_id, folder / scenario_id)
         facts = ScenarioFacts.model_validate(facts_by_id[scenario_id])
         recipe = Recipe(tool="starter", arguments={"content": content, "made_by": made_by[scenario_id]})
         record = ScenarioRecord(facts=facts, origin="starter", content=content)
-        return Staged(NewArtifact("scenario", scenario_id, recipe, record, files={}), copies)
+        return NewArtifact("scenario", scenario_id, recipe, record, files={}, copies=copies)
 
     with workspace.scratch() as folder, ThreadPoolExecutor(THREADS) as threads:
         workspace.put_staged(list(threads.map(stage, sorted(facts_by_id))))

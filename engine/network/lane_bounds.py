@@ -229,8 +229,6 @@ def _find_oncoming(net: SumoNet, drawn: dict[str, LaneBounds]) -> None:
 
 _FOLD_STEP_M = 1e-2
 """Chosen: vertices that would fold back are put this far apart; equal ones would have no direction."""
-
-
 _NEAREST_VERTICES_M = 0.05
 """Chosen: of two vertices nearer to each other than this one is left out."""
 
@@ -287,9 +285,7 @@ def _unfolded(center: Points, bound: Points, rounds: int = 50) -> Points:
 
 def _draw_together(center: Points, bound: Points, first: int, last: int) -> None:
     """Put the vertices from the first to the last close to each other, in the direction of the centre line there."""
-    count = last - first + 1
-    direction = center[last] - center[first]
-    direction = direction / max(float(np.linalg.norm(direction)), 1e-9)
+    count, direction = last - first + 1, unit(center[last] - center[first])
     if first == 0 and last == len(bound) - 1:
         middle = bound.mean(axis=0)
         bound[:] = middle + (center - center.mean(axis=0)) * 0.05

@@ -21,49 +21,49 @@ if TYPE_CHECKING:
 LANE_CHANGE_COST_M = 20.0
 """Chosen: a change of lane costs as much as 20 m of road, so that routes change lanes only where they must."""
 
-Node = TypeVar("Node", int, str)
+_Node = TypeVar("_Node", int, str)
 
 
 @dataclass(frozen=True)
-class Digraph(Generic[Node]):
+class Digraph(Generic[_Node]):
     """A directed graph: a function gives the nodes that follow a node, each with its cost, which is not negative."""
 
-    steps_from: Callable[[Node], Iterable[tuple[Node, float]]]
+    steps_from: Callable[[_Node], Iterable[tuple[_Node, float]]]
 
-    def cheapest_route(self, starts: Iterable[Node], goals: Iterable[Node]) -> tuple[Node, ...] | None:
+    def cheapest_route(self, starts: Iterable[_Node], goals: Iterable[_Node]) -> tuple[_Node, ...] | None:
         """The cheapest route from any start to any goal, both included; None where there is none."""
         wanted = frozenset(goals)
-        came_from: dict[Node, Node] = {}
+        came_from: dict[_Node, _Node] = {}
         for node, _ in self._by_cost(dict.fromkeys(starts, 0.0), came_from):
             if node in wanted:
                 return _route_to(node, came_from)
         return None
 
-    def costs(self, starts: Mapping[Node, float], at_most: float = math.inf) -> dict[Node, float]:
+    def costs(self, starts: Mapping[_Node, float], at_most: float = math.inf) -> dict[_Node, float]:
         """The least cost of every node that costs no more than a limit; ``starts`` gives what the first nodes cost."""
-        costs: dict[Node, float] = {}
+        costs: dict[_Node, float] = {}
         for node, cost in self._by_cost(starts, {}):
             if cost > at_most:
                 break
             costs[node] = cost
         return costs
 
-    def fewest_steps_route(self, start: Node, goal: Node) -> tuple[Node, ...] | None:
+    def fewest_steps_route(self, start: _Node, goal: _Node) -> tuple[_Node, ...] | None:
         """The route of the fewest nodes, both ends included; None where there is none.
 
         Of several the one whose nodes come earlier in the order of the steps.
         """
-        came_from: dict[Node, Node] = {}
+        came_from: dict[_Node, _Node] = {}
         for node, _ in self._by_steps([start], came_from):
             if node == goal:
                 return _route_to(goal, came_from)
         return None
 
-    def reachable(self, starts: Iterable[Node]) -> dict[Node, int]:
+    def reachable(self, starts: Iterable[_Node]) -> dict[_Node, int]:
         """All nodes that can be reached, with the fewest steps to them, nearest first; the starts included."""
         return dict(self._by_steps(starts, {}))
 
-    def _by_cost(self, starts: Mapping[Node, float], came_from: dict[Node, Node]) -> Iterator[tuple[Node, float]]:
+    def _by_cost(self, starts: Mapping[_Node, float], came_from: dict[_Node, _Node]) -> Iterator[tuple[_Node, float]]:
         """Nodes with their costs, cheapest first, of equal ones the lower id (Dijkstra)."""
         best = dict(starts)
         queue = [(cost, node) for node, cost in best.items()]
@@ -79,7 +79,7 @@ class Digraph(Generic[Node]):
                     came_from[following] = node
                     heapq.heappush(queue, (cost + step_cost, following))
 
-    def _by_steps(self, starts: Iterable[Node], came_from: dict[Node, Node]) -> Iterator[tuple[Node, int]]:
+    def _by_steps(self, starts: Iterable[_Node], came_from: dict[_Node, _Node]) -> Iterator[tuple[_Node, int]]:
         """Nodes with the fewest steps to them, nearest first."""
         steps = dict.fromkeys(starts, 0)
         queue = deque(steps)
@@ -93,7 +93,7 @@ class Digraph(Generic[Node]):
                     queue.append(following)
 
 
-def _route_to(goal: Node, came_from: Mapping[Node, Node]) -> tuple[Node, ...]:
+def _route_to(goal: _Node, came_from: Mapping[_Node, _Node]) -> tuple[_Node, ...]:
     route = [goal]
     while route[-1] in came_from:
         route.append(came_from[route[-1]])
@@ -115,12 +115,14 @@ class LaneletGraph:
     @classmethod
     def of(cls, network: "LaneletNetwork") -> "LaneletGraph":
         """The graph of a network; references to lanelets that do not exist are left out."""
-        lanelets = {lanelet.lanelet_id: lanelet for lanelet in network.lanelets}
+        lanelets = {
+            lanelet.lanelet_id: lanelet for lanelet in sorted(network.lanelets, key=lambda lane: lane.lanelet_id)
+        }
         return cls(
-            length_m={key: length_m(lanelet.center_vertices) for key, lanelet in sorted(lanelets.items())},
-            successors={k: _known(lanelet.successor, lanelets) for k, lanelet in sorted(lanelets.items())},
-            predecessors={k: _known(lanelet.predecessor, lanelets) for k, lanelet in sorted(lanelets.items())},
-            neighbours={k: _known(_beside(lanelet), lanelets) for k, lanelet in sorted(lanelets.items())},
+            length_m={key: length_m(lanelet.center_vertices) for key, lanelet in lanelets.items()},
+            successors={key: _known(lanelet.successor, lanelets) for key, lanelet in lanelets.items()},
+            predecessors={key: _known(lanelet.predecessor, lanelets) for key, lanelet in lanelets.items()},
+            neighbours={key: _known(_beside(lanelet), lanelets) for key, lanelet in lanelets.items()},
         )
 
     def shortest_route(self, starts: Iterable[int], goals: Iterable[int]) -> tuple[int, ...] | None:

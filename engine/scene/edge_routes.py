@@ -11,9 +11,9 @@ from functools import cached_property
 from ..network import Digraph, NetLayout
 from .map_matching import straightness
 
-EXTENSION_M = 2000.0
+_EXTENSION_M = 2000.0
 """A route is led on this far (chosen): 40 s at 50 m/s, longer than scenarios last."""
-LONGEST_REPAIR_EDGES = 6
+_LONGEST_REPAIR_EDGES = 6
 """A gap in a recording is closed by no more edges than this, its ends included (chosen): a longer one is a detour."""
 
 
@@ -54,7 +54,7 @@ class EdgeGraph:
                 edges = edges or [edge]
                 continue
             between = self._graph.fewest_steps_route(edges[-1], edge)
-            if between is None or len(between) > LONGEST_REPAIR_EDGES:
+            if between is None or len(between) > _LONGEST_REPAIR_EDGES:
                 return None
             edges += between[1:]
         return tuple(edges) or None
@@ -65,7 +65,7 @@ class EdgeGraph:
         ``last_lanelet``: the lane in which the vehicle arrives; the route goes on from it where it can.
         """
         route, total, lanelet = list(edges), 0.0, last_lanelet
-        while total < EXTENSION_M:
+        while total < _EXTENSION_M:
             lanes = self.layout.edges[route[-1]]
             starts = [lanelet] if lanelet in lanes and self.paths_from.get(lanelet) else list(lanes)
             onward = [index for key in starts for index in self.paths_from.get(key, ())]

@@ -23,9 +23,9 @@ from .scene import NOT_DRIVEN, Ego, Scene
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
-LOOK_M = 300.0
+_LOOK_M = 300.0
 """The search along lanelets ends here (chosen): farther ahead no vehicle matters to the ego."""
-SAME_PLACE_M, SAME_SPEED_MPS, SAME_HEADING_RAD = 0.5, 1.0, math.radians(10.0)
+_SAME_PLACE_M, _SAME_SPEED_MPS, _SAME_HEADING_RAD = 0.5, 1.0, math.radians(10.0)
 """A track that begins within these of the ego's start is the ego's own recording (chosen: rounding in files)."""
 
 
@@ -42,7 +42,10 @@ def leader_and_follower(scene: Scene, ego: Ego) -> tuple[int | None, int | None]
 
 
 def ego_lane(scene: Scene, ego: Ego) -> "EgoLane | None":
-    """The lane from the ego's start along its route to its goal; None where it starts on no lanelet."""
+    """The lane from the ego's start along its route to its goal and then straight on; behind, the straightest ones.
+
+    None where it starts on no lanelet.
+    """
     network = scene.network
     under = lanelets_at(network, ego.position)
     starts = aligned_lanelets(network, under, ego.position, ego.heading_rad) or under or ego.lanelets
@@ -50,8 +53,12 @@ def ego_lane(scene: Scene, ego: Ego) -> "EgoLane | None":
         return None
     goals = goal_center_lanelets(network, scene.loaded.problem(ego.problem_id))
     route = (scene.lanelet_graph.shortest_route(starts, goals) if goals else None) or ()
-    pose = (ego.position, ego.heading_rad)
-    return EgoLane.of(network, scene.lanelet_graph, (route or starts)[0], route, pose)
+    start = (route or starts)[0]
+    ahead, onward = path_ahead(network, scene.lanelet_graph, start, route, _AHEAD_M)
+    behind, before = _backwards(network, scene.lanelet_graph, start)
+    line = without_repeats(np.vstack([*behind, ahead])) if behind else ahead
+    here_m, beside = project(line, ego.position)[0], _lanes_beside(network, (*before, *onward))
+    return EgoLane(network, line, here_m, ego.position, ego.heading_rad, beside)
 
 
 def is_own_recording(track: Track, ego: Ego) -> bool:
@@ -62,7 +69,7 @@ def is_own_recording(track: Track, ego: Ego) -> bool:
     away = float(np.linalg.norm(track.positions[index] - ego.position))
     turned = abs(wrap_angle(float(track.headings_rad[index]) - ego.heading_rad))
     faster = abs(float(track.speeds_mps[index]) - ego.speed_mps)
-    return away < SAME_PLACE_M and turned < SAME_HEADING_RAD and faster < SAME_SPEED_MPS
+    return away < _SAME_PLACE_M and turned < _SAME_HEADING_RAD and faster < _SAME_SPEED_MPS
 
 
 def _others(scene: Scene, ego: Ego) -> Iterator[tuple[int, Track, int]]:
@@ -114,28 +121,28 @@ def _distances(scene: Scene, start: int, onward: Mapping[int, tuple[int, ...]], 
     """Lanelets in one direction → distance in m from the ego to their near end."""
     lanes = scene.layout.table.lanes
     graph = Digraph[int](lambda key: ((after, lanes[key].length_m) for after in onward[key] if after != start))
-    return graph.costs({key: first_m for key in onward[start] if key != start}, LOOK_M)
+    return graph.costs({key: first_m for key in onward[start] if key != start}, _LOOK_M)
 
 
-AHEAD_M = 300.0
-BEHIND_M = 150.0
+_AHEAD_M = 300.0
+_BEHIND_M = 150.0
 """How far the ego's lane is followed (chosen)."""
-LANE_HALF_WIDTH_M = 1.75
+_LANE_HALF_WIDTH_M = 1.75
 """Half a lane of 3.5 m: a vehicle on no lanelet is in the ego's lane if it is no farther beside its centre line."""
-ONCOMING_REACH_M = 15.0
+_ONCOMING_REACH_M = 15.0
 """A vehicle that comes the other way on the same road is no farther beside the ego's lane (chosen: four lanes)."""
-LINE_END_M = 0.5
+_LINE_END_M = 0.5
 """Beside the last half metre of the ego's line a place may as well lie beyond it (chosen)."""
-ROUND_ABOUT = 2.0
+_ROUND_ABOUT = 2.0
 """A place that is this many times farther along the lane than straight across has both distances (chosen)."""
-SAME_RAD = math.radians(45.0)
-OPPOSITE_RAD = math.radians(135.0)
+_SAME_RAD = math.radians(45.0)
+_OPPOSITE_RAD = math.radians(135.0)
 """Headings turned by less drive the same way, by more the other way, and between them across (quarters of a circle)."""
-ALONGSIDE_M = 3.0
+_ALONGSIDE_M = 3.0
 """Centres that are no farther apart along the lane are alongside (chosen: less than a car's length)."""
-MOST_LANES_BESIDE = 8
+_MOST_LANES_BESIDE = 8
 """Lanes to one side that are looked at (chosen): rings of neighbours in broken files end there."""
-OWN, ONCOMING = "same lane", "oncoming"
+_OWN, _ONCOMING = "same lane", "oncoming"
 
 
 @dataclass(frozen=True)
@@ -166,51 +173,35 @@ class EgoLane:
     heading_rad: float
     beside: dict[int, int]
 
-    @classmethod
-    def of(
-        cls,
-        network: "LaneletNetwork",
-        graph: LaneletGraph,
-        start: int,
-        route: tuple[int, ...],
-        pose: tuple[Points, float],
-    ) -> "EgoLane":
-        """The lane through the start lanelet, along the route and then straight on; behind, the straightest ones."""
-        ahead, chosen = path_ahead(network, graph, start, route, AHEAD_M)
-        behind, before = _backwards(network, graph, start)
-        line = without_repeats(np.vstack([behind, ahead])) if len(behind) else ahead
-        beside = _lanes_beside(network, (*before, *chosen))
-        return cls(network, line, project(line, pose[0])[0], pose[0], pose[1], beside)
-
     def where(self, track: Track, index: int, lanelet: int | None) -> _Where:
         """Where the track is at an index of its arrays."""
         point, heading = track.positions[index], float(track.headings_rad[index])
         station, offset = project(self.line, point)
         ahead = station - self.here_m
-        round_about = abs(ahead) > max(ALONGSIDE_M, ROUND_ABOUT * float(np.linalg.norm(point - self.position)))
+        round_about = abs(ahead) > max(_ALONGSIDE_M, _ROUND_ABOUT * float(np.linalg.norm(point - self.position)))
         lane = self._lane(track, index, lanelet, (station, offset))
-        if lane is None or (round_about and lane == ONCOMING):
+        if lane is None or (round_about and lane == _ONCOMING):
             return _Where(self._elsewhere(point, heading), None, None)
         if round_about:
             return _Where(f"{self._elsewhere(point, heading)}, {_along(ahead)} along the lane", round(ahead, 1), None)
-        gap = abs(ahead) - (track.length_m + EGO_SIZE_M[0]) / 2 if lane == OWN else None
+        gap = abs(ahead) - (track.length_m + EGO_SIZE_M[0]) / 2 if lane == _OWN else None
         return _Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
 
     def _lane(self, track: Track, index: int, lanelet: int | None, at: tuple[float, float]) -> str | None:
         """The lane that a vehicle is in, at an arc length and an offset of the line; None on another road."""
         station, offset = at
-        if lanelet not in self.beside and not LINE_END_M < station < arc_length(self.line)[-1] - LINE_END_M:
+        if lanelet not in self.beside and not _LINE_END_M < station < arc_length(self.line)[-1] - _LINE_END_M:
             return None
         turned = abs(wrap_angle(float(track.headings_rad[index]) - point_at(self.line, station)[1]))
-        if turned > OPPOSITE_RAD and abs(offset) < ONCOMING_REACH_M:
-            return ONCOMING
-        if turned > SAME_RAD:
+        if turned > _OPPOSITE_RAD and abs(offset) < _ONCOMING_REACH_M:
+            return _ONCOMING
+        if turned > _SAME_RAD:
             return None
         lanes = self.beside.get(lanelet) if lanelet is not None else None
         if lanelet is None or lanes is None:
-            return OWN if abs(offset) <= LANE_HALF_WIDTH_M else None
+            return _OWN if abs(offset) <= _LANE_HALF_WIDTH_M else None
         if lanes == 0:
-            return self._outside(lanelet, offset) if _outside_lane(self.network, lanelet, track, index) else OWN
+            return self._outside(lanelet, offset) if _outside_lane(self.network, lanelet, track, index) else _OWN
         side = "left" if lanes > 0 else "right"
         return f"{side} lane" if abs(lanes) == 1 else f"{abs(lanes)} lanes to the {side}"
 
@@ -230,9 +221,9 @@ class EgoLane:
         bearing = wrap_angle(math.atan2(step[1], step[0]) - self.heading_rad)
         turned = wrap_angle(heading - self.heading_rad)
         motion = "coming the other way"
-        if abs(turned) < SAME_RAD:
+        if abs(turned) < _SAME_RAD:
             motion = "same direction, another road"
-        elif abs(turned) < OPPOSITE_RAD:
+        elif abs(turned) < _OPPOSITE_RAD:
             motion = f"heading to the {'left' if turned > 0 else 'right'}"
         return f"{distance:.0f} m {_bearing(bearing)}, {motion}"
 
@@ -247,7 +238,7 @@ def _outside_lane(network: "LaneletNetwork", lanelet: int, track: Track, index: 
 
 
 def _along(ahead_m: float) -> str:
-    if abs(ahead_m) < ALONGSIDE_M:
+    if abs(ahead_m) < _ALONGSIDE_M:
         return "alongside"
     return f"{abs(ahead_m):.0f} m {'ahead' if ahead_m > 0 else 'behind'}"
 
@@ -257,19 +248,18 @@ def _bearing(angle_rad: float) -> str:
     return names[round(angle_rad / (math.pi / 4)) % 8]
 
 
-def _backwards(network: "LaneletNetwork", graph: LaneletGraph, start: int) -> tuple[Points, tuple[int, ...]]:
+def _backwards(network: "LaneletNetwork", graph: LaneletGraph, start: int) -> tuple[list[Points], list[int]]:
+    """The centre lines behind a lanelet, the farthest first, and their lanelets, the nearest first."""
     chosen: list[int] = []
-    parts: list[Points] = []
     total, current = 0.0, start
-    while total < BEHIND_M:
+    while total < _BEHIND_M:
         before = [key for key in graph.predecessors[current] if key != start and key not in chosen]
         if not before:
             break
         current = min(before, key=lambda key: (_turn_rad(network, key, current), key))
         chosen.append(current)
-        parts.insert(0, center_line(network, current))
         total += graph.length_m[current]
-    return (np.vstack(parts) if parts else np.zeros((0, 2))), tuple(chosen)
+    return [center_line(network, key) for key in reversed(chosen)], chosen
 
 
 def _turn_rad(network: "LaneletNetwork", before: int, after: int) -> float:
@@ -286,7 +276,7 @@ def _lanes_beside(network: "LaneletNetwork", own: tuple[int, ...]) -> dict[int, 
     for key in own:
         for sign in (1, -1):
             lane, count = network.find_lanelet_by_id(key), 0
-            while lane is not None and abs(count) < MOST_LANES_BESIDE:
+            while lane is not None and abs(count) < _MOST_LANES_BESIDE:
                 beside = lane.adj_left if sign > 0 else lane.adj_right
                 same = lane.adj_left_same_direction if sign > 0 else lane.adj_right_same_direction
                 if beside is None or not same:

@@ -20,18 +20,18 @@ from ..network import NetLayout
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
-REACH_M = 2.5
+_REACH_M = 2.5
 """A lanelet farther from a position is none that the vehicle may be on (chosen: a vehicle half beside its lane)."""
-LARGEST_TURN_RAD = 1.2
+_LARGEST_TURN_RAD = 1.2
 """A vehicle that moves is on no lanelet that it is turned farther from (chosen: 69°, short of driving across it)."""
-STANDING_MPS = 0.5
+_STANDING_MPS = 0.5
 """The heading of a vehicle that is no faster does not count (chosen): standing ones are recorded with any."""
-SAMPLES = 40
+_SAMPLES = 40
 """About how many positions of a track are looked at (chosen): one every half second of a usual recording."""
-COST_PER_M_OUTSIDE, COST_PER_M_BESIDE, COST_PER_RAD = 3.0, 0.6, 2.0
-COST_OF_A_STEP, COST_OF_A_LEAP = 0.3, 8.0
+_COST_PER_M_OUTSIDE, _COST_PER_M_BESIDE, _COST_PER_RAD = 3.0, 0.6, 2.0
+_COST_OF_A_STEP, _COST_OF_A_LEAP = 0.3, 8.0
 """Costs (chosen): a leap to a lanelet that neither follows nor lies beside costs as much as 2.7 m outside."""
-COST_OF_NO_DIFFERENCE = 0.5
+_COST_OF_NO_DIFFERENCE = 0.5
 """A pose that fits another lanelet worse by no more (0.8 m beside, or 14° across) lies on that one as well (chosen)."""
 
 
@@ -113,7 +113,7 @@ class MapMatcher:
     def near_as_well(self, position: Points, heading_rad: float, speed_mps: float, key: int) -> tuple[int, ...]:
         """The other lanelets that a pose on one fits nearly as well, best first: there they lie over one another."""
         costs = dict(self.near(position, heading_rad, speed_mps))
-        most = costs.get(key, 0.0) + COST_OF_NO_DIFFERENCE
+        most = costs.get(key, 0.0) + _COST_OF_NO_DIFFERENCE
         others = sorted((cost, other) for other, cost in costs.items() if other != key and cost <= most)
         return tuple(other for _, other in others)
 
@@ -123,14 +123,14 @@ class MapMatcher:
 
         points = shapely.points(positions)
         near: list[list[tuple[int, float]]] = [[] for _ in positions]
-        pairs = self.tree.query(points, predicate="dwithin", distance=REACH_M)
+        pairs = self.tree.query(points, predicate="dwithin", distance=_REACH_M)
         for place in sorted(set(pairs[1].tolist())):
             samples = np.sort(pairs[0][pairs[1] == place])
             beside, direction = _offsets(self.layout.table.lanes[self.keys[place]].center, positions[samples])
             turn = np.abs(wrap_angles(direction - headings_rad[samples]))
             outside = shapely.distance(self.polygons[place], points[samples])
-            costs = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * beside + COST_PER_RAD * turn
-            fits = (turn <= LARGEST_TURN_RAD) | (speeds_mps[samples] <= STANDING_MPS)
+            costs = _COST_PER_M_OUTSIDE * outside + _COST_PER_M_BESIDE * beside + _COST_PER_RAD * turn
+            fits = (turn <= _LARGEST_TURN_RAD) | (speeds_mps[samples] <= _STANDING_MPS)
             for sample, cost in zip(samples[fits].tolist(), costs[fits].tolist(), strict=True):
                 near[sample].append((self.keys[place], cost))
         return near
@@ -154,11 +154,11 @@ class MapMatcher:
     def _step(self, old: int, new: int) -> float:
         if old == new:
             return 0.0
-        return COST_OF_A_STEP if new in self.related[old] else COST_OF_A_LEAP
+        return _COST_OF_A_STEP if new in self.related[old] else _COST_OF_A_LEAP
 
 
 def _samples(count: int) -> list[int]:
-    indices = list(range(0, count, max(1, count // SAMPLES)))
+    indices = list(range(0, count, max(1, count // _SAMPLES)))
     return indices if indices[-1] == count - 1 else [*indices, count - 1]
 
 

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from commonroad.scenario.obstacle import DynamicObstacle
     from commonroad.scenario.scenario import Scenario
 
-SIZE_STEP_M = 0.5
+_SIZE_STEP_M = 0.5
 """Rectangles whose sides round up to the same multiple make one track, as large as the largest of them (chosen)."""
-MOVED_M = 0.05
+_MOVED_M = 0.05
 """A centre that moves less than this in a step says nothing about a direction (chosen)."""
-PIECES_PER_OBSTACLE = 10_000
+_PIECES_PER_OBSTACLE = 10_000
 """Ids of tracks are negative: -(10 000 × the obstacle's + a number)."""
 
 
@@ -39,7 +39,7 @@ class _Box:
     @property
     def size_class(self) -> tuple[int, int]:
         """Its sides in whole steps of size."""
-        return math.ceil(self.size_m[0] / SIZE_STEP_M), math.ceil(self.size_m[1] / SIZE_STEP_M)
+        return math.ceil(self.size_m[0] / _SIZE_STEP_M), math.ceil(self.size_m[1] / _SIZE_STEP_M)
 
 
 def occupied_regions(scenario: "Scenario") -> dict[int, tuple[Track, ...]]:
@@ -58,7 +58,7 @@ def occupied_regions(scenario: "Scenario") -> dict[int, tuple[Track, ...]]:
 
 def obstacle_of(track_id: int) -> int:
     """The id of the obstacle that a track stands for: the track's own, unless it is of an occupied region."""
-    return track_id if track_id >= 0 else -track_id // PIECES_PER_OBSTACLE
+    return track_id if track_id >= 0 else -track_id // _PIECES_PER_OBSTACLE
 
 
 def _tracks(obstacle: "DynamicObstacle", step_s: float) -> tuple[Track, ...]:
@@ -66,7 +66,7 @@ def _tracks(obstacle: "DynamicObstacle", step_s: float) -> tuple[Track, ...]:
     pieces = [piece for chain in _chains(obstacle) for piece in _pieces(chain)]
     return tuple(
         Track(
-            obstacle_id=-(key * PIECES_PER_OBSTACLE + number),
+            obstacle_id=-(key * _PIECES_PER_OBSTACLE + number),
             kind=kind,
             length_m=max(box.size_m[0] for box in piece),
             width_m=max(box.size_m[1] for box in piece),
@@ -102,7 +102,7 @@ def _oriented(shapes: list[tuple[int, Any]], heading_rad: float) -> list[_Box]:
     boxes: list[_Box] = []
     for step, shape in shapes:
         center, side_rad, size = _rectangle(shape, heading_rad)
-        if boxes and math.dist(center, boxes[-1].center) > MOVED_M:
+        if boxes and math.dist(center, boxes[-1].center) > _MOVED_M:
             before = boxes[-1].center
             heading_rad = math.atan2(center[1] - before[1], center[0] - before[0])
         quarters = round(wrap_angle(heading_rad - side_rad) / (math.pi / 2))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
-FARTHEST_LANELET_M = 3.0
+_FARTHEST_LANELET_M = 3.0
 """An ego that stands on no lanelet counts as on those whose centre line is nearer (chosen: nearly a lane's width)."""
 
 
@@ -71,12 +71,12 @@ def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: flo
     """Lanelets under a position, the one that fits the heading best first.
 
     Raises:
-        NotPossible: no lanelet is there or within :data:`FARTHEST_LANELET_M`.
+        NotPossible: no lanelet is there or within :data:`_FARTHEST_LANELET_M`.
     """
     under = [int(key) for key in network.find_lanelet_by_position([position])[0]]
     if not under:
         gaps = {lane.lanelet_id: abs(project(lane.center_vertices, position)[1]) for lane in network.lanelets}
-        under = [key for key, gap in gaps.items() if gap < FARTHEST_LANELET_M]
+        under = [key for key, gap in gaps.items() if gap < _FARTHEST_LANELET_M]
     if not under:
         raise NotPossible(f"the ego at ({position[0]:.1f}, {position[1]:.1f}) m is on no lanelet")
     return sorted(under, key=lambda key: (round(_heading_error(network, key, position, heading_rad), 3), key))
@@ -117,8 +117,7 @@ def straight_on(
     network: "LaneletNetwork", graph: LaneletGraph, route: tuple[int, ...], ahead_m: float
 ) -> tuple[int, ...]:
     """The route with the straightest successors behind it, until they are ``ahead_m`` long or the network ends."""
-    longer = list(route)
-    length = 0.0
+    longer, length = list(route), 0.0
     while length < ahead_m:
         following = [key for key in graph.successors.get(longer[-1], ()) if key not in longer]
         if not following:
@@ -140,7 +139,7 @@ def _turn(current: "Lanelet", following: "Lanelet") -> float:
 
 TURN_RAD = math.radians(40.0)
 """A heading change beyond this inside the lanelets of a junction is a turn (chosen)."""
-APART_M = 40.0
+_APART_M = 40.0
 """Forks on a route that lie farther apart are two junctions (chosen): left and later right is not straight on."""
 
 
@@ -233,17 +232,15 @@ def path_ahead(
     Returns:
         Points (n, 2) and the lanelets that they come from; at least ``ahead_m`` beyond the start where the map allows.
     """
-    chosen, line = [start], center_line(network, start)
-    total = graph.length_m[start]
-    first = total
-    while total - first < ahead_m:
+    chosen, line, length = [start], center_line(network, start), 0.0
+    while length < ahead_m:
         onward = [key for key in graph.successors[chosen[-1]] if key not in chosen]
         if not onward:
             break
         following = next((key for key in onward if key in route), None) or _straightest(network, line, onward)
         chosen.append(following)
         line = without_repeats(np.vstack([line, center_line(network, following)]))
-        total += graph.length_m[following]
+        length += graph.length_m[following]
     return line, tuple(chosen)
 
 
@@ -275,7 +272,7 @@ def _turns(
         begin = project(line, start)[0] if index == 0 else 0.0
         end = project(line, goal)[0] if index == len(lanelets) - 1 and goal is not None else float(arc_length(line)[-1])
         turned = wrap_angle(point_at(line, end)[1] - point_at(line, begin)[1])
-        if since_fork_m > APART_M:
+        if since_fork_m > _APART_M:
             sums.append(0.0)
         sums[-1] += turned
         since_fork_m = 0.0

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Assignment, parse_assignment
 from ...schemas.planning import PlannerSettings
-from ..vehicles import VEHICLES, parameter_names
+from ..vehicles import PARAMETER_NAMES, VEHICLES
 from .tunings import LARGEST_WEIGHT
 
 
@@ -169,5 +169,5 @@ def _fits_together(values: dict[str, float]) -> None:
 def _settings_of(values: dict[str, float]) -> PlannerSettings:
     """The settings with only those parameters stated that differ from the vehicle's."""
     own = asdict(VEHICLES[int(values["vehicle"])])
-    kept = {name: value for name, value in values.items() if name not in parameter_names() or value != own[name]}
+    kept = {name: value for name, value in values.items() if name not in PARAMETER_NAMES or value != own[name]}
     return PlannerSettings.model_validate(kept)

@@ -16,10 +16,10 @@
 ``HARDEST_LATERAL_MPS2``: The lateral acceleration that tyres hold on a dry road, in m/s².
 ``LARGEST_ACCELERATION_MPS2``: The largest acceleration and braking of vehicle 2, taken as a bound of every car.
 ``LARGEST_SPEED_MPS``: The top speed of vehicle 2, taken as a bound of every car.
+``PARAMETER_NAMES``: The names of a vehicle's parameters, in their order.
 ``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: Size and limits of an ego.
 ``commonroad_vehicle``: The id of the CommonRoad vehicle of some settings; None for one with parameters of its own.
-``parameter_names``: The names of a vehicle's parameters, in their order.
 ``vehicle_of``: The vehicle of some settings.
 ``Feasibility``: Whether a motion can be driven, the share of its steps that can, and the first that cannot.
 ``Motion``: Positions in m, headings in rad, speeds in m/s and accelerations in m/s² of a centre.
@@ -45,10 +45,10 @@ if TYPE_CHECKING:
         HARDEST_LATERAL_MPS2,
         LARGEST_ACCELERATION_MPS2,
         LARGEST_SPEED_MPS,
+        PARAMETER_NAMES,
         VEHICLES,
         VehicleParameters,
         commonroad_vehicle,
-        parameter_names,
         vehicle_of,
     )
     from .motion import (

@@ -47,18 +47,19 @@ COMFORTABLE_MPS2 = 4.0
 """Braking and lateral acceleration of a driver who is in no trouble: half of what the tyres hold."""
 
 
-def parameter_names() -> tuple[str, ...]:
-    """The names of a vehicle's parameters, in their order."""
-    return tuple(item.name for item in fields(VehicleParameters))
+PARAMETER_NAMES = tuple(item.name for item in fields(VehicleParameters))
+"""The names of a vehicle's parameters, in their order."""
 
 
 def commonroad_vehicle(settings: PlannerSettings) -> int | None:
     """The id of CommonRoad's vehicle; None for one with parameters of its own."""
-    own = any(getattr(settings, name) is not None for name in parameter_names())
-    return None if own else settings.vehicle
+    return None if _own_parameters(settings) else settings.vehicle
 
 
 def vehicle_of(settings: PlannerSettings) -> VehicleParameters:
     """The vehicle of a configuration: CommonRoad's with the parameters that the settings name themselves."""
-    own = {name: getattr(settings, name) for name in parameter_names()}
-    return replace(VEHICLES[settings.vehicle], **{name: value for name, value in own.items() if value is not None})
+    return replace(VEHICLES[settings.vehicle], **_own_parameters(settings))
+
+
+def _own_parameters(settings: PlannerSettings) -> dict[str, float]:
+    return {name: value for name in PARAMETER_NAMES if (value := getattr(settings, name)) is not None}

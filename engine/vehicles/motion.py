@@ -16,20 +16,21 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..geometry import Points, Values, arc_length, gaussian, interpolate, wrap_angle, wrap_angles
 from .models import BMW_320I, LARGEST_ACCELERATION_MPS2
 
-STANDING_M, STANDING_MPS = 0.3, 0.02
+_STANDING_M, _STANDING_MPS = 0.3, 0.02
 """Chosen: a shorter track, and a slower motion, is that of a vehicle that stands."""
-CELL_M = 0.25
+_CELL_M = 0.25
 """Chosen: spacing of the points at which a path is smoothed, an eighth of the smoothing."""
-WHEELBASE_M = 2.5789
+_WHEELBASE_M = 2.5789
 """Of CommonRoad's vehicle 2, to four digits as for the class ``car``; ``BMW_320I`` has three."""
-POSITION_TOLERANCE_M = 2e-2
-HEADING_TOLERANCE_RAD = 3e-2
+_POSITION_TOLERANCE_M = 2e-2
+_HEADING_TOLERANCE_RAD = 3e-2
 """The checker's default tolerances for a step."""
-STEERING_FROM_MPS = 0.05
+_STEERING_FROM_MPS = 0.05
 """Chosen: below it a turn says nothing about the steering angle."""
 
 
@@ -69,7 +70,7 @@ def drivable_motion(
     front = np.asarray(front, dtype=float)
     count = len(front)
     stations = arc_length(front)
-    if stations[-1] < STANDING_M:
+    if stations[-1] < _STANDING_M:
         heading = np.full(count, first_heading_rad)
         direction = np.array([math.cos(first_heading_rad), math.sin(first_heading_rad)])
         still = np.repeat(front[:1], count, axis=0) - length_m / 2 * direction
@@ -79,14 +80,14 @@ def drivable_motion(
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     rear = guide - (length_m / 2 + rear_axle_m) * direction
     speed = np.gradient(arc_length(rear), step_s)
-    speed[speed < STANDING_MPS] = 0.0
+    speed[speed < _STANDING_MPS] = 0.0
     return Motion(guide - length_m / 2 * direction, heading, speed, np.gradient(speed, step_s))
 
 
 def _smooth_guide(front: Points, stations: Values, sigma_steps: float, sigma_m: float) -> Points:
     """The front track, smoothed across its path and along its time."""
     moving = np.concatenate([[True], np.diff(stations) > 1e-3])
-    cells = max(int(stations[-1] / CELL_M), 4)
+    cells = max(int(stations[-1] / _CELL_M), 4)
     even = np.linspace(0.0, stations[-1], cells + 1)
     path = gaussian(interpolate(front[moving], stations[moving], even), sigma_m / (stations[-1] / cells))
     progress = np.maximum.accumulate(np.clip(gaussian(stations, sigma_steps), 0.0, stations[-1]))
@@ -119,14 +120,14 @@ class Feasibility:
     first_infeasible_step: int | None
 
 
-def steering_angles(motion: Motion, step_s: float, wheelbase_m: float = WHEELBASE_M) -> Values:
+def steering_angles(motion: Motion, step_s: float, wheelbase_m: float = _WHEELBASE_M) -> Values:
     """Steering angle in rad that turns each state into the next, shape (n,); the last one is repeated."""
     if len(motion.headings_rad) < 2:
         return np.zeros(len(motion.headings_rad))
     turn = wrap_angles(np.diff(motion.headings_rad))
     speed = np.maximum((motion.speeds_mps[:-1] + motion.speeds_mps[1:]) / 2, 1e-3)
     angle = np.arctan(wheelbase_m * turn / (speed * step_s))
-    angle[speed < STEERING_FROM_MPS] = 0.0
+    angle[speed < _STEERING_FROM_MPS] = 0.0
     largest_rad = BMW_320I.maximum_steering_rad
     limited: Values = np.clip(np.append(angle, angle[-1]), -largest_rad, largest_rad)
     return limited
@@ -136,12 +137,10 @@ def check_kinematics(
     motion: Motion,
     step_s: float,
     *,
-    wheelbase_m: float = WHEELBASE_M,
+    wheelbase_m: float = _WHEELBASE_M,
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Feasibility:
     """Judge a motion of the centre by the closed form, by default with the dimensions of CommonRoad's vehicle 2."""
-    if len(motion.speeds_mps) < 2:
-        return Feasibility(True, 1.0, None)
     heading = motion.headings_rad
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     moved = np.diff(motion.positions - rear_axle_m * direction, axis=0)
@@ -161,20 +160,19 @@ def check_kinematics(
     error_y = np.abs(moved[:, 1] - reachable * np.sin(course))
     error_heading = np.abs(wrap_angles(turn - reachable_turn))
     good = (
-        (error_x < POSITION_TOLERANCE_M)
-        & (error_y < POSITION_TOLERANCE_M)
-        & (error_heading < HEADING_TOLERANCE_RAD)
+        (error_x < _POSITION_TOLERANCE_M)
+        & (error_y < _POSITION_TOLERANCE_M)
+        & (error_heading < _HEADING_TOLERANCE_RAD)
         & within_friction
     )
-    bad = np.flatnonzero(~good)
-    return Feasibility(bool(good.all()), float(good.mean()), int(bad[0]) if len(bad) else None)
+    return _verdict(good)
 
 
 def check_drivability(
     motion: Motion,
     step_s: float,
     *,
-    wheelbase_m: float = WHEELBASE_M,
+    wheelbase_m: float = _WHEELBASE_M,
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Feasibility:
     """Judge a motion of the centre by the checker, with the axles where those of the judged vehicle are.
@@ -201,9 +199,11 @@ def check_drivability(
     model = VehicleDynamics.KS(VehicleType.BMW_320i)
     model.parameters = copy.deepcopy(model.parameters)  # the library shares one of them among all models
     model.parameters.a, model.parameters.b = wheelbase_m - rear_axle_m, rear_axle_m
-    good = [
-        bool(state_transition_feasibility(before, after, model, step_s)[0])
-        for before, after in itertools.pairwise(states)
-    ]
-    bad = np.flatnonzero(~np.array(good, dtype=bool))
-    return Feasibility(not len(bad), float(np.mean(good)) if good else 1.0, int(bad[0]) if len(bad) else None)
+    transitions = (state_transition_feasibility(*pair, model, step_s)[0] for pair in itertools.pairwise(states))
+    return _verdict(np.fromiter(transitions, dtype=bool))
+
+
+def _verdict(good: NDArray[np.bool_]) -> Feasibility:
+    """The verdict on a motion by those on its steps (n,); a motion without steps can be driven."""
+    bad = np.flatnonzero(~good)
+    return Feasibility(not len(bad), float(good.mean()) if len(good) else 1.0, int(bad[0]) if len(bad) else None)

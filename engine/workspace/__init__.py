@@ -1,12 +1,11 @@
 """The workspace: immutable artifacts, their recipes, and the database that knows them.
 
+``ARTIFACT_KINDS``: The names of all kinds of artifacts.
 ``Artifact``: What was made: id, kind, recipe and record; its files lie in the workspace.
 ``NewArtifact``: An artifact that is to be stored, with the files to copy.
-``Staged``: A new artifact and the folder with the copies of its files.
 ``Workspace``: One folder with everything that was made.
-``artifact_kinds``: The names of all kinds of artifacts.
-``disk_failure``: The error of a workspace that cannot be written.
-``stage``: Copy the files of artifacts into subfolders of a scratch folder.
+``disk_failure``: The error of a file or folder that cannot be written, by default one of the workspace.
+``stage``: Copy the files of an artifact into a new folder, before the database is locked.
 ``write_text``: Writes a text file, or raises the error of a full disk.
 ``Database``: Access to the workspace's SQLite file.
 ``still_runs``: Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) is still there.
@@ -25,7 +24,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .artifacts import Artifact, NewArtifact, Staged, Workspace, artifact_kinds, disk_failure, stage, write_text
+    from .artifacts import ARTIFACT_KINDS, Artifact, NewArtifact, Workspace, disk_failure, stage, write_text
     from .database import Database, still_runs
     from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export
     from .recipe import Recipe, content_digest, versions_of

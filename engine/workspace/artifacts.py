@@ -13,7 +13,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
@@ -23,6 +23,7 @@ from .database import Database, still_runs
 from .recipe import Recipe
 
 ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map"]
+ARTIFACT_KINDS: tuple[str, ...] = get_args(ArtifactKind)
 Record = TypeVar("Record", bound=Model)
 ABANDONED_S = 3600.0
 """A scratch folder is left alone for this time: its process may run in another container, unseen. Chosen."""
@@ -56,7 +57,10 @@ class Artifact(Model):
 
 @dataclass(frozen=True)
 class NewArtifact:
-    """An artifact that is to be stored; ``files``: name in its folder → file to copy."""
+    """An artifact that is to be stored; ``files``: name in its folder → file to copy.
+
+    ``copies``: the folder with the copies of its files, once they are staged.
+    """
 
     kind: ArtifactKind
     artifact_id: str
@@ -64,13 +68,6 @@ class NewArtifact:
     record: Model
     files: Mapping[str, Path]
     name: str = ""
-
-
-@dataclass(frozen=True)
-class Staged:
-    """A new artifact and the folder with the copies of its files; None without files."""
-
-    artifact: NewArtifact
     copies: Path | None = None
 
 
@@ -105,24 +102,23 @@ class Workspace:
             return stored
         new = NewArtifact(kind, artifact_id, recipe, record, files or {}, name)
         if not new.files:
-            self.put_staged([Staged(new)])
+            self.put_staged([new])
         else:
             with self.scratch() as folder:
-                self.put_staged(stage([new], folder))
+                self.put_staged([stage(new, folder / "files")])
         return self.get(artifact_id, kind)
 
-    def put_staged(self, all_staged: Sequence[Staged]) -> None:
+    def put_staged(self, artifacts: Sequence[NewArtifact]) -> None:
         """Store artifacts in one transaction, all or none; an id that is there already keeps the stored one.
 
         Raises:
             ResourceFailure: the database or a folder cannot be written.
         """
         with self.database.writing() as connection:
-            for staged in all_staged:
-                new = staged.artifact
+            for new in artifacts:
                 if self.find(new.kind, new.artifact_id) is not None:  # another server may have stored it meanwhile
                     continue
-                self._place(new.kind, new.artifact_id, staged.copies)
+                self._place(new.kind, new.artifact_id, new.copies)
                 connection.execute(
                     "INSERT INTO artifacts (artifact_id, kind, name, digest, recipe, record) VALUES (?, ?, ?, ?, ?, ?)",
                     (
@@ -141,15 +137,11 @@ class Workspace:
 
     def find(self, kind: ArtifactKind, artifact_id: str) -> Artifact | None:
         """The artifact with this id, or None."""
-        query = "SELECT * FROM artifacts WHERE kind = ? AND artifact_id = ?"
-        row = self.database.connection().execute(query, (kind, artifact_id)).fetchone()
-        return None if row is None else _artifact(row)
+        return self._first("artifact_id = ?", kind, artifact_id)
 
     def find_by_recipe(self, kind: ArtifactKind, recipe: Recipe) -> Artifact | None:
         """The artifact that this recipe made before, or None."""
-        query = "SELECT * FROM artifacts WHERE kind = ? AND digest = ? ORDER BY sequence LIMIT 1"
-        row = self.database.connection().execute(query, (kind, recipe.digest)).fetchone()
-        return None if row is None else _artifact(row)
+        return self._first("digest = ?", kind, recipe.digest)
 
     def get(self, artifact_id: str, kind: ArtifactKind) -> Artifact:
         """The artifact with this id; ``latest`` is the newest of its kind.
@@ -236,7 +228,8 @@ class Workspace:
         """
         parent = self.root / "scratch"
         try:
-            folder = _new_folder(parent)
+            parent.mkdir(parents=True, exist_ok=True)
+            folder = Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=parent))  # whose it is, for who tidies up
             if not self._tidied:
                 self._tidied = True
                 _remove_abandoned(parent)
@@ -250,6 +243,11 @@ class Workspace:
     def close(self) -> None:
         """Close the database."""
         self.database.close()
+
+    def _first(self, condition: str, kind: ArtifactKind, value: str) -> Artifact | None:
+        query = f"SELECT * FROM artifacts WHERE kind = ? AND {condition} ORDER BY sequence LIMIT 1"  # noqa: S608 - fixed words only
+        row = self.database.connection().execute(query, (kind, value)).fetchone()
+        return None if row is None else _artifact(row)
 
     def _ids(self, kind: ArtifactKind | None) -> list[sqlite3.Row]:
         query = "SELECT artifact_id FROM artifacts WHERE ?1 IS NULL OR kind = ?1 ORDER BY sequence DESC LIMIT 5000"
@@ -280,36 +278,25 @@ def _artifact(row: sqlite3.Row) -> Artifact:
     )
 
 
-def artifact_kinds() -> tuple[str, ...]:
-    """All kinds of artifacts."""
-    return get_args(ArtifactKind)
+def stage(artifact: NewArtifact, copies: Path) -> NewArtifact:
+    """Copy the files of an artifact into a new folder on the workspace's disk.
 
-
-def stage(artifacts: Sequence[NewArtifact], folder: Path) -> list[Staged]:
-    """Copy the files of artifacts into subfolders of a scratch folder; touches no database, so any thread may do it.
+    Touches no database, so any thread may do it.
 
     Raises:
         ResourceFailure: the disk is full, or a file cannot be read.
     """
-    return [_staged(artifact, folder / str(index)) for index, artifact in enumerate(artifacts)]
-
-
-def _staged(artifact: NewArtifact, copies: Path) -> Staged:
     if not artifact.files:
-        return Staged(artifact)
+        return artifact
     try:
         copies.mkdir()
         for name, source in sorted(artifact.files.items()):
             shutil.copyfile(source, copies / name)
-            _flush(copies / name)
+            with (copies / name).open("rb") as stream:
+                os.fsync(stream.fileno())
     except OSError as error:
         raise disk_failure(copies, error) from error
-    return Staged(artifact, copies)
-
-
-def _flush(path: Path) -> None:
-    with path.open("rb") as stream:
-        os.fsync(stream.fileno())
+    return replace(artifact, copies=copies)
 
 
 def write_text(path: Path, text: str, what: str) -> None:
@@ -321,28 +308,14 @@ def write_text(path: Path, text: str, what: str) -> None:
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise ResourceFailure(
-            f"{what} cannot be written: {error.strerror or error}",
-            next_step="free disk space and call again: what is finished is reused",
-        ) from error
+        raise disk_failure(what, error, "free disk space and call again: what is finished is reused") from error
 
 
-def disk_failure(path: Path, error: OSError) -> ResourceFailure:
-    """The error of a workspace that cannot be written."""
-    return ResourceFailure(
-        f"{path} cannot be written: {error.strerror or error}",
-        next_step="free disk space, or choose another --workspace",
-    )
-
-
-def _new_folder(parent: Path) -> Path:
-    """A new folder; its name holds the id of this process.
-
-    Raises:
-        OSError: it cannot be made.
-    """
-    parent.mkdir(parents=True, exist_ok=True)
-    return Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=parent))
+def disk_failure(
+    what: object, error: OSError, next_step: str = "free disk space, or choose another --workspace"
+) -> ResourceFailure:
+    """The error of a file or folder that cannot be written, by default one of the workspace."""
+    return ResourceFailure(f"{what} cannot be written: {error.strerror or error}", next_step=next_step)
 
 
 def _remove_abandoned(parent: Path) -> None:

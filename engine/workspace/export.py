@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...schemas.errors import InvalidRequest, NotPossible, ResourceFailure
-from .artifacts import Artifact, Workspace
+from ...schemas.errors import InvalidRequest, NotPossible
+from .artifacts import Artifact, Workspace, disk_failure
 
 _STORED = {"xml": "scenario.xml", "net": "scenario.net.xml", "yaml": "config.yaml"}
 _WRITTEN = ("json", "recipe")
@@ -80,10 +80,7 @@ def write_export(workspace: Workspace, export: Export, made: Path | None = None)
     except OSError as error:
         with contextlib.suppress(OSError):  # nothing half-written stays; the error that counts is the first one
             partial.unlink(missing_ok=True)
-        raise ResourceFailure(
-            f"{export.path} cannot be written: {error.strerror or error}",
-            next_step="free disk space, or name another folder",
-        ) from error
+        raise disk_failure(export.path, error, "free disk space, or name another folder") from error
 
 
 def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None) -> None:

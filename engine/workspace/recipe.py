@@ -31,11 +31,8 @@ class Recipe(Model):
 
 def content_digest(path: Path) -> str:
     """SHA-256 of a file, hexadecimal, for recipes that start from a file."""
-    digest = hashlib.sha256()
     with path.open("rb") as stream:
-        while block := stream.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def versions_of(*packages: str) -> dict[str, str]:
