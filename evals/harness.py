@@ -8,31 +8,44 @@ import json
 import os
 import statistics
 import sys
-from argparse import ArgumentParser
-from collections.abc import Mapping, Sequence
+import time
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 from mcp import Client
 from rich.console import Console
 from rich.table import Table
 
 from ..engine.analysis import rate
-from ..engine.execution import Operation, Request, Response, silent
+from ..engine.execution import PRELOAD, Operation, Request, Response, no_progress, silent, warm_up
 from ..engine.tuning import named_configuration
+from ..engine.workspace import Workspace
+from ..schemas.base import Model
 from ..schemas.planning import PlannerConfiguration
 from ..server.settings import Settings
-from ..tools.call import ToolCall
+from ..tools.call import Services, ToolCall
 
+Content = TypeVar("Content", bound=Model)
 _POLL_S = 50
 """For which the server is asked to wait for a job: the most that it accepts."""
+Figures = Mapping[str, float | int | str]
+"""What a benchmark measured, by the keys that its module explains."""
 
 
-def print_figures(title: str, rows: Sequence[tuple[str, str]], figures: Mapping[str, float | int | str]) -> None:
-    """Print a table of ``(what, figure)`` rows and the figures as the last line."""
+def print_figures(
+    title: str,
+    figures: Figures,
+    rows: Iterable[tuple[str, str]] | None = None,
+    more_rows: Iterable[tuple[str, str]] = (),
+) -> None:
+    """Print a table of ``(what, figure)`` rows, the figures where none are given, and the figures as the last line."""
     table = Table("figure", "value", title=title)
-    for what, value in rows:
-        table.add_row(what, value)
+    for what, value in (*(figures.items() if rows is None else rows), *more_rows):
+        table.add_row(what, str(value))
     Console(width=110).print(table)
     sys.stdout.write(json.dumps(dict(figures)) + "\n")
 
@@ -43,10 +56,22 @@ def spread(values: Sequence[float], unit: str, digits: int = 2) -> str:
     return f"{middle:.{digits}f} {unit} (min {min(values):.{digits}f}, max {max(values):.{digits}f}, n {len(values)})"
 
 
+def share(values: Iterable[object]) -> float:
+    """The share of true values, rounded to four digits; 0 without any value."""
+    verdicts = [bool(value) for value in values]
+    return round(sum(verdicts) / len(verdicts), 4) if verdicts else 0.0
+
+
+def percentile_95(values: Iterable[float]) -> float:
+    """The value that 95 of 100 do not exceed, one of those given."""
+    ordered = sorted(values)
+    return ordered[int(0.95 * len(ordered))]
+
+
 def rate_text(count: int, of: int) -> str:
     """A share with its 95 % Wilson interval, in words; a dash without trials."""
-    share = rate(count, of)
-    return "-" if share.share is None else f"{share.share:.1%} ({share.low:.1%} to {share.high:.1%})"
+    interval = rate(count, of)
+    return "-" if interval.share is None else f"{interval.share:.1%} ({interval.low:.1%} to {interval.high:.1%})"
 
 
 def shared_folder() -> Path:
@@ -60,11 +85,22 @@ def shared_scenarios() -> Path:
     return shared_folder() / "data" / "commonroad"
 
 
-def existing(folder: Path, parser: ArgumentParser, option: str) -> Path:
-    """A folder that a benchmark needs; where there is none, the program ends with the option that names it."""
+def existing(folder: Path) -> Path:
+    """A folder that a benchmark needs; where there is none, the program ends and says how to name it."""
     if not folder.is_dir():
-        parser.error(f"there is no folder {folder}: name one with {option}, or set PLANNERFORGE_SHARED")
+        sys.exit(f"there is no folder {folder}: name it by an option (see --help), or set PLANNERFORGE_SHARED")
     return folder.resolve()
+
+
+def scenario_arguments(
+    text: str | None, option: str = "--limit", default: int | None = None
+) -> tuple[Path, int | None]:
+    """The command line of a benchmark over a folder of scenarios: the folder, and how many of its files it takes."""
+    parser = ArgumentParser(description=text, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("--folder", type=Path, default=shared_scenarios())
+    parser.add_argument(option, dest="limit", type=int, default=default, help="only a sample of this many files")
+    arguments = parser.parse_args()
+    return existing(arguments.folder), arguments.limit
 
 
 def built_in(name: str) -> PlannerConfiguration:
@@ -79,20 +115,33 @@ def built_in(name: str) -> PlannerConfiguration:
     return configuration
 
 
-def drawn(names: Sequence[str], limit: int | None) -> list[str]:
+def drawn(names: Iterable[str], limit: int | None) -> list[str]:
     """At most ``limit`` of the names, always the same ones and in the same order; all of them without a limit."""
     return sorted(names, key=lambda name: hashlib.sha256(name.encode()).hexdigest())[:limit]
 
 
 def scenario_files(folder: Path, limit: int | None) -> list[Path]:
     """The scenario files of a folder; with a limit, always the same sample."""
-    found = {path.name: path for path in sorted(folder.rglob("*.xml")) if not path.name.endswith(".net.xml")}
-    return [found[name] for name in (sorted(found) if limit is None else drawn(list(found), limit))]
+    files = {path.name: path for path in sorted(folder.rglob("*.xml")) if not path.name.endswith(".net.xml")}
+    return [files[name] for name in (sorted(files) if limit is None else drawn(files, limit))]
+
+
+def process_pool(workers: int) -> ProcessPoolExecutor:
+    """Spawned processes that have imported what a warm worker has."""
+    spawn, modules = get_context("spawn"), PRELOAD["compute"]
+    return ProcessPoolExecutor(workers, mp_context=spawn, initializer=warm_up, initargs=(modules,))
 
 
 def settings_for(workspace: Path, folder: Path, workers: int) -> Settings:
     """A server on the benchmark's own workspace."""
     return Settings(workspace=workspace, roots=(folder,), workers=workers, starter=False, warm_up=False, journal=False)
+
+
+async def call_ms(client: Client, tool: str, **arguments: Any) -> float:
+    """Milliseconds from a call of a tool to its answer, as the client waits for it."""
+    started = time.perf_counter()
+    await client.call_tool(tool, arguments)
+    return (time.perf_counter() - started) * 1000
 
 
 async def ask(client: Client, tool: str, **arguments: Any) -> Any:
@@ -105,6 +154,21 @@ async def ask(client: Client, tool: str, **arguments: Any) -> Any:
     if result.is_error or result.structured_content is None:
         raise RuntimeError(f"{tool}: {result.content}")
     return result.structured_content
+
+
+async def ask_to_the_end(client: Client, tool: str, **arguments: Any) -> Any:
+    """The structured answer of a tool; of one that makes a job of it, the job when it is done.
+
+    Raises:
+        RuntimeError: the tool refused, or the job could not be carried out.
+    """
+    answer = await ask(client, tool, **arguments)
+    while answer["state"] == "running":
+        answer = await ask(client, "get_job", job_id=answer["job_id"], wait_s=_POLL_S)
+        sys.stderr.write(f"{answer['message']}\n")
+    if answer["state"] != "done":
+        raise RuntimeError(f"{tool} ended as {answer['state']}: {answer}")
+    return answer
 
 
 async def import_scenarios(client: Client, files: Sequence[Path]) -> None:
@@ -121,18 +185,16 @@ async def finished_batch(client: Client, **arguments: Any) -> str:
     Raises:
         RuntimeError: the grid could not be run to its end.
     """
-    result = await ask(client, "run_planner", wait_s=0, **arguments)
-    while result.get("batch_id") is None:
-        job = await ask(client, "get_job", job_id=result["job_id"], wait_s=_POLL_S)
-        sys.stderr.write(f"{arguments['prediction']}: {job['message']}\n")
-        if job["state"] not in ("running", "done"):
-            raise RuntimeError(f"the batch ended as {job['state']}: {job['error']}")
-        if job["state"] == "done":
-            return str(job["results"][-1])
-    return str(result["batch_id"])
+    answer = await ask_to_the_end(client, "run_planner", wait_s=0, **arguments)
+    return str(answer.get("batch_id") or answer["results"][-1])
 
 
-class InProcess:
+def read_run_file(workspace: Workspace, run_id: str, name: str, model: type[Content]) -> Content:
+    """A file that is kept with a run, such as ``steps.json``."""
+    return model.model_validate_json(workspace.file("run", run_id, name).read_bytes())
+
+
+class _InProcess:
     """An executor that carries operations out in this process, one at a time and without a time limit."""
 
     capacity = 1
@@ -143,6 +205,8 @@ class InProcess:
         return operation.load()(request, silent)
 
 
-def call_in_process() -> ToolCall:
-    """A tool's call without server and workers, for timing what a tool plans; it can do nothing but run operations."""
-    return cast("ToolCall", InProcess())
+def call_in_process(workspace: Workspace | None = None) -> ToolCall:
+    """A tool's call without server and workers: it can run operations, and store where it has a workspace."""
+    nothing = cast("Any", None)
+    services = Services(workspace or nothing, _InProcess(), nothing, nothing, nothing, with_starter=False)
+    return ToolCall(services, no_progress)

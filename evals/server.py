@@ -12,7 +12,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from rich.progress import track
 
 from ..server.assembly import create_server
 from ..server.settings import Settings
-from .harness import print_figures, spread
+from .harness import call_ms, print_figures, spread
 
 _STARTS, _CALLS, _FAULT_REPEATS = 9, 300, 5
 """Repetitions (chosen): the figures are medians, of the faults the worst."""
@@ -34,65 +33,50 @@ _LONG_WORK: dict[str, Any] = {"density": "high", "duration_s": 120}
 
 async def _measure(workspace: Path) -> None:
     """Measure and print."""
-    ours = ["-m", "plannerforge.server", "serve", "--workspace", str(workspace)]
-    bare, full = [], []
+    bare = StdioServerParameters(command=sys.executable, args=["-c", _BARE])
+    serve = ["-m", "plannerforge.server", "serve", "--workspace", str(workspace)]
+    ours = StdioServerParameters(command=sys.executable, args=serve)
+    bare_s, ours_s = [], []
     for _ in track(range(_STARTS), description="starting servers in turn"):
-        bare.append(await _first_answer_s(["-c", _BARE]))
-        full.append(await _first_answer_s(ours))
-    async with Client(create_server(Settings(workspace=workspace, warm_up=False))) as client:
-        memory = await _call_ms(client)
-    async with Client(StdioServerParameters(command=sys.executable, args=ours)) as client:
-        stdio = await _call_ms(client)
-    faults = await _measure_faults(ours)
-    ratios = [ours_s / bare_s for ours_s, bare_s in zip(full, bare, strict=True)]
+        bare_s.append(await _first_answer_s(bare))
+        ours_s.append(await _first_answer_s(ours))
+    ratios = [full / least for full, least in zip(ours_s, bare_s, strict=True)]
+    calls_ms = []
+    for server in (create_server(Settings(workspace=workspace, warm_up=False)), ours):
+        async with Client(server) as client:
+            calls_ms.append([await call_ms(client, "list_artifacts") for _ in range(_CALLS)])
+    quiet = {"PLANNERFORGE_WARM_UP": "false"}  # only the worker that the work itself needs
+    faults_s = [await _faults_s(ours.model_copy(update={"env": quiet}), seed) for seed in range(_FAULT_REPEATS)]
+    kill_s, cancel_s, close_s = zip(*faults_s, strict=True)
     print_figures(
         "Server",
-        [
-            ("start to first answer, MCPServer without tools", spread(bare, "s")),
-            ("start to first answer, plannerforge serve", spread(full, "s")),
-            ("ratio", spread(ratios, "×")),
-            ("call in memory", spread(memory, "ms")),
-            ("call over stdio", spread(stdio, "ms")),
-            ("worker killed to error result", spread(faults.kill_error_s, "s")),
-            ("call cancelled to worker gone", spread(faults.cancel_gone_s, "s")),
-            ("client closed to server and workers gone", spread(faults.close_gone_s, "s")),
-        ],
         {
             "start_ratio": round(statistics.median(ratios), 3),
-            "call_memory_ms": round(statistics.median(memory), 3),
-            "call_stdio_ms": round(statistics.median(stdio), 3),
-            "kill_error_s": round(max(faults.kill_error_s), 3),
-            "cancel_gone_s": round(max(faults.cancel_gone_s), 3),
-            "close_gone_s": round(max(faults.close_gone_s), 3),
+            "call_memory_ms": round(statistics.median(calls_ms[0]), 3),
+            "call_stdio_ms": round(statistics.median(calls_ms[1]), 3),
+            "kill_error_s": round(max(kill_s), 3),
+            "cancel_gone_s": round(max(cancel_s), 3),
+            "close_gone_s": round(max(close_s), 3),
         },
+        [
+            ("start to first answer, MCPServer without tools", spread(bare_s, "s")),
+            ("start to first answer, plannerforge serve", spread(ours_s, "s")),
+            ("ratio", spread(ratios, "×")),
+            ("call in memory", spread(calls_ms[0], "ms")),
+            ("call over stdio", spread(calls_ms[1], "ms")),
+            ("worker killed to error result", spread(kill_s, "s")),
+            ("call cancelled to worker gone", spread(cancel_s, "s")),
+            ("client closed to server and workers gone", spread(close_s, "s")),
+        ],
     )
 
 
-async def _first_answer_s(arguments: list[str]) -> float:
+async def _first_answer_s(server: StdioServerParameters) -> float:
     """Seconds from the start of a server process to the answer to its first request."""
     started = time.perf_counter()
-    async with Client(StdioServerParameters(command=sys.executable, args=arguments)) as client:
+    async with Client(server) as client:
         await client.list_tools()
         return time.perf_counter() - started
-
-
-async def _call_ms(client: Client) -> list[float]:
-    """Milliseconds of calls that read the workspace."""
-    durations = []
-    for _ in range(_CALLS):
-        started = time.perf_counter()
-        await client.call_tool("list_artifacts", {})
-        durations.append((time.perf_counter() - started) * 1000)
-    return durations
-
-
-@dataclass(frozen=True)
-class _FaultTimes:
-    """Seconds, one entry a repetition."""
-
-    kill_error_s: list[float]
-    cancel_gone_s: list[float]
-    close_gone_s: list[float]
 
 
 def workers_of_this_process() -> list[psutil.Process]:
@@ -107,22 +91,20 @@ def workers_of_this_process() -> list[psutil.Process]:
     return workers
 
 
-async def _measure_faults(server_arguments: list[str]) -> _FaultTimes:
-    """Provoke each fault several times on real servers over stdio."""
-    times = _FaultTimes([], [], [])
-    for repetition in range(_FAULT_REPEATS):
-        quiet = {"PLANNERFORGE_WARM_UP": "false"}  # only the worker that the work itself needs
-        server = StdioServerParameters(command=sys.executable, args=server_arguments, env=quiet)
-        async with Client(server) as client:
-            times.kill_error_s.append(await _after_a_kill(client, repetition))
-            times.cancel_gone_s.append(await _after_a_cancel(client, repetition))
-            await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": repetition})
-            server_processes = psutil.Process().children(recursive=True)
-            left = time.perf_counter()
-        while any(process.is_running() and process.status() != psutil.STATUS_ZOMBIE for process in server_processes):
-            await anyio.sleep(0.02)
-        times.close_gone_s.append(time.perf_counter() - left)
-    return times
+async def _faults_s(server: StdioServerParameters, seed: int) -> tuple[float, float, float]:
+    """Seconds to the error after a worker was killed, to its end after a call was cancelled, to all ends after closing.
+
+    Each fault is provoked on a real server over stdio.
+    """
+    async with Client(server) as client:
+        kill_s = await _after_a_kill(client, seed)
+        cancel_s = await _after_a_cancel(client, seed)
+        await client.call_tool("generate_scenarios", {"duration_s": 5, "seed": seed})
+        server_processes = psutil.Process().children(recursive=True)
+        left = time.perf_counter()
+    while any(process.is_running() and process.status() != psutil.STATUS_ZOMBIE for process in server_processes):
+        await anyio.sleep(0.02)
+    return kill_s, cancel_s, time.perf_counter() - left
 
 
 async def _after_a_kill(client: Client, seed: int) -> float:

@@ -254,21 +254,15 @@ def _measure(folder: Path, runs: int, seed: int) -> None:
         "minutes": round((time.monotonic() - began) / 60, 1),
     }
     codes = ", ".join(f"{code} {count}" for code, count in sorted(tally.errors.items()))
-    rows = [(name, str(value)) for name, value in figures.items()]
-    print_figures("Planner runs under faults", [*rows, ("errors by code", codes)], figures)
+    print_figures("Planner runs under faults", figures, more_rows=[("errors by code", codes)])
     for text in tally.unnamed:
         sys.stderr.write(f"without a code: {text}\n")
 
 
-def main() -> None:
-    """Read the command line and measure."""
-    parser = argparse.ArgumentParser(description="Planner batches under faults.")
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
-    arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        _measure(Path(folder), arguments.runs, arguments.seed)
-
-
-if __name__ == "__main__":
-    main()
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        _measure(Path(name), given.runs, given.seed)

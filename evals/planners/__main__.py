@@ -10,15 +10,12 @@ whose raising changes the first choice in one of some scenarios), ``rear_scenari
 hit from behind, over all planners; the whole measurement is ``make bench-reactive``).
 """
 
-import argparse
 import statistics
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import anyio
 from mcp import Client
@@ -27,26 +24,24 @@ from rich.table import Table
 
 from ...engine.commonroad import read_scenario
 from ...engine.workspace import Workspace
-from ...schemas.base import Model
 from ...schemas.runs import BatchRecord, RunRecord, RunSteps, RunTiming
 from ...server.assembly import create_server
 from ..harness import (
     built_in,
     drawn,
-    existing,
     finished_batch,
     import_scenarios,
     print_figures,
     rate_text,
+    read_run_file,
+    scenario_arguments,
     scenario_files,
     settings_for,
-    shared_scenarios,
     spread,
 )
 from .acting_weights import acting_weights
 from .failure_causes import cause, rejections
-from .reactive import hits, rows
-from .rear_hits import BrakedRun, braked_runs
+from .reactive import braked_runs, rear_hits, rows
 
 CONFIGS = {"default": "frenetix:Default", "safety": "frenetix:Safety-Conservative"}
 PREDICTIONS = {"gt": "ground_truth", "cv": "constant_velocity"}
@@ -55,22 +50,6 @@ TIMED_RUNS = 72
 SITUATIONS = 12
 """Scenarios whose starts decide which weights act (chosen)."""
 WORKERS = 2
-Content = TypeVar("Content", bound=Model)
-
-
-@dataclass(frozen=True)
-class _Measured:
-    """All that is printed: records, lost cells, causes of failures, step and run times, and the braked runs."""
-
-    runs: tuple[RunRecord, ...]
-    lost: int
-    trapped: int
-    failures: tuple[tuple[RunRecord, str], ...]
-    timings: tuple[RunTiming, ...]
-    acting: int
-    wall_s: tuple[float, ...]
-    speedup: float
-    braked: tuple[BrakedRun, ...]
 
 
 async def _throughput(
@@ -88,7 +67,7 @@ async def _throughput(
         pace = len(scenarios) / (time.perf_counter() - started)
     opened = Workspace(workspace)
     batch = opened.get(batch_id, "batch").read(BatchRecord)
-    walls = tuple(_file(opened, run_id, "timing.json", RunTiming).wall_s for run_id in batch.runs)
+    walls = tuple(read_run_file(opened, run_id, "timing.json", RunTiming).wall_s for run_id in batch.runs)
     opened.close()
     return pace, walls
 
@@ -98,51 +77,62 @@ async def _measure(workspace: Path, folder: Path, limit: int | None) -> None:
     files = scenario_files(folder, limit)
     async with Client(create_server(settings_for(workspace, folder, WORKERS))) as client:
         await import_scenarios(client, files)
-        batches = [
+        batch_ids = [
             await finished_batch(
                 client, scenarios=["preset:500"], configs=list(CONFIGS.values()), prediction=prediction
             )
             for prediction in PREDICTIONS.values()
         ]
     opened = Workspace(workspace)
-    records = [opened.get(batch_id, "batch").read(BatchRecord) for batch_id in batches]
-    runs = tuple(opened.get(key, "run").read(RunRecord) for batch in records for key in batch.runs)
+    batches = [opened.get(batch_id, "batch").read(BatchRecord) for batch_id in batch_ids]
+    runs = [opened.get(run_id, "run").read(RunRecord) for batch in batches for run_id in batch.runs]
+    success = _print_outcomes(runs)
+    _print_failures(opened, [run for run in _of(runs, "default", "gt") if run.outcome != "goal_reached"])
     driven = [run for run in runs if run.outcome != "invalid"]
-    timings = tuple(_file(opened, run.run_id, "timing.json", RunTiming) for run in driven)
-    failures = tuple((run, _cause(opened, run)) for run in _of(runs, "default", "gt") if run.outcome != "goal_reached")
-    traps = sum(trapped(run, _steps(opened, run)) for run in driven if run.outcome == "infeasible")
-    timed = drawn(sorted({run.scenario_id for run in driven}), TIMED_RUNS)
-    acting = _weights_acting(opened, timed[:SITUATIONS])
+    timings = [read_run_file(opened, run.run_id, "timing.json", RunTiming) for run in driven]
+    ratios = [t.planning_step_median_ms / t.core_step_median_ms for t in timings if t.core_step_median_ms]
+    trapped = sum(is_trapped(run, _steps(opened, run)) for run in driven if run.outcome == "infeasible")
+    timed = drawn({run.scenario_id for run in driven}, TIMED_RUNS)
+    situations = [read_scenario(opened.file("scenario", key, "scenario.xml")) for key in timed[:SITUATIONS]]
+    acting = acting_weights(built_in(CONFIGS["default"]), situations)
     opened.close()
-    one, walls = await _throughput(workspace, folder, timed, 1)
-    two, _ = await _throughput(workspace, folder, timed, 2)
-    braked = tuple(braked_runs(files, WORKERS))
-    lost = sum(len(batch.lost) for batch in records)
-    _print(_Measured(runs, lost, traps, failures, timings, acting, walls, two / one, braked))
-
-
-def _cause(workspace: Workspace, run: RunRecord) -> str:
-    return cause(run, _steps(workspace, run), workspace.file("scenario", run.scenario_id, "scenario.xml"))
+    pace, walls_s = await _throughput(workspace, folder, timed, 1)
+    pace_of_two, _ = await _throughput(workspace, folder, timed, 2)
+    braked = braked_runs(files, WORKERS)
+    print_figures(
+        "Planner loop",
+        {
+            "runs": len(runs),
+            "lost": sum(len(batch.lost) for batch in batches),
+            "solvable": sum(run.outcome != "invalid" for run in _of(runs, "default", "gt")),
+            **success,
+            "trap_infeasible": trapped,
+            "step_over_core": round(statistics.median(ratios), 3) if ratios else 0.0,
+            "run_median_s": round(statistics.median(walls_s), 3),
+            "two_worker_speedup": round(pace_of_two / pace, 3),
+            "weights_acting": len(acting),
+            "rear_scenarios": len({run.scenario_id for run in braked}),
+            "reactive_rear_hits": rear_hits(braked, "reactive"),
+            "recorded_rear_hits": rear_hits(braked, "recorded"),
+        },
+        [
+            ("planning step ÷ core", spread(ratios, "×") if ratios else "the planner has no core"),
+            ("a run, in one warm worker", spread(walls_s, "s")),
+            ("throughput of two workers ÷ one", f"{pace_of_two / pace:.2f} ×"),
+            *rows(braked),
+        ],
+    )
 
 
 def _steps(workspace: Workspace, run: RunRecord) -> RunSteps:
-    return _file(workspace, run.run_id, "steps.json", RunSteps)
-
-
-def _file(workspace: Workspace, run_id: str, name: str, model: type[Content]) -> Content:
-    return model.model_validate_json(workspace.file("run", run_id, name).read_text(encoding="utf-8"))
-
-
-def _weights_acting(workspace: Workspace, scenarios: Sequence[str]) -> int:
-    files = (workspace.file("scenario", scenario_id, "scenario.xml") for scenario_id in scenarios)
-    return len(acting_weights(built_in(CONFIGS["default"]), [read_scenario(file) for file in files]))
+    return read_run_file(workspace, run.run_id, "steps.json", RunSteps)
 
 
 def _of(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunRecord]:
     return [run for run in runs if run.config_name == CONFIGS[preset] and run.prediction == PREDICTIONS[prediction]]
 
 
-def trapped(run: RunRecord, steps: RunSteps) -> bool:
+def is_trapped(run: RunRecord, steps: RunSteps) -> bool:
     """Whether a run looks as if a heading wrap had made it infeasible: the yaw rate rejected more than all else did.
 
     The last attempt counts, however long the run went well before. At a wrap the heading leaps by 2π, which only the
@@ -164,59 +154,22 @@ def _print_outcomes(runs: Sequence[RunRecord]) -> dict[str, float]:
             counts = Counter(run.outcome for run in _of(runs, preset, short))
             reached, solvable = counts["goal_reached"], counts.total() - counts["invalid"]
             success[f"success_{preset}_{short}"] = round(reached / solvable, 4) if solvable else 0.0
-            share = rate_text(reached, solvable)
-            table.add_row(config, prediction, *(str(counts[name]) for name in outcomes), share)
+            shown = (str(counts[name]) for name in outcomes)
+            table.add_row(config, prediction, *shown, rate_text(reached, solvable))
     Console(width=160).print(table)
     return success
 
 
-def _print_failures(failures: Sequence[tuple[RunRecord, str]]) -> None:
+def _print_failures(workspace: Workspace, failures: Sequence[RunRecord]) -> None:
     title = f"Not reached by {CONFIGS['default']} with {PREDICTIONS['gt']}"
     table = Table("outcome", "scenario", "cause", "candidates rejected most by", title=title)
-    for run, why in sorted(failures, key=lambda item: (item[0].outcome, item[0].scenario_id)):
+    for run in sorted(failures, key=lambda run: (run.outcome, run.scenario_id)):
+        why = cause(run, _steps(workspace, run), workspace.file("scenario", run.scenario_id, "scenario.xml"))
         table.add_row(run.outcome, run.scenario_id, why, rejections(run))
     Console(width=180).print(table)
 
 
-def _print(measured: _Measured) -> None:
-    success = _print_outcomes(measured.runs)
-    _print_failures(measured.failures)
-    ratios = [t.planning_step_median_ms / t.core_step_median_ms for t in measured.timings if t.core_step_median_ms]
-    print_figures(
-        "Planner loop",
-        [
-            ("planning step ÷ core", spread(ratios, "×") if ratios else "the planner has no core"),
-            ("a run, in one warm worker", spread(measured.wall_s, "s")),
-            ("throughput of two workers ÷ one", f"{measured.speedup:.2f} ×"),
-            *rows(measured.braked),
-        ],
-        {
-            "runs": len(measured.runs),
-            "lost": measured.lost,
-            "solvable": sum(run.outcome != "invalid" for run in _of(measured.runs, "default", "gt")),
-            **success,
-            "trap_infeasible": measured.trapped,
-            "step_over_core": round(statistics.median(ratios), 3) if ratios else 0.0,
-            "run_median_s": round(statistics.median(measured.wall_s), 3),
-            "two_worker_speedup": round(measured.speedup, 3),
-            "weights_acting": measured.acting,
-            "rear_scenarios": len({run.scenario_id for run in measured.braked}),
-            "reactive_rear_hits": hits(measured.braked, "reactive"),
-            "recorded_rear_hits": hits(measured.braked, "recorded"),
-        },
-    )
-
-
-def main() -> None:
-    """Read the command line and measure."""
-    parser = argparse.ArgumentParser(description="Measure the planner loop on a folder of CommonRoad scenarios.")
-    parser.add_argument("--folder", type=Path, default=shared_scenarios())
-    parser.add_argument("--limit", type=int, default=None, help="only a sample of this many files")
-    arguments = parser.parse_args()
-    folder = existing(arguments.folder, parser, "--folder")
-    with tempfile.TemporaryDirectory() as workspace:
-        anyio.run(_measure, Path(workspace), folder, arguments.limit)
-
-
 if __name__ == "__main__":
-    main()
+    scenarios, most = scenario_arguments(__doc__)
+    with tempfile.TemporaryDirectory() as scratch:
+        anyio.run(_measure, Path(scratch), scenarios, most)

@@ -1,6 +1,6 @@
 """Which cost weights act: those whose raising changes what the planner chooses in one and the same situation."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -37,15 +37,13 @@ def acting_weights(configuration: PlannerConfiguration, situations: Sequence[Loa
 
     The situations are the starts of scenarios; a weight acts if it changes the choice in any of them.
     """
-    return frozenset(name for name in configuration.weights if _acts(name, configuration, situations))
-
-
-def _acts(name: str, configuration: PlannerConfiguration, situations: Iterable[LoadedScenario]) -> bool:
-    return any(
-        not np.array_equal(
-            _chosen(configuration, name, 0.0, situation), _chosen(configuration, name, _RAISED, situation)
+    return frozenset(
+        name
+        for name in configuration.weights
+        if any(
+            not np.array_equal(*(_chosen(configuration, name, weight, situation) for weight in (0.0, _RAISED)))
+            for situation in situations
         )
-        for situation in situations
     )
 
 

@@ -1,23 +1,75 @@
 """``make bench-reactive``: rear hits of an ego that brakes to a stand.
 
 Scenarios with a follower in the ego's lane are driven with recorded and with reactive traffic: by a planner that brakes
-at once with 6 m/s², and by each of our planners, which drive for a second before the ego brakes so. Keys: ``scenarios``
-(with a follower), ``runs`` (with one traffic), ``recorded_rear_hits``, ``reactive_rear_hits``, ``reactive_step_ms``
-(median duration of a step of the reactive traffic).
+at once with 6 m/s², and by each of our planners, which drive for a second before the ego brakes so. A rear hit is one
+by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego cut in on while it braked,
+because its reference path changes the lane, makes none. Keys: ``scenarios`` (with a follower), ``runs`` (with one
+traffic), ``recorded_rear_hits``, ``reactive_rear_hits``, ``reactive_step_ms`` (median duration of a step of the
+reactive traffic).
 """
 
+import math
 import statistics
 import sys
+import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from ..harness import print_figures, scenario_files, shared_scenarios
-from .rear_hits import BRAKES_AFTER_S, BrakedRun, braked_runs
+import numpy as np
 
-PROCESSES = 2
+from ...engine.commonroad import LoadedScenario, Track, read_scenario, recorded_tracks
+from ...engine.execution import silent
+from ...engine.geometry import arc_length, interpolate, point_at, project, wrap_angle
+from ...engine.planners import (
+    PLANNERS,
+    DrivenRun,
+    EgoState,
+    Observation,
+    Plan,
+    PlannedTrajectory,
+    Planner,
+    PlanningTask,
+    make_planner,
+    open_traffic,
+    simulate,
+)
+from ...engine.vehicles import BMW_320I
+from ...schemas.runs import Traffic
+from ..harness import built_in, print_figures, process_pool, scenario_files, shared_scenarios
+
+_PROCESSES = 2
+_BRAKING_MPS2 = 6.0
+"""Hard braking (chosen)."""
+_HORIZON_S = 3.0
+"""Length of the braking plan (chosen)."""
+_MODES: tuple[Traffic, ...] = ("recorded", "reactive")
+_BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
+"""The planner that drives before the ego brakes, and for how long."""
+_BEHIND_M, _BESIDE_M, _ALIKE_RAD, _SLOWEST_MPS = 60.0, 1.75, 0.5, 1.0
+"""Largest distance behind the ego and to its side (half a lane), largest difference of headings, and smallest speed of
+a follower (chosen)."""
 
 
-def hits(runs: Sequence[BrakedRun], traffic: str, planner: str | None = None) -> int:
+@dataclass(frozen=True)
+class BrakedRun:
+    """A run of an ego that braked; ``hit`` names what hit it from behind, None where nothing did."""
+
+    scenario_id: str
+    planner: str
+    traffic: Traffic
+    outcome: str
+    hit: str | None
+    step_ms: float
+
+
+def braked_runs(files: Sequence[Path], processes: int) -> list[BrakedRun]:
+    """The runs of all planners in all traffic modes on the scenarios that have a follower."""
+    with process_pool(processes) as pool:
+        return [run for runs in pool.map(_braked_runs_of, files) for run in runs]
+
+
+def rear_hits(runs: Sequence[BrakedRun], traffic: str, planner: str | None = None) -> int:
     """Runs in which the ego was hit from behind."""
     return sum(run.hit is not None for run in runs if run.traffic == traffic and planner in (None, run.planner))
 
@@ -25,28 +77,146 @@ def hits(runs: Sequence[BrakedRun], traffic: str, planner: str | None = None) ->
 def rows(runs: Sequence[BrakedRun]) -> list[tuple[str, str]]:
     """Hits by planner, then every hit of reactive traffic."""
     lines = []
-    for planner in BRAKES_AFTER_S:
+    for planner in _BRAKES_AFTER_S:
+        recorded, reactive = (rear_hits(runs, traffic, planner) for traffic in _MODES)
         count = sum(run.planner == planner and run.traffic == "recorded" for run in runs)
-        counts = f"recorded {hits(runs, 'recorded', planner)}, reactive {hits(runs, 'reactive', planner)} of {count}"
-        lines.append((f"rear hits, driven by {planner}", counts))
-    reactive = [run for run in runs if run.traffic == "reactive"]
-    return lines + [(f"{run.scenario_id}, {run.planner}", run.hit) for run in reactive if run.hit is not None]
+        lines.append((f"rear hits, driven by {planner}", f"recorded {recorded}, reactive {reactive} of {count}"))
+    hit = [run for run in runs if run.traffic == "reactive" and run.hit is not None]
+    return lines + [(f"{run.scenario_id}, {run.planner}", str(run.hit)) for run in hit]
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Measure on the named files, or on all shared scenarios."""
-    files = [Path(text) for text in arguments] or scenario_files(shared_scenarios(), None)
-    runs = braked_runs(files, PROCESSES)
-    steps = [run.step_ms for run in runs if run.traffic == "reactive"]
+def _braked_runs_of(file: Path) -> list[BrakedRun]:
+    """The runs on one scenario; none where no vehicle follows the ego."""
+    loaded = read_scenario(file)
+    if not _has_follower(loaded, EgoState.of(loaded.problem().initial_state)):
+        return []
+    return [_braked(loaded, planner, traffic) for planner in _BRAKES_AFTER_S for traffic in _MODES]
+
+
+def _has_follower(loaded: LoadedScenario, ego: EgoState) -> bool:
+    """Whether a vehicle drives behind a moving ego in its lane at its first step."""
+    return ego.speed_mps >= _SLOWEST_MPS and any(
+        _follows(other, ego) for other in recorded_tracks(loaded.scenario).values()
+    )
+
+
+def _follows(other: Track, ego: EgoState) -> bool:
+    """Whether another vehicle drives behind the ego in its lane."""
+    index = other.index_at(ego.step)
+    if index is None or other.speeds_mps[index] < _SLOWEST_MPS:
+        return False
+    behind, left = _place_behind(ego, *other.positions[index])
+    alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < _ALIKE_RAD
+    return 0.0 < behind < _BEHIND_M and abs(left) < _BESIDE_M and alike
+
+
+def _place_behind(ego: EgoState, x_m: float, y_m: float) -> tuple[float, float]:
+    """How far a point lies behind the ego, and to its left, in m."""
+    cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+    dx, dy = x_m - float(ego.position[0]), y_m - float(ego.position[1])
+    return -(dx * cos + dy * sin), dy * cos - dx * sin
+
+
+def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> BrakedRun:
+    configuration = built_in(name if name in PLANNERS else "frenetix")
+    planner = _BrakingFrom(make_planner(configuration.planner), _BRAKES_AFTER_S[name])
+    began, problem = time.perf_counter(), loaded.problem()
+    with open_traffic(traffic, loaded, problem, BMW_320I, seed=0) as others:
+        run = simulate(loaded.scenario, problem, configuration, planner, "constant_velocity", silent, others)
+    step_ms = 1000 * (time.perf_counter() - began - sum(run.plan_s)) / len(run.states)
+    hit = _rear_hit(run, planner.brake_step)
+    return BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, hit, step_ms)
+
+
+def _rear_hit(run: DrivenRun, brake_step: int) -> str | None:
+    """What ran into the ego from behind, if it followed the ego when that began to brake."""
+    hit = run.final.collision
+    begin = next((state for state in run.states if state.step in run.plan_steps and state.step >= brake_step), None)
+    if hit is None or hit.obstacle_id is None or begin is None:
+        return None
+    ego = run.states[-1]
+    tracks = (*run.traffic.moving, *run.traffic.standing)
+    other = next(track for track in tracks if track.obstacle_id == hit.obstacle_id)
+    behind, _ = _place_behind(ego, *other.positions[other.index_at(ego.step) or 0])
+    if not (_follows(other, begin) and behind > 0.0):
+        return None
+    driven = (
+        "driven" if any(track.obstacle_id == hit.obstacle_id for track in run.traffic.driven) else "on its recording"
+    )
+    return f"{hit.kind} {hit.obstacle_id} ({driven}) at {hit.time_s:.1f} s, ego {ego.speed_mps:.1f} m/s"
+
+
+class BrakingPlanner:
+    """Brakes at once with 6 m/s² and stays where it stands."""
+
+    def __init__(self, braking_mps2: float = _BRAKING_MPS2) -> None:
+        self._braking_mps2 = braking_mps2
+        self._task: PlanningTask | None = None
+
+    def reset(self, task: PlanningTask) -> None:
+        """Keep the task of the run."""
+        self._task = task
+
+    def plan(self, observation: Observation) -> Plan:
+        """The path to the stand along the reference path, at the present distance beside it."""
+        if self._task is None:
+            raise RuntimeError("reset the planner before it plans")
+        ego, step_s = observation.ego, self._task.step_s
+        times = np.arange(round(_HORIZON_S / step_s) + 1) * step_s
+        until_stand_s = ego.speed_mps / self._braking_mps2
+        braked = np.minimum(times, until_stand_s)
+        moved = ego.speed_mps * braked - self._braking_mps2 * braked**2 / 2
+        points = self._task.reference.points
+        stations = project(points, ego.position)[0] + moved
+        path = interpolate(points, arc_length(points), stations)
+        directions = np.unwrap([point_at(points, station)[1] for station in stations])
+        return Plan(
+            PlannedTrajectory(
+                positions=path - path[0] + ego.position,
+                headings_rad=ego.heading_rad + directions - directions[0],
+                speeds_mps=np.maximum(ego.speed_mps - self._braking_mps2 * times, 0.0),
+                accelerations_mps2=np.where(times < until_stand_s, -self._braking_mps2, 0.0),
+            ),
+            candidates=1,
+        )
+
+
+class _BrakingFrom:
+    """Drives as another planner does and brakes to a stand from a time on; ``brake_step`` is that time's step.
+
+    Args:
+        planner: drives first.
+        after_s: time from the start of the run at which the ego begins to brake.
+    """
+
+    def __init__(self, planner: Planner, after_s: float) -> None:
+        self.brake_step = 0
+        self._planner, self._after_s, self._braking = planner, after_s, BrakingPlanner()
+
+    def reset(self, task: PlanningTask) -> None:
+        """Prepare both planners."""
+        self.brake_step = int(task.problem.initial_state.time_step) + round(self._after_s / task.step_s)
+        self._planner.reset(task)
+        self._braking.reset(task)
+
+    def plan(self, observation: Observation) -> Plan:
+        """The plan of the other planner before the brake step, of the braking one from then on."""
+        planner = self._planner if observation.ego.step < self.brake_step else self._braking
+        return planner.plan(observation)
+
+
+def _measure(files: Sequence[Path]) -> None:
+    runs = braked_runs(files, _PROCESSES)
+    steps_ms = [run.step_ms for run in runs if run.traffic == "reactive"]
     figures = {
         "scenarios": len({run.scenario_id for run in runs}),
         "runs": sum(run.traffic == "recorded" for run in runs),
-        "recorded_rear_hits": hits(runs, "recorded"),
-        "reactive_rear_hits": hits(runs, "reactive"),
-        "reactive_step_ms": round(statistics.median(steps), 2) if steps else 0.0,
+        "recorded_rear_hits": rear_hits(runs, "recorded"),
+        "reactive_rear_hits": rear_hits(runs, "reactive"),
+        "reactive_step_ms": round(statistics.median(steps_ms), 2) if steps_ms else 0.0,
     }
-    print_figures("The ego brakes to a stand", rows(runs), figures)
+    print_figures("The ego brakes to a stand", figures, rows(runs))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    _measure([Path(text) for text in sys.argv[1:]] or scenario_files(shared_scenarios(), None))

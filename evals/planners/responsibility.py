@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import spearmanr
 
 from ...engine.catalog import ARCHIVE
 from ...engine.commonroad import read_scenario
@@ -49,18 +50,12 @@ class Collected:
 
     def spearman(self) -> float:
         """The rank correlation over all candidates."""
-        return _rank_correlation(np.array(self.prediction), np.array(self.responsibility))
+        return float(spearmanr(self.prediction, self.responsibility).statistic)
 
     def spearman_with_either(self) -> float:
         """The rank correlation without the candidates of which both terms are 0."""
         chosen = self.either
-        return _rank_correlation(np.array(self.prediction)[chosen], np.array(self.responsibility)[chosen])
-
-
-def _rank_correlation(first: "Values", second: "Values") -> float:
-    from scipy.stats import spearmanr
-
-    return float(spearmanr(first, second).statistic)
+        return float(spearmanr(np.array(self.prediction)[chosen], np.array(self.responsibility)[chosen]).statistic)
 
 
 class _ListeningFrenetix(Frenetix):
@@ -96,15 +91,15 @@ class _ListeningFrenetix(Frenetix):
         return iter(ranked)
 
 
-def scenario_files(folder: Path | None, count: int, scratch: Path) -> Iterator[Path]:
+def starter_and_spread_files(folder: Path | None, count: int, scratch: Path) -> Iterator[Path]:
     """All starter scenarios, then ``count`` files spread evenly over the folder."""
     with (files("plannerforge.engine.catalog") / ARCHIVE).open("rb") as stream, zipfile.ZipFile(stream) as archive:
         for name in sorted(archive.namelist()):
             if name.endswith(".xml") and not name.endswith(".net.xml"):
                 yield Path(archive.extract(name, scratch))
     if folder is not None:
-        found = sorted(folder.glob("*.xml"))
-        yield from found[:: max(len(found) // count, 1)][:count]
+        paths = sorted(folder.glob("*.xml"))
+        yield from paths[:: max(len(paths) // count, 1)][:count]
 
 
 def collected_terms(paths: Iterable[Path], most_plans: int = ALL_PLANS) -> Collected:
@@ -123,13 +118,10 @@ def collected_terms(paths: Iterable[Path], most_plans: int = ALL_PLANS) -> Colle
     return collected
 
 
-def main() -> None:
-    """Measure and print."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
-    count = int(sys.argv[2]) if len(sys.argv) > 2 else FILES
+def _measure(folder: Path | None, count: int) -> None:
     with tempfile.TemporaryDirectory() as scratch:
-        collected = collected_terms(scenario_files(folder, count, Path(scratch)))
-    figures: dict[str, float | int | str] = {
+        collected = collected_terms(starter_and_spread_files(folder, count, Path(scratch)))
+    figures = {
         "scenarios": collected.scenarios,
         "candidates": len(collected.prediction),
         "candidates_with_either": int(collected.either.sum()),
@@ -138,8 +130,10 @@ def main() -> None:
         "step_median_ms": round(1000 * median(collected.seconds), 2),
         "step_p95_ms": round(1000 * float(np.quantile(collected.seconds, 0.95)), 2),
     }
-    print_figures("responsibility against prediction", [(key, str(value)) for key, value in figures.items()], figures)
+    print_figures("responsibility against prediction", figures)
 
 
 if __name__ == "__main__":
-    main()
+    _measure(
+        folder=Path(sys.argv[1]) if len(sys.argv) > 1 else None, count=int(sys.argv[2]) if len(sys.argv) > 2 else FILES
+    )

@@ -8,10 +8,10 @@ Keys: ``problems``, and for ``ours`` and ``peer``: ``<who>_found`` (problems wit
 calls).
 """
 
-import argparse
 import importlib
 import logging
 import statistics
+import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -24,7 +24,7 @@ import numpy as np
 from ...engine.commonroad import read_scenario
 from ...engine.planners import BEYOND_GOAL_M, build_reference_path
 from ...engine.scene import find_route, goal_lanelets
-from ..harness import print_figures, scenario_files, shared_scenarios
+from ..harness import percentile_95, print_figures, scenario_arguments, scenario_files
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -52,16 +52,6 @@ def _ours(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, .
     return route.lanelets if route.goal_index is None else route.lanelets[: route.goal_index + 1]
 
 
-def _peer() -> "Router":
-    """The peer's router.
-
-    Raises:
-        ModuleNotFoundError: it is not installed.
-    """
-    plan = importlib.import_module(PEER).generate_reference_path_from_lanelet_network_and_planning_problem
-    return lambda network, problem: tuple(plan(network, problem).lanelet_ids)
-
-
 def _problems_of(folder: Path, limit: int | None) -> "Iterator[tuple[LaneletNetwork, PlanningProblem]]":
     """Every planning problem of every file of a folder with its network."""
     for path in scenario_files(folder, limit):
@@ -85,35 +75,32 @@ def _routed(router: "Router", network: "LaneletNetwork", problem: "PlanningProbl
     tally.misses_goal += bool(goals) and not set(goals or ()) & set(lanelets)
 
 
-def main() -> None:
-    """Read the command line and measure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--folder", type=Path, default=shared_scenarios())
-    parser.add_argument("--limit", type=int, default=None, help="only a sample of this many files")
-    arguments = parser.parse_args()
+def _measure(folder: Path, limit: int | None) -> None:
     try:
-        routers = {"ours": _ours, "peer": _peer()}
+        plan = importlib.import_module(PEER).generate_reference_path_from_lanelet_network_and_planning_problem
     except ModuleNotFoundError as error:
-        parser.error(f"{error}: pip install --no-deps commonroad-route-planner into this environment")
+        sys.exit(f"{error}: pip install --no-deps commonroad-route-planner into this environment")
+    routers: dict[str, Router] = {
+        "ours": _ours,
+        "peer": lambda network, problem: tuple(plan(network, problem).lanelet_ids),
+    }
     warnings.simplefilter("ignore")
     logging.disable(logging.CRITICAL)
     tallies = {who: _Tally() for who in routers}
-    count = 0
-    for network, problem in _problems_of(arguments.folder, arguments.limit):
-        count += 1
+    figures: dict[str, float | int] = {"problems": 0}
+    for network, problem in _problems_of(folder, limit):
+        figures["problems"] += 1
         for who, router in routers.items():
             _routed(router, network, problem, tallies[who])
-    figures: dict[str, float | int] = {"problems": count}
     for who, tally in tallies.items():
-        ordered = sorted(tally.seconds)
         figures |= {
-            f"{who}_found": len(ordered),
+            f"{who}_found": len(tally.seconds),
             f"{who}_misses_goal": tally.misses_goal,
-            f"{who}_median_ms": round(1000 * statistics.median(ordered), 2),
-            f"{who}_p95_ms": round(1000 * ordered[int(0.95 * len(ordered))], 2),
+            f"{who}_median_ms": round(1000 * statistics.median(tally.seconds), 2),
+            f"{who}_p95_ms": round(1000 * percentile_95(tally.seconds), 2),
         }
-    print_figures("Routes", [(name, f"{value:g}") for name, value in figures.items()], figures)
+    print_figures("Routes", figures)
 
 
 if __name__ == "__main__":
-    main()
+    _measure(*scenario_arguments(__doc__))

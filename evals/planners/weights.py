@@ -10,7 +10,6 @@ does in one and the same situation is held by a test. Keys: ``scenarios``, ``run
 (weights whose interval lies under, over 0), and ``shift_<weight>`` (median shift ÷ mean under Default).
 """
 
-import argparse
 import math
 import tempfile
 from collections.abc import Mapping
@@ -30,13 +29,13 @@ from ...server.assembly import create_server
 from ..harness import (
     ask,
     built_in,
-    existing,
     finished_batch,
     import_scenarios,
     print_figures,
+    read_run_file,
+    scenario_arguments,
     scenario_files,
     settings_for,
-    shared_scenarios,
 )
 
 BASE = "frenetix:Default"
@@ -83,9 +82,7 @@ def _own_terms(workspace: Workspace, batch: BatchRecord) -> dict[tuple[str, str]
     for run_id in batch.runs:
         record = workspace.get(run_id, "run").read(RunRecord)
         configuration = workspace.get(record.config_id, "config").read(PlannerConfiguration)
-        path = workspace.file("run", run_id, "steps.json")
-        steps = RunSteps.model_validate_json(path.read_text(encoding="utf-8"))
-        means = mean_terms(steps)
+        means = mean_terms(read_run_file(workspace, run_id, "steps.json", RunSteps))
         if means:
             raw = {name: means.get(name, 0.0) / weight for name, weight in configuration.weights.items()}
             terms[record.config_id, record.scenario_id] = raw
@@ -125,28 +122,17 @@ def _print(
             str(len(both)),
         )
     Console(width=150).print(table)
-    figures: dict[str, float | int | str] = {
+    figures = {
         "scenarios": len(batch.scenarios),
         "runs": len(batch.runs),
         "lost": len(batch.lost),
         "falls": sum(test.high is not None and test.high < 0 for test in tests.values()),
         "rises": sum(test.low is not None and test.low > 0 for test in tests.values()),
-        **shifts,
     }
-    rows = [(key, str(figures[key])) for key in ("scenarios", "runs", "lost", "falls", "rises")]
-    print_figures("A raised weight and its own term", rows, figures)
-
-
-def main() -> None:
-    """Read the command line and measure."""
-    parser = argparse.ArgumentParser(description="Raise each weight of Frenetix and look at its own term.")
-    parser.add_argument("--folder", type=Path, default=shared_scenarios())
-    parser.add_argument("--scenarios", type=int, default=SCENARIOS)
-    arguments = parser.parse_args()
-    folder = existing(arguments.folder, parser, "--folder")
-    with tempfile.TemporaryDirectory() as workspace:
-        anyio.run(_measure, Path(workspace), folder, arguments.scenarios)
+    print_figures("A raised weight and its own term", figures | shifts, figures.items())
 
 
 if __name__ == "__main__":
-    main()
+    scenarios, most = scenario_arguments(__doc__, "--scenarios", SCENARIOS)
+    with tempfile.TemporaryDirectory() as scratch:
+        anyio.run(_measure, Path(scratch), scenarios, most)

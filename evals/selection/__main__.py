@@ -25,7 +25,7 @@ from ...engine.catalog import entries_of, facts_of
 from ...engine.workspace import Database
 from ...server.assembly import create_server
 from ...server.settings import Settings
-from ..harness import print_figures, shared_folder
+from ..harness import ask_to_the_end, existing, print_figures, share, shared_folder, shared_scenarios
 from .corpus import Request, read_requests
 from .pages import Answered, answer_all
 from .quality import SEEDS, SelectionQuality
@@ -35,38 +35,32 @@ SMALL = 500
 LARGE = 100_000
 
 
-async def _import_folder(settings: Settings, folder: Path) -> tuple[int, float]:
-    """Import all files into a new workspace: how many went in, and seconds."""
+async def _import_s(settings: Settings, folder: Path) -> float:
+    """Seconds to import all files into a new workspace."""
     async with Client(create_server(settings, start_folder=folder)) as client:
         started = time.perf_counter()
-        answer = (await client.call_tool("import_files", {"path": str(folder)})).structured_content or {}
-        while answer.get("state") == "running":
-            waited = await client.call_tool("get_job", {"job_id": answer["job_id"], "wait_s": 50})
-            answer = waited.structured_content or {}
-        took_s = time.perf_counter() - started
-    database = Database(settings.workspace / "workspace.sqlite")
-    added = database.connection().execute("SELECT count(*) FROM artifacts WHERE kind = 'scenario'").fetchone()[0]
-    database.close()
-    return int(added), took_s
+        await ask_to_the_end(client, "import_files", path=str(folder))
+        return time.perf_counter() - started
 
 
-def _measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
+def _measure(scratch: Path, seeds: range, largest: int) -> None:
     """Measure and print."""
     console, begun = Console(stderr=True), time.perf_counter()
 
     def tell(what: str) -> None:
         console.print(f"{time.perf_counter() - begun:5.0f} s  {what}")
 
-    folder, workspace = shared / "data/commonroad", scratch / "workspace"
-    requests = read_requests(shared / "corpora/dev/selection.jsonl")
+    folder, workspace = existing(shared_scenarios()), scratch / "workspace"
+    requests = read_requests(shared_folder() / "corpora/dev/selection.jsonl")
     settings = Settings(workspace=workspace, roots=(folder,), starter=False, warm_up=False)
     tell("importing")
-    added, import_s = anyio.run(_import_folder, settings, folder)
+    import_s = anyio.run(_import_s, settings, folder)
     database = Database(workspace / "workspace.sqlite")
     connection = database.connection()
     tell("all pages of every request")
     pages = anyio.run(_pages, settings, folder, requests)
     figures, rows = SelectionQuality(database, scratch / "index", requests, folder, tell).measure(seeds)
+    added = connection.execute("SELECT count(*) FROM artifacts WHERE kind = 'scenario'").fetchone()[0]
     numbers = frozenset(row[0] for row in connection.execute("SELECT number FROM catalog_scenarios"))
     real = list(facts_of(connection, [entry.scenario_id for entry in entries_of(connection, numbers)]).values())
     medians = []
@@ -77,22 +71,12 @@ def _measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
     tell("starting servers")
     starts = anyio.run(measure_starts, sys.executable, workspace, scratch / "new")
     tell("done")
+    found = _page_figures(pages)
     print_figures(
         "Selection",
-        [
-            *rows,
-            *_page_rows(pages),
-            (f"search, median at {SMALL}", f"{medians[0]:.1f} ms"),
-            (f"search, median at {largest:,}", f"{medians[1]:.1f} ms"),
-            (f"import of {added} scenarios", f"{added / import_s:.1f} scenarios/s"),
-            ("start to first search", f"{starts.first_search_s:.2f} s"),
-            ("start to first search, new workspace", f"{starts.first_search_new_s:.2f} s"),
-            ("start to first search by text", f"{starts.first_text_search_s:.2f} s"),
-            ("search by text, warm", f"{starts.warm_text_search_ms:.0f} ms"),
-        ],
-        figures
-        | _page_figures(pages)
-        | {
+        {
+            **figures,
+            **found,
             "search_median_ms_500": round(medians[0], 2),
             f"search_median_ms_{'100k' if largest == LARGE else largest}": round(medians[1], 2),
             "import_per_s": round(added / import_s, 2),
@@ -101,6 +85,18 @@ def _measure(shared: Path, scratch: Path, seeds: range, largest: int) -> None:
             "first_text_search_s": round(starts.first_text_search_s, 2),
             "warm_text_search_ms": round(starts.warm_text_search_ms, 1),
         },
+        [
+            *rows,
+            *((key, str(value)) for key, value in found.items()),
+            *(("differs from the corpus", answer.difference()) for answer in pages if not answer.is_exact),
+            (f"search, median at {SMALL}", f"{medians[0]:.1f} ms"),
+            (f"search, median at {largest:,}", f"{medians[1]:.1f} ms"),
+            (f"import of {added} scenarios", f"{added / import_s:.1f} scenarios/s"),
+            ("start to first search", f"{starts.first_search_s:.2f} s"),
+            ("start to first search, new workspace", f"{starts.first_search_new_s:.2f} s"),
+            ("start to first search by text", f"{starts.first_text_search_s:.2f} s"),
+            ("search by text, warm", f"{starts.warm_text_search_ms:.0f} ms"),
+        ],
     )
 
 
@@ -113,21 +109,17 @@ def _page_figures(pages: Sequence[Answered]) -> dict[str, float]:
     """Over all pages of the tool: what was found where something should be, and nothing where nothing should."""
     with_answer = [answer for answer in pages if answer.request.expect == "ok"]
     empty = [answer for answer in pages if answer.request.expect == "empty"]
-    satisfied = [bool(answer.facts) and set(answer.facts) <= answer.request.matching for answer in with_answer]
     return {
-        "sat_all_funnel": round(statistics.mean(satisfied), 4),
-        "ids_exact": round(statistics.mean(answer.is_exact for answer in with_answer), 4),
-        "empty_right": round(statistics.mean(answer.is_rightly_empty for answer in empty), 4),
+        "sat_all_funnel": share(
+            answer.facts and answer.facts.keys() <= answer.request.matching for answer in with_answer
+        ),
+        "ids_exact": share(answer.is_exact for answer in with_answer),
+        "empty_right": share(answer.is_rightly_empty for answer in empty),
     }
 
 
-def _page_rows(pages: Sequence[Answered]) -> list[tuple[str, str]]:
-    shares = [(key, f"{value}") for key, value in _page_figures(pages).items()]
-    return shares + [("differs from the corpus", answer.difference()) for answer in pages if not answer.is_exact]
-
-
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="Measure selection.")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=SEEDS, help="rounds of spoiled slots")
     parser.add_argument("--first-seed", type=int, default=0, help="the seed of the first round")
     parser.add_argument("--largest", type=int, default=LARGE, help="entries of the large synthetic catalogue")
@@ -136,8 +128,5 @@ def _arguments() -> argparse.Namespace:
 
 if __name__ == "__main__":
     asked = _arguments()
-    found = shared_folder()
-    if not (found / "data/commonroad").is_dir():
-        sys.exit("the real scenarios and the corpus are not here; name their folder in PLANNERFORGE_SHARED")
     with tempfile.TemporaryDirectory() as name:
-        _measure(found, Path(name), range(asked.first_seed, asked.first_seed + asked.seeds), asked.largest)
+        _measure(Path(name), range(asked.first_seed, asked.first_seed + asked.seeds), asked.largest)

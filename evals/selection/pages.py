@@ -1,13 +1,13 @@
 """Asking find_scenarios as a client does, page after page, and comparing with the ids of the corpus."""
 
-import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from mcp import Client
 
 from ...schemas.catalog import FindScenariosArguments, FindScenariosResult
+from ..harness import ask, call_ms
 from .corpus import Request, arguments_of
 
 PAGE = 50
@@ -22,11 +22,6 @@ class Answered:
     request: Request
     facts: dict[str, tuple[str, ...]]
     emptied_at: str | None
-
-    @property
-    def scenario_ids(self) -> tuple[str, ...]:
-        """All matches."""
-        return tuple(self.facts)
 
     @property
     def is_exact(self) -> bool:
@@ -51,28 +46,24 @@ async def answer_all(client: Client, requests: Iterable[Request]) -> list[Answer
     return [await _answered(client, request) for request in requests if request.expect in _VALID]
 
 
-async def search_ms(client: Client, requests: Sequence[Request]) -> list[float]:
+async def search_ms(client: Client, requests: Iterable[Request]) -> list[float]:
     """Milliseconds of every request by its slots: the whole tool with the stored search, as a client waits for it."""
-    durations = []
-    for request in requests:
-        if request.expect in _VALID:
-            arguments = _words(arguments_of(request.truth).model_copy(update={"limit": 5}))
-            started = time.perf_counter()
-            await client.call_tool("find_scenarios", arguments)
-            durations.append((time.perf_counter() - started) * 1000)
-    return durations
+    return [
+        await call_ms(client, "find_scenarios", **_words(arguments_of(request.truth), limit=5))
+        for request in requests
+        if request.expect in _VALID
+    ]
 
 
 async def _answered(client: Client, request: Request) -> Answered:
     asked, facts = arguments_of(request.truth), dict[str, tuple[str, ...]]()
     while True:
-        page = _words(asked.model_copy(update={"limit": PAGE, "offset": len(facts)}))
-        answer = await client.call_tool("find_scenarios", page)
-        found = FindScenariosResult.model_validate(answer.structured_content)
-        facts |= {match.scenario_id: match.satisfied for match in found.matches}
-        if len(found.matches) < PAGE:
-            return Answered(request, facts, found.emptied_by.stage if found.emptied_by else None)
+        answer = await ask(client, "find_scenarios", **_words(asked, limit=PAGE, offset=len(facts)))
+        page = FindScenariosResult.model_validate(answer)
+        facts |= {match.scenario_id: match.satisfied for match in page.matches}
+        if len(page.matches) < PAGE:
+            return Answered(request, facts, page.emptied_by.stage if page.emptied_by else None)
 
 
-def _words(arguments: FindScenariosArguments) -> dict[str, Any]:
-    return arguments.model_dump(mode="json", exclude_none=True)
+def _words(arguments: FindScenariosArguments, **instead: int) -> dict[str, Any]:
+    return arguments.model_copy(update=instead).model_dump(mode="json", exclude_none=True)

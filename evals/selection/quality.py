@@ -12,6 +12,7 @@ from ...engine.execution import silent
 from ...engine.workspace import Database
 from ...schemas.catalog import PACKAGED_MODEL, FindScenariosArguments, Method, RankRequest
 from ...schemas.errors import UnknownName
+from ..harness import share
 from .corpus import Request, arguments_of, extract_score, refused_arguments, spoiled
 
 _FIRST = 5
@@ -72,9 +73,7 @@ class SelectionQuality:
             "sat_top1_spoiled_text": _share(with_text, _top1),
             "sat_top1_spoiled_strict": _share(strict, _top1),
             "bm25_top1": _share(tables["bm25 (text)"], _top1),
-            "refused_right": round(
-                sum(_is_refused(self._connection, one) for one in self._refused) / len(self._refused), 4
-            ),
+            "refused_right": share(_is_refused(self._connection, request) for request in self._refused),
             "semantic_top1": _share(tables["semantic (text)"], _top1),
             "semantic_xml_top1": _share(tables["semantic over the XML (text)"], _top1),
         }
@@ -177,4 +176,4 @@ def _shares(table: Ranked) -> str:
 
 
 def _share(table: Ranked, holds: Callable[[frozenset[str], Sequence[str]], bool]) -> float:
-    return round(sum(holds(request.matching, found) for request, found in table) / len(table), 4)
+    return share(holds(request.matching, found) for request, found in table)

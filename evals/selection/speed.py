@@ -19,6 +19,7 @@ from ...engine.catalog import add_facts, prepare
 from ...schemas.scenarios import ParticipantFacts, ScenarioFacts
 from ...server.assembly import create_server
 from ...server.settings import Settings
+from ..harness import call_ms
 from .corpus import Request
 from .pages import search_ms
 
@@ -67,9 +68,7 @@ async def measure_starts(python: str, workspace: Path, new_workspace: Path) -> _
         warm = []
         for number in range(_WARM_TEXTS):
             await anyio.sleep(0.05)
-            again = time.perf_counter()
-            await client.call_tool("find_scenarios", {"text": f"a left turn with {number} trucks"})
-            warm.append((time.perf_counter() - again) * 1000)
+            warm.append(await call_ms(client, "find_scenarios", text=f"a left turn with {number} trucks"))
     return _Starts(first_s, new_s, text_s, statistics.median(warm))
 
 

@@ -43,7 +43,7 @@ async def test_all_pages_are_compared_and_differences_are_told(filled: Settings,
             client, [ALL, FEWER, EMPTY, WRONG_STAGE, NOT_EMPTY, REFUSED]
         )
         assert len(await search_ms(client, [ALL, EMPTY, REFUSED])) == 2
-    assert set(every.scenario_ids) == set(IDS)
-    assert [one.is_exact for one in (every, fewer, empty)] == [True, False, True]
+    assert set(every.facts) == set(IDS)
+    assert [answer.is_exact for answer in (every, fewer, empty)] == [True, False, True]
     assert fewer.difference() == ("fewer: only found: DEU_Bonn-1_1_T-1 (Bonn, DEU); only expected: DEU_Ulm-1_1_T-1")
-    assert [one.is_rightly_empty for one in (empty, stage, found)] == [True, False, False]
+    assert [answer.is_rightly_empty for answer in (empty, stage, found)] == [True, False, False]

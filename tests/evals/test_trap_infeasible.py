@@ -11,7 +11,7 @@ from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners import simulation
 from plannerforge.engine.planners.frenetix.core import FrameKeeper, FrenetFrame
 from plannerforge.engine.planners.runs import run_planner
-from plannerforge.evals.planners.__main__ import trapped
+from plannerforge.evals.planners.__main__ import is_trapped
 from plannerforge.schemas.planning import RunRequest, RunResponse
 
 RADIUS_M = 120.0
@@ -30,7 +30,7 @@ def driven(scenario: ScenarioBuilder, folder: Path) -> RunResponse:
 
 
 def outcome_and_trap(response: RunResponse) -> tuple[str, bool]:
-    return response.record.outcome, trapped(response.record, response.steps)
+    return response.record.outcome, is_trapped(response.record, response.steps)
 
 
 def westward_bend(speed_mps: float) -> ScenarioBuilder:
@@ -75,8 +75,8 @@ def test_a_corner_that_cannot_be_taken_at_such_a_speed_is_no_trap(tmp_path: Path
 def test_runs_that_are_not_infeasible_are_no_traps(tmp_path: Path) -> None:
     response = driven(westward_bend(10.0), tmp_path)
     steps = response.steps.model_copy(update={"rejected": {"yaw_rate": (0, 9999)}})
-    assert not trapped(response.record, steps)
-    assert trapped(response.record.model_copy(update={"outcome": "infeasible"}), steps)
+    assert not is_trapped(response.record, steps)
+    assert is_trapped(response.record.model_copy(update={"outcome": "infeasible"}), steps)
 
 
 def test_a_wrap_late_in_a_run_is_seen_whatever_was_rejected_before(tmp_path: Path) -> None:
@@ -84,4 +84,4 @@ def test_a_wrap_late_in_a_run_is_seen_whatever_was_rejected_before(tmp_path: Pat
     stopped = response.record.model_copy(update={"outcome": "infeasible"})
     late = response.steps.model_copy(update={"rejected": {"yaw_rate": (0, 0, 300), "collision": (900, 900, 20)}})
     early = response.steps.model_copy(update={"rejected": {"yaw_rate": (900, 900, 20), "collision": (0, 0, 300)}})
-    assert (trapped(stopped, late), trapped(stopped, early)) == (True, False)
+    assert (is_trapped(stopped, late), is_trapped(stopped, early)) == (True, False)

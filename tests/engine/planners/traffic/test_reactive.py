@@ -23,7 +23,7 @@ from plannerforge.engine.planners.traffic.reactive import is_insertion_safe
 from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
 from plannerforge.engine.planners.traffic.roles import TrafficRoles
 from plannerforge.engine.vehicles.models import BMW_320I
-from plannerforge.evals.planners.rear_hits import BrakingPlanner
+from plannerforge.evals.planners.reactive import BrakingPlanner
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.runs import Traffic

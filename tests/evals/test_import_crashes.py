@@ -11,7 +11,7 @@ from support.catalog import facts
 from plannerforge.engine.catalog.updates import refresh
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.evals.faults.kill_test_import import disagreements, kill_imports
+from plannerforge.evals.faults.imports import disagreements, kill_imports
 from plannerforge.schemas.scenarios import ScenarioRecord
 
 FILES, KILLS = 8, 2
