@@ -1,5 +1,6 @@
 """How the traffic of a made scenario moves: on the lanelets, without overlaps, drivable for the drivability checker."""
 
+import itertools
 import random
 from copy import copy
 from dataclasses import dataclass
@@ -10,9 +11,10 @@ import numpy as np
 from ...engine.commonroad import LoadedScenario, Track, recorded_tracks
 from ...engine.geometry import wrap_angle
 from ...engine.vehicles import Motion, VehicleClass, class_by_size, steering_angles
+from ..geometry import overlap_steps
 
-SHARED_M2 = 1e-6
-"""Rounding makes rectangles that only touch share less."""
+TOUCHING_M = 1e-6
+"""Rounding makes rectangles that only touch overlap less deep."""
 
 
 @dataclass(frozen=True)
@@ -40,33 +42,11 @@ def measure_motion(loaded: LoadedScenario, sample: int, seed: int) -> MotionFigu
     return MotionFigures(
         positions=len(points),
         inside=int(contains_xy(lanes, points[:, 0], points[:, 1]).sum()),
-        overlapping_pairs=sum(meet(one, other) for index, one in enumerate(tracks) for other in tracks[:index]),
+        overlapping_pairs=sum(bool(overlap_steps(*pair, TOUCHING_M)) for pair in itertools.combinations(tracks, 2)),
         checked=len(verdicts),
         feasible=sum(verdicts.values()),
         infeasible_names=tuple(f"{loaded.benchmark_id}: {name}" for name, good in verdicts.items() if not good),
     )
-
-
-def meet(one: Track, other: Track) -> bool:
-    """Whether the rectangles of two tracks share an area at any step."""
-    from shapely import area, intersection, polygons
-
-    reach = (one.length_m + other.length_m) / 2 + 2.0
-    first, last = max(one.first_step, other.first_step), min(one.last_step, other.last_step)
-    if last < first:
-        return False
-    mine, theirs = (slice(first - track.first_step, last - track.first_step + 1) for track in (one, other))
-    near = np.linalg.norm(one.positions[mine] - other.positions[theirs], axis=1) < reach
-    shapes = (polygons(_corners(track)[part][near]) for track, part in ((one, mine), (other, theirs)))
-    return bool((area(intersection(*shapes)) > SHARED_M2).any())
-
-
-def _corners(track: Track) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """The rectangle of every step: shape (steps, 4, 2)."""
-    ahead = np.stack([np.cos(track.headings_rad), np.sin(track.headings_rad)], axis=1) * track.length_m / 2
-    aside = np.stack([-np.sin(track.headings_rad), np.cos(track.headings_rad)], axis=1) * track.width_m / 2
-    sides = (ahead + aside, ahead - aside, -ahead - aside, -ahead + aside)
-    return np.stack([track.positions + side for side in sides], axis=1)
 
 
 def is_drivable(track: Track, step_s: float) -> bool:

@@ -25,19 +25,16 @@ import re
 import statistics
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from concurrent.futures import Future, as_completed
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
 
 from ...engine.analysis import wilson_interval
-from ...engine.execution import PRELOAD, warm_up
-from ..harness import print_figures, shared_folder
-from .cases import measure_file, measure_line
+from ..harness import existing, percentile_95, print_figures, process_pool, share, shared_folder, shared_scenarios
+from .cases import Case, Effort, Measured, Refusal, measure_file, measure_line
 from .requests import published_presets
-from .results import Case, Effort, Measured, Refusal
 from .safety import safety_rows
 
 TASKS = ("T", "B", "P", "G")
@@ -54,11 +51,10 @@ REASONS, REASON_LETTERS = 6, 110
 """Of refusals that the table shows for each task: how many, and how long."""
 
 
-def _measure(files: Sequence[Path], lines: Sequence[str], shared: Path, workers: int) -> list[Measured]:
+def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[Measured]:
     """All jobs on worker processes; the results in no particular order."""
-    presets = published_presets(shared / "facts")
-    spawn, modules = get_context("spawn"), PRELOAD["compute"]
-    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=warm_up, initargs=(modules,)) as pool:
+    presets = published_presets(shared_folder() / "facts")
+    with process_pool(workers) as pool:
         jobs: list[Future[Measured]] = []
         for index, path in enumerate(files):
             effort = Effort(
@@ -69,7 +65,7 @@ def _measure(files: Sequence[Path], lines: Sequence[str], shared: Path, workers:
             jobs.append(pool.submit(measure_file, path, presets, effort))
         for index, line in enumerate(lines):
             effort = Effort(planner=index % EVERY_LINE_PLANNED == 0)
-            jobs.append(pool.submit(measure_line, line, shared / "data" / "commonroad", effort))
+            jobs.append(pool.submit(measure_line, line, shared_scenarios(), effort))
         return [job.result() for job in track(as_completed(jobs), total=len(jobs), console=Console(stderr=True))]
 
 
@@ -82,32 +78,32 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
     refused = [right for one in measured for _, right in one.refused_right]
     touched = max(sum(case.touched for case in made), 1)
     several = [case.in_several_calls_equal for case in made if case.in_several_calls_equal is not None]
-    seconds = sorted(case.edit_s for case in made)
+    seconds = [case.edit_s for case in made]
     first = [case.edit_s for case in made if case.is_first]
-    found = {
-        "round_trip": _share(not trip for trip in trips),
-        **{name: _share(checks.get(name, ())) for name in HEADLINES},
-        "T_arrives": _share(there for case in made for there in case.arrivals),
-        "checks_min": min((_share(values) for values in checks.values()), default=0.0),
+    figures = {
+        "round_trip": share(not trip for trip in trips),
+        **{name: share(checks.get(name, ())) for name in HEADLINES},
+        "T_arrives": share(there for case in made for there in case.arrivals),
+        "checks_min": min((share(values) for values in checks.values()), default=0.0),
         "valid_min": _least(made, lambda case: case.valid),
         "valid_strict_min": _least(made, lambda case: case.strictly_valid),
         "executable_min": _least(
             [case for case in made if case.executed is not None], lambda case: bool(case.executed)
         ),
-        "refused_right": _share(refused),
-        "untouched_identical": _share(case.untouched_identical for case in made),
-        **{f"physical_{task}": _share(_settled(made, task)) for task in PHYSICAL},
-        "physical_handed_over": _share(_settled(made)),
-        "handovers_smooth": _share(_is_smooth(one) for case in made for one in case.handovers),
+        "refused_right": share(refused),
+        "untouched_identical": share(case.untouched_identical for case in made),
+        **{f"physical_{task}": share(_settled(made, task)) for task in PHYSICAL},
+        "physical_handed_over": share(_settled(made)),
+        "handovers_smooth": share(_is_smooth(one) for case in made for one in case.handovers),
         "unreported_collisions": sum(case.unreported for case in made) / touched,
         "collisions_left": sum(case.collisions for case in made) / touched,
-        "several_calls_equal": _share(several),
+        "several_calls_equal": share(several),
         "edit_median_s": statistics.median(seconds),
-        "edit_p95_s": seconds[int(0.95 * len(seconds))],
+        "edit_p95_s": percentile_95(seconds),
         "edit_first_median_s": statistics.median(first) if first else 0.0,
         "edit_cpu_median_s": statistics.median(case.edit_cpu_s for case in made),
     }
-    return {name: round(value, 4) for name, value in found.items()}
+    return {name: round(value, 4) for name, value in figures.items()}
 
 
 def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
@@ -200,11 +196,11 @@ def _is_smooth(handover: tuple[float, float]) -> bool:
 
 def _interval(values: Iterable[bool | None]) -> str:
     """A count with the 95 % interval of its share; what was not measured is left out."""
-    found = [value for value in values if value is not None]
-    if not found:
+    known = [value for value in values if value is not None]
+    if not known:
         return "not measured"
-    low, high = wilson_interval(sum(found), len(found))
-    return f"{sum(found)} of {len(found)} ({low:.3f} … {high:.3f})"
+    low, high = wilson_interval(sum(known), len(known))
+    return f"{sum(known)} of {len(known)} ({low:.3f} … {high:.3f})"
 
 
 def _in_short(reason: str) -> str:
@@ -227,41 +223,24 @@ def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
         last = case.tries[-1].is_right if case.tries else None
         excused = last is False or (case.task == "T" and last is True)
         failed = wrong + (1 if case.refused and not excused else 0)
-        for name in _headlines(case):
+        for name in (name for name in HEADLINES if name.startswith(f"{case.task}_")):
             checks[name] += [False] * failed
     return checks
 
 
-def _headlines(case: Case) -> tuple[str, ...]:
-    """What a request that was refused counts as failed for."""
-    return tuple(name for name in HEADLINES if name.startswith(f"{case.task}_"))
-
-
-def _share(values: Iterable[object]) -> float:
-    found = [bool(value) for value in values]
-    return sum(found) / len(found) if found else 0.0
-
-
 def _least(cases: Sequence[Case], judge: Callable[[Case], bool]) -> float:
     by_task = {task: [judge(case) for case in cases if case.task == task] for task in {case.task for case in cases}}
-    return min((_share(values) for values in by_task.values()), default=0.0)
-
-
-def main() -> None:
-    """Measure and print; the failures go to the error stream."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--every", type=int, default=1, help="only every n-th file and request")
-    parser.add_argument("--workers", type=int, default=2)
-    arguments = parser.parse_args()
-    shared = shared_folder()
-    files = sorted((shared / "data" / "commonroad").glob("*.xml"))[:: arguments.every]
-    corpora = [shared / "corpora" / "dev" / f"modification_{task}.jsonl" for task in CORPUS]
-    lines = [line for path in corpora for line in path.read_text(encoding="utf-8").splitlines()][:: arguments.every]
-    measured = _measure(files, lines, shared, arguments.workers)
-    figures = figures_of(measured)
-    Console(stderr=True, soft_wrap=True).print("\n".join(failures_of(measured)), markup=False, highlight=False)
-    print_figures("Modification", [*((k, f"{v:g}") for k, v in figures.items()), *rows_of(measured)], figures)
+    return min((share(values) for values in by_task.values()), default=0.0)
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--every", type=int, default=1, help="only every n-th file and request")
+    parser.add_argument("--workers", type=int, default=2)
+    asked = parser.parse_args()
+    scenarios = sorted(existing(shared_scenarios()).glob("*.xml"))[:: asked.every]
+    corpora = [shared_folder() / "corpora" / "dev" / f"modification_{task}.jsonl" for task in CORPUS]
+    requests = [line for path in corpora for line in path.read_text(encoding="utf-8").splitlines()][:: asked.every]
+    results = _measure(scenarios, requests, asked.workers)
+    Console(stderr=True, soft_wrap=True).print("\n".join(failures_of(results)), markup=False, highlight=False)
+    print_figures("Modification", figures_of(results), more_rows=rows_of(results))

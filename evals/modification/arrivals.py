@@ -5,25 +5,27 @@ edits.
 """
 
 import math
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
 from ...engine.commonroad import Track
-from ...engine.geometry import Points, project
+from ...engine.geometry import Points, length_m, project
+from ..geometry import ahead_and_left_m, directions, fronts
 from .reach import (
     HARD_BRAKING_MPS2,
     LATERAL_MPS2,
+    all_after,
     beside,
     changes_needed,
     distances_m,
     lanelets_at_first,
     leads_on,
-    length_m,
     speed_limit_mps,
-    ways_m,
 )
 
 if TYPE_CHECKING:
@@ -56,20 +58,14 @@ LEAST_GAP_M, HEADWAY_S = 2.5, 1.0
 so long. The next lane lies within these distances to the side."""
 
 
-def _fronts(track: Track) -> Points:
-    """Front bumpers (n, 2) in m."""
-    ahead = np.column_stack([np.cos(track.headings_rad), np.sin(track.headings_rad)])
-    return np.asarray(track.positions + track.length_m / 2 * ahead)
-
-
-def arrives_on(network: "LaneletNetwork", track: Track, begin: int, targets: set[int]) -> bool:
+def arrives_on(network: "LaneletNetwork", track: Track, targets: Collection[int]) -> bool:
     """Whether the vehicle's front half gets onto one of the lanelets, and then stays there or drives on from it.
 
     A bumper over the line is no arrival: more than half a metre of the front half (half its length of a shorter
-    lanelet) is on the lanelet, or on those that it alone leads to. ``begin``: index of the track from which on it was
-    driven. A vehicle that arrives does not vanish: one that is on the target early drives on along what follows it.
+    lanelet) is on the lanelet, or on those that it alone leads to. A vehicle that arrives does not vanish: one that is
+    on the target early drives on along what follows it.
     """
-    there, centres = _fronts(track)[max(begin, 0) :], track.positions[max(begin, 0) :]
+    there, centres = fronts(track), track.positions
     # A lanelet may be shorter than one step of the way, so that the way between the steps counts and not their ends.
     steps = shapely.linestrings(np.stack([np.vstack([there[:1], there[:-1]]), there, centres], axis=1))
     halves = shapely.linestrings(np.stack([there, centres], axis=1))
@@ -77,18 +73,19 @@ def arrives_on(network: "LaneletNetwork", track: Track, begin: int, targets: set
         touching = np.flatnonzero(shapely.intersects(_area(network, (key,)), steps))
         if not len(touching):
             continue
-        first, least_m = int(touching[0]), min(LINE_M, length_m(network.find_lanelet_by_id(key)) / 2)
+        first = int(touching[0])
+        least_m = min(LINE_M, length_m(network.find_lanelet_by_id(key).center_vertices) / 2)
         over_m = shapely.length(shapely.intersection(_area(network, _only_through(network, key)), halves[first:]))
         if (over_m > least_m).any() and follows(network, _onwards(network, key), there[first:]):
             return True
     return False
 
 
-def follows(network: "LaneletNetwork", lanelets: tuple[int, ...], positions: Points) -> bool:
+def follows(network: "LaneletNetwork", lanelets: Collection[int], positions: Points) -> bool:
     """Whether positions (n, 2) lie on the lanelets or on their neighbours of the same direction."""
-    way = [network.find_lanelet_by_id(key) for key in lanelets]
-    every = [*way, *(network.find_lanelet_by_id(key) for one in way for key in beside(one))]
-    area = shapely.union_all([one.polygon.shapely_object.buffer(BESIDE_M) for one in every])
+    every = {*lanelets, *(key for lanelet in lanelets for key in beside(network.find_lanelet_by_id(lanelet)))}
+    areas = [network.find_lanelet_by_id(key).polygon.shapely_object.buffer(BESIDE_M) for key in sorted(every)]
+    area = shapely.union_all(areas)
     return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1]))) >= ON_ROUTE_SHARE
 
 
@@ -109,32 +106,30 @@ def handover_errors(old: Track, new: Track, from_step: int, step_s: float) -> tu
     return max(*jumps, 0.0), max(steps)
 
 
-def _area(network: "LaneletNetwork", lanelets: tuple[int, ...]) -> shapely.Geometry:
+def _area(network: "LaneletNetwork", lanelets: Collection[int]) -> shapely.Geometry:
     areas = [network.find_lanelet_by_id(key).polygon.shapely_object for key in lanelets]
     return shapely.union_all([shapely.make_valid(area) for area in areas])
 
 
-def _only_through(network: "LaneletNetwork", key: int) -> tuple[int, ...]:
+def _only_through(network: "LaneletNetwork", key: int) -> list[int]:
     """A lanelet and those after it that no other way leads to."""
-    found, queue = [key], [key]
-    while queue:
-        after = [network.find_lanelet_by_id(one) for one in network.find_lanelet_by_id(queue.pop()).successor]
-        more = [int(one.lanelet_id) for one in after if set(one.predecessor) <= set(found)]
-        queue += [one for one in more if one not in found]
-        found += [one for one in more if one not in found]
-    return tuple(found)
+    only = [key]
+    for known in only:  # which grows meanwhile
+        after = [network.find_lanelet_by_id(one) for one in network.find_lanelet_by_id(known).successor]
+        more = [int(one.lanelet_id) for one in after if set(one.predecessor) <= set(only)]
+        only += [one for one in more if one not in only]
+    return only
 
 
-def _onwards(network: "LaneletNetwork", key: int) -> tuple[int, ...]:
+def _onwards(network: "LaneletNetwork", key: int) -> frozenset[int]:
     """A lanelet and all that follow it; where one ends without a successor, those that follow the ones beside it."""
-    found, queue = [key], [key]
-    while queue:
-        lanelet = network.find_lanelet_by_id(queue.pop())
+
+    def following(key: int) -> list[int]:
+        lanelet = network.find_lanelet_by_id(key)
         ends = [lanelet] if lanelet.successor else [network.find_lanelet_by_id(one) for one in beside(lanelet)]
-        after = [int(one) for end in ends for one in end.successor]
-        queue += [one for one in after if one not in found]
-        found += [one for one in after if one not in found]
-    return tuple(found)
+        return [one for end in ends for one in end.successor]
+
+    return all_after([key], following)
 
 
 @dataclass(frozen=True)
@@ -155,8 +150,7 @@ class Journey:
         before, left = (_way_m(self.network, self.track, index, self.targets) for index in (0, -1))
         if not (math.isfinite(before) and math.isfinite(left)):
             return False
-        driven = float(np.linalg.norm(np.diff(self.track.positions, axis=0), axis=1).sum())
-        if left > before - DETOUR_SHARE * driven + ROOM_M:
+        if left > before - DETOUR_SHARE * length_m(self.track.positions) + ROOM_M:
             return False
         return before + LINE_M > self._slow_reach_m() or self._lacks_time_to_change() or self._finds_no_gap()
 
@@ -196,68 +190,57 @@ class Journey:
         slowed = last <= max(SLOWED_SHARE * float(self.track.speeds_mps.max()), STANDING_MPS)
         return slowed or self._longest_gap_s(side) < LOOK_S + LANE_CHANGE_S
 
+    def _others_at(self, index: int) -> Iterator[tuple[float, float, Track, int]]:
+        """Every other road user that is there: how far ahead and to the left its centre is, it and its own index."""
+        for key, other in self.others.items():
+            there = other.index_at(self.track.first_step + index)
+            if key != self.track.obstacle_id and there is not None:
+                heading_rad = float(self.track.headings_rad[index])
+                yield *ahead_and_left_m(other.positions[there], self.track.positions[index], heading_rad), other, there
+
     def _is_behind_another(self, index: int) -> bool:
         """Whether a road user is in the corridor close ahead."""
-        step, heading = self.track.first_step + index, float(self.track.headings_rad[index])
-        ahead = np.array([math.cos(heading), math.sin(heading)])
-        speed = float(self.track.speeds_mps[index])
-        for key, other in self.others.items():
-            there = other.index_at(step)
-            if key == self.track.obstacle_id or there is None:
-                continue
-            away = other.positions[there] - self.track.positions[index]
-            gap = float(away @ ahead) - (self.track.length_m + other.length_m) / 2
-            aside = abs(float(away @ np.array([-ahead[1], ahead[0]])))
-            between = aside - (self.track.width_m + other.width_m) / 2
-            if -other.length_m < gap <= max(GAP_M, GAP_S * speed) and between <= SIDE_M:
-                return True
-        return False
+        close_m = max(GAP_M, GAP_S * float(self.track.speeds_mps[index]))
+        return any(
+            -other.length_m < ahead_m - (self.track.length_m + other.length_m) / 2 <= close_m
+            and abs(left_m) - (self.track.width_m + other.width_m) / 2 <= SIDE_M
+            for ahead_m, left_m, other, _ in self._others_at(index)
+        )
 
     def _waits_at_end(self, index: int) -> bool:
         """Whether it stands where a lanelet ends right ahead: a stop line, a junction, or the last place to change."""
         if float(self.track.speeds_mps[index]) > STANDING_MPS:
             return False
-        front, heading = _fronts(self.track)[index], float(self.track.headings_rad[index])
-        points = [front, front - LINE_M * np.array([math.cos(heading), math.sin(heading)])]
+        front = fronts(self.track)[index]
+        points = [front, front - LINE_M * directions(self.track.headings_rad)[index]]
         under = zip(points, self.network.find_lanelet_by_position(points), strict=True)
-        found = [(point, self.network.find_lanelet_by_id(key)) for point, keys in under for key in keys]
-        return any(length_m(one) - project(one.center_vertices, point)[0] <= ROOM_M for point, one in found)
+        lines = [(point, self.network.find_lanelet_by_id(key).center_vertices) for point, keys in under for key in keys]
+        return any(length_m(line) - project(line, point)[0] <= ROOM_M for point, line in lines)
 
     def _side_to_change_to(self) -> int | None:
         """1 if a change to the left is needed from the last lanelet, -1 if to the right; None if none is."""
+
+        def needed(key: int) -> float:
+            return changes_needed(self.network, [key], self.targets)
+
         for key in _lanelets_at(self.network, self.track, -1):
-            lanelet, needed = self.network.find_lanelet_by_id(key), self._needs(key)
-            near = beside(lanelet)
+            lanelet = self.network.find_lanelet_by_id(key)
             for side, other in ((1, lanelet.adj_left), (-1, lanelet.adj_right)):
-                if other in near and self._needs(int(other)) < needed:
+                if other in beside(lanelet) and needed(int(other)) < needed(key):
                     return side
         return None
 
-    def _needs(self, key: int) -> float:
-        return changes_needed(self.network, [key], self.targets)
-
     def _longest_gap_s(self, side: int) -> float:
         """How long at a stretch the lane beside was free enough to change into it."""
-        longest = run = 0
-        for index in range(len(self.track.positions)):
-            run = run + 1 if self._is_free_beside(index, side) else 0
-            longest = max(longest, run)
-        return longest * self.step_s
+        free = (self._is_free_beside(index, side) for index in range(len(self.track.positions)))
+        return max(len(list(run)) if is_free else 0 for is_free, run in groupby(free)) * self.step_s
 
     def _is_free_beside(self, index: int, side: int) -> bool:
         """Whether no vehicle is beside, nor so close ahead or behind there that a driver would not change lanes."""
-        heading, step = float(self.track.headings_rad[index]), self.track.first_step + index
-        ahead = np.array([math.cos(heading), math.sin(heading)])
-        left = np.array([-ahead[1], ahead[0]]) * side
-        for key, other in self.others.items():
-            there = other.index_at(step)
-            if key == self.track.obstacle_id or there is None:
-                continue
-            away = other.positions[there] - self.track.positions[index]
-            along, across = float(away @ ahead), float(away @ left)
-            behind = self.track.speeds_mps[index] if along > 0 else other.speeds_mps[there]
-            gap = abs(along) - (self.track.length_m + other.length_m) / 2
-            if LANE_FROM_M <= across <= LANE_TO_M and gap < LEAST_GAP_M + HEADWAY_S * float(behind):
+        for ahead_m, left_m, other, there in self._others_at(index):
+            behind_mps = float(self.track.speeds_mps[index] if ahead_m > 0 else other.speeds_mps[there])
+            gap_m = abs(ahead_m) - (self.track.length_m + other.length_m) / 2
+            if LANE_FROM_M <= left_m * side <= LANE_TO_M and gap_m < LEAST_GAP_M + HEADWAY_S * behind_mps:
                 return False
         return True
 
@@ -282,7 +265,7 @@ def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozense
     Braked to some speed, it turns in the narrowest circle that grip and steering allow: an arc of radius r comes y
     aside on √(2 r y - y²), and on no less than r where that is less than y.
     """
-    front = shapely.Point(_fronts(track)[0])
+    front = shapely.Point(fronts(track)[0])
     over = [one for one in network.lanelets if _straight_on(network, int(one.lanelet_id)) & targets]
     aside = min(front.distance(one.polygon.shapely_object) for one in over)
     speeds = np.linspace(0.0, speed_mps, 51)
@@ -293,57 +276,49 @@ def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozense
 
 def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> float:
     """Way in m from the front to the last place from which a target can be reached; infinite if straight on."""
-    leading = leads_on(network, targets)
-    front, found = _fronts(track)[0], 0.0
+    leading, front, room_m = leads_on(network, targets), fronts(track)[0], 0.0
     for key in _lanelets_at(network, track, 0):
         if _straight_on(network, key) & targets:
             return math.inf
-        station = project(network.find_lanelet_by_id(key).center_vertices, front)[0]
-        found = max(found, _longest_m(network, key, leading, frozenset()) - station)
-    return found
+        station_m = project(network.find_lanelet_by_id(key).center_vertices, front)[0]
+        room_m = max(room_m, _longest_m(network, key, leading) - station_m)
+    return room_m
 
 
-def _longest_m(network: "LaneletNetwork", key: int, leading: frozenset[int], seen: frozenset[int]) -> float:
+def _longest_m(network: "LaneletNetwork", key: int, leading: frozenset[int]) -> float:
     """The longest way from a lanelet's start straight on over lanelets that lead to a target."""
-    if key not in leading or key in seen:
+    if key not in leading:
         return 0.0
     lanelet = network.find_lanelet_by_id(key)
-    after = (_longest_m(network, int(one), leading, seen | {key}) for one in lanelet.successor)
-    return length_m(lanelet) + max(after, default=0.0)
+    after = (_longest_m(network, int(one), leading - {key}) for one in lanelet.successor)
+    return length_m(lanelet.center_vertices) + max(after, default=0.0)
 
 
-def _straight_on(network: "LaneletNetwork", key: int) -> set[int]:
+def _straight_on(network: "LaneletNetwork", key: int) -> frozenset[int]:
     """A lanelet and all that follow it without a lane change."""
-    found, queue = {key}, [key]
-    while queue:
-        after = [int(one) for one in network.find_lanelet_by_id(queue.pop()).successor if int(one) not in found]
-        found.update(after)
-        queue += after
-    return found
+    return all_after([key], lambda one: network.find_lanelet_by_id(one).successor)
 
 
 def _lanelets_at(network: "LaneletNetwork", track: Track, index: int) -> list[int]:
     """The lanelets under a vehicle that do not lead against its heading."""
-    under = network.find_lanelet_by_position([_inside(network, track, index)])[0]
-    return sorted(int(key) for key in set(under) & set(_ways(network, track, index)))
+    here = _inside(network, track, index)
+    onward = distances_m(network, here, float(track.headings_rad[index]))
+    return sorted(int(key) for key in set(network.find_lanelet_by_position([here])[0]) & set(onward))
 
 
 def _way_m(network: "LaneletNetwork", track: Track, index: int, targets: frozenset[int]) -> float:
     """The shortest way to a target from a vehicle, which may drive a little beside its lanelet where it turns."""
-    heading = float(track.headings_rad[index])
-    aside = np.array([-math.sin(heading), math.cos(heading)]) * BESIDE_M
+    heading_rad = float(track.headings_rad[index])
+    aside = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * BESIDE_M
     here = _inside(network, track, index)
-    ways = [ways_m(network, point, heading) for point in (here, here + aside, here - aside, _fronts(track)[index])]
-    return min((found[key] for found in ways for key in targets if key in found), default=math.inf)
-
-
-def _ways(network: "LaneletNetwork", track: Track, index: int) -> dict[int, float]:
-    return ways_m(network, _inside(network, track, index), float(track.headings_rad[index]))
+    points = (here, here + aside, here - aside, fronts(track)[index])
+    reached = [distances_m(network, point, heading_rad) for point in points]
+    return min((ways[key] for ways in reached for key in targets & set(ways)), default=math.inf)
 
 
 def _inside(network: "LaneletNetwork", track: Track, index: int) -> Points:
     """The centre, the front where the centre is on no lanelet, or the nearest point of any lanelet."""
-    points = [track.positions[index], _fronts(track)[index]]
+    points = [track.positions[index], fronts(track)[index]]
     for point in points:
         if network.find_lanelet_by_position([point])[0]:
             return np.asarray(point)

@@ -4,16 +4,15 @@ import json
 import time
 import zlib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, cast
 
 import anyio
 
 from ...engine.commonroad import Track, read_scenario
 from ...engine.edits import HIT_ON_ENTRY, PLACE_TAKEN, SCENARIO_FILE, apply_edits
-from ...engine.execution import no_progress, silent
+from ...engine.execution import silent
 from ...engine.scene import Scene
 from ...engine.vehicles import Motion, check_drivability, nearest_class
 from ...engine.workspace import Recipe, Workspace
@@ -27,10 +26,9 @@ from ...schemas.modification import (
     TouchedVehicle,
 )
 from ...schemas.runs import RunRecord
-from ...tools.call import Services, ToolCall
 from ...tools.modification import modify_scenario
 from ...tools.scenario_storage import store_scenario
-from ..harness import InProcess
+from ..harness import call_in_process
 from .arrivals import refusal_is_right
 from .judges import (
     arrives,
@@ -42,9 +40,8 @@ from .judges import (
     unreported_collisions,
 )
 from .requests import Asked, Presets, corpus_refusal, drawn_refusals, drawn_requests, edit_of
-from .results import Case, Effort, Measured, Physical, Refusal
 from .round_trip import round_trip
-from .safety import executed, new_id, planner_run, shifts_of
+from .safety import Shift, executed, new_id, planner_run, shifts_of
 from .written import Written, enter_later_as_asked, is_strictly_valid, is_valid
 
 POSITION_M, SPEED_MPS = 0.01, 0.01
@@ -54,6 +51,100 @@ SETTLED_S = 1.0
 COMPOSITE = "composite"
 ON_FOOT = ("pedestrian",)
 """The drivability checker judges vehicles."""
+
+
+@dataclass(frozen=True)
+class Physical:
+    """The drivability checker's verdicts on a touched vehicle.
+
+    ``settled``: from its hand-over + 1 s on (an added one: from its start), None where nothing is left then;
+    ``recorded``: on its old recording; ``handed_over``: no edit names it.
+    """
+
+    settled: bool | None
+    whole: bool
+    closed_form: bool
+    recorded: bool | None
+    handed_over: bool = False
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A request that was to be carried out and was refused.
+
+    ``is_right``: physics keep a vehicle from being rerouted so, or a road user is on the place that is said to be taken
+    or cannot brake before it; None where the bench has no rule of its own, as for a class that a road does not allow.
+    """
+
+    task: str
+    reason: str
+    is_right: bool | None
+
+
+@dataclass(frozen=True)
+class Case:
+    """What came of one request; ``refused`` holds the reason where nothing was made.
+
+    ``tries``: those that were refused before it, and itself if it was. ``arrivals``: of each vehicle that was sent to
+    a target, whether the written motion gets there. ``is_first``: the scenario was not edited before, so that
+    its file was read for this. ``handovers``: m beyond v·dt and m/s of each vehicle that SUMO took over. ``valid`` lets
+    vehicles enter later that were asked to, for which the schema has no form; ``enter_later`` counts them, and
+    ``strictly_valid`` does not let them.
+    """
+
+    task: str
+    name: str
+    refused: str = ""
+    tries: tuple[Refusal, ...] = ()
+    checks: dict[str, bool] = field(default_factory=dict)
+    arrivals: tuple[bool, ...] = ()
+    valid: bool = False
+    strictly_valid: bool = False
+    enter_later: int = 0
+    untouched_identical: bool = False
+    touched: int = 0
+    handed_over: int = 0
+    collisions: int = 0
+    unreported: int = 0
+    handovers: tuple[tuple[float, float], ...] = ()
+    physical: tuple[Physical, ...] = ()
+    edit_s: float = 0.0
+    edit_cpu_s: float = 0.0
+    is_first: bool = False
+    executed: bool | None = None
+    in_several_calls_equal: bool | None = None
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All of one job: cases, refusals that were right and asked for, round trip, shifts of danger.
+
+    ``no_request``: tasks of which the scenario allows nothing. ``not_to_refuse``: lines of the corpus for which going
+    on is right too. ``off_lanes``: those of ``road_users`` off all lanelets: SUMO shows them in the round trip, while a
+    re-simulation keeps their recording and leaves them out of SUMO.
+    """
+
+    cases: tuple[Case, ...] = ()
+    refused_right: tuple[tuple[str, bool], ...] = ()
+    round_trip_error: str | None = None
+    shifts: tuple[Shift, ...] = ()
+    no_request: tuple[str, ...] = ()
+    not_to_refuse: tuple[str, ...] = ()
+    road_users: int = 0
+    off_lanes: int = 0
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What is measured besides the edits, which takes longer than they do.
+
+    ``planner``: it drives what the drawn edits made; ``safety``: what the recipes of the safety table made too.
+    ``every_vehicle``: the drivability checker judges all touched vehicles, not one that an edit names.
+    """
+
+    planner: bool = False
+    safety: bool = False
+    every_vehicle: bool = False
 
 
 def measure_file(path: Path, presets: Presets, effort: Effort) -> Measured:
@@ -163,7 +254,12 @@ def _checked(
         task=asked.task,
         name=name,
         checks=checks,
-        arrivals=_arrivals(written),
+        arrivals=tuple(
+            arrives(written, key, frozenset(truth["target_lanelets"]))
+            for index, truth in enumerate(written.truths)
+            if truth["op"] == "reroute"
+            for key in sorted(written.meant_by(index))
+        ),
         valid=is_valid(written),
         strictly_valid=is_strictly_valid(written),
         enter_later=len(enter_later_as_asked(written)),
@@ -175,15 +271,6 @@ def _checked(
         handovers=handovers_of(written),
         physical=_physical(written, name, every_vehicle=every_vehicle),
         in_several_calls_equal=several_calls_equal(path, asked.edits) if len(asked.edits) > 1 else None,
-    )
-
-
-def _arrivals(written: Written) -> tuple[bool, ...]:
-    return tuple(
-        arrives(written, key, frozenset(truth["target_lanelets"]))
-        for index, truth in enumerate(written.truths)
-        if truth["op"] == "reroute"
-        for key in sorted(written.meant_by(index))
     )
 
 
@@ -218,15 +305,10 @@ def _verdicts(written: Written, one: TouchedVehicle, track: Track) -> Physical:
 
 def _is_drivable(track: Track, begin: int, end: int, step_s: float) -> bool:
     """Whether a vehicle with the axles of its class can drive a part of a track."""
-    chassis = nearest_class(track.kind, track.length_m)
-    motion = _motion(track, begin, end)
+    chassis, speeds = nearest_class(track.kind, track.length_m), track.speeds_mps[begin:end]
+    motion = Motion(track.positions[begin:end], track.headings_rad[begin:end], speeds, speeds * 0.0)
     axles = {"wheelbase_m": chassis.wheelbase_m, "rear_axle_m": chassis.rear_axle_m}
     return check_drivability(motion, step_s, **axles).feasible
-
-
-def _motion(track: Track, begin: int, end: int) -> Motion:
-    speeds = track.speeds_mps[begin:end]
-    return Motion(track.positions[begin:end], track.headings_rad[begin:end], speeds, speeds * 0.0)
 
 
 def is_refused(path: Path, asked: Asked) -> bool:
@@ -262,19 +344,17 @@ async def _several_calls_equal(path: Path, edits: tuple[Edit, ...]) -> bool:
     with TemporaryDirectory() as folder:
         workspace = Workspace(Path(folder))
         try:
-            call = _call(workspace)
+            call = call_in_process(workspace)
             base = (
                 await store_scenario(call, xml=path, net=None, recipe=Recipe(tool="bench"), origin="imported")
             ).artifact_id
             once = await modify_scenario(ModifyScenarioArguments(scenario_id=base, edits=list(edits)), call)
-            steps = _by_ids(edits, once.edits)
-            last = base
+            last, steps = base, _by_ids(edits, once.edits)
             for edit in steps:
                 made = await modify_scenario(ModifyScenarioArguments(scenario_id=last, edits=[edit]), call)
                 last = str(made.scenario_id)
-            if steps == edits and last != once.scenario_id:
-                return False
-            return _content(workspace, str(once.scenario_id)) == _content(workspace, last)
+            is_same_id = steps != edits or last == once.scenario_id
+            return is_same_id and _content(workspace, str(once.scenario_id)) == _content(workspace, last)
         finally:
             workspace.close()
 
@@ -292,9 +372,3 @@ def _by_ids(edits: tuple[Edit, ...], reports: Sequence[EditReport]) -> tuple[Edi
 def _content(workspace: Workspace, scenario_id: str) -> bytes:
     content = workspace.file("scenario", scenario_id, "scenario.xml").read_bytes()
     return content.replace(scenario_id.encode(), b"")
-
-
-def _call(workspace: Workspace) -> ToolCall:
-    """A call that can store and run operations, and nothing else."""
-    nothing = cast("Any", None)
-    return ToolCall(Services(workspace, InProcess(), nothing, nothing, nothing, with_starter=False), no_progress)

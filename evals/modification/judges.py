@@ -6,6 +6,7 @@ besides is taken from the report, and said beside the figures.
 """
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,13 @@ import shapely
 from lxml import etree
 
 from ...engine.commonroad import Track
-from ...engine.criticality import MovingRectangles, corners_of
-from ...engine.geometry import Points, oriented_rectangle, point_at, project
+from ...engine.geometry import Points, length_m, oriented_rectangle, point_at, project
 from ...engine.network import POSITION_WORDS
 from ...engine.scene import Scene
+from ..geometry import bodies, overlap_steps
 from .arrivals import ON_ROUTE_SHARE, Journey, arrives_on, handover_errors
-from .reach import SHARES, length_m, nearest_m, places_along, places_on
-from .written import Truth, Written
+from .reach import SHARES, nearest_m, places_along, places_on
+from .written import Truth, Written, entry_step
 
 DEEP_M, SAME_HIT_S = 0.05, 1.0
 """Two road users that overlap by more than this depth collide; not by the edit if they overlap in the recording within
@@ -30,16 +31,7 @@ this time."""
 
 def checks_of(written: Written, index: int) -> dict[str, bool]:
     """The paper's checks of one edit by name."""
-    truth = written.truths[index]
-    if truth["op"] == "reroute":
-        return _reroute_checks(written, index)
-    if truth["op"] == "set_behaviour":
-        return _behaviour_checks(written, index)
-    if truth["op"] == "set_goal":
-        return _goal_checks(written, truth)
-    if truth["op"] == "remove_vehicle":
-        return _removal_checks(written, index)
-    return _addition_checks(written, index)
+    return _CHECKS[written.truths[index]["op"]](written, index)
 
 
 def is_untouched_identical(written: Written) -> bool:
@@ -49,7 +41,12 @@ def is_untouched_identical(written: Written) -> bool:
     """
     old, new = _elements(written.base), _elements(written.xml)
     changed = {key for key in {*old, *new} if old.get(key) != new.get(key)}
-    meant = {key for index in range(len(written.truths)) for key in _road_users(written, index)}
+    meant = {
+        key
+        for index, truth in enumerate(written.truths)
+        if truth["op"] not in ("set_goal", "add_vehicle")
+        for key in written.meant_by(index)
+    }
     allowed = {str(key) for key in (*meant, *written.added(), *written.outcome.handed_over)}
     if any(truth["op"] == "set_goal" for truth in written.truths):
         allowed.add(str(written.scene.loaded.problem().planning_problem_id))
@@ -60,41 +57,35 @@ def unreported_collisions(written: Written) -> int:
     """Pairs that overlap by more than 5 cm on either side, did not about then in the source, and are not reported."""
     base, new = {**written.scene.standing, **written.old}, {**written.scene.standing, **written.new}
     told = {frozenset(hit.vehicles) for hit in written.outcome.collisions}
-    moved = sorted(key for key in written.new if _moves_anew(written, key))
-    found = set()
-    for key in moved:
-        for other, track in new.items():
+    window = SAME_HIT_S / written.scene.step_s
+    colliding = set()
+    for key in (key for key in sorted(written.new) if _moves_anew(written, key)):
+        for other in new:
             pair = frozenset((key, other))
-            if other == key or pair in told or pair in found:
+            if other == key or pair in told or pair in colliding:
                 continue
-            hits = _overlap_steps(new[key], track, DEEP_M)
-            known = _overlap_steps(base[key], base[other], 0.0) if key in base and other in base else []
-            window = SAME_HIT_S / written.scene.step_s
-            if any(all(abs(step - one) > window for one in known) for step in hits):
-                found.add(pair)
-    return len(found)
+            hits = overlap_steps(new[key], new[other], DEEP_M)
+            known = overlap_steps(base[key], base[other], 0.0) if pair <= set(base) else []
+            if any(all(abs(step - before) > window for before in known) for step in hits):
+                colliding.add(pair)
+    return len(colliding)
 
 
 def handovers_of(written: Written) -> tuple[tuple[float, float], ...]:
     """For every vehicle that SUMO took over from its recording what that adds in m and m/s, from both files."""
     new, old, step_s = written.new, written.old, written.scene.step_s
-    given = [one for one in written.outcome.touched if one.cause in ("edited", "handed_over") and one.vehicle_id in old]
-    found = [
-        handover_errors(old[one.vehicle_id], new[one.vehicle_id], round(one.from_time_s / step_s), step_s)
-        for one in given
-        if one.vehicle_id in new
+    errors = [
+        handover_errors(old[vehicle.vehicle_id], new[vehicle.vehicle_id], round(vehicle.from_time_s / step_s), step_s)
+        for vehicle in written.outcome.touched
+        if vehicle.cause in ("edited", "handed_over") and vehicle.vehicle_id in set(old) & set(new)
     ]
-    return tuple(one for one in found if one is not None)
-
-
-def _road_users(written: Written, index: int) -> frozenset[int]:
-    return frozenset() if written.truths[index]["op"] in ("set_goal", "add_vehicle") else written.meant_by(index)
+    return tuple(error for error in errors if error is not None)
 
 
 def _moves_anew(written: Written, key: int) -> bool:
     """Whether a road user was not there before, or moves in another way."""
-    old, new = written.old.get(key), written.new[key]
-    return old is None or old.positions.shape != new.positions.shape or not np.array_equal(old.positions, new.positions)
+    old = written.old.get(key)
+    return old is None or not np.array_equal(old.positions, written.new[key].positions)
 
 
 def _elements(path: Path) -> dict[str, bytes]:
@@ -104,25 +95,6 @@ def _elements(path: Path) -> dict[str, bytes]:
         for element in root
         if isinstance(element.tag, str)
     }
-
-
-def _overlap_steps(one: Track, other: Track, depth_m: float) -> list[int]:
-    begin, end = max(one.first_step, other.first_step), min(one.last_step, other.last_step) + 1
-    if begin >= end:
-        return []
-    first, second = (_polygons(track, begin, end, depth_m) for track in (one, other))
-    return [begin + int(index) for index in np.flatnonzero(shapely.intersects(first, second))]
-
-
-def _polygons(track: Track, begin: int, end: int, depth_m: float) -> Any:
-    """The rectangles at the steps, smaller by a depth on every side."""
-    part = slice(begin - track.first_step, end - track.first_step)
-    size = np.maximum(np.array([track.length_m, track.width_m]) - 2 * depth_m, 0.01)
-    count = end - begin
-    bodies = MovingRectangles(
-        track.positions[part], track.headings_rad[part], np.tile(size, (count, 1)), np.zeros(count)
-    )
-    return shapely.polygons(corners_of(bodies))
 
 
 RELATIVE_TOLERANCE, SIZE_TOLERANCE_M = 1e-3, 0.01
@@ -200,18 +172,14 @@ def _ends_right(written: Written, key: int, targets: frozenset[int]) -> bool:
     track = written.new[key]
     if written.sumo.share_on_route(key, track.positions) < ON_ROUTE_SHARE:
         return False
-    return arrives(written, key, targets) or _journey(written, key, targets).is_late_with_reason()
+    everybody = {**written.scene.standing, **written.new}
+    journey = Journey(written.scene.network, track, targets, everybody, written.scene.step_s)
+    return arrives(written, key, targets) or journey.is_late_with_reason()
 
 
 def arrives(written: Written, key: int, targets: frozenset[int]) -> bool:
     """Whether the written motion of a vehicle gets onto a target and stays there or drives on from it."""
-    return key in written.new and arrives_on(written.scene.network, written.new[key], 0, set(targets))
-
-
-def _journey(written: Written, key: int, targets: frozenset[int]) -> Journey:
-    """The way of a vehicle of the new file, among all others there."""
-    everybody = {**written.scene.standing, **written.new}
-    return Journey(written.scene.network, written.new[key], targets, everybody, written.scene.step_s)
+    return key in written.new and arrives_on(written.scene.network, written.new[key], targets)
 
 
 def _others_stay(written: Written) -> bool:
@@ -294,16 +262,12 @@ def _addition_checks(written: Written, index: int) -> dict[str, bool]:
 
 def is_taken(scene: Scene, truth: Truth) -> bool:
     """Whether a recorded road user is on or close to a place that is asked for when the first vehicle is to enter."""
-    step, size = _entry_step(scene, truth), _largest_size(truth, CLEARANCE_M)
+    size = _largest_size(truth, CLEARANCE_M)
     places = _places(scene, truth, 0, sum(KINDS[truth["class"]].lengths_m) / 2)
-    for place in places:
-        room = shapely.Point(place).buffer(float(np.hypot(*size)) / 2)
-        for other in (*scene.tracks.values(), *scene.standing.values()):
-            index = other.index_at(step)
-            if index is not None and room.intersects(_body(other, index, 0.0)):
-                return True
-    return scene.ego is not None and any(
-        float(np.linalg.norm(place - scene.ego.position)) <= size[0] + EGO_LENGTH_M / 2 for place in places
+    rooms = [shapely.Point(place).buffer(float(np.hypot(*size)) / 2) for place in places]
+    there = _bodies_at({**scene.tracks, **scene.standing}, entry_step(scene, truth))
+    return any(room.intersects(body) for room in rooms for body in there) or (
+        scene.ego is not None and nearest_m(scene.ego.position, places) <= size[0] + EGO_LENGTH_M / 2
     )
 
 
@@ -315,20 +279,23 @@ def is_run_over(scene: Scene, truth: Truth) -> bool:
     places = _places(scene, truth, 0, sum(KINDS[truth["class"]].lengths_m) / 2)
     rooms = [room for place in places for room in _rooms(scene, place, _largest_size(truth, PASSING_M))]
     for other in scene.tracks.values():
-        index = other.index_at(_entry_step(scene, truth))
+        index = other.index_at(entry_step(scene, truth))
         if index is None:
             continue
         speed_mps = max(float(other.speeds_mps[index]), 0.0)
         stops_after_m = speed_mps * REACTION_S + speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
         steps_m = np.linalg.norm(np.diff(other.positions[index:], axis=0), axis=1)
         last = index + int((np.cumsum(steps_m) <= stops_after_m).sum())
-        if any(room.intersects(_body(other, at, 0.0)) for room in rooms for at in range(index, last + 1)):
+        swept = bodies(other, np.arange(index, last + 1))
+        if any(shapely.intersects(room, swept).any() for room in rooms):
             return True
     return False
 
 
-def _entry_step(scene: Scene, truth: Truth) -> int:
-    return round((truth.get("depart_s") or 0.0) / scene.step_s)
+def _bodies_at(tracks: Mapping[int, Track], step: int) -> list[shapely.Polygon]:
+    """The bodies of all that are there at a step."""
+    there = ((track, track.index_at(step)) for track in tracks.values())
+    return [bodies(track, np.array([index]))[0] for track, index in there if index is not None]
 
 
 def _largest_size(truth: Truth, larger_m: float) -> tuple[float, float]:
@@ -339,12 +306,10 @@ def _largest_size(truth: Truth, larger_m: float) -> tuple[float, float]:
 
 def _rooms(scene: Scene, place: Points, size: tuple[float, float]) -> list[shapely.Polygon]:
     """Rectangles around a place along all lanelets that it lies on."""
-    found = []
-    for key in scene.network.find_lanelet_by_position([place])[0]:
-        line = scene.network.find_lanelet_by_id(key).center_vertices
-        heading_rad = point_at(line, project(line, place)[0])[1]
-        found.append(shapely.Polygon(oriented_rectangle(place, heading_rad, size)))
-    return found
+    under = scene.network.find_lanelet_by_position([place])[0]
+    lines = [scene.network.find_lanelet_by_id(key).center_vertices for key in under]
+    headings_rad = [point_at(line, project(line, place)[0])[1] for line in lines]
+    return [shapely.Polygon(oriented_rectangle(place, heading_rad, size)) for heading_rad in headings_rad]
 
 
 def _adds_up(written: Written) -> bool:
@@ -356,18 +321,17 @@ def _adds_up(written: Written) -> bool:
 
 def _is_placed(written: Written, track: Track, truth: Truth, index: int) -> bool:
     """Whether an added vehicle starts where it was asked for: where the corpus says, or by the rules of its words."""
-    places = _places(written.scene, truth, index, track.length_m)
-    return nearest_m(track.positions[0], places) <= PLACE_TOLERANCE_M
+    return nearest_m(track.positions[0], _places(written.scene, truth, index, track.length_m)) <= PLACE_TOLERANCE_M
 
 
-def _places(scene: Scene, truth: Truth, index: int, length_m: float) -> list[Points]:
+def _places(scene: Scene, truth: Truth, index: int, vehicle_length_m: float) -> list[Points]:
     network, where = scene.network, truth["where"]
     if truth.get("resolved"):
         place = truth["resolved"][index]
         line = network.find_lanelet_by_id(place["lanelet"]).center_vertices
         return [point_at(line, place["s_m"])[0]]
     if "lanelet" in where:
-        return places_on(network, where["lanelet"], SHARES[where["position"]], length_m)
+        return places_on(network, where["lanelet"], SHARES[where["position"]], vehicle_length_m)
     start = np.asarray(scene.loaded.problem().initial_state.position, dtype=float)
     return places_along(network, start, float(where["offset_m"]))
 
@@ -379,22 +343,15 @@ def _has_speed(track: Track, truth: Truth) -> bool:
 
 def _departs(written: Written, track: Track, truth: Truth) -> bool:
     """At the asked step, or as soon after one that was named as the place is free."""
-    asked = round((truth.get("depart_s") or 0.0) / written.scene.step_s)
+    asked = entry_step(written.scene, truth)
     if asked == 0:
         return track.first_step == 0
-    return track.first_step >= asked and all(_is_taken(written, track, s) for s in range(asked, track.first_step))
-
-
-def _is_taken(written: Written, track: Track, step: int) -> bool:
-    place = _body(track, 0, CLEARANCE_M)
-    others = (other for key, other in {**written.new, **written.scene.standing}.items() if key != track.obstacle_id)
-    found = ((other, other.index_at(step)) for other in others)
-    return any(index is not None and place.intersects(_body(other, index, 0.0)) for other, index in found)
-
-
-def _body(track: Track, index: int, larger_m: float) -> shapely.Polygon:
-    size = (track.length_m + 2 * larger_m, track.width_m + 2 * larger_m)
-    return shapely.Polygon(oriented_rectangle(track.positions[index], float(track.headings_rad[index]), size))
+    others = {**written.new, **written.scene.standing}
+    others.pop(track.obstacle_id, None)
+    place = bodies(track, np.array([0]), CLEARANCE_M)[0]
+    waits = range(asked, track.first_step)
+    taken = (any(place.intersects(body) for body in _bodies_at(others, step)) for step in waits)
+    return track.first_step >= asked and all(taken)
 
 
 def _gets_there(written: Written, key: int, truth: Truth) -> bool:
@@ -410,24 +367,23 @@ ROUNDING = 1e-6
 """Of a step: times divided by the step are not exact."""
 
 
-def _goal_checks(written: Written, truth: Truth) -> dict[str, bool]:
+def _goal_checks(written: Written, index: int) -> dict[str, bool]:
     """The goal as written: on its lanelet, along it where the word says, of the size and at the time that were asked.
 
     On a lanelet is what commonroad-io finds there: planners look for the ego's way by it.
     What was not named is as in the source; a problem that had no goal state has nothing to keep.
     """
-    state = written.loaded.problem().goal.state_list[0]
-    network = written.loaded.scenario.lanelet_network
+    truth, network = written.truths[index], written.loaded.scenario.lanelet_network
     lanelet = network.find_lanelet_by_id(int(truth["lanelet"]))
-    center = np.asarray(state.position.center)
+    center = np.asarray(written.loaded.problem().goal.state_list[0].position.center)
     share = POSITION_WORDS.get(str(truth.get("position") or "final"))
     station_m = project(lanelet.center_vertices, center)[0]
     new, old = _goal(written.xml), _goal(written.base)
     size = _size(new)
     return {
         "G_edge": lanelet.lanelet_id in network.find_lanelet_by_position([center])[0],
-        "G_position": share is None or abs(station_m - share * length_m(lanelet)) <= GOAL_TOLERANCE_M,
-        "G_rectangle": size is not None and any(_near(size, one) for one in _sizes(truth, old)),
+        "G_position": share is None or abs(station_m - share * length_m(lanelet.center_vertices)) <= GOAL_TOLERANCE_M,
+        "G_rectangle": size is not None and np.allclose(size, _right_size(truth, old), rtol=0.0, atol=SIZE_TOLERANCE_M),
         "G_time": _is_at_its_time(_interval(new, "time"), truth, written.scene.step_s, old),
         "G_preserve": old is None or _interval(new, "velocity") == _interval(old, "velocity"),
     }
@@ -438,22 +394,17 @@ def _goal(path: Any) -> Any:
     return etree.parse(path).getroot().find("planningProblem/goalState")
 
 
-def _sizes(truth: Truth, old: Any) -> list[tuple[float, float]]:
-    """The sizes (length, width) in m that are right: the one asked for, else the one before, else the usual one."""
+def _right_size(truth: Truth, old: Any) -> tuple[float, float]:
+    """Length and width in m that are right: those asked for, else those before, else the usual ones."""
     asked = truth.get("rectangle")
     if asked:
-        return [(float(asked["length_m"]), float(asked["width_m"]))]
-    before = None if old is None else _size(old)
-    return [USUAL_SIZE_M if before is None else before]
+        return float(asked["length_m"]), float(asked["width_m"])
+    return (None if old is None else _size(old)) or USUAL_SIZE_M
 
 
 def _size(goal: Any) -> tuple[float, float] | None:
     rectangle = goal.find("position/rectangle")
     return None if rectangle is None else (float(rectangle.findtext("length")), float(rectangle.findtext("width")))
-
-
-def _near(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    return all(abs(a - b) <= SIZE_TOLERANCE_M for a, b in zip(one, other, strict=True))
 
 
 def _is_at_its_time(steps: tuple[float, float] | None, truth: Truth, step_s: float, old: Any) -> bool:
@@ -475,3 +426,12 @@ def _interval(goal: Any, name: str) -> tuple[float, float] | None:
     exact = element.findtext("exact")
     ends = (exact, exact) if exact is not None else (element.findtext("intervalStart"), element.findtext("intervalEnd"))
     return float(ends[0]), float(ends[1])
+
+
+_CHECKS: Mapping[str, Callable[[Written, int], dict[str, bool]]] = {
+    "reroute": _reroute_checks,
+    "set_behaviour": _behaviour_checks,
+    "set_goal": _goal_checks,
+    "remove_vehicle": _removal_checks,
+    "add_vehicle": _addition_checks,
+}

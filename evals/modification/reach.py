@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...engine.geometry import Points, point_at, project
+from ...engine.geometry import Points, length_m, point_at, project
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -21,15 +21,10 @@ if TYPE_CHECKING:
 SHARES: Mapping[str, float] = {"beginning": 0.0, "quarter": 0.25, "middle": 0.5, "three_quarter": 0.75, "final": 1.0}
 LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS = 11.5, 50.8
 """Limits of CommonRoad's vehicle 2 (BMW 320i)."""
-HARD_BRAKING_MPS2, LATERAL_MPS2, BEND_M = 8.0, 8.0, 5.0
-"""The most that a car brakes before a bend and turns in it, and the length over which a bend is measured."""
+HARD_BRAKING_MPS2, LATERAL_MPS2, CURVE_M = 8.0, 8.0, 5.0
+"""The most that a car brakes before a curve and turns in it, and the length over which a curve is measured."""
 LEAST_AHEAD_M, SHARE_IN_REACH = 1.0, 0.95
 """A goal that a request is drawn for is clearly ahead and clearly within reach, so that rounding decides nothing."""
-
-
-def length_m(lanelet: "Lanelet") -> float:
-    """Length of a lanelet's centre line in m."""
-    return float(np.linalg.norm(np.diff(lanelet.center_vertices, axis=0), axis=1).sum())
 
 
 def speed_limit_mps(network: "LaneletNetwork", key: int) -> float:
@@ -44,14 +39,34 @@ def distances_m(
     network: "LaneletNetwork",
     position: Points,
     heading_rad: float,
-    speed_mps: float,
+    speed_mps: float = 0.0,
     among: Collection[int] | None = None,
 ) -> dict[int, float]:
-    """Way in m from a car to the start of every lanelet that it gets to, as in ``ways_m``.
+    """Distance in m from a car to the start of every lanelet that it gets to, along successors and lane changes.
 
-    Lanelets whose bends it comes to too fast, however it brakes, lead nowhere.
+    The shortest from all lanelets under its position (2,) that do not lead against its heading; below 0 where the start
+    of one lies behind it. Lanelets whose curves it comes to too fast, however it brakes, lead nowhere.
+
+    Args:
+        speed_mps: its speed; at 0 it takes all curves.
+        among: the lanelets to begin with; None: all.
     """
-    return ways_m(network, position, heading_rad, lambda one, way_m: _takes_bends(one, way_m, speed_mps), among)
+
+    def takes(pairs: Iterable[tuple[float, int]]) -> list[tuple[float, int]]:
+        lanelets = ((away_m, network.find_lanelet_by_id(key)) for away_m, key in pairs)
+        return [(away_m, one.lanelet_id) for away_m, one in lanelets if _takes_curves(one, away_m, speed_mps)]
+
+    def onward(away_m: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
+        end_m = away_m + length_m(lanelet.center_vertices)
+        return takes([*((end_m, key) for key in lanelet.successor), *((away_m, key) for key in beside(lanelet))])
+
+    begin = []
+    for key in network.find_lanelet_by_position([position])[0]:
+        line = network.find_lanelet_by_id(key).center_vertices
+        station_m = project(line, position)[0]
+        leads = math.cos(point_at(line, station_m)[1] - heading_rad) > 0.0
+        begin += [(-station_m, int(key))] if leads and (among is None or key in among) else []
+    return _cheapest(network, takes(begin), onward)
 
 
 def lanelets_at_first(network: "LaneletNetwork", track: "Track") -> frozenset[int]:
@@ -62,55 +77,40 @@ def lanelets_at_first(network: "LaneletNetwork", track: "Track") -> frozenset[in
 
 
 def changes_needed(network: "LaneletNetwork", starts: Collection[int], targets: frozenset[int]) -> float:
-    """The fewest lane changes on any way to any target; infinite where none leads there."""
-    best: dict[int, int] = {}
-    queue = [(0, key) for key in sorted(starts)]
-    while queue:
-        changes, key = heapq.heappop(queue)
-        if key in targets:
-            return changes
-        if key in best:
-            continue
-        best[key] = changes
-        lanelet = network.find_lanelet_by_id(key)
-        onward = [(changes, int(after)) for after in lanelet.successor]
-        for pair in (*onward, *((changes + 1, int(other)) for other in beside(lanelet))):
-            heapq.heappush(queue, pair)
-    return math.inf
+    """The fewest lane changes on any route to any target; infinite where none leads there."""
+
+    def onward(changes: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
+        return [*((changes, key) for key in lanelet.successor), *((changes + 1, key) for key in beside(lanelet))]
+
+    changes = _cheapest(network, ((0.0, key) for key in starts), onward)
+    return min((changes[key] for key in targets & set(changes)), default=math.inf)
 
 
-def ways_m(
+def _cheapest(
     network: "LaneletNetwork",
-    position: Points,
-    heading_rad: float,
-    is_open: Callable[["Lanelet", float], bool] | None = None,
-    among: Collection[int] | None = None,
+    begin: Iterable[tuple[float, int]],
+    onward: Callable[[float, "Lanelet"], Iterable[tuple[float, int]]],
 ) -> dict[int, float]:
-    """Way in m from a point to the start of every lanelet that it leads to, along successors and lane changes.
-
-    Shortest ways (Dijkstra 1959) from all lanelets under the point (2,) that do not lead against the heading; below 0
-    where the start of one lies behind it.
-
-    Args:
-        is_open: whether a lanelet can be driven, given how far ahead it is in m; None: all can.
-        among: the lanelets to begin with; None: all.
-    """
+    """The least costs of all lanelets that are reached from some with their costs (Dijkstra 1959)."""
     best: dict[int, float] = {}
-    under = network.find_lanelet_by_position([position])[0]
-    stations = {key: project(network.find_lanelet_by_id(key).center_vertices, position)[0] for key in under}
-    begin = {key: station for key, station in stations.items() if among is None or key in among}
-    queue = [(-station, key) for key, station in begin.items() if _leads(network, key, station, heading_rad)]
-    heapq.heapify(queue)
+    queue = sorted(begin)
     while queue:
-        way_m, key = heapq.heappop(queue)
-        lanelet = network.find_lanelet_by_id(key)
-        if key in best or (is_open is not None and not is_open(lanelet, way_m)):
-            continue
-        best[key] = way_m
-        ahead = [(way_m + length_m(lanelet), after) for after in lanelet.successor]
-        for pair in (*ahead, *((way_m, other) for other in beside(lanelet))):
-            heapq.heappush(queue, pair)
+        cost, key = heapq.heappop(queue)
+        if key not in best:
+            best[key] = cost
+            for pair in onward(cost, network.find_lanelet_by_id(key)):
+                heapq.heappush(queue, pair)
     return best
+
+
+def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -> frozenset[int]:
+    """Some lanelets, all that follow them, and all that follow those."""
+    known, queue = set(begin), list(begin)
+    while queue:
+        more = {int(key) for key in following(queue.pop())} - known
+        known |= more
+        queue += more
+    return frozenset(known)
 
 
 def leads_on(network: "LaneletNetwork", targets: frozenset[int]) -> frozenset[int]:
@@ -119,12 +119,7 @@ def leads_on(network: "LaneletNetwork", targets: frozenset[int]) -> frozenset[in
     for lanelet in network.lanelets:
         for after in (*lanelet.successor, *beside(lanelet)):
             before.setdefault(int(after), []).append(int(lanelet.lanelet_id))
-    found, queue = set(targets), sorted(targets)
-    while queue:
-        more = [key for key in before.get(queue.pop(), ()) if key not in found]
-        found.update(more)
-        queue += more
-    return frozenset(found)
+    return all_after(targets, lambda key: before.get(key, ()))
 
 
 def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
@@ -149,18 +144,18 @@ def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_st
 def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_length_m: float) -> list[Points]:
     """The point for a share of a lanelet's length, moved inwards by half a vehicle (rule 3 of the corpus)."""
     lanelet = network.find_lanelet_by_id(lanelet_id)
-    inside = min(vehicle_length_m / 2, length_m(lanelet) / 2)
-    station = min(max(share * length_m(lanelet), inside), length_m(lanelet) - inside)
-    return [point_at(lanelet.center_vertices, station)[0]]
+    total_m = length_m(lanelet.center_vertices)
+    inside_m = min(vehicle_length_m, total_m) / 2
+    return [point_at(lanelet.center_vertices, min(max(share * total_m, inside_m), total_m - inside_m))[0]]
 
 
 def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -> list[Points]:
     """All points ``offset_m`` ahead of a point (below 0: behind) along the lanelets under it and what follows them."""
-    found: list[Points] = []
+    places: list[Points] = []
     for key in network.find_lanelet_by_position([position])[0]:
-        station = project(network.find_lanelet_by_id(key).center_vertices, position)[0] + offset_m
-        found += _at_station(network, int(key), station, set())
-    return found
+        station_m = project(network.find_lanelet_by_id(key).center_vertices, position)[0] + offset_m
+        places += _at_station(network, int(key), station_m, set())
+    return places
 
 
 def nearest_m(point: Points, places: Iterable[Points]) -> float:
@@ -184,33 +179,29 @@ def _farthest_m(speed_mps: float, final_mps: float, seconds: float) -> float:
 def _at_station(network: "LaneletNetwork", key: int, station_m: float, seen: set[int]) -> list[Points]:
     """The points at an arc length that may lie before or beyond a lanelet, on every branch there."""
     lanelet = network.find_lanelet_by_id(key)
-    total = length_m(lanelet)
+    total = length_m(lanelet.center_vertices)
     if 0.0 <= station_m <= total:
         return [point_at(lanelet.center_vertices, station_m)[0]]
     if key in seen:
         return []
-    found: list[Points] = []
+    places: list[Points] = []
     for other in lanelet.successor if station_m > total else lanelet.predecessor:
-        step = -total if station_m > total else length_m(network.find_lanelet_by_id(other))
-        found += _at_station(network, int(other), station_m + step, seen | {key})
-    return found
+        step = -total if station_m > total else length_m(network.find_lanelet_by_id(other).center_vertices)
+        places += _at_station(network, int(other), station_m + step, seen | {key})
+    return places
 
 
-def _leads(network: "LaneletNetwork", key: int, station_m: float, heading_rad: float) -> bool:
-    """Whether a lanelet does not lead against a heading."""
-    line = network.find_lanelet_by_id(key).center_vertices
-    return math.cos(point_at(line, station_m)[1] - heading_rad) > 0.0
-
-
-def _takes_bends(lanelet: "Lanelet", way_m: float, speed_mps: float) -> bool:
-    """Whether a car that brakes hard from a speed to a lanelet's start is slow enough for all of its bends."""
+def _takes_curves(lanelet: "Lanelet", way_m: float, speed_mps: float) -> bool:
+    """Whether a car that brakes hard from a speed to a lanelet's start is slow enough for all of its curves."""
     slowest = math.sqrt(max(speed_mps**2 - 2 * HARD_BRAKING_MPS2 * max(way_m, 0.0), 0.0))
+    if slowest == 0.0:
+        return True
     steps = np.diff(lanelet.center_vertices, axis=0)
     lengths, along = np.linalg.norm(steps, axis=1), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     middles = np.cumsum(lengths) - lengths / 2
-    within = np.abs(middles[:, None] - middles[None, :]) <= BEND_M
-    within &= middles[:, None] >= -way_m - BEND_M
-    sharpest = float((np.abs(along[:, None] - along[None, :]) * within).max()) / BEND_M
+    within = np.abs(middles[:, None] - middles[None, :]) <= CURVE_M
+    within &= middles[:, None] >= -way_m - CURVE_M
+    sharpest = float((np.abs(along[:, None] - along[None, :]) * within).max()) / CURVE_M
     return slowest**2 * sharpest <= LATERAL_MPS2
 
 

@@ -14,9 +14,10 @@ from typing import Any, Final
 import numpy as np
 
 from ...engine.cosimulation import not_drivable
+from ...engine.geometry import length_m
 from ...engine.scene import Scene
 from ...schemas.modification import Edit
-from .reach import SHARES, distances_m, is_in_reach, lanelets_at_first, length_m, ways_m
+from .reach import SHARES, distances_m, is_in_reach, lanelets_at_first
 
 CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle")
 MOST_TRIES, MOST_GOALS = 6, 30
@@ -105,7 +106,7 @@ def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[Asked]:
     """To lanelets that its route leads to and that it does not drive over; the nearest few, in a drawn order."""
     track = scene.tracks[key]
     begin = lanelets_at_first(scene.network, track)
-    ways = ways_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
+    ways = distances_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
     over = {int(one) for under in scene.network.find_lanelet_by_position(list(track.positions)) for one in under}
     ahead = sorted((way_m, int(lanelet)) for lanelet, way_m in ways.items() if lanelet in scene.layout.table.lanes)
     near = [lanelet for _, lanelet in ahead[:MOST_TRIES] if lanelet not in over]
@@ -153,7 +154,7 @@ def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
 
 
 def _station_m(scene: Scene, key: int, way_m: float, share: float) -> float:
-    return way_m + share * length_m(scene.network.find_lanelet_by_id(key))
+    return way_m + share * length_m(scene.network.find_lanelet_by_id(key).center_vertices)
 
 
 def _selected(truth: dict[str, Any]) -> list[str]:

@@ -90,6 +90,11 @@ class Written:
         return frozenset().union(*(self.meant_by(index) for index in going))
 
 
+def entry_step(scene: Scene, truth: Truth) -> int:
+    """The step at which the vehicles that an edit adds are to enter."""
+    return round((truth.get("depart_s") or 0.0) / scene.step_s)
+
+
 def is_valid(written: Written) -> bool:
     """No schema error that the source does not have, but that of vehicles which enter later because they were asked to.
 
@@ -114,14 +119,13 @@ def enter_later_as_asked(written: Written) -> frozenset[int]:
 
     Whether they enter as soon as they can is another check.
     """
-    found: set[int] = set()
-    for index, truth in enumerate(written.truths):
-        asked = round((truth.get("depart_s") or 0.0) / written.scene.step_s)
-        if truth["op"] != "add_vehicle" or asked == 0:
-            continue
-        added = [key for key in written.outcome.edits[index].vehicles if key in written.added()]
-        found.update(key for key in added[: truth["count"]] if written.new[key].first_step >= asked)
-    return frozenset(found)
+    later: set[int] = set()
+    for truth, report in zip(written.truths, written.outcome.edits, strict=True):
+        asked = entry_step(written.scene, truth)
+        if truth["op"] == "add_vehicle" and asked > 0:
+            added = [key for key in report.vehicles if key in written.added()]
+            later.update(key for key in added[: truth["count"]] if written.new[key].first_step >= asked)
+    return frozenset(later)
 
 
 def _known(written: Written) -> set[str]:

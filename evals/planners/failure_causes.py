@@ -10,6 +10,7 @@ from ...engine.commonroad import Track, read_scenario
 from ...engine.geometry import wrap_angle
 from ...engine.planners import RecordedTraffic
 from ...schemas.runs import RunRecord, RunSteps
+from ..geometry import ahead_and_left_m
 
 _STANDING_MPS = 0.5
 """Below it a vehicle counts as standing (chosen)."""
@@ -56,10 +57,8 @@ def meeting(run: RunRecord, steps: RunSteps, other: Track) -> str:
 
 def _is_in_front(place: tuple[float, float, float], of: tuple[float, float, float], width_m: float) -> bool:
     """Whether a place lies more ahead of a rectangle than to its side."""
-    dx, dy = place[0] - of[0], place[1] - of[1]
-    ahead = dx * math.cos(of[2]) + dy * math.sin(of[2])
-    aside = abs(dy * math.cos(of[2]) - dx * math.sin(of[2]))
-    return ahead > 0 and aside < max(width_m, ahead)
+    ahead_m, left_m = ahead_and_left_m(np.array(place[:2]), np.array(of[:2]), of[2])
+    return ahead_m > 0 and abs(left_m) < max(width_m, ahead_m)
 
 
 def _track(obstacle_id: int, steps: RunSteps, scenario: Path) -> Track:

@@ -8,7 +8,6 @@ traffic), ``recorded_rear_hits``, ``reactive_rear_hits``, ``reactive_step_ms`` (
 reactive traffic).
 """
 
-import math
 import statistics
 import sys
 import time
@@ -36,6 +35,7 @@ from ...engine.planners import (
 )
 from ...engine.vehicles import BMW_320I
 from ...schemas.runs import Traffic
+from ..geometry import ahead_and_left_m
 from ..harness import built_in, print_figures, process_pool, scenario_files, shared_scenarios
 
 _PROCESSES = 2
@@ -105,16 +105,9 @@ def _follows(other: Track, ego: EgoState) -> bool:
     index = other.index_at(ego.step)
     if index is None or other.speeds_mps[index] < _SLOWEST_MPS:
         return False
-    behind, left = _place_behind(ego, *other.positions[index])
+    ahead_m, left_m = ahead_and_left_m(other.positions[index], ego.position, ego.heading_rad)
     alike = abs(wrap_angle(float(other.headings_rad[index]) - ego.heading_rad)) < _ALIKE_RAD
-    return 0.0 < behind < _BEHIND_M and abs(left) < _BESIDE_M and alike
-
-
-def _place_behind(ego: EgoState, x_m: float, y_m: float) -> tuple[float, float]:
-    """How far a point lies behind the ego, and to its left, in m."""
-    cos, sin = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
-    dx, dy = x_m - float(ego.position[0]), y_m - float(ego.position[1])
-    return -(dx * cos + dy * sin), dy * cos - dx * sin
+    return 0.0 < -ahead_m < _BEHIND_M and abs(left_m) < _BESIDE_M and alike
 
 
 def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> BrakedRun:
@@ -137,8 +130,8 @@ def _rear_hit(run: DrivenRun, brake_step: int) -> str | None:
     ego = run.states[-1]
     tracks = (*run.traffic.moving, *run.traffic.standing)
     other = next(track for track in tracks if track.obstacle_id == hit.obstacle_id)
-    behind, _ = _place_behind(ego, *other.positions[other.index_at(ego.step) or 0])
-    if not (_follows(other, begin) and behind > 0.0):
+    there = other.positions[other.index_at(ego.step) or 0]
+    if not _follows(other, begin) or ahead_and_left_m(there, ego.position, ego.heading_rad)[0] >= 0.0:
         return None
     driven = (
         "driven" if any(track.obstacle_id == hit.obstacle_id for track in run.traffic.driven) else "on its recording"

@@ -10,7 +10,8 @@ from support.generation_bench import Road, made, mapped
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.evals.generation.judges import holds_vehicles, lies_at_street, lies_in
 from plannerforge.evals.generation.maps import MapEvidence
-from plannerforge.evals.generation.motion import is_drivable, meet
+from plannerforge.evals.generation.motion import TOUCHING_M, is_drivable
+from plannerforge.evals.geometry import overlap_steps
 
 SECONDARY = Road("road", "a", "b")
 
@@ -64,12 +65,11 @@ def track(first_step: int = 0, offset: tuple[float, float] = (0.0, 0.0), aside_m
 
 
 def test_overlaps_are_seen_at_the_same_time_only() -> None:
-    assert meet(track(), track(offset=(4.0, 1.0)))
-    assert not meet(track(), track(offset=(4.6, 0.0)))
-    assert not meet(track(), track(offset=(0.0, 1.9)))
-    assert meet(track(), track(offset=(0.0, 6.0), aside_m=-6.0))
-    assert meet(track(), track(first_step=5, offset=(5.0, 0.0)))
-    assert not meet(track(), track(first_step=40))
+    assert overlap_steps(track(), track(offset=(4.0, 1.0)), TOUCHING_M) == list(range(30))
+    for clear in (track(offset=(4.5, 0.0)), track(offset=(4.6, 0.0)), track(offset=(0.0, 1.9)), track(first_step=40)):
+        assert overlap_steps(track(), clear, TOUCHING_M) == []
+    assert overlap_steps(track(), track(offset=(0.0, 6.0), aside_m=-6.0), TOUCHING_M) == list(range(11, 30))
+    assert overlap_steps(track(), track(first_step=5, offset=(5.0, 0.0)), TOUCHING_M) == list(range(5, 30))
 
 
 def test_a_jump_cannot_be_driven() -> None:

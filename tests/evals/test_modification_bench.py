@@ -14,7 +14,7 @@ from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.evals.modification.__main__ import failures_of, figures_of
-from plannerforge.evals.modification.cases import is_refused
+from plannerforge.evals.modification.cases import Case, Measured, Physical, is_refused
 from plannerforge.evals.modification.judges import is_untouched_identical, unreported_collisions
 from plannerforge.evals.modification.requests import (
     CORPUS,
@@ -24,7 +24,6 @@ from plannerforge.evals.modification.requests import (
     drawn_requests,
     edit_of,
 )
-from plannerforge.evals.modification.results import Case, Measured, Physical
 from plannerforge.evals.modification.safety import Shift, difference_interval, new_id, safety_rows
 
 TRUTHS: list[tuple[dict[str, Any], dict[str, Any]]] = [

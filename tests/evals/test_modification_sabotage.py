@@ -17,9 +17,8 @@ from plannerforge.engine.edits.operations import OPERATIONS
 from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.evals.modification import cases as modification_cases
 from plannerforge.evals.modification.__main__ import figures_of, refusal_rows
-from plannerforge.evals.modification.cases import measure_line, several_calls_equal
+from plannerforge.evals.modification.cases import Case, Effort, Measured, Refusal, measure_line, several_calls_equal
 from plannerforge.evals.modification.requests import edit_of
-from plannerforge.evals.modification.results import Case, Effort, Measured, Refusal
 from plannerforge.schemas.errors import NotPossible, WorkerFailure
 from plannerforge.schemas.modification import EditOperation
 from plannerforge.tools import modification

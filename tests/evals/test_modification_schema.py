@@ -9,7 +9,7 @@ from support.builders import town_road
 from support.modification_bench import TRUTHS, asked, carried_out, respelt, told
 
 from plannerforge.evals.modification.__main__ import figures_of, rows_of
-from plannerforge.evals.modification.results import Case, Measured
+from plannerforge.evals.modification.cases import Case, Measured
 from plannerforge.evals.modification.written import Written, enter_later_as_asked, is_strictly_valid, is_valid
 
 ADDED = 101

@@ -34,8 +34,8 @@ def test_only_the_lanelet_that_is_driven_counts_as_reached(scene: Scene) -> None
     lanelets = [int(one.lanelet_id) for one in scene.network.lanelets]
     first, other = lanelets[0], lanelets[1]
     track = along(scene, first)
-    assert arrives_on(scene.network, track, 0, {first})
-    assert not arrives_on(scene.network, track, 0, {other} - set(_after(scene, first)))
+    assert arrives_on(scene.network, track, {first})
+    assert not arrives_on(scene.network, track, {other} - set(_after(scene, first)))
     assert follows(scene.network, (first,), track.positions)
     assert not follows(scene.network, (first,), track.positions + np.array([500.0, 0.0]))
 
@@ -46,7 +46,7 @@ def test_a_lanelet_that_a_fast_vehicle_leaps_over_within_a_step_is_reached(scene
     ahead = (line[-1] - line[0]) / np.linalg.norm(line[-1] - line[0])
     leap = np.array([line[0] - 9.0 * ahead, line[-1] - 2.25 * ahead + 0.9 * ahead])
     track = along(scene, first, 2)
-    assert arrives_on(scene.network, replace(track, positions=leap), 0, {first})
+    assert arrives_on(scene.network, replace(track, positions=leap), {first})
 
 
 @pytest.mark.parametrize(("over_m", "is_there"), [(-0.1, False), (0.02, False), (0.4, False), (0.7, True)])
@@ -56,7 +56,7 @@ def test_a_vehicle_that_stands_with_its_bumper_over_the_line_has_not_arrived(
     last = scene.network.find_lanelet_by_id(1).center_vertices[-1]
     stops_m = np.minimum(np.arange(40.0), 30.0) - 30.0 + over_m - 4.5 / 2
     halted = replace(along(scene, 1, 40), positions=last + stops_m[:, None] * np.array([1.0, 0.0]))
-    assert arrives_on(scene.network, halted, 0, {11}) is is_there
+    assert arrives_on(scene.network, halted, {11}) is is_there
 
 
 @pytest.mark.parametrize(("leads_there_too", "is_there"), [((), True), ((2,), False)])
@@ -73,14 +73,14 @@ def test_grazing_the_target_counts_where_the_way_driven_on_leads_from_it_alone(
     heading = np.arctan2(np.gradient(fronts_y), np.gradient(fronts_x))
     centres = np.stack([fronts_x - 2.25 * np.cos(heading), fronts_y - 2.25 * np.sin(heading)], axis=1)
     track = Track(7, "car", 4.5, 1.8, 0, centres, heading, np.full(len(heading), 5.0))
-    assert arrives_on(network, track, 0, {1}) is is_there
+    assert arrives_on(network, track, {1}) is is_there
 
 
 def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
     lanes = (Lane(1, line((0, 0), (40, 0)), successors=(2,)), Lane(2, line((40, 0), (40.6, 0)), predecessors=(1,)))
     network = read_scenario(ScenarioBuilder(lanes).write(tmp_path / "short.xml")).scenario.lanelet_network
-    assert arrives_on(network, over(*[(float(x), 0.0) for x in np.linspace(20, 38.1, 20)]), 0, {2})
-    assert not arrives_on(network, over(*[(float(x), 0.0) for x in np.linspace(20, 38.0, 20)]), 0, {2})
+    assert arrives_on(network, over(*[(float(x), 0.0) for x in np.linspace(20, 38.1, 20)]), {2})
+    assert not arrives_on(network, over(*[(float(x), 0.0) for x in np.linspace(20, 38.0, 20)]), {2})
 
 
 def test_a_target_that_is_left_again_for_a_road_that_does_not_follow_is_not_reached(scene: Scene) -> None:
@@ -88,7 +88,7 @@ def test_a_target_that_is_left_again_for_a_road_that_does_not_follow_is_not_reac
     track = along(scene, first)
     away = track.positions.copy()
     away[10:, 1] += 300.0
-    assert not arrives_on(scene.network, replace(track, positions=away), 0, {first})
+    assert not arrives_on(scene.network, replace(track, positions=away), {first})
 
 
 @pytest.mark.parametrize(("moved_m", "faster_mps", "jump_m", "step_mps"), [(0.0, 0, 0.0, 0.0), (0.2, 1.5, 0.2, 1.5)])
@@ -198,9 +198,9 @@ def test_one_that_leaves_a_lane_that_ends_for_the_one_beside_has_arrived_on_it(t
     on_it = [(float(x), 3.5) for x in range(0, 80, 2)]
     goes_on = [(float(x), 0.0) for x in range(90, 200, 2)]
     elsewhere = [(float(x), 3.5 + 0.765 * (x - 100)) for x in range(104, 200, 2)]
-    assert arrives_on(ending.network, over(*on_it, *goes_on), 0, {2})
-    assert not arrives_on(ending.network, over(*on_it, *elsewhere), 0, {2})
-    assert not arrives_on(ending.network, over(*goes_on), 0, {2})
+    assert arrives_on(ending.network, over(*on_it, *goes_on), {2})
+    assert not arrives_on(ending.network, over(*on_it, *elsewhere), {2})
+    assert not arrives_on(ending.network, over(*goes_on), {2})
 
 
 def test_the_branch_of_the_lane_beside_is_no_arrival_where_the_own_lane_goes_on(tmp_path: Path) -> None:
@@ -208,9 +208,7 @@ def test_the_branch_of_the_lane_beside_is_no_arrival_where_the_own_lane_goes_on(
     goes_on = (lanes[0], replace(lanes[1], successors=(5,)), *lanes[2:4], replace(lanes[4], predecessors=(2,)))
     both = Scene.of(read_scenario(ScenarioBuilder(goes_on).write(tmp_path / "base.xml")))
     on_it = [(float(x), 3.5) for x in range(0, 80, 2)]
-    assert not arrives_on(
-        both.network, over(*on_it, *[(float(x), -0.8 * (x - 100)) for x in range(100, 200, 2)]), 0, {2}
-    )
+    assert not arrives_on(both.network, over(*on_it, *[(float(x), -0.8 * (x - 100)) for x in range(100, 200, 2)]), {2})
     assert arrives_on(
-        both.network, over(*on_it, *[(float(x), 3.5 + 0.765 * (x - 100)) for x in range(100, 200, 2)]), 0, {2}
+        both.network, over(*on_it, *[(float(x), 3.5 + 0.765 * (x - 100)) for x in range(100, 200, 2)]), {2}
     )
