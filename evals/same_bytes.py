@@ -145,7 +145,7 @@ async def _record_results(client: Client, digests: _Digests) -> None:
         digests.note(f"results {name}", await client.call_tool(tool, arguments))
 
 
-async def record(data: Path, output: Path, every: int, maps: int) -> None:
+async def _record(data: Path, output: Path, every: int, maps: int) -> None:
     """Ask for everything and write the digests: every n-th scenario by name, and the smallest maps."""
     scenarios = sorted((data / "commonroad").glob("*.xml"))[::every]
     extracts = sorted((data / "osm").glob("*.osm"), key=lambda path: path.stat().st_size)[:maps]
@@ -163,7 +163,7 @@ async def record(data: Path, output: Path, every: int, maps: int) -> None:
     output.write_text(json.dumps({"answers": digests.answers, "files": digests.files()}, indent=1), encoding="utf-8")
 
 
-def compare(before: Path, after: Path, *, subset: bool) -> int:
+def _compare(before: Path, after: Path, *, subset: bool) -> int:
     """Print what differs; the number of differences. ``subset``: the later record made fewer requests."""
     old, new = (json.loads(path.read_text(encoding="utf-8")) for path in (before, after))
     differences = 0
@@ -178,8 +178,7 @@ def compare(before: Path, after: Path, *, subset: bool) -> int:
     return differences
 
 
-def main() -> None:
-    """Record or compare."""
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     recording = commands.add_parser("record")
@@ -193,10 +192,6 @@ def main() -> None:
     comparing.add_argument("--subset", action="store_true")
     given = parser.parse_args()
     if given.command == "record":
-        anyio.run(record, given.data, given.output, given.every, given.maps)
+        anyio.run(_record, given.data, given.output, given.every, given.maps)
     else:
-        raise SystemExit(min(compare(given.before, given.after, subset=given.subset), 1))
-
-
-if __name__ == "__main__":
-    main()
+        sys.exit(min(_compare(given.before, given.after, subset=given.subset), 1))

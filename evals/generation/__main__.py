@@ -18,11 +18,10 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TypeVar
 
-from ..harness import existing, shared_folder
+from ..harness import existing, process_pool, shared_folder
 from .cases import convert_whole, make_group, refused_right
 from .figures import Made, print_generation
 from .maps import BenchMaps, read_maps
@@ -43,7 +42,7 @@ SEEDS_APART = 100
 """Between the seeds of two requests: more than scenarios of one."""
 
 
-def main() -> None:
+def _main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description="Measure the generator on real maps.")
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
@@ -51,15 +50,15 @@ def main() -> None:
     parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample this many further on")
     parser.add_argument("--workers", type=int, default=2, help="processes that make and judge (default: 2)")
     arguments = parser.parse_args()
-    maps_folder = existing(arguments.shared / "data" / "osm", parser, "--shared")
+    maps_folder = existing(arguments.shared / "data" / "osm")
     corpus = arguments.shared / "corpora" / "dev" / "generation.jsonl"
     with tempfile.TemporaryDirectory() as scratch:
         maps = read_maps(maps_folder, Path(scratch))
         good, bad = _requests(corpus.read_text(encoding="utf-8").splitlines(), maps)
         names = sorted({*maps.files, *maps.unread})
         if arguments.limit is not None:
-            good, bad, names = (_spread(found, arguments.limit, arguments.offset) for found in (good, bad, names))
-        with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
+            good, bad, names = (_spread(items, arguments.limit, arguments.offset) for items in (good, bad, names))
+        with process_pool(arguments.workers) as pool:
             converted = _each(pool, {name: name for name in names}, partial(convert_whole, maps=maps))
             made = _make(pool, good, maps)
             by_name = {refusal.name: refusal for refusal in bad}
@@ -98,11 +97,11 @@ def _each(pool: ProcessPoolExecutor, items: Mapping[str, Item], job: Callable[[I
     return dict(zip(items, pool.map(job, items.values()), strict=True))
 
 
-def _spread(found: list[Item], limit: int, offset: int) -> list[Item]:
+def _spread(items: list[Item], limit: int, offset: int) -> list[Item]:
     """``limit`` of a list, evenly chosen, beginning at ``offset``."""
-    step = max(1, len(found) // limit)
-    return found[offset % step :: step][:limit]
+    step = max(1, len(items) // limit)
+    return items[offset % step :: step][:limit]
 
 
 if __name__ == "__main__":
-    main()
+    _main()

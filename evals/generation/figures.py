@@ -8,11 +8,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..harness import print_figures, rate_text
+from ..harness import print_figures, rate_text, share
 from .judges import DensityVerdict
 from .motion import MotionFigures
 from .requests import BenchRequest, Refusal
 
+_VERDICTS = ("executable", "road_type", "vehicles", "place")
 READING = "reading the map"
 """The message with which a generation reports that stage."""
 PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
@@ -88,49 +89,49 @@ def print_generation(
     whole = [one for one in made if not one.fault]
     motions = [one.motion for one in whole if one.motion is not None]
     densities = [one.density for one in whole if one.density is not None]
-    for name, fault in converted.items():
-        _print_fault(f"map {name}", fault)
-    for refusal, fault in refusals:
-        _print_fault(f"to be refused {refusal.name} ({refusal.reason})", fault)
+    faults = {f"map {name}": fault for name, fault in converted.items()}
+    faults |= {f"to be refused {refusal.name} ({refusal.reason})": fault for refusal, fault in refusals}
+    sys.stderr.writelines(f"{what}: {fault}\n" for what, fault in faults.items() if fault)
     outcomes = Counter(one.outcome for one in whole)
+    checked, positions = sum(motion.checked for motion in motions), sum(motion.positions for motion in motions)
     figures: dict[str, float | int | str] = {
         "maps": len(converted),
         "maps_converted": sum(not fault for fault in converted.values()),
         "requests": requests,
-        **{
-            key: _share(sum(bool(getattr(one, key)) for one in made), len(made))
-            for key in ("executable", "road_type", "vehicles", "place")
-        },
-        "density": _share(sum(verdict.honest for verdict in densities), len(made)),
-        "refused_right": _share(sum(not fault for _, fault in refusals), len(refusals)),
-        "feasible": _share(sum(m.feasible for m in motions), sum(m.checked for m in motions)),
-        "inside_lanelets": _share(sum(m.inside for m in motions), sum(m.positions for m in motions)),
-        "overlaps": sum(m.overlapping_pairs for m in motions),
+        **{key: share(getattr(one, key) for one in made) for key in _VERDICTS},
+        "density": _ratio(sum(verdict.honest for verdict in densities), len(made)),
+        "refused_right": share(not fault for _, fault in refusals),
+        "feasible": _ratio(sum(motion.feasible for motion in motions), checked),
+        "inside_lanelets": _ratio(sum(motion.inside for motion in motions), positions),
+        "overlaps": sum(motion.overlapping_pairs for motion in motions),
     }
     for density in ("low", "high"):
         counted = [stages.counted for stages in _timed(whole, density)]
         figures[f"median_{density}_s"] = _median([spent.processor_s for spent in counted])
         figures[f"median_{density}_wall_s"] = _median([spent.wall_s for spent in counted])
-    rows = [(key, str(value)) for key, value in figures.items()]
-    rows += [("scenarios", str(len(made))), ("tracks checked", str(sum(m.checked for m in motions)))]
-    rows += [("density within 25 % of its target", f"{sum(verdict.met for verdict in densities)} of {len(made)}")]
-    rows += [(f"refused: {reason}", share) for reason, share in _by_reason(refusals)]
-    rows += [(f"outcome {name}", str(count)) for name, count in outcomes.most_common()]
     collisions = rate_text(outcomes["collision"], len(whole))
-    rows += [
-        ("the default planner collides", f"{collisions}; paper {PAPER_COLLISIONS:.1%}, SF 2.0 {FACTORY_COLLISIONS:.1%}")
+    rows = [
+        ("scenarios", str(len(made))),
+        ("tracks checked", str(checked)),
+        ("density within 25 % of its target", f"{sum(verdict.met for verdict in densities)} of {len(made)}"),
+        *((f"refused: {reason}", counts) for reason, counts in _by_reason(refusals)),
+        *((f"outcome {name}", str(count)) for name, count in outcomes.most_common()),
+        (
+            "the default planner collides",
+            f"{collisions}; paper {PAPER_COLLISIONS:.1%}, SF 2.0 {FACTORY_COLLISIONS:.1%}",
+        ),
     ]
     for density in ("low", "high"):
         rows += [
             (f"{density}: {stage}", f"{spent.processor_s:.3f} s, on the clock {spent.wall_s:.3f} s")
             for stage, spent in _stages(whole, density)
         ]
-    print_figures("Generation", rows, figures)
+    print_figures("Generation", figures, more_rows=rows)
 
 
 def print_verdict(one: Made) -> None:
     """Print a line on a scenario as soon as it is judged, because a whole run takes long and may be broken off."""
-    wrong = [f"not {key}" for key in ("executable", "road_type", "vehicles", "place") if not getattr(one, key)]
+    wrong = [f"not {key}" for key in _VERDICTS if not getattr(one, key)]
     if one.density is not None and not one.density.met:
         stated = "told" if one.density.stated else "not told"
         wrong.append(f"{one.density.found:g} vehicles per lane-km instead of {one.density.target:g}, {stated}")
@@ -151,12 +152,7 @@ def _by_reason(refusals: Sequence[tuple[Refusal, str]]) -> list[tuple[str, str]]
     return [(reason, f"{right[reason]} of {count}") for reason, count in sorted(asked.items())]
 
 
-def _print_fault(what: str, fault: str) -> None:
-    if fault:
-        sys.stderr.write(f"{what}: {fault}\n")
-
-
-def _share(part: int, whole: int) -> float:
+def _ratio(part: int, whole: int) -> float:
     return round(part / whole, 4) if whole else 0.0
 
 

@@ -71,13 +71,11 @@ def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[
 
 def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
     """The figures by key."""
-    cases = [case for one in measured for case in one.cases]
+    cases = [case for result in measured for case in result.cases]
     made = [case for case in cases if not case.refused]
     checks = _checks(cases)
-    trips = [one.round_trip_error for one in measured if one.round_trip_error is not None]
-    refused = [right for one in measured for _, right in one.refused_right]
+    trips = [result.round_trip_error for result in measured if result.round_trip_error is not None]
     touched = max(sum(case.touched for case in made), 1)
-    several = [case.in_several_calls_equal for case in made if case.in_several_calls_equal is not None]
     seconds = [case.edit_s for case in made]
     first = [case.edit_s for case in made if case.is_first]
     figures = {
@@ -87,17 +85,15 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
         "checks_min": min((share(values) for values in checks.values()), default=0.0),
         "valid_min": _least(made, lambda case: case.valid),
         "valid_strict_min": _least(made, lambda case: case.strictly_valid),
-        "executable_min": _least(
-            [case for case in made if case.executed is not None], lambda case: bool(case.executed)
-        ),
-        "refused_right": share(refused),
+        "executable_min": _least(made, lambda case: case.executed),
+        "refused_right": share(right for result in measured for _, right in result.refused_right),
         "untouched_identical": share(case.untouched_identical for case in made),
         **{f"physical_{task}": share(_settled(made, task)) for task in PHYSICAL},
         "physical_handed_over": share(_settled(made)),
-        "handovers_smooth": share(_is_smooth(one) for case in made for one in case.handovers),
+        "handovers_smooth": share(_is_smooth(*errors) for case in made for errors in case.handovers),
         "unreported_collisions": sum(case.unreported for case in made) / touched,
         "collisions_left": sum(case.collisions for case in made) / touched,
-        "several_calls_equal": share(several),
+        "several_calls_equal": share(_known(case.in_several_calls_equal for case in made)),
         "edit_median_s": statistics.median(seconds),
         "edit_p95_s": percentile_95(seconds),
         "edit_first_median_s": statistics.median(first) if first else 0.0,
@@ -108,7 +104,7 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
 
 def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     """What is said beside the figures: counts, hand-overs, and the checker's verdicts."""
-    cases = [case for one in measured for case in one.cases]
+    cases = [case for result in measured for case in result.cases]
     made = [case for case in cases if not case.refused]
     rows = []
     for task in (*TASKS, "composite"):
@@ -117,7 +113,7 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     rows += [(f"check {name}", _interval(values)) for name, values in sorted(_checks(cases).items())]
     arrivals = [there for case in made for there in case.arrivals]
     rows.append(("arrive in time", f"{_interval(arrivals)}; the others are on their way, or T_ends fails"))
-    rows += refusal_rows([one for case in cases for one in case.tries])
+    rows += refusal_rows([refusal for case in cases for refusal in case.tries])
     rows += [(f"physical {task}", _interval(_settled(made, task))) for task in PHYSICAL]
     rows.append(("physical, handed over besides", _interval(_settled(made))))
     rows += [(f"drivable {task}", _drivable([case for case in made if case.task == task])) for task in PHYSICAL]
@@ -125,60 +121,62 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
         rows.append((f"executable {task}", _interval([case.executed for case in made if case.task == task])))
     later = sum(case.enter_later > 0 for case in made)
     rows.append(("enter later, as asked", f"{later} files, for which the schema has no form"))
-    given = [one for case in made for one in case.handovers]
-    jump, step = (max((one[place] for one in given), default=0.0) for place in (0, 1))
+    given = [errors for case in made for errors in case.handovers]
+    jump, step = (max(errors, default=0.0) for errors in (zip(*given, strict=True) if given else ((), ())))
     rows.append(("largest hand-over", f"{jump:.3f} m beyond v·dt, {step:.2f} m/s, of {len(given)}"))
     for task in TASKS:
-        rows.append((f"no request {task}", f"{sum(task in one.no_request for one in measured)} files"))
-    refused = [right for one in measured for _, right in one.refused_right]
-    lenient = [name for one in measured for name in one.not_to_refuse]
+        rows.append((f"no request {task}", f"{sum(task in result.no_request for result in measured)} files"))
+    refused = [right for result in measured for _, right in result.refused_right]
+    lenient = [name for result in measured for name in result.not_to_refuse]
     rows.append(("refused right", f"{_interval(refused)}; going on is right too: {', '.join(lenient) or 'none'}"))
-    on_road, off_lanes = (sum(getattr(one, name) for one in measured) for name in ("road_users", "off_lanes"))
+    on_road, off_lanes = (sum(getattr(result, name) for result in measured) for name in ("road_users", "off_lanes"))
     rows.append(("round trip", f"{on_road} road users, {off_lanes} of them off all lanelets"))
     rows.append(("handed over besides", str(sum(case.handed_over for case in made))))
     rows.append(("collisions reported", str(sum(case.collisions for case in made))))
-    return rows + safety_rows([shift for one in measured for shift in one.shifts])
+    return rows + safety_rows([shift for result in measured for shift in result.shifts])
 
 
 def refusal_rows(tries: Sequence[Refusal]) -> list[tuple[str, str]]:
     """How many requests that were drawn or are in the corpus were refused, and with which reasons, figures left out."""
     rows = []
     for task in (*TASKS, "composite"):
-        mine = [one for one in tries if one.task == task]
-        wrong = sum(one.is_right is False for one in mine)
-        judged = sum(one.is_right is not None for one in mine)
-        rows.append((f"tries refused {task}", f"{len(mine)}, {wrong} of {judged} judged wrongly"))
-        reasons = Counter(_in_short(one.reason) for one in mine)
+        mine = [refusal for refusal in tries if refusal.task == task]
+        judged = _known(refusal.is_right for refusal in mine)
+        rows.append((f"tries refused {task}", f"{len(mine)}, {judged.count(False)} of {len(judged)} judged wrongly"))
+        reasons = Counter(_in_short(refusal.reason) for refusal in mine)
         rows += [(f"  because, {task}", f"{count} × {reason}") for reason, count in reasons.most_common(REASONS)]
     return rows
 
 
 def failures_of(measured: Sequence[Measured]) -> list[str]:
     """Every request and check that went wrong, one line each."""
-    found = [f"round trip: {one.round_trip_error}" for one in measured if one.round_trip_error]
-    found += [f"not refused right: {name}" for one in measured for name, right in one.refused_right if not right]
-    for case in (case for one in measured for case in one.cases):
-        bad = [name for name, passed in case.checks.items() if not passed]
-        bad += [f"wrongly refused: {one.reason}" for one in case.tries if one.is_right is False]
-        bad += [] if case.refused or case.valid else ["valid"]
-        bad += [] if case.refused or case.untouched_identical else ["untouched"]
-        bad += ["executed"] if case.executed is False else []
-        bad += ["several calls"] if case.in_several_calls_equal is False else []
-        bad += ["physical"] if any(one.settled is False for one in case.physical) else []
-        bad += [f"{case.unreported} unreported collisions"] if case.unreported else []
-        bad += [f"{case.collisions} collisions reported"] if case.collisions else []
-        rough = [one for one in case.handovers if not _is_smooth(one)]
-        bad += [f"hand-over {jump:.3f} m, {step:.2f} m/s" for jump, step in rough]
-        bad += [f"refused: {case.refused}"] if case.refused else []
-        found += [f"{case.task} {case.name}: {', '.join(bad)}"] if bad else []
-    return sorted(found)
+    lines = [f"round trip: {result.round_trip_error}" for result in measured if result.round_trip_error]
+    lines += [f"not refused right: {name}" for result in measured for name, right in result.refused_right if not right]
+    for case in (case for result in measured for case in result.cases):
+        wrong = [
+            *(name for name, passed in case.checks.items() if not passed),
+            *(f"wrongly refused: {refusal.reason}" for refusal in case.tries if refusal.is_right is False),
+        ]
+        if not case.refused:
+            wrong += [] if case.valid else ["valid"]
+            wrong += [] if case.untouched_identical else ["untouched"]
+        wrong += ["executed"] if case.executed is False else []
+        wrong += ["several calls"] if case.in_several_calls_equal is False else []
+        wrong += ["physical"] if any(verdict.settled is False for verdict in case.physical) else []
+        wrong += [f"{case.unreported} unreported collisions"] if case.unreported else []
+        wrong += [f"{case.collisions} collisions reported"] if case.collisions else []
+        rough = [errors for errors in case.handovers if not _is_smooth(*errors)]
+        wrong += [f"hand-over {jump:.3f} m, {step:.2f} m/s" for jump, step in rough]
+        wrong += [f"refused: {case.refused}"] if case.refused else []
+        lines += [f"{case.task} {case.name}: {', '.join(wrong)}"] if wrong else []
+    return sorted(lines)
 
 
 def _drivable(cases: Sequence[Case]) -> str:
-    verdicts = [one for case in cases for one in case.physical]
-    whole = sum(one.whole for one in verdicts)
-    recorded = [one.recorded for one in verdicts if one.recorded is not None]
-    agree = sum(one.closed_form == one.whole for one in verdicts)
+    verdicts = [verdict for case in cases for verdict in case.physical]
+    whole = sum(verdict.whole for verdict in verdicts)
+    recorded = _known(verdict.recorded for verdict in verdicts)
+    agree = sum(verdict.closed_form == verdict.whole for verdict in verdicts)
     return (
         f"whole {whole} of {len(verdicts)}; recorded {sum(recorded)} of {len(recorded)}; closed form agrees on {agree}"
     )
@@ -186,17 +184,22 @@ def _drivable(cases: Sequence[Case]) -> str:
 
 def _settled(cases: Sequence[Case], task: str | None = None) -> list[bool]:
     """Verdicts from the hand-over + 1 s on: on those that the edits of a task name, or on those that none names."""
-    wanted = [one for case in cases if task in (None, case.task) for one in case.physical]
-    return [one.settled for one in wanted if one.settled is not None and one.handed_over == (task is None)]
+    verdicts = [verdict for case in cases if task in (None, case.task) for verdict in case.physical]
+    return _known(verdict.settled for verdict in verdicts if verdict.handed_over == (task is None))
 
 
-def _is_smooth(handover: tuple[float, float]) -> bool:
-    return handover[0] <= LARGEST_JUMP_M and handover[1] <= LARGEST_STEP_MPS
+def _is_smooth(jump_m: float, step_mps: float) -> bool:
+    return jump_m <= LARGEST_JUMP_M and step_mps <= LARGEST_STEP_MPS
+
+
+def _known(values: Iterable[bool | None]) -> list[bool]:
+    """The values without those that were not measured."""
+    return [value for value in values if value is not None]
 
 
 def _interval(values: Iterable[bool | None]) -> str:
     """A count with the 95 % interval of its share; what was not measured is left out."""
-    known = [value for value in values if value is not None]
+    known = _known(values)
     if not known:
         return "not measured"
     low, high = wilson_interval(sum(known), len(known))
@@ -219,7 +222,7 @@ def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
     for case in cases:
         for name, passed in case.checks.items():
             checks[name].append(passed)
-        wrong = sum(one.is_right is False for one in case.tries)
+        wrong = sum(refusal.is_right is False for refusal in case.tries)
         last = case.tries[-1].is_right if case.tries else None
         excused = last is False or (case.task == "T" and last is True)
         failed = wrong + (1 if case.refused and not excused else 0)
@@ -228,9 +231,10 @@ def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
     return checks
 
 
-def _least(cases: Sequence[Case], judge: Callable[[Case], bool]) -> float:
-    by_task = {task: [judge(case) for case in cases if case.task == task] for task in {case.task for case in cases}}
-    return min((share(values) for values in by_task.values()), default=0.0)
+def _least(cases: Sequence[Case], judge: Callable[[Case], bool | None]) -> float:
+    """The share of the task that has the least; what was not measured is left out."""
+    verdicts = [_known(judge(case) for case in cases if case.task == task) for task in CORPUS]
+    return min((share(values) for values in verdicts if values), default=0.0)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ import shapely
 
 from ...engine.commonroad import Track
 from ...engine.geometry import Points, length_m, project
-from ..geometry import ahead_and_left_m, directions, fronts
+from ..tracks import ahead_and_left_m, directions, fronts
 from .reach import (
     HARD_BRAKING_MPS2,
     LATERAL_MPS2,

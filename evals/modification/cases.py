@@ -14,7 +14,6 @@ from ...engine.commonroad import Track, read_scenario
 from ...engine.edits import HIT_ON_ENTRY, PLACE_TAKEN, SCENARIO_FILE, apply_edits
 from ...engine.execution import silent
 from ...engine.scene import Scene
-from ...engine.vehicles import Motion, check_drivability, nearest_class
 from ...engine.workspace import Recipe, Workspace
 from ...schemas.errors import PlannerForgeError, WorkerFailure
 from ...schemas.modification import (
@@ -29,6 +28,7 @@ from ...schemas.runs import RunRecord
 from ...tools.modification import modify_scenario
 from ...tools.scenario_storage import store_scenario
 from ..harness import call_in_process
+from ..tracks import is_drivable
 from .arrivals import refusal_is_right
 from .judges import (
     arrives,
@@ -293,22 +293,14 @@ def _verdicts(written: Written, one: TouchedVehicle, track: Track) -> Physical:
     first = round(one.from_time_s / step_s) - track.first_step
     settled = first + (0 if one.cause == "added" else round(SETTLED_S / step_s))
     old = written.scene.tracks.get(one.vehicle_id)
-    calm = _is_drivable(track, settled, len(track.positions), step_s) if settled + 1 < len(track.positions) else None
+    calm = is_drivable(track, step_s, settled) if settled + 1 < len(track.positions) else None
     return Physical(
         settled=calm,
-        whole=calm is not False and _is_drivable(track, first, settled + 1, step_s),
+        whole=calm is not False and is_drivable(track, step_s, first, settled + 1),
         closed_form=one.feasible,
-        recorded=None if old is None else _is_drivable(old, first, len(old.positions), step_s),
+        recorded=None if old is None else is_drivable(old, step_s, first),
         handed_over=one.cause == "handed_over",
     )
-
-
-def _is_drivable(track: Track, begin: int, end: int, step_s: float) -> bool:
-    """Whether a vehicle with the axles of its class can drive a part of a track."""
-    chassis, speeds = nearest_class(track.kind, track.length_m), track.speeds_mps[begin:end]
-    motion = Motion(track.positions[begin:end], track.headings_rad[begin:end], speeds, speeds * 0.0)
-    axles = {"wheelbase_m": chassis.wheelbase_m, "rear_axle_m": chassis.rear_axle_m}
-    return check_drivability(motion, step_s, **axles).feasible
 
 
 def is_refused(path: Path, asked: Asked) -> bool:

@@ -19,7 +19,7 @@ from ...engine.commonroad import Track
 from ...engine.geometry import Points, length_m, oriented_rectangle, point_at, project
 from ...engine.network import POSITION_WORDS
 from ...engine.scene import Scene
-from ..geometry import bodies, overlap_steps
+from ..tracks import bodies, overlap_steps
 from .arrivals import ON_ROUTE_SHARE, Journey, arrives_on, handover_errors
 from .reach import SHARES, nearest_m, places_along, places_on
 from .written import Truth, Written, entry_step

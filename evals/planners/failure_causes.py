@@ -10,7 +10,7 @@ from ...engine.commonroad import Track, read_scenario
 from ...engine.geometry import wrap_angle
 from ...engine.planners import RecordedTraffic
 from ...schemas.runs import RunRecord, RunSteps
-from ..geometry import ahead_and_left_m
+from ..tracks import ahead_and_left_m
 
 _STANDING_MPS = 0.5
 """Below it a vehicle counts as standing (chosen)."""

@@ -35,8 +35,8 @@ from ...engine.planners import (
 )
 from ...engine.vehicles import BMW_320I
 from ...schemas.runs import Traffic
-from ..geometry import ahead_and_left_m
 from ..harness import built_in, print_figures, process_pool, scenario_files, shared_scenarios
+from ..tracks import ahead_and_left_m
 
 _PROCESSES = 2
 _BRAKING_MPS2 = 6.0
@@ -52,7 +52,7 @@ a follower (chosen)."""
 
 
 @dataclass(frozen=True)
-class BrakedRun:
+class _BrakedRun:
     """A run of an ego that braked; ``hit`` names what hit it from behind, None where nothing did."""
 
     scenario_id: str
@@ -63,18 +63,18 @@ class BrakedRun:
     step_ms: float
 
 
-def braked_runs(files: Sequence[Path], processes: int) -> list[BrakedRun]:
+def braked_runs(files: Sequence[Path], processes: int) -> list[_BrakedRun]:
     """The runs of all planners in all traffic modes on the scenarios that have a follower."""
     with process_pool(processes) as pool:
         return [run for runs in pool.map(_braked_runs_of, files) for run in runs]
 
 
-def rear_hits(runs: Sequence[BrakedRun], traffic: str, planner: str | None = None) -> int:
+def rear_hits(runs: Sequence[_BrakedRun], traffic: str, planner: str | None = None) -> int:
     """Runs in which the ego was hit from behind."""
     return sum(run.hit is not None for run in runs if run.traffic == traffic and planner in (None, run.planner))
 
 
-def rows(runs: Sequence[BrakedRun]) -> list[tuple[str, str]]:
+def rows(runs: Sequence[_BrakedRun]) -> list[tuple[str, str]]:
     """Hits by planner, then every hit of reactive traffic."""
     lines = []
     for planner in _BRAKES_AFTER_S:
@@ -85,7 +85,7 @@ def rows(runs: Sequence[BrakedRun]) -> list[tuple[str, str]]:
     return lines + [(f"{run.scenario_id}, {run.planner}", str(run.hit)) for run in hit]
 
 
-def _braked_runs_of(file: Path) -> list[BrakedRun]:
+def _braked_runs_of(file: Path) -> list[_BrakedRun]:
     """The runs on one scenario; none where no vehicle follows the ego."""
     loaded = read_scenario(file)
     if not _has_follower(loaded, EgoState.of(loaded.problem().initial_state)):
@@ -110,7 +110,7 @@ def _follows(other: Track, ego: EgoState) -> bool:
     return 0.0 < -ahead_m < _BEHIND_M and abs(left_m) < _BESIDE_M and alike
 
 
-def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> BrakedRun:
+def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> _BrakedRun:
     configuration = built_in(name if name in PLANNERS else "frenetix")
     planner = _BrakingFrom(make_planner(configuration.planner), _BRAKES_AFTER_S[name])
     began, problem = time.perf_counter(), loaded.problem()
@@ -118,7 +118,7 @@ def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> BrakedRun:
         run = simulate(loaded.scenario, problem, configuration, planner, "constant_velocity", silent, others)
     step_ms = 1000 * (time.perf_counter() - began - sum(run.plan_s)) / len(run.states)
     hit = _rear_hit(run, planner.brake_step)
-    return BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, hit, step_ms)
+    return _BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, hit, step_ms)
 
 
 def _rear_hit(run: DrivenRun, brake_step: int) -> str | None:

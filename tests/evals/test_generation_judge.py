@@ -10,8 +10,8 @@ from support.generation_bench import Road, made, mapped
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.evals.generation.judges import holds_vehicles, lies_at_street, lies_in
 from plannerforge.evals.generation.maps import MapEvidence
-from plannerforge.evals.generation.motion import TOUCHING_M, is_drivable
-from plannerforge.evals.geometry import overlap_steps
+from plannerforge.evals.generation.motion import TOUCHING_M
+from plannerforge.evals.tracks import is_drivable, overlap_steps
 
 SECONDARY = Road("road", "a", "b")
 

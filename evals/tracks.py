@@ -1,4 +1,4 @@
-"""Where road users are and whose bodies overlap, for the judges of all benches; the engine's own checks do it apart."""
+"""Where road users are, whose bodies overlap and which tracks can be driven, for the judges of all benches."""
 
 import math
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..engine.commonroad import Track
 from ..engine.geometry import Points, Values
+from ..engine.vehicles import Motion, check_drivability, nearest_class
 
 _LEAST_SIZE_M = 0.01
 """What is left of a body that is made smaller by more than its size."""
@@ -47,3 +48,12 @@ def overlap_steps(one: Track, other: Track, depth_m: float) -> list[int]:
     near = steps[np.linalg.norm(apart_m, axis=1) < reach_m]
     shapes = (bodies(track, near - track.first_step, -depth_m) for track in (one, other))
     return [int(step) for step in near[shapely.intersects(*shapes)]]
+
+
+def is_drivable(track: Track, step_s: float, begin: int = 0, end: int | None = None) -> bool:
+    """Whether the drivability checker accepts a part of a track, with the axles of the vehicle's class."""
+    chassis, part = nearest_class(track.kind, track.length_m), slice(begin, end)
+    speeds_mps = track.speeds_mps[part]
+    motion = Motion(track.positions[part], track.headings_rad[part], speeds_mps, np.zeros(len(speeds_mps)))
+    axles = {"wheelbase_m": chassis.wheelbase_m, "rear_axle_m": chassis.rear_axle_m}
+    return check_drivability(motion, step_s, **axles).feasible
