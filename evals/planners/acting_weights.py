@@ -41,7 +41,9 @@ def acting_weights(configuration: PlannerConfiguration, situations: Sequence[Loa
         name
         for name in configuration.weights
         if any(
-            not np.array_equal(*(_chosen(configuration, name, weight, situation) for weight in (0.0, _RAISED)))
+            not np.array_equal(
+                _chosen(configuration, name, 0.0, situation), _chosen(configuration, name, _RAISED, situation)
+            )
             for situation in situations
         )
     )

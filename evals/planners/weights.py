@@ -55,7 +55,7 @@ def _difference(before: float, after: float) -> float:
     return 0.0 if math.isclose(before, after, rel_tol=1e-9, abs_tol=1e-9) else after - before
 
 
-async def _measure(workspace: Path, folder: Path, scenarios: int) -> None:
+async def _measure(workspace: Path, folder: Path, scenarios: int | None) -> None:
     """Make the configurations, run the grid, print."""
     weights = built_in(BASE).weights
     recorded = [f"{name}={RECORDED:g}" for name, value in weights.items() if not value]
@@ -129,7 +129,9 @@ def _print(
         "falls": sum(test.high is not None and test.high < 0 for test in tests.values()),
         "rises": sum(test.low is not None and test.low > 0 for test in tests.values()),
     }
-    print_figures("A raised weight and its own term", figures | shifts, figures.items())
+    print_figures(
+        "A raised weight and its own term", {**figures, **shifts}, [(key, str(value)) for key, value in figures.items()]
+    )
 
 
 if __name__ == "__main__":
