@@ -5,7 +5,7 @@ What a test puts into a registry is what you write into the source; the function
 - a tool: its function (``tools/``), its arguments and result (``schemas/``), its line in ``TOOLS``
   (``tools/registry.py``)
 - an operation: its function on the face of a package of the engine, its line in ``tools/operations.py``
-- an edit: a function of its name (``engine/edits/trajectory.py``, ``population.py`` or ``ego.py``, where ``OPERATIONS``
+- an edit: a function of its name (``engine/edits/trajectory.py`` or one of its siblings, where ``OPERATIONS``
   finds it), its line in ``EDITS`` and its name in ``EditOperation`` (``schemas/modification.py``)
 - a planner: its class, its line in ``PLANNERS`` (``engine/planners/registry.py``), its ``PlannerTuning`` in
   ``TUNINGS`` (``engine/tuning/tunings.py``)
@@ -34,7 +34,7 @@ from support.server import Connect
 
 from plannerforge.engine.analysis import RunSet, findings, outcomes
 from plannerforge.engine.commonroad import RoadDocument, read_scenario, recorded_tracks
-from plannerforge.engine.edits import Changes, apply_edits, operations, report, trajectory
+from plannerforge.engine.edits import Changes, apply, apply_edits, report, trajectory
 from plannerforge.engine.edits.changes import EditStep
 from plannerforge.engine.execution import Operation, silent
 from plannerforge.engine.maps import map_file
@@ -121,7 +121,7 @@ def test_an_edit_stops_a_vehicle(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     def stop_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         return trajectory.set_speed(edit.model_copy(update={"speed": "0m/s"}), scene, changes)
 
-    monkeypatch.setitem(operations.OPERATIONS, "stop_vehicle", stop_vehicle)
+    monkeypatch.setitem(apply.OPERATIONS, "stop_vehicle", stop_vehicle)
     monkeypatch.setitem(modification.EDITS, "stop_vehicle", EditKind("T", ("vehicles", "time_s")))
     monkeypatch.setattr(report, "EditReport", AnyEditReport)
     edit = AnyEdit(op="stop_vehicle", vehicles=["34"], time_s=2.0)

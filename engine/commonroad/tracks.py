@@ -5,15 +5,16 @@ all states are plain: a point, and exact values for everything else. ``take_plai
 whatever is not plain stays in the document for commonroad-io, so that it alone decides what a state may be.
 """
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from ...schemas.errors import UnsafeInput
-from ..geometry import Points, Values, segment_lengths
+from ..geometry import Points, Values, oriented_rectangle, segment_lengths
 
 if TYPE_CHECKING:
     from commonroad.scenario.obstacle import DynamicObstacle
@@ -45,6 +46,31 @@ class Track:
         """Index into the arrays for a time step, or None where the obstacle is not there."""
         index = step - self.first_step
         return index if 0 <= index < len(self.positions) else None
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Length and width."""
+        return self.length_m, self.width_m
+
+    def corners_at(self, index: int, size_m: tuple[float, float] | None = None) -> Points:
+        """The corners (4, 2) in m of the rectangle that it takes up; of another length and width where given."""
+        return oriented_rectangle(self.positions[index], float(self.headings_rad[index]), size_m or self.size_m)
+
+    def front_at(self, index: int) -> Points:
+        """The middle of its front end (2,) in m."""
+        heading = float(self.headings_rad[index])
+        front: Points = self.positions[index] + self.length_m / 2 * np.array([math.cos(heading), math.sin(heading)])
+        return front
+
+    def part(self, begin: int, end: int) -> "Track":
+        """The states from one index up to before another."""
+        return replace(
+            self,
+            first_step=self.first_step + begin,
+            positions=self.positions[begin:end],
+            headings_rad=self.headings_rad[begin:end],
+            speeds_mps=self.speeds_mps[begin:end],
+        )
 
 
 def recorded_tracks(scenario: "Scenario", states: "Mapping[int, _PlainStates] | None" = None) -> dict[int, Track]:

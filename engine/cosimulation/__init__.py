@@ -14,11 +14,9 @@
 ``JunctionLaneChange``: A change of lane inside a junction.
 ``Replay``: A road user that moves by a given track and not by SUMO.
 ``class_of``: The vehicle class that stands for a CommonRoad obstacle type.
-``drivable_ids``: Recorded vehicles that SUMO can drive, ascending.
 ``not_drivable``: Why a recorded vehicle cannot be driven by SUMO; empty if it can.
 ``LANE_CHANGE_S``: How long a change of lane takes, in s.
 ``PROGRESS_ACROSS``: The share of a junction lane change's distance after which the vehicle is on the other lanelet.
-``check_curves``: Refuse a route with a curve that a planned vehicle comes to too fast.
 ``first_curve_too_tight``: Why a vehicle cannot brake enough for the first too tight curve of a route, or None.
 ``highest_entry_speed``: Speed in m/s from which a driver brakes with ease for all curves of a route.
 ``Actor``: A road user of the re-simulation, replayed or driven.
@@ -35,9 +33,8 @@
 ``DrivenTrack``: What SUMO made of a driven vehicle: its front bumper in m, and its lanes.
 ``replayed_states``: What SUMO shows of all actors after every step, by SUMO's id and step.
 ``ShownState``: What SUMO shows of a vehicle: front bumper in m, degrees clockwise from north, and speed in m/s.
-``front_of``: The front bumper (2,) in m of a recorded pose.
 ``taken_over_track``: A driven track smoothed and joined to its recorded start without a jump.
-``TakenOverTrack``: The new motion of a vehicle from the hand-over on, and its dimensions.
+``TakenOverTrack``: The new track of a vehicle from the hand-over on, with its accelerations.
 """
 
 from typing import TYPE_CHECKING
@@ -46,7 +43,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .actors import Actor, all_actors, driven_actor, lane_hint, pedestrian_of, replayed_actor
-    from .curve_speeds import check_curves, first_curve_too_tight, highest_entry_speed
+    from .curve_speeds import first_curve_too_tight, highest_entry_speed
     from .driver import (
         Behaviour,
         behaviour_from,
@@ -58,17 +55,16 @@ if TYPE_CHECKING:
     )
     from .handover import TakenOverTrack, taken_over_track
     from .manoeuvres import LANE_CHANGE_S, Halt, Manoeuvre
-    from .plans import (
-        PROGRESS_ACROSS,
-        DrivePlan,
-        JunctionLaneChange,
-        Replay,
-        class_of,
-        drivable_ids,
-        not_drivable,
-        recorded_plan,
+    from .plans import PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, Replay, class_of, not_drivable, recorded_plan
+    from .replay import (
+        ROUTES_FILE,
+        TYPES_FILE,
+        DrivenTrack,
+        ShownState,
+        SimulationSetup,
+        open_simulation,
+        replayed_states,
+        resimulate,
     )
-    from .replay import DrivenTrack, ShownState, front_of, replayed_states, resimulate
-    from .session import ROUTES_FILE, TYPES_FILE, SimulationSetup, open_simulation
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -7,8 +7,8 @@ deceleration, and harder only where that comes too late (:func:`next_speed_mps`)
 """
 
 import math
-from collections.abc import Callable, Iterator
-from typing import Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -19,9 +19,13 @@ from .actors import Actor
 from .manoeuvres import LANE_CHANGE_S
 
 
-class SpeedController(Protocol):
+class _SpeedController(ABC):
     """Slows down the driven vehicles of one simulation; made with the simulation."""
 
+    def __init__(self, sumo: Sumo) -> None:
+        self._sumo = sumo
+
+    @abstractmethod
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
         """The speed to brake to in the next step; None while a vehicle may drive as it likes.
 
@@ -50,10 +54,9 @@ def next_speed_mps(
     allowed = math.sqrt(float(np.min(final_mps**2 + 2 * usual_mps2 * room_m)))
     if speed_mps + usual_mps2 * step_s <= allowed:
         return None
-    too_fast = allowed < speed_mps - usual_mps2 * step_s
-    needed = (
-        float(np.max((speed_mps**2 - final_mps**2) / (2 * np.maximum(left_m, STOPPED_WITHIN_M)))) if too_fast else 0.0
-    )
+    needed = 0.0
+    if allowed < speed_mps - usual_mps2 * step_s:
+        needed = float(np.max((speed_mps**2 - final_mps**2) / (2 * np.maximum(left_m, STOPPED_WITHIN_M))))
     slowest = max(speed_mps - min(max(needed, usual_mps2), HARDEST_BRAKING_MPS2) * step_s, 0.0)
     return max(min(allowed, speed_mps), slowest)
 
@@ -73,7 +76,7 @@ SLOWER_MPS = 1.0
 """A speed limit lower by no more than this hardly changes a drive (chosen)."""
 
 
-class GapWaitController:
+class GapWaitController(_SpeedController):
     """Vehicles that find no gap into the lane of their target wait beside it for one, instead of driving past it.
 
     A vehicle looks for a gap until it has to brake with the driver's own deceleration, and stands where there is still
@@ -81,13 +84,13 @@ class GapWaitController:
     """
 
     def __init__(self, sumo: Sumo) -> None:
-        self._sumo = sumo
+        super().__init__(sumo)
         self._stop_given: set[str] = set()
         self._arrived: set[str] = set()
         self._first_lane: dict[str, str] = {}
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
-        """See :class:`SpeedController`."""
+        """See the base class."""
         if actor.target is None or not actor.lanes_to_target or actor.key in self._arrived:
             return None
         edge, _, lane_index = lane.rpartition("_")
@@ -158,7 +161,7 @@ CURVE_REACHED_M = 0.1
 """A lane that begins nearer than this has been reached (chosen): the deceleration for it stays finite."""
 
 
-class AnticipatoryBraking:
+class AnticipatoryBraking(_SpeedController):
     """Vehicles that are sent another way brake for lanes for which the driver's own deceleration comes too late.
 
     SUMO plans with that deceleration: a vehicle that is handed over nearer to a curve than it takes comes to the curve
@@ -166,11 +169,11 @@ class AnticipatoryBraking:
     """
 
     def __init__(self, sumo: Sumo) -> None:
-        self._sumo = sumo
+        super().__init__(sumo)
         self._done: set[str] = set()
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
-        """See :class:`SpeedController`."""
+        """See the base class."""
         if actor.key in self._done or not actor.is_sent or not lane:
             return None
         speed, step_s = self._sumo.speed_mps(actor.key), self._sumo.step_s()
@@ -195,17 +198,14 @@ BESIDE_M = 1.0
 """A place no farther behind the bumper still counts: the spacing of the places."""
 
 
-class CurveSpeedController:
+class CurveSpeedController(_SpeedController):
     """Vehicles on a long lane, whose limit is that of its straights, slow down where it bends.
 
     SUMO has one limit for all of a lane. That of its sharpest curve would slow the vehicles all along it.
     """
 
-    def __init__(self, sumo: Sumo) -> None:
-        self._sumo = sumo
-
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
-        """See :class:`SpeedController`."""
+        """See the base class."""
         if not actor.slow_places or not lane:
             return None
         speed, step_s = self._sumo.speed_mps(actor.key), self._sumo.step_s()
@@ -235,16 +235,16 @@ class CurveSpeedController:
             begin_m += self._sumo.lane_length_m(key)
 
 
-class StopController:
+class StopController(_SpeedController):
     """Vehicles that an edit halts stop where their orders say so."""
 
     def __init__(self, sumo: Sumo) -> None:
-        self._sumo = sumo
+        super().__init__(sumo)
         self._steps: dict[str, int] = {}
         self._rolled_m: dict[str, float] = {}
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:  # noqa: ARG002 - halts are on any lane
-        """See :class:`SpeedController`."""
+        """See the base class."""
         if not actor.halts or actor.drive_from is None:
             return None
         speed_mps, step_s = self._sumo.speed_mps(actor.key), self._sumo.step_s()
@@ -252,14 +252,13 @@ class StopController:
         if step > actor.drive_from:
             self._rolled_m[actor.key] = self._rolled_m.get(actor.key, 0.0) + speed_mps * step_s
         holding = [halt.rolled_m for halt in actor.halts if halt.from_step <= step < halt.until_step]
-        left_m = min(holding, default=None)
-        if left_m is None:
+        if not holding:
             return None
-        left_m -= self._rolled_m.get(actor.key, 0.0)
+        left_m = min(holding) - self._rolled_m.get(actor.key, 0.0)
         return next_speed_mps(speed_mps, actor.behaviour.values["decel"], step_s, left_m, left_m)
 
 
-SPEED_CONTROLLERS: tuple[Callable[[Sumo], SpeedController], ...] = (
+SPEED_CONTROLLERS: tuple[type[_SpeedController], ...] = (
     GapWaitController,
     AnticipatoryBraking,
     CurveSpeedController,

@@ -9,11 +9,9 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from ...schemas.errors import NotPossible
 from ..geometry import Points, arc_length, curvatures, interpolate, project
 from ..scene import Scene
 from ..vehicles import COMFORTABLE_MPS2, HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
-from .plans import DrivePlan
 
 SMOOTHING_M = 4.0
 """Curvatures are those of a centre line that is smoothed over this length: vertices of a map are corners (chosen)."""
@@ -21,25 +19,6 @@ SHORTEST_REST_M = 0.1
 """What is left of a first lanelet at least, so that it is still a line (chosen)."""
 PIECE_M = 20.0
 """Length of the pieces (chosen): long enough for a curvature, short enough to tell where a long lanelet bends."""
-
-
-def check_curves(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> None:
-    """Refuse a route with a curve that the vehicle comes to too fast, even if it brakes as hard as it can.
-
-    Lanelets of the recorded route are left out: the vehicle was recorded in their curves.
-
-    Raises:
-        NotPossible: naming the lanelet, the speed there at best and the highest that its curve takes.
-    """
-    index = plan.from_step - plan.start.first_step
-    recorded = scene.matches.get(plan.start.obstacle_id)
-    known = set(recorded.sequence) if recorded is not None and plan.cause != "added" else set()
-    why = first_curve_too_tight(scene, route, plan.start.positions[index], float(plan.start.speeds_mps[index]), known)
-    if why is not None:
-        raise NotPossible(
-            f"{who} {why}",
-            next_step="choose a target straight ahead, or remove the vehicle and add one that starts slower",
-        )
 
 
 def first_curve_too_tight(

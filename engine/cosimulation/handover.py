@@ -14,7 +14,7 @@ from ..commonroad import Track
 from ..geometry import Points, Values
 from ..vehicles import Motion, drivable_motion, nearest_class, tractrix
 from .plans import lane_change_track
-from .replay import DrivenTrack, front_of
+from .replay import DrivenTrack
 
 HISTORY_STEPS = 15
 """Recorded states before the hand-over that smoothing looks at (chosen: five standard deviations of 3 steps)."""
@@ -37,40 +37,35 @@ STANDING_MPS = 0.02
 
 
 @dataclass(frozen=True)
-class TakenOverTrack:
-    """The new motion of a vehicle from the hand-over on (its first state is the recorded one), and its dimensions.
+class TakenOverTrack(Track):
+    """The new track of a vehicle from the hand-over on (its first state is the recorded one), with accelerations.
 
-    ``blocked_by``: as in ``DrivenTrack``.
+    ``leaves``, ``lanes``, ``blocked_by``: as in ``DrivenTrack``.
     """
 
-    vehicle_id: int
-    first_step: int
-    motion: Motion
-    length_m: float
-    width_m: float
-    wheelbase_m: float
+    accelerations_mps2: Values
     leaves: bool
     lanes: tuple[str, ...]
     blocked_by: tuple[int, ...] = ()
 
     @property
-    def last_step(self) -> int:
-        """The last step at which the vehicle is there."""
-        return self.first_step + len(self.motion.speeds_mps) - 1
+    def motion(self) -> Motion:
+        """The motion of the centre."""
+        return Motion(self.positions, self.headings_rad, self.speeds_mps, self.accelerations_mps2)
 
     @property
     def fronts(self) -> Points:
-        """The front bumper (n, 2) in m at every step of the motion."""
-        return self.motion.positions + self.length_m / 2 * _directions(self.motion.headings_rad)
+        """The front bumper (n, 2) in m at every step."""
+        return self.positions + self.length_m / 2 * _directions(self.headings_rad)
 
     def whole(self, start: Track) -> Track:
-        """The recorded track up to the hand-over, and this motion from there on."""
+        """The recorded track up to the hand-over, and this one from there on."""
         index = self.first_step - start.first_step
         return replace(
             start,
-            positions=np.concatenate([start.positions[:index], self.motion.positions]),
-            headings_rad=np.concatenate([start.headings_rad[:index], self.motion.headings_rad]),
-            speeds_mps=np.concatenate([start.speeds_mps[:index], self.motion.speeds_mps]),
+            positions=np.concatenate([start.positions[:index], self.positions]),
+            headings_rad=np.concatenate([start.headings_rad[:index], self.headings_rad]),
+            speeds_mps=np.concatenate([start.speeds_mps[:index], self.speeds_mps]),
         )
 
 
@@ -90,7 +85,7 @@ def taken_over_track(
     onward = _rolled_on(start, index, driven.front[1:], wanted - 1, step_s)
     if len(onward) < 2:
         return None
-    lanes, begin, expected = driven.lanes, front_of(start, index), _rolled_on(start, index, onward[:0], 1, step_s)[0]
+    lanes, begin, expected = driven.lanes, start.front_at(index), _rolled_on(start, index, onward[:0], 1, step_s)[0]
     if over_m is None:
         onward = _led_into_lane(expected, onward, step_s)
     else:
@@ -99,15 +94,19 @@ def taken_over_track(
     history = _history(start, index, step_s)
     front = np.concatenate([history, begin[None], onward])
     first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
-    chassis = nearest_class(start.kind, start.length_m)
-    smooth = drivable_motion(front, first_heading, start.length_m, step_s, rear_axle_m=chassis.rear_axle_m)
+    rear_axle_m = nearest_class(start.kind, start.length_m).rear_axle_m
+    smooth = drivable_motion(front, first_heading, start.length_m, step_s, rear_axle_m=rear_axle_m)
+    motion = _joined(smooth, len(history), start, index, step_s, rear_axle_m)
     return TakenOverTrack(
-        vehicle_id=start.obstacle_id,
-        first_step=driven.first_step,
-        motion=_joined(smooth, len(history), start, index, step_s, chassis.rear_axle_m),
+        obstacle_id=start.obstacle_id,
+        kind=start.kind,
         length_m=start.length_m,
         width_m=start.width_m,
-        wheelbase_m=chassis.wheelbase_m,
+        first_step=driven.first_step,
+        positions=motion.positions,
+        headings_rad=motion.headings_rad,
+        speeds_mps=motion.speeds_mps,
+        accelerations_mps2=motion.accelerations_mps2,
         leaves=driven.leaves,
         lanes=lanes,
         blocked_by=driven.blocked_by,
@@ -116,9 +115,8 @@ def taken_over_track(
 
 def _rolled_on(start: Track, index: int, onward: Points, count: int, step_s: float) -> Points:
     """The front track after the hand-over with at least ``count`` points, led straight on at the recorded speed."""
-    angle, speed = float(start.headings_rad[index]), max(float(start.speeds_mps[index]), 0.0)
-    forward = np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
-    last = onward[-1] if len(onward) else front_of(start, index)
+    forward = _step_ahead(start, index, step_s)
+    last = onward[-1] if len(onward) else start.front_at(index)
     more = [last + forward * step for step in range(1, count - len(onward) + 1)]
     return np.array([*onward, *more]).reshape(-1, 2)
 
@@ -136,11 +134,15 @@ def _led_into_lane(expected: Points, onward: Points, step_s: float) -> Points:
 def _history(start: Track, index: int, step_s: float) -> Points:
     """The recorded front track before the hand-over, led straight back where the recording is too short: (15, 2)."""
     first = max(0, index - HISTORY_STEPS)
-    recorded = [front_of(start, past) for past in range(first, index)]
-    angle, speed = float(start.headings_rad[first]), max(float(start.speeds_mps[first]), 0.0)
-    back = np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
-    missing = HISTORY_STEPS - len(recorded)
-    return np.array([front_of(start, first) - back * steps for steps in range(missing, 0, -1)] + recorded)
+    recorded = [start.front_at(past) for past in range(first, index)]
+    ahead, missing = _step_ahead(start, first, step_s), HISTORY_STEPS - len(recorded)
+    return np.array([start.front_at(first) - ahead * steps for steps in range(missing, 0, -1)] + recorded)
+
+
+def _step_ahead(start: Track, index: int, step_s: float) -> Points:
+    """How far (2,) in m a vehicle rolls straight on within a step from a recorded state."""
+    angle, speed = float(start.headings_rad[index]), max(float(start.speeds_mps[index]), 0.0)
+    return np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
 
 
 def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float, rear_axle_m: float) -> Motion:
@@ -153,7 +155,7 @@ def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float, 
     forward = _directions(headings)
     front = smooth.positions[skip:] + start.length_m / 2 * forward
     times = np.arange(len(front)) * step_s
-    front = front + (front_of(start, index) - front[0]) * np.exp(-times / POSE_DECAY_S)[:, None]
+    front = front + (start.front_at(index) - front[0]) * np.exp(-times / POSE_DECAY_S)[:, None]
     speed, drag = max(float(start.speeds_mps[index]), 0.0), start.length_m / 2 + rear_axle_m
     headings = tractrix(front, float(start.headings_rad[index]), drag)
     rear = front[:3] - drag * _directions(headings[:3])

@@ -84,7 +84,11 @@ def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -
     why = not_drivable(scene, vehicle_id)
     edges = None if why else scene.edge_graph.route(scene.matches[vehicle_id].sequence)
     if edges is None:
-        raise NotPossible(why, valid=drivable_ids(scene), next_step="remove_vehicle works for it, driving it does not")
+        raise NotPossible(
+            why,
+            valid=[key for key in scene.tracks if not not_drivable(scene, key)],
+            next_step="remove_vehicle works for it, driving it does not",
+        )
     track, lanelets = scene.tracks[vehicle_id], scene.matches[vehicle_id].sequence
     vehicle_class = class_of(track.kind)
     return DrivePlan(
@@ -111,11 +115,6 @@ def not_drivable(scene: Scene, vehicle_id: int) -> str:
     if scene.edge_graph.route(scene.matches[vehicle_id].sequence) is None:
         return f"the recorded way of {track.kind} {vehicle_id} leaves the lanelet graph"
     return ""
-
-
-def drivable_ids(scene: Scene) -> list[int]:
-    """Recorded vehicles that SUMO can drive, ascending."""
-    return [key for key in scene.tracks if not not_drivable(scene, key)]
 
 
 def class_of(kind: str) -> VehicleClass:

@@ -4,18 +4,40 @@ Replayed vehicles are put at their recorded pose before every step, with the pos
 after the step, so that others see it. A driven vehicle is put like that until its hand-over.
 """
 
-import math
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from ..commonroad import Track
 from ..geometry import Points
-from ..traffic import Sumo
+from ..traffic import Sumo, sumo_running
 from .actors import Actor
 from .controllers import SPEED_CONTROLLERS
 from .manoeuvres import LANE_CHANGE_S, ManoeuvreExecutor
-from .session import SimulationSetup, open_simulation
+
+TYPES_FILE = "types.add.xml"
+"""Name of the file of the vehicle types that SUMO read."""
+ROUTES_FILE = "driven.rou.xml"
+"""Name of the file of the routes that the vehicles drove, by which vehicle type."""
+LANE_CHANGES_LAST = ("--lanechange.duration", LANE_CHANGE_S)
+"""SUMO's usual lane change is a leap; the alternative to a duration is to divide the lanes into sublanes."""
+
+
+@dataclass(frozen=True)
+class SimulationSetup:
+    """Where the network is, and how long and how finely is simulated; ``folder`` takes the vehicle types.
+
+    ``keeps_routes``: SUMO writes ``ROUTES_FILE`` there too.
+    """
+
+    net: Path
+    folder: Path
+    step_s: float
+    last_step: int
+    seed: int
+    keeps_routes: bool = False
 
 
 @dataclass(frozen=True)
@@ -43,12 +65,34 @@ class ShownState:
     speed_mps: float
 
 
-def front_of(track: Track, index: int) -> Points:
-    """The front bumper (2,) in m of a recorded pose."""
-    angle = float(track.headings_rad[index])
-    forward = np.array([math.cos(angle), math.sin(angle)])
-    front: Points = track.positions[index] + track.length_m / 2 * forward
-    return front
+def open_simulation(
+    setup: SimulationSetup, vehicle_types: Iterable[str], lateral_motion: tuple[str, float] = LANE_CHANGES_LAST
+) -> AbstractContextManager[Sumo]:
+    """A simulation that ends with the block.
+
+    Args:
+        setup: the network and the steps.
+        vehicle_types: ``vType`` elements.
+        lateral_motion: SUMO's option for motion across lanes.
+
+    Raises:
+        WorkerFailure: SUMO refused the network, a vehicle type or an option, or stopped inside the block.
+    """
+    options: dict[str, object] = {
+        "--default.action-step-length": setup.step_s,
+        "--max-depart-delay": -1,
+        "--collision.check-junctions": "false",
+        lateral_motion[0]: lateral_motion[1],
+    }
+    if setup.keeps_routes:  # as they are at last, of vehicles that are still there too
+        options |= {
+            "--vehroute-output": setup.folder / ROUTES_FILE,
+            "--vehroute-output.write-unfinished": "true",
+            "--vehroute-output.last-route": "true",
+        }
+    return sumo_running(
+        setup.net, setup.folder / TYPES_FILE, vehicle_types, step_s=setup.step_s, seed=setup.seed, options=options
+    )
 
 
 def resimulate(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[int, DrivenTrack]:

@@ -1,24 +1,40 @@
-"""The operation behind ``modify_scenario``: edits in, a new scenario file out."""
+"""The operation behind ``modify_scenario``: edits in, a new scenario file out.
+
+An edit is a function ``(edit, scene, changes) -> EditStep``: it gets the scene as the edits before it leave it, and
+what they ask for. It simulates and writes nothing. A new edit is such a function in one of the modules of
+``OPERATIONS``, and its row in the table of the tool's schema (``EDITS``), which says what arguments it takes.
+"""
 
 import shutil
 import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...schemas.errors import NotPossible
-from ...schemas.modification import ModificationOutcome, ModificationRequest
+from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.modification import EDITS, Edit, EditOperation, ModificationOutcome, ModificationRequest
 from ..commonroad import ScenarioDocument
 from ..cosimulation import ROUTES_FILE, TYPES_FILE, SimulationSetup
 from ..execution import ProgressReporter
-from .edited_scene import SimulatedEdits
-from .entries import check_entries
+from ..scene import Scene
+from . import ego, population, rerouting, trajectory
+from .changes import Changes, EditStep
+from .edited_scene import SimulatedEdits, SimulationResult
+from .ego_risk import EgoDrive, drive_after, shown_ego
+from .entries import check_entries, slower_entries
 from .explanations import check_not_driven_past
-from .operations import resolve_edits
-from .report import outcome_of, reported_collisions
+from .report import outcome_of
 from .scene_cache import scene_of
-from .simulation import EditRun
+from .simulation import Simulation
 from .writing import write_edits
 
 SCENARIO_FILE, NET_FILE = "scenario.xml", "scenario.net.xml"
+EditFunction = Callable[[Edit, Scene, Changes], EditStep]
+OPERATIONS: Mapping[EditOperation, EditFunction] = {
+    op: next(getattr(module, op) for module in (rerouting, trajectory, population, ego) if hasattr(module, op))
+    for op in EDITS
+}
+"""The edits by their operation: each is the function of this name in one of these modules."""
 
 
 def apply_edits(request: ModificationRequest, report: ProgressReporter) -> ModificationOutcome:
@@ -34,7 +50,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
     document = ScenarioDocument.read(request.xml)
     report(0.3, "resolving the edits")
     base, first_id = kept.scene, document.highest_id + 1
-    resolved = resolve_edits(request.edits, base, first_id, request.earlier)
+    resolved = _resolved_edits(request.edits, base, first_id, request.earlier)
     with tempfile.TemporaryDirectory() as folder:
         net = Path(folder) / NET_FILE
         net.write_text(base.sumo_net, encoding="utf-8")
@@ -43,7 +59,7 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
             net, net.parent, base.step_s, base.last_step, request.seed, keeps_routes=request.keep_simulation
         )
         before = kept.ego_before(setup)
-        simulated = EditRun(request, base, setup, before, first_id).simulate(resolved)
+        simulated = _Run(request, base, setup, before, first_id).simulate(resolved)
         _check(request, simulated)
         report(0.8, "writing")
         notes = write_edits(document, simulated)
@@ -53,6 +69,113 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
             for name in (TYPES_FILE, ROUTES_FILE):
                 shutil.copyfile(setup.folder / name, request.output / name)
     return outcome_of(request, simulated, None if before is None else before.danger, files, notes)
+
+
+@dataclass(frozen=True)
+class _ResolvedEdits:
+    """A list of edits, what each of them did, the changes after the last one, and the base scene with these changes."""
+
+    edits: tuple[Edit, ...]
+    steps: tuple[EditStep, ...]
+    changes: Changes
+    scene: Scene
+
+
+def _resolved_edits(edits: tuple[Edit, ...], base: Scene, next_id: int, earlier: int = 0) -> _ResolvedEdits:
+    """Apply edits in order; any refusal refuses them all. Every edit sees the scene as those before it leave it.
+
+    ``next_id``: the id that the first added vehicle gets. ``earlier``: how many edits come from earlier calls; the
+    others are counted from 0 in errors.
+
+    Raises:
+        InvalidRequest: an edit that cannot be meant, or that the scenario does not allow.
+    """
+    changes, scene, steps = Changes(next_id=next_id, driven={}), base, list[EditStep]()
+    for index, edit in enumerate(edits):
+        try:
+            _check_arguments(edit)
+            step = OPERATIONS[edit.op](edit, scene, changes)
+        except InvalidRequest as error:
+            if len(edits) - earlier == 1:
+                raise
+            message = f"edit {index - earlier} ({edit.op}): {error.message}"
+            raise type(error)(message, valid=error.valid, next_step=error.next_step, reason=error.reason) from error
+        changes = replace(step.changes, added_by_edit=(*changes.added_by_edit, step.added))
+        scene = _scene_after(base, changes)
+        steps.append(replace(step, changes=changes))
+    ego.check_goal(scene, changes)
+    return _ResolvedEdits(edits, tuple(steps), changes, scene)
+
+
+def _check_arguments(edit: Edit) -> None:
+    """Refuse arguments that do not belong to the operation, so that nothing asked for is silently left out."""
+    allowed = EDITS[edit.op].arguments
+    foreign = [name for name in edit.given if name not in allowed]
+    if foreign:
+        raise InvalidRequest(
+            f"{', '.join(foreign)} does not belong to op {edit.op}",
+            valid=allowed,
+            next_step="leave it out, or make it an edit of its own",
+        )
+
+
+def _scene_after(base: Scene, changes: Changes) -> Scene:
+    """The base scene with recordings moved in time, with added pedestrians, and with another start of the ego.
+
+    Vehicles that SUMO is to drive are in it as recorded. Edits and the simulation see this scene.
+    """
+    if not changes.replays and changes.ego is None:
+        return base
+    tracks = base.tracks | {key: replay.track for key, replay in changes.replays.items()}
+    matches = {key: match for key, match in base.matches.items() if key not in changes.replays}
+    matches |= {key: replay.match for key, replay in changes.replays.items() if replay.match is not None}
+    return replace(
+        base, tracks=dict(sorted(tracks.items())), matches=dict(sorted(matches.items())), ego=changes.ego or base.ego
+    )
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What all simulations of a request share; ``ego_before``: the ego's drive in the base scenario, None without one.
+
+    ``first_id``: the id that the first added vehicle gets.
+    """
+
+    request: ModificationRequest
+    base: Scene
+    setup: SimulationSetup
+    ego_before: EgoDrive | None
+    first_id: int
+
+    def simulate(self, resolved: _ResolvedEdits) -> SimulatedEdits:
+        """The edits as they were resolved, simulated.
+
+        An added vehicle that collides as it enters although the request left its speed open enters slower, where that
+        leaves fewer collisions.
+        """
+        usual = self._simulate_once(resolved)
+        slower = slower_entries(usual)
+        if slower is None:
+            return usual
+        edits, notes = slower
+        try:
+            other = self._simulate_once(_resolved_edits(edits, self.base, self.first_id, self.request.earlier))
+        except InvalidRequest:  # an edit that goes by speeds ("fastest") may mean no vehicle then
+            other = usual
+        if len(other.result.overlaps) < len(usual.result.overlaps):
+            return replace(other, notes=notes)
+        # The last simulation leaves its files behind; they have to be those of the motion that is written.
+        return self._simulate_once(resolved)
+
+    def _simulate_once(self, resolved: _ResolvedEdits) -> SimulatedEdits:
+        scene, changes = resolved.scene, resolved.changes
+        drive = drive_after(self.ego_before, self.base, scene, changes, self.setup)
+        all_react = self.request.traffic == "reactive"
+        if changes.driven or changes.replays or all_react:
+            result = Simulation(scene, changes, self.setup).until_clear(shown_ego(scene, drive), all_react=all_react)
+        else:  # removals and goals alone leave all recordings as they are
+            result = SimulationResult({}, {}, (), ())
+        return SimulatedEdits(scene, changes, result, drive, resolved.edits, resolved.steps)
 
 
 def _check(request: ModificationRequest, simulated: SimulatedEdits) -> None:
@@ -67,7 +190,7 @@ def _check(request: ModificationRequest, simulated: SimulatedEdits) -> None:
     check_entries(simulated)
     for key in simulated.changes.driven:
         check_not_driven_past(simulated, key)
-    hits = reported_collisions(simulated)
+    hits = simulated.collisions
     if hits and request.on_conflict == "refuse":
         pairs = [f"{hit.vehicles[0]} with {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in hits]
         raise NotPossible(

@@ -7,14 +7,19 @@ counted from its start.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from ...schemas.modification import Edit
+import numpy as np
+
+from ...schemas.errors import InvalidRequest
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, Replay, recorded_plan
+from ..cosimulation import DrivePlan, Replay, recorded_plan, usual_behaviour
 from ..geometry import Points
 from ..scene import Ego, LaneMatch, Scene
+from ..vehicles import EGO_SIZE_M, vehicle_classes
 
 FEWEST_STATES = 3
 """A recording moved in time needs as many states for a motion with an acceleration (chosen)."""
+MOST_NAMED = 8
+"""Vehicles that a sentence names before it is cut short."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,11 @@ class Changes:
         replays = {**self.replays, replay.track.obstacle_id: replay}
         return replace(self, replays=dict(sorted(replays.items())))
 
+    @property
+    def shifts(self) -> dict[int, int]:
+        """By how many steps recordings are moved in time (later positive), by id."""
+        return {key: replay.shifted_steps for key, replay in self.replays.items()}
+
     def is_added(self, vehicle_id: int) -> bool:
         """Whether an edit put the road user in."""
         plan, replay = self.driven.get(vehicle_id), self.replays.get(vehicle_id)
@@ -89,19 +99,6 @@ class EditStep:
     parameters: Mapping[str, bool] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class ResolvedEdits:
-    """A list of edits, what each of them did, and the changes after the last one.
-
-    ``scene``: the base scene with these changes, as ``apply_changes`` makes it.
-    """
-
-    edits: tuple[Edit, ...]
-    steps: tuple[EditStep, ...]
-    changes: Changes
-    scene: Scene
-
-
 def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
     """The plan of a vehicle as it stands, or a new one that drives its recorded route from its first step on.
 
@@ -115,23 +112,8 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
     return recorded_plan(scene, vehicle_id, "edited", first)
 
 
-def apply_changes(base: Scene, changes: Changes) -> Scene:
-    """The base scene with recordings moved in time, with added pedestrians, and with another start of the ego.
-
-    Vehicles that SUMO is to drive are in it as recorded. Edits and the simulation see this scene.
-    """
-    if not changes.replays and changes.ego is None:
-        return base
-    tracks = base.tracks | {key: replay.track for key, replay in changes.replays.items()}
-    matches = {key: match for key, match in base.matches.items() if key not in changes.replays}
-    matches |= {key: replay.match for key, replay in changes.replays.items() if replay.match is not None}
-    return replace(
-        base, tracks=dict(sorted(tracks.items())), matches=dict(sorted(matches.items())), ego=changes.ego or base.ego
-    )
-
-
 def scene_for_references(scene: Scene, changes: Changes) -> Scene:
-    """A scene of ``apply_changes`` with the vehicles that edits put in, where they enter, without those taken out.
+    """A scene of ``scene_after`` with the vehicles that edits put in, where they enter, without those taken out.
 
     It resolves words for vehicles and occupied places, as a description of the edited scenario would. It is not for a
     simulation, which drives the added vehicles and has no recording of them.
@@ -152,15 +134,57 @@ def moved_in_time(track: Track, steps: int, scene: Scene) -> Track | None:
 
     None where fewer than three states are left.
     """
-    first = max(track.first_step + steps, 0)
-    begin = first - steps - track.first_step
-    end = min(len(track.positions), scene.last_step + 1 - steps - track.first_step)
-    if end - begin < FEWEST_STATES:
-        return None
-    return replace(
-        track,
-        first_step=first,
-        positions=track.positions[begin:end],
-        headings_rad=track.headings_rad[begin:end],
-        speeds_mps=track.speeds_mps[begin:end],
+    later = replace(track, first_step=track.first_step + steps)
+    begin, end = max(-later.first_step, 0), min(len(track.positions), scene.last_step + 1 - later.first_step)
+    return later.part(begin, end) if end - begin >= FEWEST_STATES else None
+
+
+def car_at_start(ego: Ego, key: int) -> Track:
+    """The ego where and as fast as it starts, as a track of one state with an id."""
+    return Track(
+        obstacle_id=key,
+        kind="car",
+        length_m=EGO_SIZE_M[0],
+        width_m=EGO_SIZE_M[1],
+        first_step=ego.step,
+        positions=np.asarray(ego.position)[None],
+        headings_rad=np.array([ego.heading_rad]),
+        speeds_mps=np.array([ego.speed_mps]),
     )
+
+
+def car_plan(
+    scene: Scene, ego: Ego, key: int, route: tuple[int, ...], edges: tuple[str, ...], targets: frozenset[int]
+) -> DrivePlan:
+    """The plan of an ordinary car that starts where and as the ego does, along a route of lanelets and SUMO's edges."""
+    car = vehicle_classes()["car"]
+    return DrivePlan(
+        start=car_at_start(ego, key),
+        cause="added",
+        from_step=ego.step,
+        lanelets=route,
+        edges=scene.edge_graph.extended(edges, route[-1]),
+        targets=targets,
+        behaviour=usual_behaviour(car),
+        vehicle_class=car,
+    )
+
+
+def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: str) -> None:
+    """Refuse a speed that is below 0 or above the largest one.
+
+    Raises:
+        InvalidRequest: the refusal, with the speeds that are valid.
+    """
+    if not 0.0 <= speed_mps <= largest_mps:
+        raise InvalidRequest(refusal, valid=[f"0 … {largest_mps:g} m/s"], next_step=next_step)
+
+
+def named_vehicles(vehicles: tuple[int, ...]) -> str:
+    """Vehicles for a sentence, many of them cut short."""
+    return f"vehicle{'s' if len(vehicles) > 1 else ''} {listed(vehicles)}"
+
+
+def listed(vehicles: tuple[int, ...], most: int = MOST_NAMED) -> str:
+    """The first of some ids for a sentence."""
+    return ", ".join(map(str, vehicles[:most])) + (" …" if len(vehicles) > most else "")

@@ -1,7 +1,7 @@
-"""A scene after its edits: every road user as the edits leave it, as tracks and as moving rectangles.
+"""A scene after its edits: every road user as the edits leave it, as tracks.
 
 ``EditedScene`` is what the checks, the explanations, the report and the ego's risk look at; it hides which tracks come
-from the recording, from SUMO or from an edit. Collisions are overlaps of bodies that are not in the recording.
+from the recording, from SUMO or from an edit. Collisions are overlaps of rectangles that are not in the recording.
 Lengths are in m, steps are time steps of the scenario.
 """
 
@@ -10,71 +10,30 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
+from types import MappingProxyType
 
 import numpy as np
 
-from ...schemas.modification import Edit
+from ...schemas.modification import Edit, EditCollision
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, Replay, TakenOverTrack
-from ..geometry import Points, Values, oriented_rectangle, rectangles_overlap
+from ..cosimulation import DrivePlan, TakenOverTrack
+from ..geometry import rectangles_overlap
 from ..scene import Scene
-from ..vehicles import EGO_SIZE_M
-from .changes import Changes, EditStep
+from .changes import Changes, EditStep, car_at_start
 
 _TOUCH_M = 0.05
-"""Bodies that overlap by less are not colliding: recorded positions are not better than that."""
+"""Rectangles that overlap by less are not colliding: recorded positions are not better than that."""
 _NEAR_STEPS = 10
 """An overlap that begins so few steps before or after a recorded one of the same two is the recorded one (chosen)."""
 REACTION_S = 4.0
 """A handed-over vehicle is driven from this long before the collision on, which is time to brake gently (chosen)."""
 EGO = 0
-"""Stands for the ego's id among bodies; obstacles have positive ones."""
-
-
-@dataclass(frozen=True)
-class Body:
-    """A moving rectangle: centres (n, 2) and headings (n,) from ``first_step`` on, length and width in m.
-
-    ``shifted_steps``: how much later than recorded it moves, of a recording moved in time.
-    """
-
-    key: int
-    first_step: int
-    positions: Points
-    headings_rad: Values
-    size_m: tuple[float, float]
-    shifted_steps: int = 0
-
-    @classmethod
-    def of_track(cls, track: Track) -> "Body":
-        """A recorded road user."""
-        size = (track.length_m, track.width_m)
-        return cls(track.obstacle_id, track.first_step, track.positions, track.headings_rad, size)
-
-    @classmethod
-    def of_touched(cls, track: TakenOverTrack) -> "Body":
-        """A vehicle that SUMO drove, from its hand-over on."""
-        size = (track.length_m, track.width_m)
-        return cls(track.vehicle_id, track.first_step, track.motion.positions, track.motion.headings_rad, size)
-
-    @classmethod
-    def of_replay(cls, replay: Replay) -> "Body":
-        """A recording as it is moved in time, or an added pedestrian."""
-        return replace(cls.of_track(replay.track), shifted_steps=replay.shifted_steps)
-
-    def beginning(self, states: int) -> "Body":
-        """The first states of the body."""
-        return replace(self, positions=self.positions[:states], headings_rad=self.headings_rad[:states])
-
-    def slowed(self, share: float, states: int) -> "Body":
-        """The first states of the body on the same path at a share of its speed."""
-        steps = np.round(np.arange(min(len(self.positions), states)) * share).astype(int)
-        return replace(self, positions=self.positions[steps], headings_rad=self.headings_rad[steps])
+"""Stands for the ego's id among road users; obstacles have positive ones."""
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """The step from which on two bodies overlap; ``first`` is a touched one."""
+    """The step from which on two road users overlap; ``first`` is a touched one."""
 
     first: int
     second: int
@@ -131,29 +90,17 @@ class EditedScene:
         """All road users after the edits by id, and the ego's drive."""
         return {track.obstacle_id: track for track in (*self.tracks, *(() if self.ego is None else (self.ego,)))}
 
-    @cached_property
-    def bodies(self) -> dict[int, Body]:
-        """The bodies of all road users after the edits, by the id of the track."""
-        return {track.obstacle_id: Body.of_track(track) for track in self.tracks}
-
-    def simulated_body(self, key: int) -> Body:
-        """The body of a road user: of a driven one from its hand-over on, of any other as recorded."""
-        if key in self.result.tracks:
-            return Body.of_touched(self.result.tracks[key])
+    def simulated(self, key: int) -> Track:
+        """The track of a road user: of a driven one from its hand-over on, of any other as recorded."""
         regions = {region.obstacle_id: region.track for region in self.scene.regions}
-        return Body.of_track((regions | self.scene.tracks | self.scene.standing)[key])
+        return (regions | self.scene.tracks | self.scene.standing | dict(self.result.tracks))[key]
 
     @cached_property
-    def requested_bodies(self) -> dict[int, Body]:
-        """The bodies without any hand-over: only what the edits ask for moves anew; and the ego where it starts."""
+    def requested(self) -> dict[int, Track]:
+        """The tracks by id without any hand-over: only what the edits ask for is new; and the ego where it starts."""
         tracks = {key: track for key, track in self.result.tracks.items() if key not in self.handed_over}
-        replays = {key: replay for key, replay in self.changes.replays.items() if key not in tracks}
-        asked = EditedScene(self.scene, self.changes, replace(self.result, tracks=tracks))
-        bodies = asked.bodies | {key: Body.of_replay(replay) for key, replay in replays.items()}
-        ego = self.scene.ego
-        if ego is None:
-            return bodies
-        return bodies | {EGO: Body(EGO, ego.step, ego.position[None], np.array([ego.heading_rad]), EGO_SIZE_M)}
+        asked = EditedScene(self.scene, self.changes, replace(self.result, tracks=tracks)).road_users
+        return asked if self.scene.ego is None else asked | {EGO: car_at_start(self.scene.ego, EGO)}
 
     @cached_property
     def handed_over(self) -> frozenset[int]:
@@ -161,15 +108,23 @@ class EditedScene:
         return frozenset(key for key in self.result.tracks if self.result.plans[key].cause == "handed_over")
 
     @cached_property
-    def shifted_bodies(self) -> dict[int, Body]:
-        """The bodies of recordings as edits move them in time, by ascending id; driven or not."""
+    def shifted(self) -> dict[int, Track]:
+        """The recordings as edits move them in time, by ascending id; driven or not."""
         replays = self.changes.replays.items()
-        return {key: Body.of_replay(replay) for key, replay in replays if replay.recording is not None}
+        return {key: replay.track for key, replay in replays if replay.recording is not None}
 
     @property
     def driven_shifts(self) -> tuple[int, ...]:
         """The vehicles that edits only move in time and that are driven nevertheless, by ascending id."""
-        return tuple(key for key in self.shifted_bodies if key in self.handed_over)
+        return tuple(key for key in self.shifted if key in self.handed_over)
+
+    @property
+    def collisions(self) -> tuple[EditCollision, ...]:
+        """The overlaps that are left, in time order."""
+        return tuple(
+            EditCollision(vehicles=(hit.first, hit.second), time_s=round(hit.step * self.scene.step_s, 3))
+            for hit in self.result.overlaps
+        )
 
     @cached_property
     def entries(self) -> dict[int, Track]:
@@ -191,31 +146,40 @@ class SimulatedEdits(EditedScene):
     notes: tuple[str, ...] = ()
 
 
-def new_overlaps(touched: Iterable[Body], others: Iterable[Body], recorded: Mapping[int, Body]) -> tuple[Overlap, ...]:
-    """First overlaps of touched bodies with all others and with one another, ordered by step.
+def new_overlaps(
+    touched: Iterable[Track],
+    others: Iterable[Track],
+    recorded: Mapping[int, Track],
+    shifts: Mapping[int, int] = MappingProxyType({}),
+) -> tuple[Overlap, ...]:
+    """First overlaps of touched road users with all others and with one another, ordered by step.
 
     An overlap that begins where the same two overlap in the recording is left out: no edit caused it. The recordings
     of two that are moved in time alike count as recorded, those of two that are moved otherwise do not. Several of the
-    others may have one key: they stand for one obstacle.
+    others may have one id: they stand for one obstacle.
+
+    ``shifts``: by how many steps recordings are moved in time.
     """
     moved, rest = list(touched), list(others)
     first_overlaps: dict[tuple[int, int], Overlap] = {}
-    for number, body in enumerate(moved):
-        among_moved = [(other, recorded.get(other.key)) for other in moved[number + 1 :]]
-        for other, before in among_moved + [(other, recorded.get(other.key, other)) for other in rest]:
-            step, pair = _first_new(body, other, recorded.get(body.key), before), (body.key, other.key)
+    for number, one in enumerate(moved):
+        among_moved = [(other, recorded.get(other.obstacle_id)) for other in moved[number + 1 :]]
+        for other, other_before in among_moved + [(other, recorded.get(other.obstacle_id, other)) for other in rest]:
+            pair = one.obstacle_id, other.obstacle_id
+            before = recorded.get(one.obstacle_id), other_before
+            if shifts.get(pair[0], 0) != shifts.get(pair[1], 0):
+                before = None, None
+            step = _first_new(one, other, *before)
             if step is not None and (pair not in first_overlaps or step < first_overlaps[pair].step):
                 first_overlaps[pair] = Overlap(*pair, step)
     return tuple(sorted(first_overlaps.values(), key=lambda hit: (hit.step, hit.first, hit.second)))
 
 
-def _first_new(first: Body, second: Body, first_before: Body | None, second_before: Body | None) -> int | None:
-    """The first step at which two bodies begin to overlap and did not about then as they were before; or None."""
+def _first_new(first: Track, second: Track, first_before: Track | None, second_before: Track | None) -> int | None:
+    """The first step at which two begin to overlap and did not about then as they were before; or None."""
     steps = overlap_steps(first, second)
     step = next(steps, None)
     if step is None or first_before is None or second_before is None:
-        return step
-    if first_before.shifted_steps != second_before.shifted_steps:
         return step
     known = tuple(overlap_steps(first_before, second_before))
     before = -2
@@ -226,22 +190,17 @@ def _first_new(first: Body, second: Body, first_before: Body | None, second_befo
     return None
 
 
-def overlap_steps(first: Body, second: Body) -> Iterator[int]:
-    """The steps at which two bodies overlap, ascending."""
-    begin = max(first.first_step, second.first_step)
-    end = min(first.first_step + len(first.positions), second.first_step + len(second.positions))
+def overlap_steps(first: Track, second: Track) -> Iterator[int]:
+    """The steps at which two road users overlap, ascending."""
+    begin, end = max(first.first_step, second.first_step), min(first.last_step, second.last_step) + 1
     if begin >= end:
         return
-    one, two = (
-        slice(begin - first.first_step, end - first.first_step),
-        slice(begin - second.first_step, end - second.first_step),
+    at_first, at_second = begin - first.first_step, begin - second.first_step
+    count = end - begin
+    apart = np.linalg.norm(
+        first.positions[at_first : at_first + count] - second.positions[at_second : at_second + count], axis=1
     )
-    apart = np.linalg.norm(first.positions[one] - second.positions[two], axis=1)
     reach = (math.hypot(*first.size_m) + math.hypot(*second.size_m)) / 2
     for offset in np.flatnonzero(apart < reach).tolist():
-        corners = [
-            oriented_rectangle(body.positions[index], float(body.headings_rad[index]), body.size_m)
-            for body, index in ((first, one.start + offset), (second, two.start + offset))
-        ]
-        if rectangles_overlap(corners[0], corners[1], _TOUCH_M):
+        if rectangles_overlap(first.corners_at(at_first + offset), second.corners_at(at_second + offset), _TOUCH_M):
             yield int(begin + offset)

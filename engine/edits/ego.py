@@ -1,29 +1,44 @@
-"""Edits G: move the ego's goal; let the ego start elsewhere, or in the place of a recorded car."""
+"""Edits G: move the ego's goal; let the ego start elsewhere, or in the place of a recorded car.
 
+A goal that the ego cannot meet is refused: to be on it within its time window, at a speed of its interval. No planner
+is asked: only what no car could do is refused, by the limits of CommonRoad's vehicle 2 along the lanelets' middles.
+Distances are in m along lanelets.
+"""
+
+import itertools
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.grammar import parse_interval, parse_quantity
 from ...schemas.modification import Edit
-from ..commonroad import Track
-from ..cosimulation import DrivePlan, first_curve_too_tight, usual_behaviour
+from ..commonroad import Track, center_of, size_of
+from ..cosimulation import DrivePlan, first_curve_too_tight
+from ..geometry import point_at, project
 from ..network import station_m
 from ..scene import Ego, Scene, goal_center_lanelets
-from ..vehicles import EGO_SIZE_M, LARGEST_SPEED_MPS, vehicle_classes
-from .changes import Changes, EditStep, GoalChange
-from .entries import PLACE_TAKEN, OccupiedPlaces
-from .goal_feasibility import GoalTask, distance_along, goal_lanelet_ids, goal_states, kept_speeds, kept_steps
+from ..vehicles import EGO_SIZE_M, LARGEST_SPEED_MPS, can_be_there, latest_passing_s, least_time_s
+from .changes import Changes, EditStep, GoalChange, car_plan, check_speed
+from .entries import OccupiedPlaces
 from .placement import Place, first_place
 from .references import reachable_lanelets, route_to, select, target_lanelets
+from .writing import USUAL_GOAL_SIZE_M
 
 _SPEED_TOLERANCE_MPS = 1.0
 """Half the width of the speed interval of a goal whose speed is given as one value (chosen)."""
 _LARGEST_RECTANGLE_M = 500.0
 """Longer than any goal region of a published scenario: what is larger is a slip of the units (chosen)."""
 _LET_VANISH = "let it vanish: nobody can drive it on"
+_TIMES, _SPEEDS, _SPEED_STEP_MPS = 101, 41, 0.1
+"""How finely a goal's time window and speed interval are tried, and the speeds that a refusal names (chosen)."""
+_SLACK_M = 2.0
+"""No car drives exactly along the middles of lanelets, which is how distances are measured (chosen)."""
+_LONGEST_S = 60.0
+"""A car without a time to keep has had time for every speed until then."""
+_AFTER_START = "add a set_goal edit after set_ego, or choose another start"
 
 
 def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -41,41 +56,29 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             "the scenario has no ego on a lanelet, so there is no goal to set",
             next_step="choose a scenario with a planning problem, or let the ego start on a lanelet with set_ego",
         )
-    starts = _starts(scene, ego)
+    under = set(scene.network.find_lanelet_by_position([ego.position])[0])
+    starts = tuple(key for key in ego.lanelets if key in under) or ego.lanelets[:1]
     if not edit.to:
         near = reachable_lanelets(scene, starts)
         raise InvalidRequest("set_goal needs a lanelet in 'to'", valid=near, next_step="name one that the ego reaches")
     route = route_to(scene, starts, target_lanelets(edit.to, scene, changes), "the ego")
     lane = scene.layout.table.lanes[route[-1]]
     place = Place(route[-1], station_m(edit.position or "final", route[-1], lane.length_m))
-    distance = distance_along(scene, ego, route, place.station_m)
+    distance = _distance_along(scene, ego, route, place.station_m)
     if distance < 0.0:
         raise NotPossible(
             f"lanelet {place.lanelet_id} at {place.station_m:.1f} m lies {-distance:.1f} m behind the ego",
             next_step="choose a later position or a lanelet ahead",
         )
-    goal = GoalChange(
-        problem_id=ego.problem_id,
-        lanelet_id=place.lanelet_id,
-        center=place.pose(scene)[0],
-        heading_rad=place.pose(scene)[1],
-        size_m=_size(edit.rectangle_m),
-        steps=_steps(edit, scene, ego),
-        speed_mps=_speeds(edit.goal_speed),
-    )
-    task = GoalTask.of(scene, ego, goal, distance)
+    size_m, steps, speed_mps = _size(edit.rectangle_m), _steps(edit, scene, ego), _speeds(edit.goal_speed)
+    goal = GoalChange(ego.problem_id, place.lanelet_id, *place.pose(scene), size_m, steps, speed_mps)
+    task = _GoalTask.of(scene, ego, goal, distance)
     task.check()
     what = f"goal on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {distance:.1f} m ahead of the ego, {task}"
     pace = task.pace_note(scene.last_step * scene.step_s)
     curve = first_curve_too_tight(scene, route, ego.position, ego.speed_mps)
     warning = "" if curve is None else f"; the ego {curve}"
     return EditStep(replace(changes, goal=goal), (), what + pace + warning)
-
-
-def _starts(scene: Scene, ego: Ego) -> tuple[int, ...]:
-    """The lanelets that the ego stands on; the nearest one where it stands on none."""
-    under = set(scene.network.find_lanelet_by_position([ego.position])[0])
-    return tuple(key for key in ego.lanelets if key in under) or ego.lanelets[:1]
 
 
 def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
@@ -93,9 +96,9 @@ def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
 def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
     """First and last step of the goal; None keeps the one there is. A problem without any gets the whole scenario."""
     if edit.goal_time is None:
-        return None if goal_states(scene, ego) else (ego.step, scene.last_step)
+        return None if _goal_states(scene, ego) else (ego.step, scene.last_step)
     interval = parse_interval(edit.goal_time, "s", step_s=scene.step_s)
-    end = max(scene.last_step, (kept_steps(scene, ego) or (0, 0))[1])
+    end = max(scene.last_step, (_kept_steps(scene, ego) or (0, 0))[1])
     last = end if interval.high is None else math.floor(interval.high / scene.step_s + 1e-6)
     first = math.ceil((interval.low or 0.0) / scene.step_s - 1e-6)
     if interval.exact:
@@ -158,10 +161,7 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             next_step="let the ego start elsewhere too",
         )
     before = changes
-    if edit.vehicles:
-        changes, what = _instead_of(edit, scene, changes, ego)
-    else:
-        changes, what = _started(edit, scene, changes, ego)
+    changes, what = (_instead_of if edit.vehicles else _started)(edit, scene, changes, ego)
     if edit.former_ego != "traffic":
         return EditStep(changes, (), what)
     plan = _former(scene, before, ego)
@@ -172,7 +172,12 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
     chosen = select(edit.vehicles, scene, changes)
-    cars = [key for key, track in scene.tracks.items() if _fits(scene, changes, track, ego.step)]
+    cars = [
+        key
+        for key, track in scene.tracks.items()
+        if track.kind == "car" and track.first_step <= ego.step < track.last_step
+        if key in scene.matches and key not in changes.removed
+    ]
     if len(chosen) != 1 or chosen[0] not in cars:
         names = ", ".join(map(str, chosen))
         raise NotPossible(
@@ -199,12 +204,6 @@ def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[C
     return replace(changes, goal=goal), what
 
 
-def _fits(scene: Scene, changes: Changes, track: Track, step: int) -> bool:
-    key = track.obstacle_id
-    there = track.index_at(step) is not None and track.last_step > step and key in scene.matches
-    return track.kind == "car" and there and key not in changes.removed
-
-
 def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
     """The last recorded place of a car as the goal; None where the file's goal has no place.
 
@@ -212,10 +211,8 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
     """
     if not goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)):
         return None
-    state = goal_states(scene, ego)[0]
-    time = getattr(state, "time_step", track.last_step)
-    first, last = int(getattr(time, "start", time)), int(getattr(time, "end", time))
-    asked, there = kept_speeds(scene, ego), max(float(track.speeds_mps[-1]), 0.0)
+    first, last = _kept_steps(scene, ego) or (track.last_step, track.last_step)
+    asked, there = _kept_speeds(scene, ego), max(float(track.speeds_mps[-1]), 0.0)
     keeps_speeds = asked is None or asked[0] <= there <= asked[1]
     return GoalChange(
         problem_id=ego.problem_id,
@@ -230,41 +227,24 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
 
 def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
     speed = ego.speed_mps if edit.speed is None else parse_quantity(edit.speed, "m/s")
-    if not 0.0 <= speed <= LARGEST_SPEED_MPS:
-        raise InvalidRequest(
-            f"the ego does not drive {edit.speed}",
-            valid=[f"0 … {LARGEST_SPEED_MPS:g} m/s"],
-            next_step="choose another speed",
-        )
+    check_speed(speed, LARGEST_SPEED_MPS, f"the ego does not drive {edit.speed}", "choose another speed")
     if edit.at is None:
         return replace(changes, ego=replace(ego, speed_mps=speed)), f"the ego starts at {speed:.1f} m/s"
     place = first_place(edit, scene, changes, EGO_SIZE_M[0])
-    _check_free(edit, scene, changes, place, ego)
+    # The former ego is in the way only where it stays as traffic.
+    others = scene if edit.former_ego == "traffic" else replace(scene, ego=None)
+    OccupiedPlaces.at(others, ego.step, changes).check_free(place, EGO_SIZE_M, "choose a free place")
     position, heading = place.pose(scene)
     new = Ego(ego.problem_id, ego.step, position, heading, speed, (place.lanelet_id,))
     what = f"the ego starts on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {speed:.1f} m/s"
     return replace(changes, ego=new), what
 
 
-def _check_free(edit: Edit, scene: Scene, changes: Changes, place: Place, ego: Ego) -> None:
-    """The former ego is in the way only where it stays as traffic."""
-    others = scene if edit.former_ego == "traffic" else replace(scene, ego=None)
-    places = OccupiedPlaces.at(others, ego.step, changes)
-    occupant = places.occupant(place, EGO_SIZE_M)
-    if occupant is not None:
-        raise NotPossible(
-            f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is taken by {occupant}",
-            reason=PLACE_TAKEN,
-            valid=places.free_places(place, EGO_SIZE_M),
-            next_step="choose a free place",
-        )
-
-
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
     """The former ego as a car that drives to the former goal, or straight on."""
     if not ego.lanelets:
         raise NotPossible("the former ego stands on no lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
-    goals = tuple(key for key in goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)
+    goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)
     route = scene.lanelet_graph.shortest_route(ego.lanelets[:1], goals) if goals else None
     edges = scene.edge_graph.route(route or ego.lanelets[:1])
     if edges is None:
@@ -273,24 +253,204 @@ def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
         raise NotPossible(
             "the former ego's way leaves the lanelet graph", valid=["former_ego=vanish"], next_step=_LET_VANISH
         )
-    lanelets, car = route or ego.lanelets[:1], vehicle_classes()["car"]
-    start = Track(
-        obstacle_id=changes.next_id,
-        kind=car.commonroad_type,
-        length_m=EGO_SIZE_M[0],
-        width_m=EGO_SIZE_M[1],
-        first_step=ego.step,
-        positions=np.asarray(ego.position)[None],
-        headings_rad=np.array([ego.heading_rad]),
-        speeds_mps=np.array([ego.speed_mps]),
-    )
-    return DrivePlan(
-        start=start,
-        cause="added",
-        from_step=ego.step,
-        lanelets=lanelets,
-        edges=scene.edge_graph.extended(edges, lanelets[-1]),
-        targets=frozenset(goals) if route else frozenset(),
-        behaviour=usual_behaviour(car),
-        vehicle_class=car,
-    )
+    targets = frozenset(goals) if route else frozenset()
+    return car_plan(scene, ego, changes.next_id, route or ego.lanelets[:1], edges, targets)
+
+
+@dataclass(frozen=True)
+class _GoalTask:
+    """What a goal asks: to be ``ahead_m`` ± ``half_m`` along the route in a time window and a speed interval.
+
+    The window counts in s from the ego's start, which is ``start_s`` after the scenario's; None: at any time, at any
+    speed. ``speed_mps``: the ego's at its start. ``comes_back``: a route leads from the goal back to it, so that the
+    ego may pass it first.
+    """
+
+    ahead_m: float
+    half_m: float
+    start_s: float
+    window_s: tuple[float, float] | None
+    speeds_mps: tuple[float, float] | None
+    speed_mps: float
+    comes_back: bool
+
+    @classmethod
+    def of(cls, scene: Scene, ego: Ego, goal: GoalChange, ahead_m: float) -> "_GoalTask":
+        """The task of a goal that an edit moves; what the edit does not name is what the file's goal asks."""
+        steps, speeds = goal.steps or _kept_steps(scene, ego), goal.speed_mps or _kept_speeds(scene, ego)
+        window = None if steps is None else (max(steps[0] - ego.step, 0), max(steps[1] - ego.step, 0))
+        onward = scene.layout.table.successors[goal.lanelet_id]
+        kept_length_m = getattr(_kept(scene, ego, "position"), "length", USUAL_GOAL_SIZE_M[0])
+        length_m = goal.size_m[0] if goal.size_m else kept_length_m
+        return cls(
+            ahead_m=ahead_m,
+            half_m=float(length_m) / 2,
+            start_s=ego.step * scene.step_s,
+            window_s=None if window is None else (window[0] * scene.step_s, window[1] * scene.step_s),
+            speeds_mps=speeds,
+            speed_mps=max(ego.speed_mps, 0.0),
+            comes_back=bool(onward) and scene.lanelet_graph.shortest_route(onward, (goal.lanelet_id,)) is not None,
+        )
+
+    @property
+    def bounds_m(self) -> tuple[float, float]:
+        """Where the goal begins and ends along the route, at least and at most."""
+        return self.ahead_m - self.half_m - _SLACK_M, self.ahead_m + self.half_m + _SLACK_M
+
+    def __str__(self) -> str:
+        """The time window (counted from the scenario's start) and the speed interval in words."""
+        time, speed = "at any time", "at any speed"
+        if self.window_s is not None:
+            time = f"from {self.start_s + self.window_s[0]:.1f} to {self.start_s + self.window_s[1]:.1f} s"
+        if self.speeds_mps is not None:
+            speed = f"at {self.speeds_mps[0]:.1f} to {self.speeds_mps[1]:.1f} m/s"
+        return f"{time}, {speed}"
+
+    def check(self) -> None:
+        """Refuse a goal that no car meets from the ego's start.
+
+        Raises:
+            NotPossible: with the times or speeds at which a car can be there.
+        """
+        nearest, farthest = self.bounds_m
+        if farthest < 0.0 and not self.comes_back:
+            raise NotPossible(
+                f"the goal lies {-self.ahead_m:.1f} m behind the ego",
+                next_step="choose a later position or a lanelet ahead",
+            )
+        if self.window_s is not None:
+            least, latest = least_time_s(self.speed_mps, nearest), latest_passing_s(self.speed_mps, farthest)
+            if least > self.window_s[1] + 1e-9:
+                raise NotPossible(
+                    f"{self.ahead_m:.1f} m within {self.window_s[1]:.1f} s is out of reach of any car from "
+                    f"{self.speed_mps:.1f} m/s",
+                    valid=[f"goal_time of at least {math.ceil((self.start_s + least) * 10) / 10:.1f} s"],
+                    next_step="name a later goal_time, or choose a nearer place",
+                )
+            if latest < self.window_s[0] - 1e-9 and not self.comes_back:
+                raise NotPossible(
+                    f"the goal {self.ahead_m:.1f} m ahead is one {self}, and from {self.speed_mps:.1f} m/s any car has "
+                    f"passed it by {self.start_s + latest:.1f} s, however hard it brakes",
+                    valid=[f"goal_time that begins by {math.floor((self.start_s + latest) * 10) / 10:.1f} s"],
+                    next_step="let the time begin earlier, or choose a place farther ahead",
+                )
+        if self.speeds_mps is not None:
+            self._check_speeds(*self.speeds_mps)
+
+    def _check_speeds(self, low: float, high: float) -> None:
+        times = np.linspace(*(self.window_s or (0.0, _LONGEST_S)), _TIMES)
+        bounds = self.bounds_m[0], math.inf if self.comes_back else self.bounds_m[1]
+        wanted = np.append(np.linspace(low, high, _SPEEDS), np.clip(self.speed_mps, low, high))
+        if can_be_there(self.speed_mps, bounds, times, wanted).any():
+            return
+        every = np.arange(0.0, LARGEST_SPEED_MPS, _SPEED_STEP_MPS)
+        possible = every[can_be_there(self.speed_mps, bounds, times, every).any(axis=0)]
+        raise NotPossible(
+            f"no car that starts at {self.speed_mps:.1f} m/s is {self.ahead_m:.1f} m ahead {self}",
+            valid=[f"goal_speed '{possible[0]:.1f}..{possible[-1]:.1f}m/s'"] if len(possible) else [],
+            next_step="choose another goal_speed, a place farther ahead or more time",
+        )
+
+    def pace_note(self, recording_end_s: float) -> str:
+        """How fast the ego has to be on average, after a semicolon; empty for a goal at any time.
+
+        Where the goal's time goes on after the recording's end, in s from the scenario's start, that is stated too:
+        later there is no recorded traffic. A recording without motion has no end.
+        """
+        if self.window_s is None or self.window_s[1] <= 0.0:
+            return ""
+        first_s, last_s = self.window_s
+        pace = f"; to be there in time takes {max(self.ahead_m, 0.0) / last_s:.1f} m/s on average"
+        left_s = recording_end_s - self.start_s
+        if not 0.0 < left_s < last_s:
+            return pace
+        if first_s <= left_s and least_time_s(self.speed_mps, self.bounds_m[0]) <= left_s:
+            by_then_mps = max(self.ahead_m, 0.0) / left_s
+            return f"{pace}, by the recording's end at {recording_end_s:.1f} s {by_then_mps:.1f} m/s"
+        return f"{pace}; the recording ends earlier, at {recording_end_s:.1f} s"
+
+
+def check_goal(scene: Scene, changes: Changes) -> None:
+    """Refuse a new start of the ego from which its goal cannot be reached, or not in its time at its speed.
+
+    Raises:
+        NotPossible: the goal lies where no lanelet leads from the start, or no car meets it from there.
+    """
+    ego = changes.ego
+    if ego is None:
+        return
+    goals = _goal_lanelet_ids(scene, changes, ego)
+    if goals and scene.lanelet_graph.shortest_route(ego.lanelets, goals) is None:
+        raise NotPossible(
+            f"the goal on lanelet {', '.join(map(str, goals))} cannot be reached from the ego's new start on lanelet "
+            f"{', '.join(map(str, ego.lanelets))}",
+            next_step=_AFTER_START,
+        )
+    goal = changes.goal or _kept_goal(scene, ego)
+    route = None if goal is None else scene.lanelet_graph.shortest_route(ego.lanelets, (goal.lanelet_id,))
+    if goal is None or route is None:
+        return
+    station = project(scene.layout.table.lanes[goal.lanelet_id].center, goal.center)[0]
+    try:
+        _GoalTask.of(scene, ego, goal, _distance_along(scene, ego, route, station)).check()
+    except NotPossible as error:
+        message = f"the goal on lanelet {goal.lanelet_id} cannot be met from the ego's new start: {error.message}"
+        raise NotPossible(message, valid=error.valid, next_step=_AFTER_START) from error
+
+
+def _distance_along(scene: Scene, ego: Ego, route: tuple[int, ...], station_m: float) -> float:
+    """Distance along a route to an arc length of its last lanelet; a change to the lane beside covers none."""
+    lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
+    here_m, total_m = project(lanes[route[0]].center, ego.position)[0], 0.0
+    for current, following in itertools.pairwise(route):
+        if following in successors[current]:
+            total_m, here_m = total_m + lanes[current].length_m - here_m, 0.0
+        else:
+            here_m = project(lanes[following].center, point_at(lanes[current].center, here_m)[0])[0]
+    return total_m + station_m - here_m
+
+
+def _goal_lanelet_ids(scene: Scene, changes: Changes, ego: Ego) -> tuple[int, ...]:
+    """The lanelets of the goal, as edits moved it or as the file states it; empty where it has none."""
+    if changes.goal:
+        return (changes.goal.lanelet_id,)
+    return tuple(goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)))
+
+
+def _kept_steps(scene: Scene, ego: Ego) -> tuple[int, int] | None:
+    """First and last step of the goal that the file has; None where it has none with a time."""
+    ends = _ends(_kept(scene, ego, "time_step"))
+    return None if ends is None else (int(ends[0]), int(ends[1]))
+
+
+def _kept_speeds(scene: Scene, ego: Ego) -> tuple[float, float] | None:
+    """Speed interval in m/s of the goal that the file has; None where any speed will do."""
+    return _ends(_kept(scene, ego, "velocity"))
+
+
+def _goal_states(scene: Scene, ego: Ego) -> list[Any]:
+    return list(scene.loaded.problem(ego.problem_id).goal.state_list)
+
+
+def _kept_goal(scene: Scene, ego: Ego) -> GoalChange | None:
+    """The goal that the file has, where it is a single one with a place on a lanelet of its own; else None."""
+    states = _goal_states(scene, ego)
+    lanelets = goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id))
+    shape = getattr(states[0], "position", None) if len(states) == 1 else None
+    if shape is None or hasattr(shape, "shapes"):
+        return None
+    center = np.asarray(center_of(shape), dtype=float)
+    on = sorted(set(scene.network.find_lanelet_by_position([center])[0]) & set(lanelets) & {*scene.layout.table.lanes})
+    if not on:
+        return None
+    longest = max(size_of(shape))
+    return GoalChange(ego.problem_id, int(on[0]), center, 0.0, (longest, longest), None, None)
+
+
+def _kept(scene: Scene, ego: Ego, name: str) -> Any:
+    return getattr(next(iter(_goal_states(scene, ego)), None), name, None)
+
+
+def _ends(value: Any) -> tuple[float, float] | None:
+    """Both ends of an interval, or a value as both; None for None."""
+    return None if value is None else (float(getattr(value, "start", value)), float(getattr(value, "end", value)))

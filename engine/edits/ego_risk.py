@@ -23,19 +23,16 @@ from ..cosimulation import (
     replayed_actor,
     resimulate,
     taken_over_track,
-    usual_behaviour,
 )
 from ..criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores, times_to_collision_s
 from ..geometry import wrap_angle
 from ..scene import Ego, Scene, goal_lanelets, obstacle_of
-from ..vehicles import EGO_SIZE_M, vehicle_classes
-from .changes import Changes
+from ..vehicles import EGO_SIZE_M
+from .changes import Changes, car_plan
 from .edited_scene import REACTION_S, EditedScene
 
 _LONGEST_TIME_S = 60.0
 """A later collision is none: no road user keeps speed and heading for so long (chosen)."""
-_CLASS = "car"
-"""The class whose ordinary driver stands for the ego's."""
 _NO_CHANGES = Changes(next_id=0, driven={})
 
 
@@ -99,10 +96,10 @@ def _simulate_ego(
     return None if motion is None else motion.whole(plan.start)
 
 
-def ego_actor(scene: Scene, drive: Track) -> Actor | None:
-    """The ego as a replayed road user of a re-simulation; None where it is off the lanes."""
-    match = scene.matcher.match(drive)
-    return None if match is None else replayed_actor(scene, drive, match)
+def shown_ego(scene: Scene, drive: Track | None) -> tuple[Actor, ...]:
+    """The ego as a replayed road user of a re-simulation; none where it is off the lanes or does not drive."""
+    match = None if drive is None else scene.matcher.match(drive)
+    return () if drive is None or match is None else (replayed_actor(scene, drive, match),)
 
 
 def _plan(scene: Scene, ego: Ego, goals: Collection[int]) -> DrivePlan | None:
@@ -114,32 +111,9 @@ def _plan(scene: Scene, ego: Ego, goals: Collection[int]) -> DrivePlan | None:
     edges = scene.edge_graph.route(route) or scene.edge_graph.route(drivable[:1])
     if edges is None:
         return None
-    vehicle_class = vehicle_classes()[_CLASS]
-    return DrivePlan(
-        start=_start(scene, ego),
-        cause="added",
-        from_step=ego.step,
-        lanelets=route,
-        edges=scene.edge_graph.extended(edges, route[-1]),
-        targets=frozenset(goals),
-        behaviour=usual_behaviour(vehicle_class),
-        vehicle_class=vehicle_class,
-    )
-
-
-def _start(scene: Scene, ego: Ego) -> Track:
-    """The ego's first pose. Its id is below zero where a file gives its planning problem's to an obstacle as well."""
+    # The id is below zero where a file gives its planning problem's to an obstacle as well.
     is_taken = ego.problem_id in scene.tracks or ego.problem_id in scene.standing
-    return Track(
-        obstacle_id=-ego.problem_id if is_taken else ego.problem_id,
-        kind=_CLASS,
-        length_m=EGO_SIZE_M[0],
-        width_m=EGO_SIZE_M[1],
-        first_step=ego.step,
-        positions=ego.position[None],
-        headings_rad=np.array([ego.heading_rad]),
-        speeds_mps=np.array([ego.speed_mps]),
-    )
+    return car_plan(scene, ego, -ego.problem_id if is_taken else ego.problem_id, route, edges, frozenset(goals))
 
 
 @dataclass(frozen=True)
@@ -195,9 +169,9 @@ def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, 
     if not hits:
         return EgoRisk(figures)
     last_steps = {key: step - round(REACTION_S / step_s) for key, step in hits.items()}
-    tracks = [one.track for one in replayed]
-    kept = [_until(track, last_steps[track.obstacle_id]) if track.obstacle_id in hits else track for track in tracks]
-    counted = (*others, *(track for track in kept if track is not None))
+    counts = [(one.track, last_steps.get(one.track.obstacle_id, one.track.last_step) + 1) for one in replayed]
+    kept = (track.part(0, end - track.first_step) for track, end in counts if end > track.first_step)
+    counted = (*others, *kept)
     return EgoRisk(_figures(ego, counted, step_s), tuple(sorted(hits)))
 
 
@@ -242,16 +216,3 @@ def _hit_from_behind(ego: Track, track: Track) -> int | None:
     follows = abs(wrap_angle(float(met.other.headings_rad[first]) - heading)) < SAME_DIRECTION_RAD
     is_behind = follows and ahead_m < -ego.length_m / 2
     return ego.first_step + int(met.state[first]) if is_behind else None
-
-
-def _until(track: Track, last_step: int) -> Track | None:
-    """The track up to a step; None where it begins later."""
-    count = last_step - track.first_step + 1
-    if count <= 0:
-        return None
-    return replace(
-        track,
-        positions=track.positions[:count],
-        headings_rad=track.headings_rad[:count],
-        speeds_mps=track.speeds_mps[:count],
-    )

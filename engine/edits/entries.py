@@ -18,9 +18,9 @@ from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, highest_entry_speed
 from ..geometry import Points, arc_length, oriented_rectangle, project, rectangles_overlap
 from ..scene import Scene
-from ..vehicles import EGO_SIZE_M, HARDEST_BRAKING_MPS2, VehicleClass
-from .changes import Changes, moved_in_time, scene_for_references
-from .edited_scene import EGO, Body, EditedScene, SimulatedEdits, new_overlaps, overlap_steps
+from ..vehicles import HARDEST_BRAKING_MPS2, VehicleClass
+from .changes import Changes, car_at_start, moved_in_time, scene_for_references
+from .edited_scene import EGO, EditedScene, SimulatedEdits, new_overlaps, overlap_steps
 from .placement import Place
 
 PLACE_TAKEN, HIT_ON_ENTRY = "place_taken", "hit_on_entry"
@@ -46,22 +46,14 @@ _SLOWER_SHARES = (0.5, 0.0)
 
 
 @dataclass(frozen=True)
-class _Occupant:
-    """A road user that is there at a step: its name in sentences, centre (2,), heading, and (length, width)."""
-
-    name: str
-    center: Points
-    heading_rad: float
-    size_m: tuple[float, float]
-
-
-@dataclass(frozen=True)
 class OccupiedPlaces:
-    """The road users of a scene at a step, as far as they are known, and the ego where it starts then."""
+    """The road users of a scene at a step, as far as they are known, and the ego where it starts then.
+
+    Each by its name in sentences, its track, and the index of its state.
+    """
 
     scene: Scene
-    step: int
-    _occupants: tuple[_Occupant, ...]
+    _occupants: tuple[tuple[str, Track, int], ...]
 
     @classmethod
     def at(cls, scene: Scene, step: int, changes: Changes | None = None) -> "OccupiedPlaces":
@@ -77,14 +69,9 @@ class OccupiedPlaces:
         named = [(f"vehicle {key}", track) for key, track in tracks.items()]
         regions = [region for region in scene.regions if region.obstacle_id not in removed]
         named += [(f"obstacle {region.obstacle_id}", region.track) for region in regions]
-        occupants = [
-            _Occupant(name, track.positions[index], float(track.headings_rad[index]), (track.length_m, track.width_m))
-            for name, track in named
-            if (index := track.index_at(step)) is not None
-        ]
-        if scene.ego is not None and scene.ego.step == step:
-            occupants.append(_Occupant("the ego", scene.ego.position, scene.ego.heading_rad, EGO_SIZE_M))
-        return cls(scene, step, tuple(occupants))
+        named += [] if scene.ego is None else [("the ego", car_at_start(scene.ego, EGO))]
+        occupants = ((name, track, index) for name, track in named if (index := track.index_at(step)) is not None)
+        return cls(scene, tuple(occupants))
 
     def occupant(self, place: Place, size_m: tuple[float, float]) -> str | None:
         """The road user, by name, that is where a vehicle (length, width) would be put; None if the place is free."""
@@ -93,12 +80,26 @@ class OccupiedPlaces:
     def occupant_at(self, center: Points, heading_rad: float, size_m: tuple[float, float]) -> str | None:
         """The same for a centre (2,) and a heading."""
         wanted = oriented_rectangle(center, heading_rad, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
-        for one in self._occupants:
-            if float(np.abs(one.center - center).max()) < _NEAR_M and rectangles_overlap(
-                wanted, oriented_rectangle(one.center, one.heading_rad, one.size_m)
-            ):
-                return one.name
+        for name, track, index in self._occupants:
+            is_near = float(np.abs(track.positions[index] - center).max()) < _NEAR_M
+            if is_near and rectangles_overlap(wanted, track.corners_at(index)):
+                return name
         return None
+
+    def check_free(self, place: Place, size_m: tuple[float, float], next_step: str) -> None:
+        """Refuse a place that is taken.
+
+        Raises:
+            NotPossible: naming who is there, and the nearest free places.
+        """
+        occupant = self.occupant(place, size_m)
+        if occupant is not None:
+            raise NotPossible(
+                f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is taken by {occupant}",
+                reason=PLACE_TAKEN,
+                valid=self.free_places(place, size_m),
+                next_step=next_step,
+            )
 
     def free_places(self, place: Place, size_m: tuple[float, float]) -> list[str]:
         """The nearest free places, as ``at`` and ``position``, nearest first: in the lane, else in those next to it."""
@@ -135,12 +136,9 @@ def _would_reach(coming: Track, step: int, center: Points, heading_rad: float, s
     if index is None:
         return False
     stops_after_m = _stopping_distance_m(max(float(coming.speeds_mps[index]), 0.0))
-    place, size = oriented_rectangle(center, heading_rad, size_m), (coming.length_m, coming.width_m)
+    place = oriented_rectangle(center, heading_rad, size_m)
     count = int((arc_length(coming.positions[index:]) <= stops_after_m).sum())
-    return any(
-        rectangles_overlap(oriented_rectangle(coming.positions[at], float(coming.headings_rad[at]), size), place)
-        for at in range(index, index + count)
-    )
+    return any(rectangles_overlap(coming.corners_at(at), place) for at in range(index, index + count))
 
 
 def _stopping_distance_m(speed_mps: float) -> float:
@@ -188,58 +186,40 @@ def entry_speed(
         free = max(leader.gap_m(vehicle_class) - vehicle_class.minimum_gap_m, 0.0)
         speed = min(speed, math.sqrt(leader.speed_mps**2 + 2 * vehicle_class.deceleration_mps2 * free))
     followers = [one for one in neighbours if one.distance_m <= 0 and not one.is_parked]
-    if followers:
-        follower = max(followers, key=lambda one: one.distance_m)
-        if _comes_along(follower, scene, changes, vehicle_class, place, step):
-            _check_follower(follower, vehicle_class, place, speed)
-    return speed
-
-
-def _comes_along(
-    follower: _Neighbour, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int
-) -> bool:
-    """Whether a vehicle behind comes over the place, and does not turn off before or brake; one that is driven may."""
+    follower = max(followers, key=lambda one: one.distance_m, default=None)
+    if follower is None:
+        return speed
+    # A recorded one may turn off before, or stop; one that is driven may come over the place in any case.
     recorded = None if follower.vehicle_id in changes.driven else scene.tracks.get(follower.vehicle_id)
-    if recorded is None:
-        return True
-    center, heading_rad = place.pose(scene)
-    return _would_reach(recorded, step, center, heading_rad, (vehicle_class.length_m, vehicle_class.width_m))
-
-
-def _check_follower(follower: _Neighbour, vehicle_class: VehicleClass, place: Place, speed_mps: float) -> None:
-    gap = follower.gap_m(vehicle_class)
-    needed = _stopping_distance_m(max(follower.speed_mps - speed_mps, 0.0))
-    if needed > gap:
+    size_m, gap = (vehicle_class.length_m, vehicle_class.width_m), follower.gap_m(vehicle_class)
+    needed = _stopping_distance_m(max(follower.speed_mps - speed, 0.0))
+    if needed > gap and (recorded is None or _would_reach(recorded, step, *place.pose(scene), size_m)):
         raise NotPossible(
             f"a {vehicle_class.name} that enters lanelet {place.lanelet_id} at {place.station_m:.1f} m with "
-            f"{speed_mps:.1f} m/s is hit by vehicle {follower.vehicle_id}, which comes {gap:.1f} m behind with "
+            f"{speed:.1f} m/s is hit by vehicle {follower.vehicle_id}, which comes {gap:.1f} m behind with "
             f"{follower.speed_mps:.1f} m/s and cannot brake enough",
             reason=HIT_ON_ENTRY,
             valid=[f"at least {needed:.0f} m before its front", "a speed, and the collision is reported"],
             next_step="choose a place farther ahead of it or behind it, or name a speed",
         )
+    return speed
 
 
 def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
     """Vehicles in the lane, or in those right before and after it."""
     lanes = scene.layout.table.lanes
-    starts = {place.lanelet_id: 0.0}
-    for before in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()):
-        if before in lanes:
-            starts[before] = -lanes[before].length_m
-    for after in scene.layout.table.successors[place.lanelet_id]:
-        starts[after] = lanes[place.lanelet_id].length_m
+    before = [key for key in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()) if key in lanes]
+    starts = {place.lanelet_id: 0.0} | {key: -lanes[key].length_m for key in before}
+    starts |= dict.fromkeys(scene.layout.table.successors[place.lanelet_id], lanes[place.lanelet_id].length_m)
     there, neighbours = scene_for_references(scene, changes), []
     for key, match in sorted(there.matches.items()):
         track: Track | None = there.tracks.get(key) or there.standing.get(key)
         index = track.index_at(step) if track else None
-        if track is None or index is None or match.at(index) not in starts:
+        if track is None or index is None or (lanelet := match.at(index)) not in starts:
             continue
-        lanelet = match.at(index)
-        station, _ = project(lanes[lanelet].center, track.positions[index])
-        distance = starts[lanelet] + station - place.station_m
-        is_parked = key not in there.tracks
-        neighbours.append(_Neighbour(key, distance, float(track.speeds_mps[index]), track.length_m, is_parked))
+        distance = starts[lanelet] + project(lanes[lanelet].center, track.positions[index])[0] - place.station_m
+        speed_mps, is_parked = float(track.speeds_mps[index]), key not in there.tracks
+        neighbours.append(_Neighbour(key, distance, speed_mps, track.length_m, is_parked))
     return neighbours
 
 
@@ -253,15 +233,29 @@ def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[s
     slower, notes, soon = list(edits), [], round(_SOON_S / simulated.scene.step_s) + 1
     for conflict in _conflicts(simulated):
         plan, usual_mps = conflict.plan, float(conflict.plan.start.speeds_mps[0])
-        added, other = (simulated.simulated_body(key) for key in (plan.start.obstacle_id, conflict.other))
-        slowed = {share: added.slowed(share, soon) for share in _SLOWER_SHARES}
-        clear = [share for share, body in slowed.items() if next(overlap_steps(body, other), None) is None]
+        added, other = (simulated.simulated(key) for key in (plan.start.obstacle_id, conflict.other))
+        clear = [share for share in _SLOWER_SHARES if _is_clear(_slowed(added, share, soon), other)]
         if clear and usual_mps > 0.0 and slower[conflict.edit].speed is None:
             speed = f"{usual_mps * clear[0]:.1f}"
             slower[conflict.edit] = edits[conflict.edit].model_copy(update={"speed": f"{speed}m/s"})
             why = f"because it would collide with vehicle {conflict.other}"
-            notes.append(f"vehicle {added.key} enters with {speed} instead of {usual_mps:.1f} m/s, {why}")
+            notes.append(f"vehicle {added.obstacle_id} enters with {speed} instead of {usual_mps:.1f} m/s, {why}")
     return (tuple(slower), tuple(notes)) if notes else None
+
+
+def _slowed(track: Track, share: float, states: int) -> Track:
+    """The first places and headings of a track, passed at a share of its speed."""
+    indices = np.round(np.arange(min(len(track.positions), states)) * share).astype(int)
+    positions, headings_rad, speeds_mps = (
+        track.positions[indices],
+        track.headings_rad[indices],
+        track.speeds_mps[indices],
+    )
+    return replace(track, positions=positions, headings_rad=headings_rad, speeds_mps=speeds_mps * share)
+
+
+def _is_clear(track: Track, other: Track) -> bool:
+    return next(overlap_steps(track, other), None) is None
 
 
 def check_entries(simulated: SimulatedEdits) -> None:
@@ -295,46 +289,32 @@ def _check_late_entries(edited: EditedScene) -> None:
         if start.first_step <= 0:
             continue
         not_yet = {other for other, entry in edited.entries.items() if entry.first_step >= start.first_step}
-        after = edited.after
-        by_then = replace(after, tracks={one: track for one, track in after.tracks.items() if one not in not_yet})
+        tracks = {one: track for one, track in edited.after.tracks.items() if one not in not_yet}
+        by_then = replace(edited.after, tracks=tracks)
         occupant = _occupant_of_start(by_then, start, start.first_step)
         if occupant is None:
             continue
-        place, size, when_s = (
-            _entry_place(edited, start),
-            (start.length_m, start.width_m),
-            start.first_step * scene.step_s,
-        )
-        where = "the place" if place is None else f"lanelet {place.lanelet_id} at {place.station_m:.1f} m"
-        free = [] if place is None else OccupiedPlaces.at(by_then, start.first_step).free_places(place, size)
+        where, free = "the place", list[str]()
+        plan = edited.changes.driven.get(key)
+        if plan is not None:
+            center = scene.layout.table.lanes[plan.lanelets[0]].center
+            place = Place(plan.lanelets[0], project(center, start.positions[0])[0])
+            where = f"lanelet {place.lanelet_id} at {place.station_m:.1f} m"
+            free = OccupiedPlaces.at(by_then, start.first_step).free_places(place, start.size_m)
+        later = range(start.first_step + 1, scene.last_step)
+        clear = next((step for step in later if _occupant_of_start(by_then, start, step) is None), None)
         raise NotPossible(
-            f"{where} is taken by {occupant} at {when_s:.1f} s, as the edits have it drive, so that {start.kind} {key} "
-            "cannot enter then",
+            f"{where} is taken by {occupant} at {start.first_step * scene.step_s:.1f} s, as the edits have it drive, "
+            f"so that {start.kind} {key} cannot enter then",
             reason=PLACE_TAKEN,
-            valid=[*free, *_next_free_time(by_then, start)],
+            valid=free if clear is None else [*free, f"time_s={clear * scene.step_s:g}"],
             next_step="choose a free place or another departure",
         )
 
 
 def _occupant_of_start(scene: Scene, start: Track, step: int) -> str | None:
-    size = (start.length_m, start.width_m)
-    return OccupiedPlaces.at(scene, step).occupant_at(start.positions[0], float(start.headings_rad[0]), size)
-
-
-def _next_free_time(scene: Scene, start: Track) -> list[str]:
-    """When the place is free again, as ``time_s``; empty where it is not before the scenario ends."""
-    steps = range(start.first_step + 1, scene.last_step)
-    free = next((step for step in steps if _occupant_of_start(scene, start, step) is None), None)
-    return [] if free is None else [f"time_s={free * scene.step_s:g}"]
-
-
-def _entry_place(edited: EditedScene, start: Track) -> Place | None:
-    """The place on the first lanelet of its route where a vehicle enters; None for a pedestrian."""
-    plan = edited.changes.driven.get(start.obstacle_id)
-    if plan is None:
-        return None
-    lane = edited.scene.layout.table.lanes[plan.lanelets[0]]
-    return Place(plan.lanelets[0], project(lane.center, start.positions[0])[0])
+    place = OccupiedPlaces.at(scene, step)
+    return place.occupant_at(start.positions[0], float(start.headings_rad[0]), start.size_m)
 
 
 @dataclass(frozen=True)
@@ -396,14 +376,6 @@ def _next_safe_time(edited: EditedScene, plan: DrivePlan) -> list[str]:
     return []
 
 
-@dataclass(frozen=True)
-class _Shift:
-    """The recordings that an edit moves in time by a number of steps, each as all edits leave it, by id."""
-
-    steps: int
-    replays: Mapping[int, Replay]
-
-
 def _check_shifted(simulated: SimulatedEdits) -> None:
     """Refuse a recording moved in time that begins on top of a road user which it does not overlap as recorded."""
     for key, other in _on_top(simulated):
@@ -413,15 +385,12 @@ def _check_shifted(simulated: SimulatedEdits) -> None:
             if edit.op == "shift_time" and {key, other} & set(step.vehicles)
         )
         replays, step_s = simulated.changes.replays, simulated.scene.step_s
-        vehicles = simulated.steps[index].vehicles
-        shift = _Shift(
-            round((simulated.edits[index].time_s or 0.0) / step_s),
-            {vehicle: replays[vehicle] for vehicle in vehicles if vehicle in replays},
-        )
+        moved = {vehicle: replays[vehicle] for vehicle in simulated.steps[index].vehicles if vehicle in replays}
+        steps = round((simulated.edits[index].time_s or 0.0) / step_s)
         raise NotPossible(
             f"at {replays[key].track.first_step * step_s:.1f} s, where its recording moved in time begins, vehicle "
             f"{key} would be on top of {'the ego' if other == EGO else f'vehicle {other}'}",
-            valid=_fitting_times(shift, simulated),
+            valid=_fitting_times(moved, steps, simulated),
             next_step="choose another time_s, or leave the vehicle out",
         )
 
@@ -431,39 +400,41 @@ def _on_top(edited: EditedScene) -> Iterator[tuple[int, int]]:
 
     As all drive, and as they would drive if it were not there.
     """
-    shifted = edited.shifted_bodies
+    shifted = edited.shifted
     for hit in edited.result.overlaps:
         for key, other in ((hit.first, hit.second), (hit.second, hit.first)):
             if key in shifted and shifted[key].first_step == hit.step:
                 yield key, other
-    for key, body in shifted.items():
-        yield from ((key, other) for other in _hits(body.beginning(1), edited.requested_bodies, shifted))
+    for key, track in shifted.items():
+        others = _without(key, edited.requested)
+        yield from (
+            (key, hit.second) for hit in new_overlaps([track.part(0, 1)], others, shifted, edited.changes.shifts)
+        )
 
 
-def _hits(body: Body, bodies: Mapping[int, Body], moved: Mapping[int, Body]) -> tuple[int, ...]:
-    """The bodies that the beginning of a recording moved in time overlaps, and did not overlap as recorded."""
-    hits = new_overlaps([body], (one for other, one in bodies.items() if other != body.key), moved)
-    return tuple(hit.second for hit in hits)
+def _without(key: int, tracks: Mapping[int, Track]) -> Iterator[Track]:
+    return (track for other, track in tracks.items() if other != key)
 
 
-def _fitting_times(shift: _Shift, edited: EditedScene) -> list[str]:
-    """The nearest smaller and larger ``time_s`` at which the vehicles of an edit begin clear of all others for 2 s."""
+def _fitting_times(replays: Mapping[int, Replay], asked: int, edited: EditedScene) -> list[str]:
+    """The ``time_s`` nearest to the steps asked for at which an edit's vehicles begin clear of all others for 2 s."""
     scene, nearest = edited.scene, []
     for sign in (-1, 1):
-        tried = (shift.steps + sign * more for more in range(1, 2 * scene.last_step))
-        fitting = next((steps for steps in tried if steps and _fits(shift, steps, edited)), None)
+        tried = (asked + sign * more for more in range(1, 2 * scene.last_step))
+        fitting = next((steps for steps in tried if steps and _fits(replays, steps - asked, edited)), None)
         nearest += [] if fitting is None else [fitting]
-    return [f"time_s={steps * scene.step_s:g}" for steps in sorted(nearest, key=lambda steps: abs(steps - shift.steps))]
+    return [f"time_s={steps * scene.step_s:g}" for steps in sorted(nearest, key=lambda steps: abs(steps - asked))]
 
 
-def _fits(shift: _Shift, steps: int, edited: EditedScene) -> bool:
-    scene, moved = edited.scene, {}
-    for key, replay in shift.replays.items():
-        total = replay.shifted_steps + steps - shift.steps
-        track = None if replay.recording is None else moved_in_time(replay.recording, total, scene)
+def _fits(replays: Mapping[int, Replay], more_steps: int, edited: EditedScene) -> bool:
+    scene, shifts, moved = edited.scene, edited.changes.shifts, dict[int, Track]()
+    for key, replay in replays.items():
+        shifts[key] += more_steps
+        track = None if replay.recording is None else moved_in_time(replay.recording, shifts[key], scene)
         if track is None:
             return False
-        size_m = track.length_m + 2 * CLEARANCE_M, track.width_m + CLEARANCE_M
-        moved[key] = replace(Body.of_track(track), size_m=size_m, shifted_steps=total)
-    there, states = {**edited.requested_bodies, **moved}, round(_SOON_S / scene.step_s) + 1
-    return not any(_hits(body.beginning(states), there, moved) for body in moved.values())
+        moved[key] = replace(track, length_m=track.length_m + 2 * CLEARANCE_M, width_m=track.width_m + CLEARANCE_M)
+    there, states = {**edited.requested, **moved}, round(_SOON_S / scene.step_s) + 1
+    return not any(
+        new_overlaps([track.part(0, states)], _without(key, there), moved, shifts) for key, track in moved.items()
+    )

@@ -6,7 +6,7 @@ parts of sentences in the report. Lengths are in m, speeds in m/s, steps count f
 """
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -21,7 +21,7 @@ from ..commonroad import Track
 from ..cosimulation import LANE_CHANGE_S, DrivePlan, Manoeuvre, TakenOverTrack, pedestrian_of
 from ..geometry import Values, project
 from ..scene import NOT_DRIVEN, Scene
-from .changes import Changes, EditStep
+from .changes import EditStep
 from .edited_scene import EditedScene, SimulationResult, new_overlaps
 
 _SHORT_M = 5.0
@@ -88,7 +88,7 @@ def check_not_driven_past(edited: EditedScene, key: int) -> None:
     """
     vehicle = DrivenVehicle.of(edited, key, {})
     plan, driven, graph = vehicle.plan, vehicle.lanelets, edited.scene.lanelet_graph
-    leads_there = plan.targets & (set(plan.lanelets) | _side_by_side(edited.scene, frozenset(plan.lanelets)))
+    leads_there = plan.targets & (set(plan.lanelets) | _side_by_side(edited.scene, plan.lanelets))
     if plan.cause != "edited" or not leads_there or plan.targets & set(driven):
         return
     if vehicle.track.leaves or graph.shortest_route(driven[-1:], sorted(plan.targets)) is None:
@@ -109,7 +109,7 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> list[str]:
             continue
         later = _next_speed(step, edited.result.plans[key])
         until = None if later is None else max(later.from_step - track.first_step + 1, 1)
-        speeds = track.motion.speeds_mps[max(first - track.first_step, 0) : until]
+        speeds = track.speeds_mps[max(first - track.first_step, 0) : until]
         near = np.flatnonzero(np.abs(speeds - wanted) <= _SPEED_TOLERANCE_MPS)
         if len(near):
             when = (max(first, track.first_step) + int(near[0])) * step_s
@@ -134,9 +134,10 @@ def why_shifts_are_driven(edited: EditedScene, vehicles: tuple[int, ...]) -> lis
 def _why_shift_is_driven(edited: EditedScene, key: int) -> str:
     step_s, tracks = edited.scene.step_s, edited.result.tracks
     driven = f"{key} is driven from {tracks[key].first_step * step_s:.1f} s on"
-    own = edited.shifted_bodies[key]
-    for bodies in (edited.requested_bodies, {other: edited.bodies[other] for other in tracks}):
-        hits = new_overlaps([own], (body for other, body in bodies.items() if other != key), {key: own})
+    own, shifts = edited.shifted[key], edited.changes.shifts
+    as_driven = {other: edited.road_users[other] for other in tracks}
+    for others, moved in ((edited.requested, shifts), (as_driven, {key: shifts[key]})):
+        hits = new_overlaps([own], (track for other, track in others.items() if other != key), {key: own}, moved)
         if hits:
             return f"{driven}: its recording would hit vehicle {hits[0].second} at {hits[0].step * step_s:.1f} s"
     return f"{driven}, because others react"
@@ -204,7 +205,7 @@ class DrivenVehicle:
         if track.leaves:
             return f"{ends} before lanelet {target}"
         late = delay(scene, track, self.others, self.lanelets)
-        if float(track.motion.speeds_mps[-1]) < _STANDING_MPS:
+        if float(track.speeds_mps[-1]) < _STANDING_MPS:
             return f"it stands on lanelet {last} when {ends}{late}"
         return f"{ends} while it is on its way to lanelet {target}{late}"
 
@@ -242,7 +243,7 @@ class DrivenVehicle:
         """Whether more of the vehicle's front half than its bumper is on a lanelet at any step."""
         area = self.scene.matcher.area(lanelet_id)
         least_m = min(_ON_IT_M, self.scene.lanelet_graph.length_m[lanelet_id] / 2)
-        halves = np.stack([self.track.fronts, self.track.motion.positions], axis=1)[begin:]
+        halves = np.stack([self.track.fronts, self.track.positions], axis=1)[begin:]
         return any(
             bool((shapely.length(shapely.intersection(area, shapely.linestrings(part))) > least_m).any())
             for part in (halves[-1:], halves)
@@ -267,7 +268,7 @@ def _scenario_ends(scene: Scene) -> str:
     return f"the scenario ends at {scene.last_step * scene.step_s:.1f} s"
 
 
-def _side_by_side(scene: Scene, lanelets: frozenset[int]) -> set[int]:
+def _side_by_side(scene: Scene, lanelets: Iterable[int]) -> set[int]:
     """All lanelets of the edges of some."""
     edges = {scene.layout.lane_of[key][0] for key in lanelets if key in scene.layout.lane_of}
     return {key for edge in edges for key in scene.layout.edges[edge]}
@@ -293,8 +294,17 @@ def delay(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], driv
 
 def _behind(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], steps: Sequence[int]) -> str:
     """The road user behind which a vehicle was for most of some steps, in words; "" for none."""
-    ahead = _leader(track, others, np.array(steps) - track.first_step)
-    return "" if ahead is None else f" behind {_in_words(scene, ahead)}"
+    leaders, indices = [], np.array(steps) - track.first_step
+    for key, other in others.items():
+        there = indices + (track.first_step - other.first_step)
+        both = (there >= 0) & (there < len(other.positions))
+        if key == track.obstacle_id or both.sum() <= _LEADER_SHARE * len(indices):
+            continue
+        gap_m = _gaps_m(track, other, indices[both], there[both])
+        near = gap_m <= np.maximum(_NEAR_M, _NEAR_S * track.speeds_mps[indices[both]])
+        if near.sum() > _LEADER_SHARE * len(indices):
+            leaders.append((-int(near.sum()), float(gap_m[near].mean()), key))
+    return f" behind {_in_words(scene, min(leaders)[2])}" if leaders else ""
 
 
 def _standing(scene: Scene, track: TakenOverTrack, steps: list[int], key: int) -> str:
@@ -307,7 +317,7 @@ def _standing(scene: Scene, track: TakenOverTrack, steps: list[int], key: int) -
 def _longest_stand(scene: Scene, track: TakenOverTrack, driven: tuple[int, ...]) -> tuple[list[int], int]:
     """The steps at which a vehicle stood on the lanelet where it stood longest, and its id; no steps if it did not."""
     stands: dict[int, list[int]] = {}
-    for index, (lane, speed) in enumerate(zip(track.lanes, track.motion.speeds_mps, strict=False)):
+    for index, (lane, speed) in enumerate(zip(track.lanes, track.speeds_mps, strict=False)):
         if speed < _STANDING_MPS:
             under = scene.layout.lanelets_of_lane.get(lane, ())
             for key in [key for key in under if key in driven or not driven][-1:] or driven[-1:]:
@@ -336,38 +346,20 @@ def is_red(scene: Scene, lanelet_id: int, step: int) -> bool:
 def _slow_lanelet(scene: Scene, track: TakenOverTrack) -> int | None:
     """The lanelet that held a vehicle to its own low speed for longest; None where it drove slower or freely."""
     held: dict[int, int] = {}
-    for lane, speed in zip(track.lanes, track.motion.speeds_mps, strict=False):
+    for lane, speed in zip(track.lanes, track.speeds_mps, strict=False):
         for key in scene.layout.lanelets_of_lane.get(lane, ())[-1:]:
             allowed = scene.driven_speeds_mps[key]
             if allowed < _SLOW_MPS and speed >= _AT_THE_LIMIT * allowed:
                 held[key] = held.get(key, 0) + 1
-    if sum(held.values()) < _LEAST_SHARE * len(track.motion.speeds_mps):
+    if sum(held.values()) < _LEAST_SHARE * len(track.speeds_mps):
         return None
     return max(held, key=lambda key: (held[key], -key))
 
 
-def _leader(track: TakenOverTrack, others: Mapping[int, Track], indices: _Indices) -> int | None:
-    """The id of the road user behind which a vehicle was for most of some steps (n,), or None.
-
-    The steps count from the vehicle's first one.
-    """
-    leaders = []
-    for key, other in others.items():
-        there = indices + (track.first_step - other.first_step)
-        both = (there >= 0) & (there < len(other.positions))
-        if key == track.vehicle_id or both.sum() <= _LEADER_SHARE * len(indices):
-            continue
-        gap_m = _gaps_m(track, other, indices[both], there[both])
-        near = gap_m <= np.maximum(_NEAR_M, _NEAR_S * track.motion.speeds_mps[indices[both]])
-        if near.sum() > _LEADER_SHARE * len(indices):
-            leaders.append((-int(near.sum()), float(gap_m[near].mean()), key))
-    return min(leaders)[2] if leaders else None
-
-
 def _gaps_m(track: TakenOverTrack, other: Track, indices: _Indices, there: _Indices) -> Values:
     """The room in m between two vehicles at some steps (n,); infinite where the other is not right ahead."""
-    heading = track.motion.headings_rad[indices]
-    x, y = (other.positions[there] - track.motion.positions[indices]).T
+    heading = track.headings_rad[indices]
+    x, y = (other.positions[there] - track.positions[indices]).T
     ahead, aside = x * np.cos(heading) + y * np.sin(heading), y * np.cos(heading) - x * np.sin(heading)
     room_m = ahead - (track.length_m + other.length_m) / 2
     return np.where((ahead > 0.0) & (np.abs(aside) <= _ASIDE_M), room_m, np.inf)
@@ -386,44 +378,24 @@ def _in_words(scene: Scene, key: int) -> str:
 def why_undone(
     op: str, step: EditStep, later: tuple[EditStep, ...], result: SimulationResult, routes: tuple[VehicleRoute, ...]
 ) -> str | None:
-    """Why nothing is left of an edit; None where something is."""
-    final = (step, *later)[-1].changes
-    if _is_replaced(op, step, final):
-        return "a later edit replaces it"
-    arrived = [route.vehicle_id for route in routes if route.arrives]
-    if not step.vehicles or _superseded(step, later, result, arrived) != step.vehicles:
-        return None
-    is_removed = all(_is_gone(key, step, final) for key in step.vehicles)
-    return "a later edit removes what it is about" if is_removed else "later edits overrule it"
+    """Why nothing is left of an edit; None where something is.
 
-
-def _superseded(
-    step: EditStep, later: Sequence[EditStep], result: SimulationResult, arrived: Collection[int]
-) -> tuple[int, ...]:
-    """The vehicles for which later edits leave nothing of an edit: removed, sent elsewhere, never held to its speed.
-
-    ``arrived``: the vehicles that got where it sent them nevertheless.
+    Of the vehicles that got where it sent them something is left; of others not if later edits remove them, send them
+    elsewhere, or never hold them to its speed.
     """
     final = (step, *later)[-1].changes
-    left = [key for key in step.vehicles if key not in arrived]
-    return tuple(
-        key
-        for key in left
-        if _is_gone(key, step, final) or _is_set_anew(step, key, later) or _is_superseded_by_plan(step, key, result)
-    )
-
-
-def _is_gone(key: int, step: EditStep, final: Changes) -> bool:
-    """Whether a vehicle that an edit drives, adds or moves in time is taken out by a later one."""
-    before = {*step.changes.driven, *step.changes.replays}
-    return key in before and key not in {*final.driven, *final.replays}
-
-
-def _is_replaced(op: str, step: EditStep, final: Changes) -> bool:
-    """Whether a later edit sets another goal or start of the ego than an edit of this operation."""
-    if op == "set_goal":
-        return final.goal is not step.changes.goal
-    return op == "set_ego" and final.ego is not step.changes.ego
+    is_replaced = {"set_goal": final.goal is not step.changes.goal, "set_ego": final.ego is not step.changes.ego}
+    if is_replaced.get(op):
+        return "a later edit replaces it"
+    gone = {*step.changes.driven, *step.changes.replays} - {*final.driven, *final.replays}
+    arrived = {route.vehicle_id for route in routes if route.arrives}
+    if not step.vehicles or not all(
+        key not in arrived
+        and (key in gone or _is_set_anew(step, key, later) or _is_superseded_by_plan(step, key, result))
+        for key in step.vehicles
+    ):
+        return None
+    return "a later edit removes what it is about" if gone.issuperset(step.vehicles) else "later edits overrule it"
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:

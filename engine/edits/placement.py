@@ -1,12 +1,6 @@
-"""The place on a lanelet that an edit names, and which road users may use a lanelet.
-
-A place is an arc length in m along a lanelet's middle. Who may use a lanelet is what its users and its type say;
-bicycles and pedestrians are kept off motorways. Pedestrians cross any other road, and walk along footpaths. An
-emergency vehicle may drive everywhere.
-"""
+"""The place on a lanelet that an edit names: an arc length in m along the lanelet's middle."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
@@ -15,80 +9,13 @@ from ...schemas.modification import Edit
 from ..geometry import Points, point_at, project, wrap_angle
 from ..network import station_m
 from ..scene import Scene, straightness
-from ..vehicles import vehicle_classes
 from .changes import Changes, scene_for_references
 from .references import EGO_WORDS, known_lanelet, select
 
-_MOTORWAY_WORDS = frozenset({"highway", "interstate", "mainCarriageWay"})
-"""Lanelet types and scenario tags that say motorway; some recordings carry only the tag."""
-_FOOTPATH_TYPES = frozenset({"sidewalk", "crosswalk"})
-_USERS_OF_TYPE: Mapping[str, frozenset[str]] = {
-    "busLane": frozenset({"bus", "taxi"}),
-    "bicycleLane": frozenset({"bicycle"}),
-}
-"""Types of lanelets that are there for some vehicles only, where the file does not name the users itself."""
-_ANY_VEHICLE = "vehicle"
-"""CommonRoad's road user that stands for all vehicles."""
-_SLOW_CLASSES, _EVERYWHERE = ("bicycle", "pedestrian"), "priorityVehicle"
 _ONCOMING_RAD = math.radians(135.0)
 """Lanes whose directions differ by more are oncoming ones (chosen)."""
 _ONCOMING_REACH_M = 15.0
 """How far beside its own lane a vehicle's oncoming lane may lie: a median is narrower (chosen)."""
-
-
-def check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
-    """Refuse a road user that the road at a lanelet is not open to.
-
-    Raises:
-        NotPossible: users or type of the lanelet leave the class out, or a bicycle or pedestrian on a motorway.
-    """
-    reason = _closed_because(class_name, lanelet_id, scene)
-    if reason is not None:
-        elsewhere = [key for key in scene.layout.table.lanes if _closed_because(class_name, key, scene) is None]
-        raise NotPossible(
-            f"a {class_name} is not allowed on lanelet {lanelet_id}: {reason}",
-            valid=elsewhere,
-            next_step="choose another class" if not elsewhere else "choose another lanelet or class",
-        )
-
-
-def is_footpath(scene: Scene, lanelet_id: int) -> bool:
-    """Whether a lanelet is there to walk along."""
-    return bool(_kinds(scene, lanelet_id) & _FOOTPATH_TYPES) or _users(scene, lanelet_id) == {"pedestrian"}
-
-
-def _closed_because(class_name: str, lanelet_id: int, scene: Scene) -> str | None:
-    """Why a class may not use a lanelet; None if it may. Its users say it, else its type, else the kind of road."""
-    user, kinds, users = _user(class_name), _kinds(scene, lanelet_id), _users(scene, lanelet_id)
-    if user == _EVERYWHERE or user in users:
-        return None
-    if users and _ANY_VEHICLE not in users and user != "pedestrian":
-        return f"it is for {', '.join(sorted(users))}"
-    special = sorted(kinds & _USERS_OF_TYPE.keys())
-    if special and not users and user != "pedestrian":
-        return None if any(user in _USERS_OF_TYPE[kind] for kind in special) else f"it is a {' and '.join(special)}"
-    return "it belongs to a motorway" if user in _SLOW_CLASSES and not special and _is_motorway(scene, kinds) else None
-
-
-def _is_motorway(scene: Scene, kinds: set[str]) -> bool:
-    tags = {str(tag.value) for tag in scene.loaded.scenario.tags or ()}
-    return bool((kinds | tags) & _MOTORWAY_WORDS)
-
-
-def _user(class_name: str) -> str:
-    """CommonRoad's word for a class."""
-    vehicle_class = vehicle_classes().get(class_name)
-    return class_name if vehicle_class is None else vehicle_class.commonroad_type
-
-
-def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
-    return {str(kind.value) for kind in scene.network.find_lanelet_by_id(lanelet_id).lanelet_type or ()}
-
-
-def _users(scene: Scene, lanelet_id: int) -> set[str]:
-    """The users that a file names for a lanelet, in its direction or in both; empty where it names none."""
-    lanelet = scene.network.find_lanelet_by_id(lanelet_id)
-    return {str(user.value) for user in {*(lanelet.user_one_way or ()), *(lanelet.user_bidirectional or ())}}
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,13 @@
 
 SUMO's vehicles do not walk: a pedestrian moves at one speed along a given line, a footpath or across a road. The
 vehicles that SUMO drives see it where it is on their lane, or about to be.
+
+Who may use a lanelet is what its users and its type say; bicycles and pedestrians are kept off motorways. Pedestrians
+cross any other road, and walk along footpaths. An emergency vehicle may drive everywhere.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +22,9 @@ from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
 from ..vehicles import VehicleClass, vehicle_classes
-from .changes import Changes, EditStep
+from .changes import Changes, EditStep, check_speed, listed
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed
-from .placement import Place, advance_along_lane, check_allowed, first_place, is_footpath
+from .placement import Place, advance_along_lane, first_place
 from .references import drive_to, nearest_driven, select, target_lanelets
 
 _USUAL_SPACING_M = 10.0
@@ -33,6 +37,17 @@ _SIZE_M = (0.5, 0.6)
 """Length and width of a person (chosen)."""
 _KERB_M = 0.6
 """A pedestrian that crosses begins and ends this far beside the road (chosen)."""
+_MOTORWAY_WORDS = frozenset({"highway", "interstate", "mainCarriageWay"})
+"""Lanelet types and scenario tags that say motorway; some recordings carry only the tag."""
+_FOOTPATH_TYPES = frozenset({"sidewalk", "crosswalk"})
+_USERS_OF_TYPE: Mapping[str, frozenset[str]] = {
+    "busLane": frozenset({"bus", "taxi"}),
+    "bicycleLane": frozenset({"bicycle"}),
+}
+"""Types of lanelets that are there for some vehicles only, where the file does not name the users itself."""
+_ANY_VEHICLE = "vehicle"
+"""CommonRoad's road user that stands for all vehicles."""
+_SLOW_CLASSES, _EVERYWHERE = ("bicycle", "pedestrian"), "priorityVehicle"
 
 
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -47,7 +62,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         return _add_pedestrian(edit, scene, changes)
     vehicle_class = _class(edit.vehicle_class)
     place = first_place(edit, scene, changes, vehicle_class.length_m)
-    check_allowed(vehicle_class.name, place.lanelet_id, scene)
+    _check_allowed(vehicle_class.name, place.lanelet_id, scene)
     count = edit.count or 1
     spacing = edit.spacing_m if edit.spacing_m is not None else max(_USUAL_SPACING_M, 2 * vehicle_class.length_m)
     targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
@@ -136,8 +151,11 @@ def _plan(
             valid=nearest_driven(scene, route[0], route[-1:]),
             next_step="choose another lanelet in 'to'",
         )
-    asked = None if edit.speed is None else _speed(edit.speed, vehicle_class)
-    speed = entry_speed(scene, changes, vehicle_class, place, step, route) if asked is None else asked
+    if edit.speed is None:
+        speed = entry_speed(scene, changes, vehicle_class, place, step, route)
+    else:
+        speed, refusal = parse_quantity(edit.speed, "m/s"), f"a {vehicle_class.name} does not drive {edit.speed}"
+        check_speed(speed, vehicle_class.maximum_speed_mps, refusal, "choose another speed or class")
     return DrivePlan(
         start=_start(changes.next_id, vehicle_class, scene, place, step, speed),
         cause="added",
@@ -160,33 +178,15 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
             next_step="choose an earlier time_s",
         )
-    last = scene.last_step - 1 if edit.time_s else first
-    for step in range(first, last + 1):
-        if OccupiedPlaces.at(scene, step, changes).occupant(place, size) is None:
-            return step
-    places = OccupiedPlaces.at(scene, first, changes)
-    raise NotPossible(
-        f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is taken by {places.occupant(place, size)}",
-        reason=PLACE_TAKEN,
-        valid=places.free_places(place, size),
-        next_step="choose a free place or another departure",
-    )
+    steps = range(first, scene.last_step if edit.time_s else first + 1)
+    free = (step for step in steps if OccupiedPlaces.at(scene, step, changes).occupant(place, size) is None)
+    step = next(free, first)
+    OccupiedPlaces.at(scene, step, changes).check_free(place, size, "choose a free place or another departure")
+    return step
 
 
 def _asked_step(edit: Edit, scene: Scene) -> int:
     return round((edit.time_s or 0.0) / scene.step_s)
-
-
-def _speed(text: str, vehicle_class: VehicleClass) -> float:
-    speed = parse_quantity(text, "m/s")
-    if not 0.0 <= speed <= vehicle_class.maximum_speed_mps:
-        limit = vehicle_class.maximum_speed_mps
-        raise InvalidRequest(
-            f"a {vehicle_class.name} does not drive {text}",
-            valid=[f"0 … {limit:g} m/s"],
-            next_step="choose another speed or class",
-        )
-    return speed
 
 
 def _start(key: int, vehicle_class: VehicleClass, scene: Scene, place: Place, step: int, speed_mps: float) -> Track:
@@ -218,12 +218,7 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             next_step="leave it out",
         )
     speed = _WALKING_MPS if edit.speed is None else parse_quantity(edit.speed, "m/s")
-    if not 0.0 <= speed <= _RUNNING_MPS:
-        raise InvalidRequest(
-            f"a pedestrian does not walk {edit.speed}",
-            valid=[f"0 … {_RUNNING_MPS:g} m/s"],
-            next_step="choose a slower speed",
-        )
+    check_speed(speed, _RUNNING_MPS, f"a pedestrian does not walk {edit.speed}", "choose a slower speed")
     first = round((edit.time_s or 0.0) / scene.step_s)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
@@ -250,7 +245,7 @@ def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[
     if footpath is not None:
         return _along(edit, footpath, scene, stands=stands)
     place = first_place(edit, scene, changes, _SIZE_M[0])
-    check_allowed("pedestrian", place.lanelet_id, scene)
+    _check_allowed("pedestrian", place.lanelet_id, scene)
     if stands:
         (x, y), heading = place.pose(scene)
         line = np.array([(x, y), (x + np.cos(heading), y + np.sin(heading))])
@@ -289,7 +284,7 @@ def _stands_on(lanelet_id: int, station: float) -> str:
 def _footpath(edit: Edit, scene: Scene) -> int | None:
     known = {int(lanelet.lanelet_id) for lanelet in scene.network.lanelets}
     text = (edit.at or "").strip()
-    return int(text) if text.isdigit() and int(text) in known and is_footpath(scene, int(text)) else None
+    return int(text) if text.isdigit() and int(text) in known and _is_footpath(scene, int(text)) else None
 
 
 def _across(scene: Scene, place: Place) -> Points:
@@ -334,10 +329,64 @@ def _walk(key: int, line: Points, speed_mps: float, first: int, scene: Scene) ->
     )
 
 
+def _check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
+    """Refuse a road user that the road at a lanelet is not open to.
+
+    Raises:
+        NotPossible: users or type of the lanelet leave the class out, or a bicycle or pedestrian on a motorway.
+    """
+    reason = _closed_because(class_name, lanelet_id, scene)
+    if reason is not None:
+        elsewhere = [key for key in scene.layout.table.lanes if _closed_because(class_name, key, scene) is None]
+        raise NotPossible(
+            f"a {class_name} is not allowed on lanelet {lanelet_id}: {reason}",
+            valid=elsewhere,
+            next_step="choose another class" if not elsewhere else "choose another lanelet or class",
+        )
+
+
+def _is_footpath(scene: Scene, lanelet_id: int) -> bool:
+    """Whether a lanelet is there to walk along."""
+    return bool(_kinds(scene, lanelet_id) & _FOOTPATH_TYPES) or _users(scene, lanelet_id) == {"pedestrian"}
+
+
+def _closed_because(class_name: str, lanelet_id: int, scene: Scene) -> str | None:
+    """Why a class may not use a lanelet; None if it may. Its users say it, else its type, else the kind of road."""
+    user, kinds, users = _user(class_name), _kinds(scene, lanelet_id), _users(scene, lanelet_id)
+    if user == _EVERYWHERE or user in users:
+        return None
+    if users and _ANY_VEHICLE not in users and user != "pedestrian":
+        return f"it is for {', '.join(sorted(users))}"
+    special = sorted(kinds & _USERS_OF_TYPE.keys())
+    if special and not users and user != "pedestrian":
+        return None if any(user in _USERS_OF_TYPE[kind] for kind in special) else f"it is a {' and '.join(special)}"
+    return "it belongs to a motorway" if user in _SLOW_CLASSES and not special and _is_motorway(scene, kinds) else None
+
+
+def _is_motorway(scene: Scene, kinds: set[str]) -> bool:
+    tags = {str(tag.value) for tag in scene.loaded.scenario.tags or ()}
+    return bool((kinds | tags) & _MOTORWAY_WORDS)
+
+
+def _user(class_name: str) -> str:
+    """CommonRoad's word for a class."""
+    vehicle_class = vehicle_classes().get(class_name)
+    return class_name if vehicle_class is None else vehicle_class.commonroad_type
+
+
+def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
+    return {str(kind.value) for kind in scene.network.find_lanelet_by_id(lanelet_id).lanelet_type or ()}
+
+
+def _users(scene: Scene, lanelet_id: int) -> set[str]:
+    """The users that a file names for a lanelet, in its direction or in both; empty where it names none."""
+    lanelet = scene.network.find_lanelet_by_id(lanelet_id)
+    return {str(user.value) for user in {*(lanelet.user_one_way or ()), *(lanelet.user_bidirectional or ())}}
+
+
 def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Remove the selected vehicles; the others stay as recorded, driven ones no longer see them."""
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
         changes = changes.without(vehicle_id)
-    shown = ", ".join(str(key) for key in vehicles[:12]) + (" …" if len(vehicles) > 12 else "")
-    return EditStep(changes, vehicles, f"removed {len(vehicles)}: {shown}")
+    return EditStep(changes, vehicles, f"removed {len(vehicles)}: {listed(vehicles, 12)}")

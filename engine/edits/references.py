@@ -5,24 +5,17 @@ scenario at that step shows them. Lanelets are named by id, by SUMO's edges and 
 """
 
 import itertools
-import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
 from ..commonroad import Track
-from ..geometry import point_at, wrap_angle
 from ..scene import NOT_DRIVEN, Ego, Scene, leader_and_follower
 from ..vehicles import vehicle_classes
 from .changes import Changes, scene_for_references
 
-_TURN_RAD, _STRAIGHT_RAD = math.radians(50.0), math.radians(20.0)
-"""A branch turns beyond the first, and goes straight below the second (chosen); in between it does neither."""
-_BRANCH_M = 60.0
-"""A branch is looked at no farther than this, so that a later curve of the road is no turn."""
 _STANDING_MPS = 0.1
 """SUMO's speed of a waiting vehicle."""
 _TIE = 1e-3
@@ -45,7 +38,7 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
     there = scene_for_references(scene, changes)
     if not texts:
         raise InvalidRequest("no vehicle is named", valid=[*_listed(there), *SELECTORS[1:]], next_step="name vehicles")
-    selectors = [_parsed(text, scene) for text in texts]
+    selectors = [_selector(text, scene) for text in texts]
     wanted = [selector for selector in selectors if not selector.negated]
     if not wanted:
         raise InvalidRequest(
@@ -66,18 +59,15 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
     return left
 
 
-def _refuse_ego(text: str, scene: Scene) -> None:
-    """Refuse the ego as a vehicle: it is not part of the traffic.
-
-    Raises:
-        NotPossible: always if the text names the ego or its planning problem.
-    """
+def _selector(text: str, scene: Scene) -> Selector:
+    """The parsed selector; the ego and its planning problem are refused, because it is not part of the traffic."""
     body = text.strip().removeprefix("!").lower()
     if body in EGO_WORDS or (scene.ego is not None and body == str(scene.ego.problem_id)):
         raise NotPossible(
             f"'{text}' is the ego, which the planner drives and no edit of the traffic can",
             next_step="op set_goal moves the ego's goal; configure_planner changes how it drives",
         )
+    return parse_selector(text)
 
 
 def nearest_ids(wanted: int, known: Sequence[int]) -> list[int]:
@@ -85,31 +75,30 @@ def nearest_ids(wanted: int, known: Sequence[int]) -> list[int]:
     return sorted(known, key=lambda key: (abs(key - wanted), key))
 
 
-def _parsed(text: str, scene: Scene) -> Selector:
-    _refuse_ego(text, scene)
-    return parse_selector(text)
-
-
 def _resolve(selector: Selector, scene: Scene, changes: Changes) -> tuple[int, ...]:
-    if selector.kind == "id":
-        return (_known(int(selector.argument), scene, changes),)
-    if selector.kind == "new":
-        return _new(int(selector.argument), changes)
-    if selector.kind == "all":
-        return _vehicles(scene)
-    if selector.kind == "class":
-        return _of_class(selector.argument, scene)
-    if selector.kind in ("one", "only"):
-        return _the_only(f"{selector.argument}s", _of_class(selector.argument, scene), scene)
-    if selector.kind in ("leftmost", "rightmost", "lane"):
-        side = selector.argument if selector.kind == "lane" else selector.kind
-        return _the_only(f"vehicles in the {side} lane", _outermost(side, scene), scene)
-    return _described(selector, scene)
+    word = selector.argument
+    match selector.kind:
+        case "id":
+            return (_known(int(word), scene, changes),)
+        case "new":
+            return _new(int(word), changes)
+        case "all":
+            return _vehicles(scene)
+        case "class":
+            return _of_class(word, scene)
+        case "one" | "only":
+            return _the_only(f"{word}s", _of_class(word, scene), scene)
+        case "leftmost" | "rightmost" | "lane":
+            side = word if selector.kind == "lane" else selector.kind
+            return _the_only(f"vehicles in the {side} lane", _outermost(side, scene), scene)
+        case _:
+            return _described(selector, scene)
 
 
 def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
+    sets = (int(obstacle.obstacle_id) for obstacle in scene.loaded.scenario.dynamic_obstacles)
     gone = _gone(scene, changes)
-    known = {*scene.tracks, *scene.standing, *_sets(scene)} - gone
+    known = {*scene.tracks, *scene.standing, *sets} - gone
     if vehicle_id not in known | gone:
         raise UnknownName(
             f"there is no vehicle {vehicle_id}", valid=nearest_ids(vehicle_id, sorted(known)), next_step=_NAME_A_VEHICLE
@@ -120,10 +109,6 @@ def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
 def _gone(scene: Scene, changes: Changes) -> set[int]:
     """The vehicles that edits removed; an added vehicle that was removed again has left no other trace."""
     return {*changes.removed, *(key for added in changes.added_by_edit for key in added if key not in scene.tracks)}
-
-
-def _sets(scene: Scene) -> list[int]:
-    return [int(obstacle.obstacle_id) for obstacle in scene.loaded.scenario.dynamic_obstacles]
 
 
 def _new(edit: int, changes: Changes) -> tuple[int, ...]:
@@ -192,7 +177,13 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
     if selector.kind in ("fastest", "slowest"):
         sign = -1.0 if selector.kind == "fastest" else 1.0
         return _first(selector, there, 1, lambda track: sign * _speed(track, step))
-    ego = _ego(scene, selector)
+    ego = scene.ego
+    if ego is None:
+        raise NotPossible(
+            f"'{selector}' needs an ego, and the scenario has no planning problem",
+            valid=_listed(scene),
+            next_step=_NAME_A_VEHICLE,
+        )
     if selector.kind in ("lead", "follow"):
         neighbour = leader_and_follower(scene, ego)[selector.kind == "follow"]
         return _fitting(f"is the ego's {selector.kind}", [] if neighbour is None else [neighbour], scene)
@@ -234,16 +225,6 @@ def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Calla
             next_step="name one by its id",
         )
     return tuple(chosen)
-
-
-def _ego(scene: Scene, selector: Selector) -> Ego:
-    if scene.ego is None:
-        raise NotPossible(
-            f"'{selector}' needs an ego, and the scenario has no planning problem",
-            valid=_listed(scene),
-            next_step=_NAME_A_VEHICLE,
-        )
-    return scene.ego
 
 
 def _speed(track: Track, step: int) -> float:
@@ -320,21 +301,6 @@ def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: s
     return route
 
 
-def route_via(
-    scene: Scene, start: int, via: Sequence[str], targets: frozenset[int], changes: Changes, who: str
-) -> tuple[int, ...]:
-    """Lanelets from a start to the nearest target, through the given lanelets or edges in their order.
-
-    Raises:
-        UnknownName: a lanelet or edge that does not exist.
-        NotPossible: one of the legs cannot be driven.
-    """
-    route: tuple[int, ...] = (start,)
-    for wanted in (*(target_lanelets([text], scene, changes) for text in via), targets):
-        route += drive_to(scene, route[-1], wanted, who, is_there=route == (start,))[1:]
-    return route
-
-
 def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_there: bool = False) -> tuple[int, ...]:
     """Lanelets that a vehicle drives from its own to the nearest target, both included.
 
@@ -395,70 +361,3 @@ def _lanelet_at_start(vehicle_id: int, scene: Scene) -> int:
     track = scene.tracks.get(vehicle_id)
     index = track.index_at(scene.ego.step) if track and scene.ego else None
     return match.at(index or 0)
-
-
-@dataclass(frozen=True)
-class _Branch:
-    """One branch of a fork: its lanelets up to the next fork, and its change of heading in rad (left positive)."""
-
-    lanelets: tuple[int, ...]
-    turn_rad: float
-
-    @property
-    def turn(self) -> str:
-        """``left``, ``right``, ``straight``, or "" for a curve in between."""
-        if abs(self.turn_rad) < _STRAIGHT_RAD:
-            return "straight"
-        if abs(self.turn_rad) > _TURN_RAD:
-            return "left" if self.turn_rad > 0 else "right"
-        return ""
-
-    def __str__(self) -> str:
-        """What the branch is, for an error that lists it."""
-        side = "left" if self.turn_rad > 0 else "right"
-        how = self.turn or f"slightly {side}"
-        return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}° {side}) on lanelet {self.lanelets[0]}"
-
-
-def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
-    """The branches of the first fork of a lanelet's own lane; none where the lane ends without one."""
-    successors = scene.layout.table.successors
-    current, seen = start, {start}
-    while len(successors[current]) == 1 and successors[current][0] not in seen:
-        current = successors[current][0]
-        seen.add(current)
-    if len(successors[current]) < 2:
-        return ()
-    arriving = _end_heading(scene, current)
-    return tuple(_branch(scene, first, arriving) for first in successors[current])
-
-
-def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
-    """The branch that turns left or right or goes straight at the next fork.
-
-    Raises:
-        NotPossible: no fork ahead, or none of its branches goes in that direction; all are listed.
-    """
-    branches = _branches_at_next_fork(scene, start)
-    if not branches:
-        raise NotPossible(f"{who} has no fork ahead in its lane", next_step="name a lanelet with 'to'")
-    fitting = [branch for branch in branches if branch.turn == turn]
-    if not fitting:
-        raise NotPossible(f"{who} cannot go {turn} at the next fork", valid=branches, next_step="choose one of these")
-    sign = {"left": -1.0, "right": 1.0}.get(turn)
-    rank = (lambda branch: abs(branch.turn_rad)) if sign is None else (lambda branch: sign * branch.turn_rad)
-    return min(fitting, key=rank)
-
-
-def _branch(scene: Scene, first: int, arriving_rad: float) -> _Branch:
-    successors, lanes = scene.layout.table.successors, scene.layout.table.lanes
-    chain, length = [first], lanes[first].length_m
-    while len(successors[chain[-1]]) == 1 and successors[chain[-1]][0] not in chain and length < _BRANCH_M:
-        chain.append(successors[chain[-1]][0])
-        length += lanes[chain[-1]].length_m
-    return _Branch(tuple(chain), wrap_angle(_end_heading(scene, first) - arriving_rad))
-
-
-def _end_heading(scene: Scene, key: int) -> float:
-    lane = scene.layout.table.lanes[key]
-    return point_at(lane.center, lane.length_m)[1]

@@ -5,14 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...schemas.modification import (
-    EDITS,
-    EditCollision,
-    EditReport,
-    ModificationOutcome,
-    ModificationRequest,
-    TouchedVehicle,
-)
+from ...schemas.modification import EDITS, EditReport, ModificationOutcome, ModificationRequest, TouchedVehicle
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, TakenOverTrack
 from ..scene import Scene, is_own_recording
@@ -52,21 +45,13 @@ def outcome_of(
         edits=edits,
         touched=touched,
         removed=tuple(sorted(changes.removed)),
-        collisions=reported_collisions(simulated),
+        collisions=simulated.collisions,
         ego_before=None if before is None else before.figures,
         ego_after=None if after is None else after.figures,
         checked_by="closed_form" if agree is None else "drivability_checker",
         checkers_agree=agree,
         untouched=len(recorded),
         warnings=(*warnings, *_left_out_notes(before, after)),
-    )
-
-
-def reported_collisions(edited: EditedScene) -> tuple[EditCollision, ...]:
-    """The overlaps that are left, in time order."""
-    return tuple(
-        EditCollision(vehicles=(hit.first, hit.second), time_s=round(hit.step * edited.scene.step_s, 3))
-        for hit in edited.result.overlaps
     )
 
 
@@ -113,7 +98,7 @@ def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) ->
     """
     scene, result = edited.scene, edited.result
     driven = {
-        key: _touched(scene, result.plans[key], track, _verdict(scene, result.plans[key].start, track.motion, check))
+        key: _touched(scene, result.plans[key], track, _verdict(scene, track, track.motion, check))
         for key, track in result.tracks.items()
     }
     for key in edited.driven_shifts:
@@ -131,7 +116,7 @@ def _verdict(scene: Scene, track: Track, motion: Motion, check: Callable[..., Fe
 
 def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> TouchedVehicle:
     """A road user that moves by a given track; people on foot are not held to what vehicles can do."""
-    motion = None if replay.recording is None else replayed_motion(replay, scene.step_s)
+    motion = None if replay.recording is None else replayed_motion(replay.track, scene.step_s)
     verdict = None if motion is None else _verdict(scene, replay.track, motion, check)
     return TouchedVehicle(
         vehicle_id=replay.track.obstacle_id,
@@ -145,11 +130,11 @@ def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> T
 
 
 def _touched(scene: Scene, plan: DrivePlan, track: TakenOverTrack, verdict: Feasibility) -> TouchedVehicle:
-    speeds, positions = track.motion.speeds_mps, track.motion.positions
+    speeds, positions = track.speeds_mps, track.positions
     moved = np.linalg.norm(np.diff(positions[:2], axis=0), axis=1)[0]
     recorded = plan.cause != "added"
     return TouchedVehicle(
-        vehicle_id=track.vehicle_id,
+        vehicle_id=track.obstacle_id,
         cause=plan.cause,
         from_time_s=round(track.first_step * scene.step_s, 3),
         until_time_s=round(track.last_step * scene.step_s, 3),

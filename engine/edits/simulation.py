@@ -1,7 +1,7 @@
 """Edits carried out: SUMO drives the edited vehicles in rounds until nothing collides that could give way.
 
 After each round, replayed vehicles that a driven one hits are handed over to SUMO too, in time to react; of two driven
-ones that collide, one waits. An added vehicle that collides as it enters is simulated once more with a lower speed.
+ones that collide, one waits.
 
 SUMO knows lanes, not bodies: it does not see a vehicle that stands across two lanes, a rear that cuts a corner,
 or two lanelets that overlap before they meet, and takes no vehicle to be in the way that has passed its stop line.
@@ -11,8 +11,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ...schemas.errors import InvalidRequest
-from ...schemas.modification import ModificationRequest
+from ..commonroad import Track
 from ..cosimulation import (
     Actor,
     DrivenTrack,
@@ -21,21 +20,16 @@ from ..cosimulation import (
     SimulationSetup,
     TakenOverTrack,
     all_actors,
-    drivable_ids,
-    front_of,
     not_drivable,
     recorded_plan,
     resimulate,
     taken_over_track,
 )
-from ..geometry import Points, arc_length, oriented_rectangle, project, rectangles_overlap
+from ..geometry import Points, arc_length, project, rectangles_overlap
 from ..scene import Scene
 from ..vehicles import HARDEST_BRAKING_MPS2
-from .changes import Changes, ResolvedEdits
-from .edited_scene import REACTION_S, Body, EditedScene, Overlap, SimulatedEdits, SimulationResult, new_overlaps
-from .ego_risk import EgoDrive, drive_after, ego_actor
-from .entries import slower_entries
-from .operations import resolve_edits
+from .changes import Changes
+from .edited_scene import REACTION_S, EditedScene, Overlap, SimulationResult, new_overlaps
 
 _ROUNDS = 8
 """Each may reach one vehicle farther back in a queue; 8 end within seconds (chosen)."""
@@ -52,53 +46,7 @@ _AFTER_STEPS = 2
 
 
 @dataclass(frozen=True)
-class EditRun:
-    """What all simulations of a request share; ``ego_before``: the ego's drive in the base scenario, None without one.
-
-    ``first_id``: the id that the first added vehicle gets.
-    """
-
-    request: ModificationRequest
-    base: Scene
-    setup: SimulationSetup
-    ego_before: EgoDrive | None
-    first_id: int
-
-    def simulate(self, resolved: ResolvedEdits) -> SimulatedEdits:
-        """The edits as they were resolved, simulated.
-
-        An added vehicle that collides as it enters although the request left its speed open enters slower, where that
-        leaves fewer collisions.
-        """
-        usual = self._simulate_once(resolved)
-        slower = slower_entries(usual)
-        if slower is None:
-            return usual
-        edits, notes = slower
-        try:
-            other = self._simulate_once(resolve_edits(edits, self.base, self.first_id, self.request.earlier))
-        except InvalidRequest:  # an edit that goes by speeds ("fastest") may mean no vehicle then
-            other = usual
-        if len(other.result.overlaps) < len(usual.result.overlaps):
-            return replace(other, notes=notes)
-        # The last simulation leaves its files behind; they have to be those of the motion that is written.
-        return self._simulate_once(resolved)
-
-    def _simulate_once(self, resolved: ResolvedEdits) -> SimulatedEdits:
-        scene, changes = resolved.scene, resolved.changes
-        ego = drive_after(self.ego_before, self.base, scene, changes, self.setup)
-        all_react = self.request.traffic == "reactive"
-        if changes.driven or changes.replays or all_react:
-            seen_ego = None if ego is None else ego_actor(scene, ego)
-            shown = () if seen_ego is None else (seen_ego,)
-            result = _Simulation(scene, changes, self.setup).until_clear(shown, all_react=all_react)
-        else:  # removals and goals alone leave all recordings as they are
-            result = SimulationResult({}, {}, (), ())
-        return SimulatedEdits(scene, changes, result, ego, resolved.edits, resolved.steps)
-
-
-@dataclass(frozen=True)
-class _Simulation:
+class Simulation:
     """The rounds of one simulation of a scene with its changes."""
 
     scene: Scene
@@ -135,8 +83,8 @@ class _Simulation:
     def _all_handed_over(self) -> dict[int, DrivePlan]:
         return {
             key: recorded_plan(self.scene, key, "handed_over", self.scene.tracks[key].first_step)
-            for key in drivable_ids(self.scene)
-            if key not in self.changes.removed
+            for key in self.scene.tracks
+            if key not in self.changes.removed and not not_drivable(self.scene, key)
         }
 
     def _round(self, plans: Mapping[int, DrivePlan], shown: tuple[Actor, ...]) -> SimulationResult:
@@ -155,17 +103,14 @@ class _Simulation:
     def _new_overlaps(self, tracks: Mapping[int, TakenOverTrack]) -> tuple[Overlap, ...]:
         """Overlaps of driven vehicles and of recordings moved in time, with each other and with all that stay."""
         scene, removed, replays = self.scene, self.changes.removed, self.changes.replays
-        bodies = {key: Body.of_track(track) for key, track in (scene.tracks | scene.standing).items()}
-        moved = [bodies[key] for key in replays if key not in tracks]
-        recorded = {key: body for key, body in bodies.items() if not self.changes.is_added(key)}
-        for key, replay in replays.items():
-            if key in recorded:
-                recorded[key] = replace(recorded[key], shifted_steps=replay.shifted_steps)
+        known = scene.tracks | scene.standing
+        moved = [known[key] for key in replays if key not in tracks]
+        recorded = {key: track for key, track in known.items() if not self.changes.is_added(key)}
         kept = recorded.keys() - tracks.keys() - replays.keys() - removed
         others = [recorded[key] for key in sorted(kept)]
         regions = [region for region in scene.regions if region.obstacle_id not in removed]
-        others += [replace(Body.of_track(region.track), key=region.obstacle_id) for region in regions]
-        return new_overlaps([*moved, *(Body.of_touched(track) for track in tracks.values())], others, recorded)
+        others += [replace(region.track, obstacle_id=region.obstacle_id) for region in regions]
+        return new_overlaps([*moved, *tracks.values()], others, recorded, self.changes.shifts)
 
     def _gone_at_once(self, plan: DrivePlan) -> DrivenTrack | None:
         """The track of a vehicle that SUMO never showed because its bumper is beyond the end of the network."""
@@ -173,7 +118,7 @@ class _Simulation:
         index = plan.from_step - plan.start.first_step
         match = self.scene.matches.get(plan.start.obstacle_id)
         lanelet = plan.lanelets[0] if match is None else match.at(index)
-        lane, front = table.lanes[lanelet], front_of(plan.start, index)
+        lane, front = table.lanes[lanelet], plan.start.front_at(index)
         station, _ = project(lane.center, front)
         if table.successors[lanelet] or station < lane.length_m - _END_M:
             return None
@@ -207,8 +152,8 @@ class _Simulation:
         overlaps = tuple(hit for hit in result.overlaps if not self._is_taken_place(result.plans, hit))
         if not overlaps:
             return {}
-        bodies = EditedScene(self.scene, self.changes, result).bodies
-        return plans_giving_way(result.plans, result.tracks, bodies, overlaps)
+        road_users = EditedScene(self.scene, self.changes, result).road_users
+        return plans_giving_way(result.plans, result.tracks, road_users, overlaps)
 
     def _is_taken_place(self, plans: Mapping[int, DrivePlan], hit: Overlap) -> bool:
         entering = {key: plan.from_step for key, plan in plans.items() if plan.cause == "added"}
@@ -223,10 +168,9 @@ class _Simulation:
         """
         if not result.overlaps or any(plan.halts for plan in result.plans.values()):
             return None
-        driven = [Body.of_touched(track) for track in result.tracks.values()]
         reacting = {}
         for one in shown:
-            hits = new_overlaps([Body.of_track(one.track)], driven, {}) if one.drive_from is None else ()
+            hits = new_overlaps([one.track], result.tracks.values(), {}) if one.drive_from is None else ()
             if hits:
                 drive_from = max(one.track.first_step, hits[0].step - self._reaction_steps)
                 reacting[one.key] = replace(one, drive_from=drive_from)
@@ -245,7 +189,7 @@ class _Wait:
 def plans_giving_way(
     plans: Mapping[int, DrivePlan],
     tracks: Mapping[int, TakenOverTrack],
-    bodies: Mapping[int, Body],
+    road_users: Mapping[int, Track],
     overlaps: Iterable[Overlap],
 ) -> dict[int, DrivePlan]:
     """Plans with one more halt for one vehicle of every pair that overlaps, if one of the two can still stop before.
@@ -254,7 +198,7 @@ def plans_giving_way(
 
     Args:
         plans: of the driven vehicles, whose new motions are in ``tracks``.
-        bodies: of all road users as the edits leave them, by id.
+        road_users: as the edits leave them, by id.
     """
     waiting: dict[int, DrivePlan] = {}
     for hit in overlaps:
@@ -262,9 +206,9 @@ def plans_giving_way(
             continue
         pairs = ((hit.first, hit.second), (hit.second, hit.first))
         waits = [
-            _wait(plans[key], tracks[key], bodies[other], hit.step)
+            _wait(plans[key], tracks[key], road_users[other], hit.step)
             for key, other in pairs
-            if key in tracks and other in bodies
+            if key in tracks and other in road_users
         ]
         possible = [wait for wait in waits if wait is not None]
         if possible:
@@ -273,42 +217,38 @@ def plans_giving_way(
     return waiting
 
 
-def _wait(plan: DrivePlan, track: TakenOverTrack, other: Body, hit_step: int) -> _Wait | None:
+def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int) -> _Wait | None:
     """How a vehicle waits until another one is gone from where they meet; None if it cannot stop before.
 
     It does not react before the other one has entered.
     """
-    body, in_the_way = Body.of_touched(track), _in_the_way(other, hit_step)
-    roomy = (body.size_m[0] + _CLEAR_LENGTH_M, body.size_m[1] + _CLEAR_WIDTH_M)
-    index, gone = hit_step - body.first_step, hit_step
+    in_the_way, roomy_m = (
+        _in_the_way(other, hit_step),
+        (track.length_m + _CLEAR_LENGTH_M, track.width_m + _CLEAR_WIDTH_M),
+    )
+    index, gone = hit_step - track.first_step, hit_step
     while index >= 0:
-        mine = oriented_rectangle(body.positions[index], float(body.headings_rad[index]), roomy)
+        mine = track.corners_at(index, roomy_m)
         met = [step for step, corners in in_the_way if rectangles_overlap(mine, corners)]
         if not met:
             break
         gone, index = max(gone, met[-1]), index - 1
     if index < 0:
         return None
-    from_step = max(body.first_step, other.first_step)
-    stations = arc_length(track.motion.positions)
+    from_step = max(track.first_step, other.first_step)
+    stations = arc_length(track.positions)
     rolled_m = max(float(stations[index]) - _STOP_BEFORE_M, 0.0)
-    now = from_step - body.first_step
-    if float(track.motion.speeds_mps[now]) ** 2 > 2 * HARDEST_BRAKING_MPS2 * (rolled_m - float(stations[now])):
+    now = from_step - track.first_step
+    if float(track.speeds_mps[now]) ** 2 > 2 * HARDEST_BRAKING_MPS2 * (rolled_m - float(stations[now])):
         return None
-    return _Wait(plan, Halt(from_step, gone + _AFTER_STEPS, rolled_m), body.first_step + index)
+    return _Wait(plan, Halt(from_step, gone + _AFTER_STEPS, rolled_m), track.first_step + index)
 
 
-def _in_the_way(body: Body, from_step: int) -> list[tuple[int, Points]]:
-    """The places of a body from a step on, each once: the last step at which it is there, and its corners (4, 2)."""
+def _in_the_way(track: Track, from_step: int) -> list[tuple[int, Points]]:
+    """The places of a road user from a step on, each once: the last step at which it is there, and its corners."""
     places: list[tuple[int, int]] = []
-    for index in range(max(from_step - body.first_step, 0), len(body.positions)):
-        stays = bool(places) and math.dist(body.positions[places[-1][0]], body.positions[index]) < _SAME_PLACE_M
+    for index in range(max(from_step - track.first_step, 0), len(track.positions)):
+        stays = bool(places) and math.dist(track.positions[places[-1][0]], track.positions[index]) < _SAME_PLACE_M
         first = places.pop()[0] if stays else index
         places.append((first, index))
-    return [
-        (
-            body.first_step + last,
-            oriented_rectangle(body.positions[first], float(body.headings_rad[first]), body.size_m),
-        )
-        for first, last in places
-    ]
+    return [(track.first_step + last, track.corners_at(first)) for first, last in places]

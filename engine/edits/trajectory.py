@@ -1,10 +1,10 @@
-"""Edits T and B: where, when, how fast and in which manner recorded or added vehicles drive.
+"""Edits T and B: when, how fast, in which lane and in which manner recorded or added vehicles drive.
 
 Each edit makes or changes plans of vehicles (``DrivePlan``) or replays of recordings; SUMO drives the plans later.
 Times count from the scenario's start.
 """
 
-from contextlib import suppress
+from collections.abc import Iterable
 from dataclasses import replace
 
 from ...schemas.errors import InvalidRequest, NotPossible
@@ -17,7 +17,6 @@ from ..cosimulation import (
     Manoeuvre,
     Replay,
     behaviour_from,
-    check_curves,
     class_of,
     own_minimum_gap_m,
     parameters_set,
@@ -25,99 +24,18 @@ from ..cosimulation import (
     values_set,
 )
 from ..scene import Scene
-from .changes import FEWEST_STATES, Changes, EditStep, moved_in_time, plan_of
-from .manoeuvre_limits import check_lane_changes, junction_lane_change
-from .references import branch_for, drive_to, nearest_driven, nearest_ids, route_via, select, target_lanelets
-
-_MOST_NAMED = 8
-"""Vehicles that a sentence names before it is cut short."""
-
-
-def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Send the selected vehicles to any of the target lanelets, or along a turn at their next fork.
-
-    Raises:
-        InvalidRequest: neither or both of ``to`` and ``turn``.
-        NotPossible: a vehicle cannot get there, comes to a curve or the last place of a lane change too fast, or cannot
-            be driven.
-    """
-    if bool(edit.to or edit.via) == bool(edit.turn):
-        raise InvalidRequest(
-            "reroute takes either 'to' or 'turn', and 'via' with 'to'",
-            valid=["to=[lanelet]", "via=[lanelet] to=[lanelet]", "turn=left|right|straight"],
-            next_step="give one of these",
-        )
-    vehicles = select(edit.vehicles, scene, changes)
-    for vehicle_id in vehicles:
-        plan = plan_of(scene, changes, vehicle_id)
-        changes = changes.with_plan(_rerouted(edit, scene, changes, plan))
-    where = f"turn {edit.turn} at the next fork" if edit.turn else f"to {' or '.join(edit.to or edit.via[-1:])}"
-    through = f" through {', then '.join(edit.via)}" if edit.via and edit.to else ""
-    legs = tuple(target_lanelets([text], scene, changes) for text in edit.via)
-    aims = {key: (*legs, changes.driven[key].targets) for key in vehicles}
-    return EditStep(changes, vehicles, f"{_named(vehicles)} rerouted {where}{through}", aims=aims)
-
-
-def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
-    """The plan from the lanelet that the vehicle is matched to, or from another under it where that leads nowhere."""
-    try:
-        return _rerouted_from(plan.lanelets[0], edit, scene, changes, plan)
-    except NotPossible:
-        for start in _other_starts(scene, plan):
-            with suppress(NotPossible):
-                return _rerouted_from(start, edit, scene, changes, plan)
-        raise
-
-
-def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
-    """Lanelets on which a recorded vehicle stands just as well: at a fork its match is the branch that it drove."""
-    if plan.cause == "added":
-        return ()
-    track, index = plan.start, plan.from_step - plan.start.first_step
-    pose = track.positions[index], float(track.headings_rad[index]), float(track.speeds_mps[index])
-    return scene.matcher.near_as_well(*pose, plan.lanelets[0])
-
-
-def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
-    who = f"vehicle {plan.start.obstacle_id}"
-    if edit.turn:
-        branch = branch_for(scene, start, edit.turn, who).lanelets
-        targets = frozenset(branch)
-        route = drive_to(scene, start, frozenset(branch[-1:]), who, is_there=True)
-    else:
-        targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
-        route = route_via(scene, start, edit.via, targets, changes, who)
-    check_curves(scene, plan, route, who)
-    check_lane_changes(scene, plan, route, who)
-    through = {key for text in edit.via for key in target_lanelets([text], scene, changes)}
-    over = junction_lane_change(scene, plan, route, who)
-    return replace(
-        drive_along(scene, plan, route, targets), through=frozenset(through & set(route)), junction_lane_change=over
-    )
-
-
-def drive_along(scene: Scene, plan: DrivePlan, route: tuple[int, ...], targets: frozenset[int]) -> DrivePlan:
-    """The plan with another route, led on straight ahead after its end.
-
-    Raises:
-        NotPossible: SUMO's edges do not connect along the route.
-    """
-    edges = scene.edge_graph.route(route)
-    if edges is None:
-        raise NotPossible(
-            f"vehicle {plan.start.obstacle_id} cannot drive from lanelet {route[0]} to {route[-1]}: lanes do not "
-            "connect",
-            valid=nearest_driven(scene, route[0], route[-1:]),
-            next_step="choose another lanelet",
-        )
-    return replace(
-        plan,
-        through=frozenset(),
-        junction_lane_change=None,
-        lanelets=route,
-        targets=targets,
-        edges=scene.edge_graph.extended(edges, route[-1]),
-    )
+from .changes import (
+    FEWEST_STATES,
+    MOST_NAMED,
+    Changes,
+    EditStep,
+    check_speed,
+    listed,
+    moved_in_time,
+    named_vehicles,
+    plan_of,
+)
+from .references import nearest_ids, select
 
 
 def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -140,17 +58,18 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
         is_first = vehicle_id not in changes.driven
         here = _lanelets_at(scene, plan, step, exact=is_first)
-        beside = [lane for key in here if (lane := _beside(scene, key, edit.lane)) is not None]
+        beside = _lanes_beside(scene, here, edit.lane)
         if not beside:
             raise _no_such_lane(edit, scene, plan, here[0])
         plan = _with_route_of_lane(scene, plan, here, beside[0])
         order = Manoeuvre(step, lanes_left=1 if edit.lane == "left" else -1)
         changes = changes.with_plan(_with_manoeuvre(plan, order))
         since[vehicle_id] = step
-        aims[vehicle_id] = (frozenset({*beside, *_all_beside(scene, plan, edit.lane)}),)
+        # The change may be done farther on than it was asked for.
+        aims[vehicle_id] = (frozenset({*beside, *_lanes_beside(scene, plan.lanelets, edit.lane)}),)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
     return EditStep(
-        changes, vehicles, f"{_named(vehicles)} sent one lane to the {edit.lane}{when}", aims=aims, since=since
+        changes, vehicles, f"{named_vehicles(vehicles)} sent one lane to the {edit.lane}{when}", aims=aims, since=since
     )
 
 
@@ -163,20 +82,15 @@ def _lanelets_at(scene: Scene, plan: DrivePlan, step: int, *, exact: bool) -> tu
     lanelets = (match.at(step - plan.start.first_step),) if exact and match else plan.lanelets
     shift = sum(order.lanes_left for order in plan.manoeuvres if order.from_step <= step)
     for _ in range(abs(shift)):
-        beside = [_beside(scene, key, "left" if shift > 0 else "right") for key in lanelets]
-        lanelets = tuple(other for other in beside if other is not None) or lanelets
+        lanelets = tuple(_lanes_beside(scene, lanelets, "left" if shift > 0 else "right")) or lanelets
     return lanelets
 
 
-def _beside(scene: Scene, lanelet_id: int, side: str) -> int | None:
-    lane = scene.layout.table.lanes[lanelet_id]
-    other = lane.left if side == "left" else lane.right
-    return other if other in scene.layout.table.lanes else None
-
-
-def _all_beside(scene: Scene, plan: DrivePlan, side: str) -> list[int]:
-    """The lanes beside the whole route: the change may be done farther on than it was asked for."""
-    return [lane for key in plan.lanelets if (lane := _beside(scene, key, side)) is not None]
+def _lanes_beside(scene: Scene, lanelets: Iterable[int], side: str) -> list[int]:
+    """The lanes to the left or right of lanelets, for each that has one."""
+    lanes = scene.layout.table.lanes
+    beside = [lanes[key].left if side == "left" else lanes[key].right for key in lanelets]
+    return [key for key in beside if key is not None and key in lanes]
 
 
 def _with_route_of_lane(scene: Scene, plan: DrivePlan, here: tuple[int, ...], beside: int) -> DrivePlan:
@@ -184,15 +98,13 @@ def _with_route_of_lane(scene: Scene, plan: DrivePlan, here: tuple[int, ...], be
     edge = scene.layout.lane_of.get(beside, ("", 0))[0]
     if edge not in plan.edges or _leads_on(scene, plan, beside, edge):
         return plan
-    start = next(place for place, key in enumerate(plan.lanelets) if _is_beside(scene, key, beside) or key in here)
+    lanes = scene.layout.table.lanes
+    start = next(
+        place for place, key in enumerate(plan.lanelets) if key in here or beside in (lanes[key].left, lanes[key].right)
+    )
     route = (*plan.lanelets[: start + 1], beside)
     edges = scene.edge_graph.route(route)
     return plan if edges is None else replace(plan, lanelets=route, edges=scene.edge_graph.extended(edges, beside))
-
-
-def _is_beside(scene: Scene, key: int, other: int) -> bool:
-    lane = scene.layout.table.lanes[key]
-    return other in (lane.left, lane.right)
 
 
 def _leads_on(scene: Scene, plan: DrivePlan, lanelet_id: int, edge: str) -> bool:
@@ -205,8 +117,8 @@ def _leads_on(scene: Scene, plan: DrivePlan, lanelet_id: int, edge: str) -> bool
 
 def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPossible:
     other = {"left": "right", "right": "left"}[str(edit.lane)]
-    there = [f"lane={other}"] if _beside(scene, here, other) is not None else []
-    later = [f"on lanelet {key}" for key in plan.lanelets if _beside(scene, key, str(edit.lane)) is not None]
+    there = [f"lane={other}"] if _lanes_beside(scene, [here], other) else []
+    later = [f"on lanelet {key}" for key in plan.lanelets if _lanes_beside(scene, [key], str(edit.lane))]
     return NotPossible(
         f"vehicle {plan.start.obstacle_id} has no lane of its direction to its {edit.lane} on lanelet {here}",
         valid=[*there, *later],
@@ -231,17 +143,13 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     speeds: dict[int, tuple[float, int]] = {}
     for vehicle_id in vehicles:
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
-        limit = class_of(plan.start.kind).maximum_speed_mps
-        if not 0.0 <= wanted <= limit:
-            raise InvalidRequest(
-                f"a {plan.start.kind} does not drive {edit.speed}",
-                valid=[f"0 … {limit:g} m/s"],
-                next_step="choose another speed",
-            )
+        kind = plan.start.kind
+        refusal = f"a {kind} does not drive {edit.speed}"
+        check_speed(wanted, class_of(kind).maximum_speed_mps, refusal, "choose another speed")
         changes = changes.with_plan(_with_manoeuvre(plan, Manoeuvre(step, speed_mps=wanted)))
         speeds[vehicle_id] = (wanted, step)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
-    return EditStep(changes, vehicles, f"{_named(vehicles)} held to {wanted:.1f} m/s{when}", speeds=speeds)
+    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} held to {wanted:.1f} m/s{when}", speeds=speeds)
 
 
 def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -271,7 +179,7 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             raise _nothing_left(recording, total, scene)
         changes = changes.with_replay(Replay(track, scene.matcher.match(track), recording, total))
     how = f"{abs(steps) * scene.step_s:g} s {'later' if steps > 0 else 'earlier'}"
-    return EditStep(changes, vehicles, f"{_named(vehicles)} {how} than recorded")
+    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} {how} than recorded")
 
 
 def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
@@ -328,8 +236,8 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         changes = changes.with_plan(replace(plan, behaviour=behaviour))
         behaviours.append(behaviour)
     words = [edit.preset.strip().lower()] if edit.preset else []
-    what = f"{' '.join([*words, *values_set(edit.params, behaviours)])} for {_listed(vehicles)}"
-    notes = "; ".join([what, *kept[:_MOST_NAMED]])
+    what = f"{' '.join([*words, *values_set(edit.params, behaviours)])} for {listed(vehicles)}"
+    notes = "; ".join([what, *kept[:MOST_NAMED]])
     return EditStep(changes, vehicles, notes, parameters=parameters_set(edit.preset, edit.params))
 
 
@@ -362,12 +270,3 @@ def _with_manoeuvre(plan: DrivePlan, manoeuvre: Manoeuvre) -> DrivePlan:
     """The plan with one more manoeuvre; they stay in the order of their steps, later ones of a step last."""
     manoeuvres = sorted((*plan.manoeuvres, manoeuvre), key=lambda order: order.from_step)
     return replace(plan, manoeuvres=tuple(manoeuvres))
-
-
-def _named(vehicles: tuple[int, ...]) -> str:
-    """Vehicles for a sentence; many are cut short."""
-    return f"vehicle{'s' if len(vehicles) > 1 else ''} {_listed(vehicles)}"
-
-
-def _listed(vehicles: tuple[int, ...]) -> str:
-    return ", ".join(str(key) for key in vehicles[:_MOST_NAMED]) + (" …" if len(vehicles) > _MOST_NAMED else "")

@@ -3,12 +3,10 @@
 Only elements of touched road users and of the planning problem are made anew; all others keep their bytes.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from lxml import etree
 
-from ..commonroad import ScenarioDocument
+from ..commonroad import ScenarioDocument, Track
 from ..cosimulation import Replay, TakenOverTrack
 from ..geometry import Points, wrap_angle
 from ..scene import Ego
@@ -40,10 +38,8 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
     for replay in changes.replays.values():
         _write_replay(document, replay, step_s)
     for key, track in result.tracks.items():
-        plan = result.plans[key]
-        if plan.cause == "added":
-            kind = plan.vehicle_class.commonroad_type
-            document.add_obstacle(_obstacle_element(kind, track, step_s, is_2018b=document.is_2018b))
+        if result.plans[key].cause == "added":
+            document.add_obstacle(_obstacle_element(track, track.motion, step_s, is_2018b=document.is_2018b))
         else:
             _write_touched(document, track, step_s)
     if changes.ego is not None:
@@ -53,48 +49,61 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
 
 def _write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: float) -> None:
     """Replace the states of a recorded obstacle after its hand-over; those up to it stay as they are."""
-    trajectory = document.obstacle(track.vehicle_id).find("trajectory")
+    trajectory = document.obstacle(track.obstacle_id).find("trajectory")
     if trajectory is None:
         return
     states = trajectory.findall("state")
     fields = tuple(str(child.tag) for child in states[0])
     later = [state for state in states if _state_step(state) > track.first_step]
-    new = _state_elements(track, fields, step_s, first=1)
+    new = _state_elements(track, track.motion, fields, step_s)[1:]
     if later:
         document.replace_children(trajectory, later, new)
     else:
         document.replace_children(trajectory, states[-1:], [states[-1], *new])
 
 
-def _state_elements(track: TakenOverTrack, fields: tuple[str, ...], step_s: float, first: int) -> list[_Element]:
-    """``<state>`` elements for the motion from its ``first`` index on, among the fields that are wanted."""
-    rates = np.gradient(track.motion.headings_rad, step_s)
-    steering = steering_angles(track.motion, step_s, track.wheelbase_m)
+def _state_elements(track: Track, motion: Motion, fields: tuple[str, ...], step_s: float) -> list[_Element]:
+    """``<state>`` elements for the motion along a track, with the fields that are wanted."""
+    rates = np.gradient(motion.headings_rad, step_s)
+    steering = steering_angles(motion, step_s, nearest_class(track.kind, track.length_m).wheelbase_m)
     states = []
-    for index in range(first, len(track.motion.speeds_mps)):
+    for index in range(len(motion.speeds_mps)):
         values = {
-            "orientation": wrap_angle(float(track.motion.headings_rad[index])),
-            "velocity": float(track.motion.speeds_mps[index]),
-            "acceleration": float(track.motion.accelerations_mps2[index]),
+            "orientation": wrap_angle(float(motion.headings_rad[index])),
+            "velocity": float(motion.speeds_mps[index]),
+            "acceleration": float(motion.accelerations_mps2[index]),
             "yawRate": float(rates[index]),
             "slipAngle": 0.0,
             "steeringAngle": float(steering[index]),
         }
-        x, y = track.motion.positions[index]
-        states.append(_state("state", fields, values, (float(x), float(y)), track.first_step + index))
+        state = etree.Element("state")
+        for field in fields:
+            if field == "position":
+                state.append(_point_element(motion.positions[index]))
+            elif field == "time":
+                _sub(state, "time", exact=str(track.first_step + index))
+            elif field in values:
+                _sub(state, field, exact=_number(values[field]))
+        states.append(state)
     return states
 
 
-def _obstacle_element(kind: str, track: TakenOverTrack, step_s: float, *, is_2018b: bool) -> _Element:
-    """The element of a moving road user of a CommonRoad type."""
-    obstacle = etree.Element("obstacle" if is_2018b else "dynamicObstacle", id=str(track.vehicle_id))
+def _sub(parent: _Element, name: str, **texts: str) -> _Element:
+    """A new element at the end of another, with an element for each text."""
+    element = etree.SubElement(parent, name)
+    for tag, text in texts.items():
+        etree.SubElement(element, tag).text = text
+    return element
+
+
+def _obstacle_element(track: Track, motion: Motion, step_s: float, *, is_2018b: bool) -> _Element:
+    """The element of a moving road user."""
+    obstacle = etree.Element("obstacle" if is_2018b else "dynamicObstacle", id=str(track.obstacle_id))
     if is_2018b:
         etree.SubElement(obstacle, "role").text = "dynamic"
-    etree.SubElement(obstacle, "type").text = kind
-    rectangle = etree.SubElement(etree.SubElement(obstacle, "shape"), "rectangle")
-    etree.SubElement(rectangle, "length").text = _number(track.length_m)
-    etree.SubElement(rectangle, "width").text = _number(track.width_m)
-    states = _state_elements(track, _USUAL_FIELDS, step_s, first=0)
+    etree.SubElement(obstacle, "type").text = track.kind
+    _sub(_sub(obstacle, "shape"), "rectangle", length=_number(track.length_m), width=_number(track.width_m))
+    states = _state_elements(track, motion, _USUAL_FIELDS, step_s)
     states[0].tag = "initialState"
     obstacle.append(states[0])
     trajectory = etree.SubElement(obstacle, "trajectory")
@@ -143,20 +152,14 @@ def _first_goal(problem: _Element) -> _Element:
 
 def _goal_position(old: _Element, goal: GoalChange) -> _Element:
     rectangle = old.find("position/rectangle")
-    size = goal.size_m or (USUAL_GOAL_SIZE_M if rectangle is None else _size(rectangle))
+    size = goal.size_m or USUAL_GOAL_SIZE_M
+    if goal.size_m is None and rectangle is not None:
+        size = float(rectangle.findtext("length", "0")), float(rectangle.findtext("width", "0"))
     position = etree.Element("position")
-    shape = etree.SubElement(position, "rectangle")
-    etree.SubElement(shape, "length").text = _number(size[0])
-    etree.SubElement(shape, "width").text = _number(size[1])
-    etree.SubElement(shape, "orientation").text = _number(wrap_angle(goal.heading_rad))
-    center = etree.SubElement(shape, "center")
-    etree.SubElement(center, "x").text = _number(float(goal.center[0]))
-    etree.SubElement(center, "y").text = _number(float(goal.center[1]))
+    heading = _number(wrap_angle(goal.heading_rad))
+    shape = _sub(position, "rectangle", length=_number(size[0]), width=_number(size[1]), orientation=heading)
+    _sub(shape, "center", x=_number(float(goal.center[0])), y=_number(float(goal.center[1])))
     return position
-
-
-def _size(rectangle: _Element) -> tuple[float, float]:
-    return float(rectangle.findtext("length", "0")), float(rectangle.findtext("width", "0"))
 
 
 def _turned(orientation: _Element, heading_rad: float) -> _Element:
@@ -169,38 +172,15 @@ def _turned(orientation: _Element, heading_rad: float) -> _Element:
 
 def _interval(name: str, start: float, end: float) -> _Element:
     element = etree.Element(name)
-    etree.SubElement(element, "intervalStart").text = str(start) if isinstance(start, int) else _number(start)
-    etree.SubElement(element, "intervalEnd").text = str(end) if isinstance(end, int) else _number(end)
+    for tag, value in (("intervalStart", start), ("intervalEnd", end)):
+        etree.SubElement(element, tag).text = str(value) if isinstance(value, int) else _number(value)
     return element
 
 
-def _state(
-    tag: str, fields: tuple[str, ...], values: dict[str, float], position: tuple[float, float], step: int
-) -> _Element:
-    state = etree.Element(tag)
-    for field in fields:
-        if field == "position":
-            state.append(_point_element(position))
-        elif field == "time":
-            etree.SubElement(etree.SubElement(state, "time"), "exact").text = str(step)
-        elif field in values:
-            state.append(_exact(field, values[field]))
-    return state
-
-
-def _point_element(position: Sequence[float] | Points) -> _Element:
+def _point_element(position: Points) -> _Element:
     """A ``<position>`` with one point."""
     element = etree.Element("position")
-    point = etree.SubElement(element, "point")
-    etree.SubElement(point, "x").text = _number(float(position[0]))
-    etree.SubElement(point, "y").text = _number(float(position[1]))
-    return element
-
-
-def _exact(name: str, value: float) -> _Element:
-    """An element with one exact value."""
-    element = etree.Element(name)
-    etree.SubElement(element, "exact").text = _number(value)
+    _sub(element, "point", x=_number(float(position[0])), y=_number(float(position[1])))
     return element
 
 
@@ -218,31 +198,18 @@ def _number(value: float) -> str:
 def _write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> None:
     """Move the states of a recorded obstacle in time, or put an added pedestrian in."""
     if replay.recording is None:
-        motion = replayed_motion(replay, step_s)
-        track = replay.track
-        touched = TakenOverTrack(
-            vehicle_id=track.obstacle_id,
-            first_step=track.first_step,
-            motion=motion,
-            length_m=track.length_m,
-            width_m=track.width_m,
-            wheelbase_m=nearest_class(track.kind, track.length_m).wheelbase_m,
-            leaves=False,
-            lanes=(),
-        )
-        element = _obstacle_element(track.kind, touched, step_s, is_2018b=document.is_2018b)
-        document.add_obstacle(element)
+        motion = replayed_motion(replay.track, step_s)
+        document.add_obstacle(_obstacle_element(replay.track, motion, step_s, is_2018b=document.is_2018b))
         return
     obstacle = document.obstacle(replay.track.obstacle_id)
     for tag, initial in _INITIAL_OF.items():
         _move(obstacle, tag, initial, replay)
 
 
-def replayed_motion(replay: Replay, step_s: float) -> Motion:
+def replayed_motion(track: Track, step_s: float) -> Motion:
     """A given track as a motion."""
-    speeds = replay.track.speeds_mps
-    accelerations = np.gradient(speeds, step_s) if len(speeds) > 1 else np.zeros(1)
-    return Motion(replay.track.positions, replay.track.headings_rad, speeds, accelerations)
+    accelerations = np.gradient(track.speeds_mps, step_s) if len(track.speeds_mps) > 1 else np.zeros(1)
+    return Motion(track.positions, track.headings_rad, track.speeds_mps, accelerations)
 
 
 def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
@@ -252,10 +219,11 @@ def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
         return
     values = {"orientation": ego.heading_rad, "velocity": ego.speed_mps, **_AT_REST}
     for child in [one for one in state if isinstance(one.tag, str)]:
-        new = _point_element(ego.position) if child.tag == "position" else None
-        if child.tag in values:
-            new = _exact(str(child.tag), values[str(child.tag)])
-        if new is not None:
+        if child.tag == "position":
+            document.replace_children(state, [child], [_point_element(ego.position)])
+        elif child.tag in values:
+            new = etree.Element(child.tag)
+            etree.SubElement(new, "exact").text = _number(values[str(child.tag)])
             document.replace_children(state, [child], [new])
 
 

@@ -91,12 +91,12 @@ def generate_traffic(
             scratch=scratch,
             report=part,
         )
-        states = sum(len(track.front) - track.lead_in for track in recorded.tracks) / (1 + SPARE_SHARE)
+        states = sum(len(track.front) - track.lead_in for track in recorded) / (1 + SPARE_SHARE)
         if states > MOST_STATES:
             demand = _fewer(demand, MOST_STATES / states, request.duration_s)
             continue
         part(1.0, "smoothing motion")
-        smoothed = generated_vehicles(recorded)
+        smoothed = generated_vehicles(recorded, STEP_S)
         part(1.0, "looking for overlaps")
         kept = drop_infeasible(smoothed, needed)
         absent = _missing(demand, kept)

@@ -1,20 +1,13 @@
 """Where the vehicles of a class begin and drive on a site: random trips over the edges that are open to the class."""
 
 import random
+from collections import Counter
 from dataclasses import dataclass
 
 from ...schemas.errors import NotPossible
 from ..geometry import length_m
 from ..network import SumoNet
 from ..vehicles import VehicleClass, vehicle_classes
-
-
-@dataclass(frozen=True)
-class _Trip:
-    """A vehicle to be inserted: its class and the edges that it drives."""
-
-    vehicle_class: VehicleClass
-    edges: tuple[str, ...]
 
 
 class TripMaker:
@@ -37,14 +30,14 @@ class TripMaker:
                 next_step="leave the class out, or choose another place or scenario_type",
             )
 
-    def trip(self, vehicle_class: VehicleClass) -> _Trip:
-        """A random trip of a class that is open here; fast roads and long ways on begin more of them."""
+    def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
+        """The edges of a random trip of a class that is open here; fast roads and long ways on begin more of them."""
         edges = self._open_to(vehicle_class)
         starts = sorted(edges.length_m)
         weights = [self._weight(edges, edge) for edge in starts]
         start = self._choice.choices(starts, weights)[0]
         speed = min(edges.speed_mps[start], vehicle_class.maximum_speed_mps)
-        return _Trip(vehicle_class, edges.random_route(start, speed * self._lasting_s, self._choice))
+        return edges.random_route(start, speed * self._lasting_s, self._choice)
 
     def _open_to(self, vehicle_class: VehicleClass) -> "_OpenEdges":
         if vehicle_class.sumo_class not in self._edges:
@@ -88,13 +81,11 @@ class _OpenEdges:
     def of(cls, net: SumoNet, sumo_class: str) -> "_OpenEdges":
         """The part of a net that vehicles of a SUMO class may use."""
         lanes = [lane for lane in net.lanes.values() if not lane.internal and sumo_class in lane.allowed]
-        lengths: dict[str, float] = {}
-        speeds: dict[str, float] = {}
-        counts: dict[str, int] = {}
+        lengths = {lane.edge_id: length_m(lane.shape) for lane in lanes}
+        counts = Counter(lane.edge_id for lane in lanes)
+        speeds = dict.fromkeys(lengths, 0.0)
         for lane in lanes:
-            lengths[lane.edge_id] = length_m(lane.shape)
-            speeds[lane.edge_id] = max(lane.speed_mps, speeds.get(lane.edge_id, 0.0))
-            counts[lane.edge_id] = counts.get(lane.edge_id, 0) + 1
+            speeds[lane.edge_id] = max(lane.speed_mps, speeds[lane.edge_id])
         usable = {lane.lane_id for lane in lanes}
         following: dict[str, set[str]] = {edge: set() for edge in lengths}
         for connection in net.connections:

@@ -9,14 +9,14 @@ drivable it is (:func:`generated_vehicles`). Motions that still cannot be driven
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..geometry import BoxTrack, Points, Values, arc_length, first_overlaps, interpolate, without_repeats
 from ..vehicles import Motion, VehicleClass, check_kinematics, drivable_motion
-from .simulation import RawTrack, SimulatedTraffic
+from .simulation import RawTrack
 
 SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
 """(steps, metres) tried in this order until a motion is drivable (chosen): stronger smoothing moves it more."""
@@ -53,9 +53,9 @@ class GeneratedVehicle:
         return BoxTrack(self.motion.positions, self.motion.headings_rad, self.size_m)
 
 
-def generated_vehicles(traffic: SimulatedTraffic) -> tuple[GeneratedVehicle, ...]:
+def generated_vehicles(tracks: Iterable[RawTrack], step_s: float) -> tuple[GeneratedVehicle, ...]:
     """The recorded vehicles with smoothed, drivable motions."""
-    return tuple(_generated_vehicle(track, traffic.step_s) for track in traffic.tracks)
+    return tuple(_generated_vehicle(track, step_s) for track in tracks)
 
 
 def drop_infeasible(everyone: Sequence[GeneratedVehicle], needed: Mapping[str, int]) -> tuple[GeneratedVehicle, ...]:
@@ -82,14 +82,14 @@ def _apart(
     gone: set[str] = set()
     while pairs:
         involved = Counter(vehicle.vehicle_id for pair in pairs for vehicle in pair)
-        ranked = [
-            (counts[v.vehicle_class.name] > needed.get(v.vehicle_class.name, 0), involved[v.vehicle_id], v.vehicle_id)
+        *_, worst, name = max(
+            (counts[name] > needed.get(name, 0), involved[vehicle.vehicle_id], vehicle.vehicle_id, name)
             for pair in pairs
-            for v in pair
-        ]
-        worst = max(ranked)[2]
+            for vehicle in pair
+            for name in [vehicle.vehicle_class.name]
+        )
         gone.add(worst)
-        counts[next(v.vehicle_class.name for v in kept if v.vehicle_id == worst)] -= 1
+        counts[name] -= 1
         pairs = [pair for pair in pairs if worst not in (pair[0].vehicle_id, pair[1].vehicle_id)]
     return tuple(vehicle for vehicle in kept if vehicle.vehicle_id not in gone)
 
@@ -110,7 +110,7 @@ def _generated_vehicle(track: RawTrack, step_s: float) -> GeneratedVehicle:
             sigma_m=sigma_m,
             rear_axle_m=chassis.rear_axle_m,
         )
-        motion = _rounded(_from(whole, track.lead_in))
+        motion = _rounded(whole, track.lead_in)
         verdict = check_kinematics(motion, step_s, wheelbase_m=chassis.wheelbase_m, rear_axle_m=chassis.rear_axle_m)
         tried.append(GeneratedVehicle(track.vehicle_id, chassis, motion, verdict.feasible and not astray))
         if verdict.feasible:
@@ -131,24 +131,11 @@ def _center_track(front: Points, track: RawTrack) -> Points:
     return interpolate(path, arc_length(path), stations)
 
 
-def _from(motion: Motion, first: int) -> Motion:
-    return Motion(
-        motion.positions[first:],
-        motion.headings_rad[first:],
-        motion.speeds_mps[first:],
-        motion.accelerations_mps2[first:],
-    )
-
-
-def _rounded(motion: Motion) -> Motion:
-    """The motion as it will stand in the file, headings in (−π, π], so that all checks see the same."""
+def _rounded(motion: Motion, first: int) -> Motion:
+    """The motion from a step on as it will stand in the file, headings in (−π, π], so that all checks see the same."""
     turn = np.arctan2(np.sin(motion.headings_rad), np.cos(motion.headings_rad))
-    return Motion(
-        motion.positions.round(DECIMALS),
-        turn.round(DECIMALS),
-        motion.speeds_mps.round(DECIMALS),
-        motion.accelerations_mps2.round(DECIMALS),
-    )
+    values = motion.positions, turn, motion.speeds_mps, motion.accelerations_mps2
+    return Motion(*(value[first:].round(DECIMALS) for value in values))
 
 
 STEEPEST = 0.3

@@ -41,15 +41,6 @@ class RawTrack:
     lead_in: int
 
 
-@dataclass(frozen=True)
-class SimulatedTraffic:
-    """All vehicles that are there at step 0, in the order of their insertion, until they leave or time is up."""
-
-    tracks: tuple[RawTrack, ...]
-    step_s: float
-    elapsed_s: float
-
-
 def simulate_traffic(
     net_path: Path,
     demand: Demand,
@@ -60,10 +51,11 @@ def simulate_traffic(
     seed: int,
     scratch: Path,
     report: ProgressReporter,
-) -> SimulatedTraffic:
+) -> tuple[RawTrack, ...]:
     """Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 
-    Vehicles that leave during the warm-up are replaced until shortly before its end; none enters later.
+    All that are there at step 0, in the order of their insertion, until they leave or time is up. Those that leave
+    during the warm-up are replaced until shortly before its end; none enters later.
 
     Raises:
         NotPossible: SUMO refuses the net, naming its reason.
@@ -101,46 +93,41 @@ def _vehicle_type(vehicle_class: VehicleClass) -> str:
 
 
 class _Source:
-    """Keeps as many vehicles of every class on the net as are wanted."""
+    """Keeps as many vehicles of every class on the net as are wanted; ``classes``: of those inserted, by SUMO's id."""
 
     def __init__(self, sumo: Sumo, demand: Demand, trips: TripMaker, choice: random.Random) -> None:
         self._sumo, self._demand, self._trips, self._choice = sumo, demand, trips, choice
-        self._classes: dict[str, VehicleClass] = {}
+        self.classes: dict[str, VehicleClass] = {}
         self._made = 0
 
     def fill(self) -> None:
         """Insert what is missing; vehicles that find no place are taken back and tried again elsewhere."""
         here = set(self._sumo.vehicles())
-        for waiting in [key for key in self._classes if key not in here]:
+        for waiting in [key for key in self.classes if key not in here]:
             self._sumo.withdraw(waiting)
-            del self._classes[waiting]
+            del self.classes[waiting]
         known = vehicle_classes()
         missing = [
             known[name]
             for name, count in self._demand.counts.items()
-            for _ in range(count - sum(present.name == name for present in self._classes.values()))
+            for _ in range(count - sum(present.name == name for present in self.classes.values()))
         ]
         self._choice.shuffle(missing)
         missing.sort(key=lambda vehicle_class: vehicle_class.name == "car")  # large ones first: they need more room
         for vehicle_class in missing:
             self._insert(vehicle_class)
 
-    def class_of(self, key: str) -> VehicleClass:
-        """The class of an inserted vehicle."""
-        return self._classes[key]
-
     def _insert(self, vehicle_class: VehicleClass) -> None:
-        trip = self._trips.trip(vehicle_class)
         key = f"{self._made:05d}"
         self._made += 1
-        self._sumo.add_route(f"route{key}", trip.edges)
+        self._sumo.add_route(f"route{key}", self._trips.trip(vehicle_class))
         self._sumo.insert_anywhere(key, f"route{key}", vehicle_class.name)
-        self._classes[key] = vehicle_class
+        self.classes[key] = vehicle_class
 
 
 def _record(
     sumo: Sumo, source: _Source, duration_s: float, step_s: float, report: ProgressReporter
-) -> SimulatedTraffic:
+) -> tuple[RawTrack, ...]:
     warm_up, last_insertion = round(WARM_UP_S / step_s), round(LAST_INSERTION_S / step_s)
     steps = round(duration_s / step_s)
     seen: dict[str, _Recording] = {}
@@ -160,10 +147,8 @@ def _record(
             seen[key].sideways_mps.append(sumo.lateral_speed_mps(key))
         if step == warm_up:
             before = {key: len(seen[key].fronts) - 1 for key in sorted(present)}
-    tracks = (seen[key].track(key, source.class_of(key), lead_in, step_s) for key, lead_in in before.items())
-    return SimulatedTraffic(
-        tuple(track for track in tracks if len(track.front) - track.lead_in >= 2), step_s, warm_up * step_s
-    )
+    tracks = (seen[key].track(key, source.classes[key], lead_in, step_s) for key, lead_in in before.items())
+    return tuple(track for track in tracks if len(track.front) - track.lead_in >= 2)
 
 
 @dataclass

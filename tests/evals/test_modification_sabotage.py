@@ -11,9 +11,9 @@ from support.modification_bench import TRUTHS, carried_out, verdicts
 
 from plannerforge.engine.cosimulation.driver import usual_behaviour
 from plannerforge.engine.edits import HIT_ON_ENTRY, PLACE_TAKEN
+from plannerforge.engine.edits import rerouting as reroute
 from plannerforge.engine.edits import simulation as cascade
-from plannerforge.engine.edits import trajectory as reroute
-from plannerforge.engine.edits.operations import OPERATIONS
+from plannerforge.engine.edits.apply import OPERATIONS
 from plannerforge.engine.workspace.artifacts import Artifact
 from plannerforge.evals.modification import cases as modification_cases
 from plannerforge.evals.modification.__main__ import figures_of, refusal_rows
@@ -34,7 +34,7 @@ def spoil(monkeypatch: pytest.MonkeyPatch, op: EditOperation, **instead: Any) ->
     """Let an operation carry out its edit with other arguments than were given."""
     carry_out = OPERATIONS[op]
     spoiled = {**OPERATIONS, op: lambda edit, *rest: carry_out(edit.model_copy(update=instead), *rest)}
-    monkeypatch.setattr("plannerforge.engine.edits.operations.OPERATIONS", spoiled)
+    monkeypatch.setattr("plannerforge.engine.edits.apply.OPERATIONS", spoiled)
 
 
 def test_a_reroute_that_does_nothing_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,8 +9,7 @@ from support.builders import Vehicle, driving, town_road
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.cosimulation.actors import Actor, all_actors
 from plannerforge.engine.cosimulation.plans import recorded_plan
-from plannerforge.engine.cosimulation.replay import front_of, resimulate
-from plannerforge.engine.cosimulation.session import SimulationSetup
+from plannerforge.engine.cosimulation.replay import SimulationSetup, resimulate
 from plannerforge.engine.network.sumo_export.writer import sumo_net
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.traffic.sumo import Sumo
@@ -75,7 +74,7 @@ def test_it_looks_for_those_astray_until_the_last_hand_over(tmp_path: Path, runs
 
 def test_poses_for_sumo_are_the_front_bumpers(tmp_path: Path) -> None:
     for actor in _driving(_scene(tmp_path), 31):
-        fronts = [tuple(front_of(actor.track, index)) for index in range(len(actor.track.positions))]
+        fronts = [tuple(actor.track.front_at(index)) for index in range(len(actor.track.positions))]
         assert [pose[:2] for pose in actor.poses] == fronts
 
 

@@ -13,7 +13,6 @@ from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.cosimulation.handover import TakenOverTrack
 from plannerforge.engine.edits.explanations import delay, is_red
 from plannerforge.engine.scene.scene import Ego, Scene
-from plannerforge.engine.vehicles.motion import Motion
 
 LIGHT, OTHER_LIGHT = 900, 901
 
@@ -33,9 +32,9 @@ def add_light(network: object, key: int, *phases: tuple[str, int]) -> None:
 
 def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> TakenOverTrack:
     """A driven vehicle of which only its lanes and speeds count."""
-    values = np.array(speeds_mps)
-    motion = Motion(np.zeros((len(values), 2)), np.zeros(len(values)), values, np.zeros(len(values)))
-    return TakenOverTrack(51, first_step, motion, 4.5, 1.8, 2.6, False, tuple(lanes))
+    values, still = np.array(speeds_mps), np.zeros(len(speeds_mps))
+    places = np.zeros((len(values), 2))
+    return TakenOverTrack(51, "car", 4.5, 1.8, first_step, places, still, values, still, False, tuple(lanes))
 
 
 def test_standing_at_a_red_light_is_reported(scene: Scene) -> None:

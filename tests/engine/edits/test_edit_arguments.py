@@ -5,7 +5,7 @@ from typing import get_args
 import pytest
 from support.edits import Apply
 
-from plannerforge.engine.edits.operations import OPERATIONS
+from plannerforge.engine.edits.apply import OPERATIONS
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.modification import EDITS, Edit, EditOperation
 

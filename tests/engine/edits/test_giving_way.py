@@ -14,11 +14,10 @@ from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.cosimulation.handover import TakenOverTrack
 from plannerforge.engine.cosimulation.manoeuvres import Halt
 from plannerforge.engine.cosimulation.plans import Cause, DrivePlan, recorded_plan
-from plannerforge.engine.cosimulation.session import ROUTES_FILE
-from plannerforge.engine.edits.edited_scene import Body, Overlap
+from plannerforge.engine.cosimulation.replay import ROUTES_FILE
+from plannerforge.engine.edits.edited_scene import Overlap
 from plannerforge.engine.edits.simulation import plans_giving_way
 from plannerforge.engine.scene.scene import Scene
-from plannerforge.engine.vehicles.motion import Motion
 
 EAST = driving(31, (-50, 0), 10.0, 101)
 """Reaches the middle of the crossing at step 50."""
@@ -40,16 +39,12 @@ def told(folder: Path, first: Vehicle, second: Vehicle, causes: tuple[Cause, Cau
         for key, cause in zip((31, 32), causes, strict=True)
     }
     tracks = {key: as_driven(track) for key, track in scene.tracks.items()}
-    bodies = {key: Body.of_track(track) for key, track in scene.tracks.items()}
-    return plans_giving_way(plans, tracks, bodies, [Overlap(31, 32, hit)])
+    return plans_giving_way(plans, tracks, scene.tracks, [Overlap(31, 32, hit)])
 
 
 def as_driven(track: Track) -> TakenOverTrack:
     """A motion like the recording."""
-    motion = Motion(track.positions, track.headings_rad, track.speeds_mps, track.speeds_mps * 0.0)
-    return TakenOverTrack(
-        track.obstacle_id, track.first_step, motion, track.length_m, track.width_m, 2.6, leaves=False, lanes=()
-    )
+    return TakenOverTrack(**vars(track), accelerations_mps2=track.speeds_mps * 0.0, leaves=False, lanes=())
 
 
 def test_a_handed_over_vehicle_waits_for_an_edited_one_until_the_way_is_free(tmp_path: Path) -> None:

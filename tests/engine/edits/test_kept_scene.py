@@ -7,7 +7,7 @@ from support.builders import driving, town_road
 from support.edits import apply_to
 
 from plannerforge.engine.commonroad.reader import RecordedScenario
-from plannerforge.engine.cosimulation.session import SimulationSetup
+from plannerforge.engine.cosimulation.replay import SimulationSetup
 from plannerforge.engine.edits.ego_risk import EgoDrive, base_drive
 from plannerforge.engine.edits.scene_cache import scene_of
 from plannerforge.engine.execution.executor import silent

@@ -3,7 +3,7 @@
 from lxml import etree
 from support.edits import Apply
 
-from plannerforge.engine.cosimulation.session import ROUTES_FILE, TYPES_FILE
+from plannerforge.engine.cosimulation.replay import ROUTES_FILE, TYPES_FILE
 
 AGGRESSIVE = {"op": "set_behaviour", "vehicles": ["31"], "preset": "aggressive"}
 

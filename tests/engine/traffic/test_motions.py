@@ -4,7 +4,7 @@ import numpy as np
 
 from plannerforge.engine.geometry.polyline import project, segment_lengths
 from plannerforge.engine.traffic.motions import GeneratedVehicle, drop_infeasible, generated_vehicles
-from plannerforge.engine.traffic.simulation import RawTrack, SimulatedTraffic
+from plannerforge.engine.traffic.simulation import RawTrack
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
 
@@ -46,7 +46,7 @@ def test_the_centre_of_a_long_vehicle_keeps_to_the_lane_in_a_bend() -> None:
     line = np.concatenate([before, bend, after])
     along = np.concatenate([[0.0], segment_lengths(line)])
     track = RawTrack("long", CLASSES["trailer"], line, along, np.zeros(len(line)), 0.0, 20)
-    (made,) = generated_vehicles(SimulatedTraffic((track,), 0.1, 20.0))
+    (made,) = generated_vehicles((track,), 0.1)
     aside = [abs(project(line, position)[1]) for position in made.motion.positions]
     assert made.feasible
     assert max(aside) < 0.8
@@ -57,8 +57,6 @@ def test_a_vehicle_that_missed_several_lane_changes_counts_as_not_drivable() -> 
     along = np.concatenate([np.full(100, 0.5), np.zeros(100)])
     aside = np.concatenate([np.zeros(110), np.full(60, 0.107), np.zeros(30)])
     track = np.stack([np.cumsum(along), np.cumsum(aside)], axis=1)
-    (made,) = generated_vehicles(
-        SimulatedTraffic((RawTrack("a", CLASSES["car"], track, along, aside, 0.0, 50),), 0.1, 20.0)
-    )
+    (made,) = generated_vehicles((RawTrack("a", CLASSES["car"], track, along, aside, 0.0, 50),), 0.1)
     assert not made.feasible
     assert np.abs(made.motion.headings_rad).max() < math.radians(5)

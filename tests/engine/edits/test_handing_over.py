@@ -5,7 +5,8 @@ import pytest
 from support.builders import Lane, Problem, ScenarioBuilder, driving, line, town_road
 from support.edits import Apply
 
-from plannerforge.engine.edits.edited_scene import Body, Overlap, new_overlaps
+from plannerforge.engine.commonroad.tracks import Track
+from plannerforge.engine.edits.edited_scene import Overlap, new_overlaps
 from plannerforge.schemas.errors import NotPossible
 
 BRAKES = {"op": "set_behaviour", "vehicles": ["31"], "params": ["speedFactor=0.2"]}
@@ -44,8 +45,9 @@ def test_overlaps_of_the_recording_are_blamed_on_no_edit(apply: Apply) -> None:
 
 
 def test_two_that_overlap_once_in_the_recording_can_collide_later() -> None:
-    def moving(key: int, places_m: list[float]) -> Body:
-        return Body(key, 0, np.array([[x, 0.0] for x in places_m]), np.zeros(len(places_m)), (4.0, 2.0))
+    def moving(key: int, places_m: list[float]) -> Track:
+        still = np.zeros(len(places_m))
+        return Track(key, "car", 4.0, 2.0, 0, np.array([[x, 0.0] for x in places_m]), still, still)
 
     one, apart = moving(1, [0.0] * 60), [50.0] * 5
     recorded = {1: one, 2: moving(2, apart + [3.0] * 5 + [50.0] * 50)}

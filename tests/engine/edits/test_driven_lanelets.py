@@ -13,7 +13,6 @@ from plannerforge.engine.edits.changes import Changes, EditStep
 from plannerforge.engine.edits.edited_scene import EditedScene, SimulationResult
 from plannerforge.engine.edits.explanations import DrivenVehicle, vehicle_route
 from plannerforge.engine.scene.scene import Scene
-from plannerforge.engine.vehicles.motion import Motion
 from plannerforge.schemas.modification import VehicleRoute
 
 STEPS, LINE_STEP = 101, 60
@@ -30,7 +29,7 @@ def halting(front_m: float, lanes: tuple[str, ...] = OVER_THE_LINE) -> TakenOver
     x_m = np.minimum(-50.0 + np.arange(STEPS), front_m - 4.5 / 2)
     positions = np.stack([x_m, np.zeros(STEPS)], axis=1)
     speeds = np.gradient(x_m, 0.1)
-    return TakenOverTrack(31, 0, Motion(positions, np.zeros(STEPS), speeds, speeds * 0), 4.5, 1.8, 2.6, False, lanes)
+    return TakenOverTrack(31, "car", 4.5, 1.8, 0, positions, speeds * 0, speeds, speeds * 0, leaves=False, lanes=lanes)
 
 
 def route_of(scene: Scene, step: EditStep, track: TakenOverTrack) -> VehicleRoute:

@@ -1,0 +1,303 @@
+"""Edit T, a new route: to lanelets or along a turn, as far as a vehicle can still brake, steer over and change lanes.
+
+Limits refuse a route before it is simulated: curves that the vehicle comes to too fast, lane changes before a road ends
+and inside a junction. Distances are in m, speeds in m/s.
+"""
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.modification import Edit
+from ..cosimulation import LANE_CHANGE_S, PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, first_curve_too_tight
+from ..geometry import point_at, project, wrap_angle
+from ..scene import Scene
+from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
+from .changes import Changes, EditStep, named_vehicles, plan_of
+from .references import drive_to, nearest_driven, select, target_lanelets
+
+_USUAL_S = 3.0
+"""A driver in no hurry takes this long for a change of lane (chosen)."""
+_USUAL_STEEPNESS, _STEEPEST = 0.3, 1.0
+"""Metres aside for a metre along the lane, at most: 17° in no hurry, 45° of the front bumper where room is short.
+
+The motion is smoothed, and the body follows its front: it turns by less than 25°.
+"""
+_TO_SPARE_M = 0.5
+"""A vehicle is across by one step and this before the lanelets part (chosen)."""
+_TURN_RAD, _STRAIGHT_RAD = math.radians(50.0), math.radians(20.0)
+"""A branch turns beyond the first, and goes straight below the second (chosen); in between it does neither."""
+_BRANCH_M = 60.0
+"""A branch is looked at no farther than this, so that a later curve of the road is no turn."""
+
+
+def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
+    """Send the selected vehicles to any of the target lanelets, or along a turn at their next fork.
+
+    Raises:
+        InvalidRequest: neither or both of ``to`` and ``turn``.
+        NotPossible: a vehicle cannot get there, comes to a curve or the last place of a lane change too fast, or cannot
+            be driven.
+    """
+    if bool(edit.to or edit.via) == bool(edit.turn):
+        raise InvalidRequest(
+            "reroute takes either 'to' or 'turn', and 'via' with 'to'",
+            valid=["to=[lanelet]", "via=[lanelet] to=[lanelet]", "turn=left|right|straight"],
+            next_step="give one of these",
+        )
+    vehicles = select(edit.vehicles, scene, changes)
+    for vehicle_id in vehicles:
+        plan = plan_of(scene, changes, vehicle_id)
+        changes = changes.with_plan(_rerouted(edit, scene, changes, plan))
+    where = f"turn {edit.turn} at the next fork" if edit.turn else f"to {' or '.join(edit.to or edit.via[-1:])}"
+    through = f" through {', then '.join(edit.via)}" if edit.via and edit.to else ""
+    legs = tuple(target_lanelets([text], scene, changes) for text in edit.via)
+    aims = {key: (*legs, changes.driven[key].targets) for key in vehicles}
+    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} rerouted {where}{through}", aims=aims)
+
+
+def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
+    """The plan from the lanelet that the vehicle is matched to, or from another under it where that leads nowhere."""
+    try:
+        return _rerouted_from(plan.lanelets[0], edit, scene, changes, plan)
+    except NotPossible:
+        for start in _other_starts(scene, plan):
+            with suppress(NotPossible):
+                return _rerouted_from(start, edit, scene, changes, plan)
+        raise
+
+
+def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
+    """Lanelets on which a recorded vehicle stands just as well: at a fork its match is the branch that it drove."""
+    if plan.cause == "added":
+        return ()
+    track, index = plan.start, plan.from_step - plan.start.first_step
+    pose = track.positions[index], float(track.headings_rad[index]), float(track.speeds_mps[index])
+    return scene.matcher.near_as_well(*pose, plan.lanelets[0])
+
+
+def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
+    who = f"vehicle {plan.start.obstacle_id}"
+    if edit.turn:
+        branch = _branch_for(scene, start, edit.turn, who).lanelets
+        targets = frozenset(branch)
+        route = drive_to(scene, start, frozenset(branch[-1:]), who, is_there=True)
+    else:
+        targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
+        route = _route_via(scene, start, edit.via, targets, changes, who)
+    _check_curves(scene, plan, route, who)
+    _check_lane_changes(scene, plan, route, who)
+    through = {key for text in edit.via for key in target_lanelets([text], scene, changes)}
+    over = _junction_lane_change(scene, plan, route, who)
+    return replace(
+        drive_along(scene, plan, route, targets), through=frozenset(through & set(route)), junction_lane_change=over
+    )
+
+
+def drive_along(scene: Scene, plan: DrivePlan, route: tuple[int, ...], targets: frozenset[int]) -> DrivePlan:
+    """The plan with another route, led on straight ahead after its end.
+
+    Raises:
+        NotPossible: SUMO's edges do not connect along the route.
+    """
+    edges = scene.edge_graph.route(route)
+    if edges is None:
+        raise NotPossible(
+            f"vehicle {plan.start.obstacle_id} cannot drive from lanelet {route[0]} to {route[-1]}: lanes do not "
+            "connect",
+            valid=nearest_driven(scene, route[0], route[-1:]),
+            next_step="choose another lanelet",
+        )
+    return replace(
+        plan,
+        through=frozenset(),
+        junction_lane_change=None,
+        lanelets=route,
+        targets=targets,
+        edges=scene.edge_graph.extended(edges, route[-1]),
+    )
+
+
+def _route_via(
+    scene: Scene, start: int, via: Sequence[str], targets: frozenset[int], changes: Changes, who: str
+) -> tuple[int, ...]:
+    """Lanelets from a start to the nearest target, through the given lanelets or edges in their order.
+
+    Raises:
+        UnknownName: a lanelet or edge that does not exist.
+        NotPossible: one of the legs cannot be driven.
+    """
+    route: tuple[int, ...] = (start,)
+    for wanted in (*(target_lanelets([text], scene, changes) for text in via), targets):
+        route += drive_to(scene, route[-1], wanted, who, is_there=route == (start,))[1:]
+    return route
+
+
+@dataclass(frozen=True)
+class _Branch:
+    """One branch of a fork: its lanelets up to the next fork, and its change of heading in rad (left positive)."""
+
+    lanelets: tuple[int, ...]
+    turn_rad: float
+
+    @property
+    def turn(self) -> str:
+        """``left``, ``right``, ``straight``, or "" for a curve in between."""
+        if abs(self.turn_rad) < _STRAIGHT_RAD:
+            return "straight"
+        if abs(self.turn_rad) > _TURN_RAD:
+            return "left" if self.turn_rad > 0 else "right"
+        return ""
+
+    def __str__(self) -> str:
+        """What the branch is, for an error that lists it."""
+        side = "left" if self.turn_rad > 0 else "right"
+        how = self.turn or f"slightly {side}"
+        return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}° {side}) on lanelet {self.lanelets[0]}"
+
+
+def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
+    """The branches of the first fork of a lanelet's own lane; none where the lane ends without one."""
+    successors = scene.layout.table.successors
+    current, seen = start, {start}
+    while len(successors[current]) == 1 and successors[current][0] not in seen:
+        current = successors[current][0]
+        seen.add(current)
+    if len(successors[current]) < 2:
+        return ()
+    arriving = _end_heading(scene, current)
+    return tuple(_branch(scene, first, arriving) for first in successors[current])
+
+
+def _branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
+    """The branch that turns left or right or goes straight at the next fork.
+
+    Raises:
+        NotPossible: no fork ahead, or none of its branches goes in that direction; all are listed.
+    """
+    branches = _branches_at_next_fork(scene, start)
+    if not branches:
+        raise NotPossible(f"{who} has no fork ahead in its lane", next_step="name a lanelet with 'to'")
+    fitting = [branch for branch in branches if branch.turn == turn]
+    if not fitting:
+        raise NotPossible(f"{who} cannot go {turn} at the next fork", valid=branches, next_step="choose one of these")
+    sign = {"left": -1.0, "right": 1.0}.get(turn)
+    rank = (lambda branch: abs(branch.turn_rad)) if sign is None else (lambda branch: sign * branch.turn_rad)
+    return min(fitting, key=rank)
+
+
+def _branch(scene: Scene, first: int, arriving_rad: float) -> _Branch:
+    successors, lanes = scene.layout.table.successors, scene.layout.table.lanes
+    chain, length = [first], lanes[first].length_m
+    while len(successors[chain[-1]]) == 1 and successors[chain[-1]][0] not in chain and length < _BRANCH_M:
+        chain.append(successors[chain[-1]][0])
+        length += lanes[chain[-1]].length_m
+    return _Branch(tuple(chain), wrap_angle(_end_heading(scene, first) - arriving_rad))
+
+
+def _end_heading(scene: Scene, key: int) -> float:
+    lane = scene.layout.table.lanes[key]
+    return point_at(lane.center, lane.length_m)[1]
+
+
+def _check_curves(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> None:
+    """Refuse a route with a curve that the vehicle comes to too fast, even if it brakes as hard as it can.
+
+    Lanelets of the recorded route are left out: the vehicle was recorded in their curves.
+
+    Raises:
+        NotPossible: naming the lanelet, the speed there at best and the highest that its curve takes.
+    """
+    index = plan.from_step - plan.start.first_step
+    recorded = scene.matches.get(plan.start.obstacle_id)
+    known = set(recorded.sequence) if recorded is not None and plan.cause != "added" else set()
+    why = first_curve_too_tight(scene, route, plan.start.positions[index], float(plan.start.speeds_mps[index]), known)
+    if why is not None:
+        raise NotPossible(
+            f"{who} {why}",
+            next_step="choose a target straight ahead, or remove the vehicle and add one that starts slower",
+        )
+
+
+def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> None:
+    """Refuse a route with a change of lane whose last place the vehicle passes, even if it brakes as hard as it can.
+
+    One that can stop and wait for a gap is sent there, even if it does not get there in time.
+
+    Raises:
+        NotPossible: naming the lanelet whose end is too near.
+    """
+    lanes = scene.layout.table.lanes
+    index = plan.from_step - plan.start.first_step
+    speed_mps = max(float(plan.start.speeds_mps[index]), 0.0)
+    left_m = -project(lanes[route[0]].center, plan.start.front_at(index))[0]
+    place = 0
+    while place < len(route):
+        end = _last_beside(scene, route, place)
+        left_m += lanes[route[place]].length_m
+        needed_m = min(speed_mps**2 / (2 * HARDEST_BRAKING_MPS2), speed_mps * LANE_CHANGE_S * (end - place))
+        room_m, wrong, right = _last_place(scene, route, place, end)
+        if end > place and left_m + room_m < needed_m:
+            raise NotPossible(
+                f"{who} drives {speed_mps:.1f} m/s and lanelet {wrong}, which it has to leave for {right}, "
+                f"ends {max(left_m + room_m, 0.0):.0f} m ahead of its front: it can neither change lanes nor stop "
+                "before",
+                next_step="choose a target farther on or straight ahead",
+            )
+        place = end + 1
+
+
+def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
+    """The index of the last lanelet of a row of lane changes that begins at an index (the same without any)."""
+    neighbours = scene.lanelet_graph.neighbours
+    while place + 1 < len(route) and route[place + 1] in neighbours.get(route[place], ()):
+        place += 1
+    return place
+
+
+def _last_place(scene: Scene, route: tuple[int, ...], place: int, end: int) -> tuple[float, int, int]:
+    """How much farther on in m the change can still be made, and its last place: the wrong lane, and that of the route.
+
+    The lanes may go on side by side after their end.
+    """
+    more_m, wrong, right = 0.0, route[place], route[end]
+    for onward in route[end + 1 :]:
+        straight = scene.lanelet_graph.beside([onward]).intersection(scene.layout.table.successors[wrong]) - {onward}
+        if not straight:
+            break
+        wrong, right = min(straight), onward
+        more_m += scene.layout.table.lanes[wrong].length_m
+    return more_m, wrong, right
+
+
+def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> JunctionLaneChange | None:
+    """How a vehicle changes lanes inside a junction where its route begins with that; None where it does not.
+
+    It moves aside by a smooth step, 3p² - 2p³ after the share p of the length: at most 1.5 times as steep as on
+    average, and with a lateral acceleration of at most 6 v² · aside / length².
+
+    Raises:
+        NotPossible: it is too near the end of its lanelet for that, or too fast.
+    """
+    end = _last_beside(scene, route, 0)
+    if end == 0 or route[0] in scene.layout.lane_of:
+        return None
+    index, lanes = plan.from_step - plan.start.first_step, scene.layout.table.lanes
+    front, speed_mps = plan.start.front_at(index), max(float(plan.start.speeds_mps[index]), 0.0)
+    room_m = lanes[route[0]].length_m - project(lanes[route[0]].center, front)[0] + _last_place(scene, route, 0, end)[0]
+    aside_m = abs(project(lanes[route[end]].center, front)[1])
+    to_spare_m = _TO_SPARE_M + speed_mps * scene.step_s
+    within_m = (room_m - to_spare_m) / PROGRESS_ACROSS
+    shortest_m = max(1.5 * aside_m / _STEEPEST, speed_mps * math.sqrt(6.0 * aside_m / HARDEST_LATERAL_MPS2))
+    if within_m < shortest_m:
+        raise NotPossible(
+            f"{who} would have to steer over from lanelet {route[0]} to {route[end]} inside a junction: at "
+            f"{speed_mps:.1f} m/s that takes {shortest_m * PROGRESS_ACROSS + to_spare_m:.0f} m, and "
+            f"{max(room_m, 0.0):.0f} m are left ahead of its front",
+            valid=nearest_driven(scene, route[0], [route[-1]]),
+            next_step="choose a target farther on or straight ahead",
+        )
+    usual_m = max(speed_mps * _USUAL_S, 1.5 * aside_m / _USUAL_STEEPNESS)
+    return JunctionLaneChange(route[end], min(usual_m, within_m))
