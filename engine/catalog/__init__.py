@@ -16,12 +16,10 @@
 ``open_catalogue``: Make the catalogue of a workspace ready, starter scenarios included.
 ``MOST_ENTRIES``: Planning problems of one file that are entered, and the step of the numbers between two artifacts.
 ``add_facts``: Enter one entry in the tables.
-``description_of``: A scenario in a few plain sentences, from its facts.
 ``descriptions``: The description of every scenario by id.
 ``facts_of``: The facts of scenarios by id.
 ``is_ready``: Whether the tables exist in this version.
 ``prepare``: Make the tables, empty.
-``summary``: A scenario in one line.
 ``listed_version``: The version of a scenario that the catalogue lists.
 ``refresh``: Enter the scenarios that are stored but not yet in the tables; returns their number.
 ``COMPLETE``: The name of the file that marks a generation of the text index as complete.
@@ -29,6 +27,7 @@
 ``Vectors``: The type of vectors: an array of 32-bit floats.
 ``ensure_generation``: The folder of the text index for these texts, and whether it was built now.
 ``query``: The scenarios nearest to a vector, with cosine likeness in [−1, 1].
+``description_of``: A scenario in a few plain sentences, from its facts.
 """
 
 from typing import TYPE_CHECKING
@@ -42,8 +41,8 @@ if TYPE_CHECKING:
     from .ranking import build_index, rank
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue
-    from .tables import MOST_ENTRIES, add_facts, description_of, descriptions, facts_of, is_ready, prepare, summary
-    from .updates import listed_version, refresh
+    from .tables import MOST_ENTRIES, add_facts, descriptions, facts_of, is_ready, listed_version, prepare, refresh
     from .vector_index import COMPLETE, EmbeddingModel, Vectors, ensure_generation, query
+    from .words import description_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -6,7 +6,7 @@ from itertools import islice
 
 from ...schemas.errors import closest
 from ...schemas.vocabulary import FEATURES, ROAD_NET_KEYS, TAGS
-from .constraints import MEASURE_COLUMNS, Constraint, known_places, measure_name
+from .constraints import MEASURE_COLUMNS, Constraint, known_places
 from .funnel import EmptiedBy, Funnel
 from .tables import NEVER_S
 
@@ -73,20 +73,19 @@ def _column(constraint: Constraint) -> tuple[str, str]:
         return "initial speeds in m/s", "speed_mps"
     if constraint.stage == "road_net":
         return "lanes", "lanes"
-    name = measure_name(constraint.subject) or ""
-    return name, MEASURE_COLUMNS[name]
+    return constraint.subject, MEASURE_COLUMNS[constraint.subject]
 
 
 def _places(connection: sqlite3.Connection, constraint: Constraint, within: frozenset[int] | None) -> str:
     known, wanted = known_places(connection, within), constraint.label.partition(" ")[2]
-    if constraint.label.startswith("country "):
+    if constraint.subject == "country":
         return _listed("countries", closest(wanted, known.countries, SHOWN), len(known.countries))
     places = [place for place, _ in known.places]
     return _listed("places", closest(wanted, places, SHOWN), len(places))
 
 
 def _limits(connection: sqlite3.Connection, constraint: Constraint, entering: frozenset[int]) -> str:
-    scope = "map" if "@map" in constraint.label else "ego"
+    scope = "map" if constraint.everywhere else "ego"
     rows = connection.execute("SELECT number, kmh FROM catalog_limits WHERE scope = ?", (scope,))
     return _nearest("limits in km/h", constraint, {row[1] for row in rows if row[0] in entering})
 

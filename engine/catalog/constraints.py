@@ -5,9 +5,11 @@ a posted limit matches within 0.5 km/h. Features computed from the geometry belo
 the vocabulary are understood in any case, in the plural and by everyday names; others are refused with the nearest.
 """
 
+import re
 import sqlite3
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 
 from ...schemas.catalog import FindScenariosArguments, Stage
@@ -15,6 +17,7 @@ from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval
 from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
 from ..maps import country_code, place_keys
+from .ranking import words_of
 
 NameOf = Callable[[str], str]
 _OBSTACLE_WORDS = {
@@ -38,6 +41,8 @@ MEASURE_COLUMNS = {"ttc": "ttc_s", "horizon": "horizon_s", "density": "density_p
 """The column of ``catalog_scenarios`` that holds a measure; ``ttc_s`` is the time to conflict."""
 _ROUNDING = 1e-6
 """Added to either side of an interval, so that converted units do not lose its ends."""
+_STEM_LETTERS = 5
+"""Words that begin alike count as one."""
 _FAR = 1e12
 """Stands for an open end of an interval."""
 
@@ -46,21 +51,28 @@ _FAR = 1e12
 class Constraint:
     """One condition of a search.
 
+    ``subject``: the name of the vocabulary that it is about, ``country`` or ``city``; ``everywhere``: on the whole map.
     ``query`` selects the numbers of the scenarios that hold it (of those that do not, where ``negated``).
     ``words``: names that no scenario at all may carry, as ``(kind, word)``, to say so.
     """
 
     stage: Stage
+    subject: str
     label: str
     query: str
     values: tuple[str | float, ...]
     negated: bool = False
     words: tuple[tuple[str, str], ...] = ()
+    everywhere: bool = False
 
-    @property
-    def subject(self) -> str:
-        """The name that the condition is about, without operator, scope and negation."""
-        return _parse_name(self.label)
+    def is_mentioned(self, text: str) -> bool:
+        """Whether all words of a name that it is about, or all numbers of a speed, stand in the text."""
+        if self.stage == "velocity":
+            numbers = re.findall(r"\d+", self.label)
+            return bool(numbers) and set(numbers) <= set(re.findall(r"\d+", text))
+        asked = _stems(text)
+        names = [word for _, word in self.words] or [_parse_name(self.label)]
+        return any(_stems(name) <= asked for name in names)
 
     def found(self, connection: sqlite3.Connection, among: Sequence[int] | None = None) -> frozenset[int]:
         """Numbers that the query selects, all or only among these (a few thousand at most)."""
@@ -80,7 +92,7 @@ def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constra
         InvalidRequest: a malformed condition, or a speed without a unit.
     """
     makers: list[tuple[Callable[[str], Constraint], str]] = [
-        *((_tag, text) for text in arguments.tags),
+        *((partial(_word_constraint, "tag", known=_tag_name), text) for text in arguments.tags),
         *((_feature, text) for text in arguments.features),
         *((_road_net, text) for text in arguments.road_net),
         *((_obstacles, text) for text in arguments.obstacles),
@@ -106,10 +118,6 @@ def _together(errors: list[UnknownName]) -> UnknownName:
     return UnknownName("; ".join(named), valid=errors[0].valid, next_step=errors[0].next_step)
 
 
-def _tag(text: str) -> Constraint:
-    return _word_constraint("tag", text, _tag_name)
-
-
 def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
     body = text.strip()
     negated = body.startswith("!")
@@ -118,6 +126,7 @@ def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
     holes = ", ".join("?" * len(names))
     return Constraint(
         "tags",
+        kind,
         f"{kind} {label}" if kind == "feature" else label,
         f"SELECT DISTINCT number FROM catalog_words WHERE kind = ? AND word IN ({holes})",  # noqa: S608 - only ? marks
         (kind, *names),
@@ -128,8 +137,9 @@ def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
 
 def _feature(text: str) -> Constraint:
     """A feature that holds or not, or a measure that is compared with a number."""
-    measure = measure_name(_parse_name(text))
-    if measure is None:
+    key = _key(_parse_name(text))
+    measure = _MEASURE_WORDS.get(key, key)
+    if measure not in MEASURES:
         return _word_constraint("feature", text, _feature_name)
     condition = parse_condition(text, "" if measure == "density" else "s")
     _scope(condition, ("ego",))
@@ -139,11 +149,13 @@ def _feature(text: str) -> Constraint:
         )
     low, high = _bounds(condition.interval, 0.0)
     query = f"SELECT number FROM catalog_scenarios WHERE {MEASURE_COLUMNS[measure]} BETWEEN ? AND ?"  # noqa: S608 - fixed names
-    return Constraint("tags", text.strip(), query, (low, high), condition.negated)
+    return Constraint("tags", measure, text.strip(), query, (low, high), condition.negated)
 
 
 def _road_net(text: str) -> Constraint:
-    name = road_net_name(_parse_name(text))
+    name = _name(
+        _parse_name(text), ROAD_NET_KEYS, _ROAD_NET_WORDS, "road_net key", "describe_catalog lists the road_net keys"
+    )
     if name == "lanes":
         return _lanes(text)
     if name == "speed_limit" and any(mark in text for mark in "<>="):
@@ -157,11 +169,13 @@ def _road_net(text: str) -> Constraint:
         )
     return Constraint(
         "road_net",
-        _label(condition, name, scope),
+        name,
+        f"{'!' if condition.negated else ''}{name}{'@map' if scope == 'map' else ''}",
         "SELECT number FROM catalog_words WHERE kind = ? AND word = ?",
         (f"sign@{scope}", name),
         condition.negated,
         ((f"sign@{scope}", name),),
+        scope == "map",
     )
 
 
@@ -169,21 +183,24 @@ def _lanes(text: str) -> Constraint:
     condition = parse_condition(text, whole=True)
     _scope(condition, ("ego",))
     query = "SELECT number FROM catalog_scenarios WHERE lanes BETWEEN ? AND ?"
-    return Constraint("road_net", text.strip(), query, _bounds(condition.interval, 0.0), condition.negated)
+    return Constraint("road_net", "lanes", text.strip(), query, _bounds(condition.interval, 0.0), condition.negated)
 
 
 def _limit(text: str) -> Constraint:
     _refuse_without_unit(text, text.lstrip("!").partition("@")[0], ["speed_limit=50km/h", "speed_limit<=30mph"])
     condition = parse_condition(text, "m/s")
     scope = _scope(condition, ("ego", "map"))
-    low, high = _bounds(_scaled(condition.interval, 3.6), LIMIT_TOLERANCE_KMH)
+    low, high = _bounds(condition.interval, LIMIT_TOLERANCE_KMH, 3.6)
     query = "SELECT DISTINCT number FROM catalog_limits WHERE scope = ? AND kmh BETWEEN ? AND ?"
-    return Constraint("road_net", text.strip(), query, (scope, low, high), condition.negated)
+    values, everywhere = (scope, low, high), scope == "map"
+    negated = condition.negated
+    return Constraint("road_net", "speed_limit", text.strip(), query, values, negated, everywhere=everywhere)
 
 
 def _obstacles(text: str) -> Constraint:
     condition = parse_condition(text, whole=True)
-    name = obstacle_name(condition.name)
+    next_step = "describe_catalog lists the obstacle types"
+    name = _name(condition.name, OBSTACLE_TYPES, _OBSTACLE_WORDS, "obstacle type", next_step)
     _scope(condition, ("map",))
     low, high = _bounds(condition.interval, 0.0)
     label = text.strip().replace(condition.name, name, 1)
@@ -191,9 +208,8 @@ def _obstacles(text: str) -> Constraint:
     outside = "SELECT number FROM catalog_counts WHERE obstacle = ? AND count NOT BETWEEN ? AND ?"
     holds_for_none = low <= 0 <= high
     query = outside if holds_for_none else within
-    return Constraint(
-        "obstacles", label, query, (name, low, high), condition.negated != holds_for_none, (("obstacle", name),)
-    )
+    negated = condition.negated != holds_for_none
+    return Constraint("obstacles", name, label, query, (name, low, high), negated, (("obstacle", name),))
 
 
 def _ego_speed(text: str) -> Constraint:
@@ -201,7 +217,7 @@ def _ego_speed(text: str) -> Constraint:
     interval = parse_interval(_operators(text), "m/s")
     tolerance = SPEED_TOLERANCE_MPS if interval.exact else 0.0
     query = "SELECT number FROM catalog_scenarios WHERE speed_mps BETWEEN ? AND ?"
-    return Constraint("velocity", f"ego_speed {text.strip()}", query, _bounds(interval, tolerance))
+    return Constraint("velocity", "ego_speed", f"ego_speed {text.strip()}", query, _bounds(interval, tolerance))
 
 
 def _parse_name(text: str) -> str:
@@ -230,19 +246,11 @@ def _scope(condition: Condition, allowed: tuple[str, ...]) -> str:
     return scope
 
 
-def _label(condition: Condition, name: str, scope: str) -> str:
-    return f"{'!' if condition.negated else ''}{name}{'@map' if scope == 'map' else ''}"
-
-
-def _scaled(interval: Interval, factor: float) -> Interval:
-    low, high = interval.low, interval.high
-    return Interval(None if low is None else low * factor, None if high is None else high * factor, interval.exact)
-
-
-def _bounds(interval: Interval, tolerance: float) -> tuple[float, float]:
+def _bounds(interval: Interval, tolerance: float, factor: float = 1.0) -> tuple[float, float]:
+    """The ends of an interval in the column's unit (``factor`` of the interval's), widened to either side."""
     slack = tolerance + _ROUNDING
-    low = -_FAR if interval.low is None else interval.low - slack
-    return low, _FAR if interval.high is None else interval.high + slack
+    low = -_FAR if interval.low is None else interval.low * factor - slack
+    return low, _FAR if interval.high is None else interval.high * factor + slack
 
 
 @dataclass(frozen=True)
@@ -280,12 +288,12 @@ def location_constraints(connection: sqlite3.Connection, country: str | None, ci
                 next_step="give the ISO 3166-1 alpha-3 code, ZAM for artificial networks",
             )
         query = "SELECT number FROM catalog_scenarios WHERE country = ?"
-        constraints.append(Constraint("location", f"country {code}", query, (code,)))
+        constraints.append(Constraint("location", "country", f"country {code}", query, (code,)))
     if city is not None:
         keys = tuple(sorted(place_keys(city)))
         holes = ", ".join("?" * len(keys))
         query = f"SELECT DISTINCT number FROM catalog_words WHERE kind = 'place' AND word IN ({holes})"  # noqa: S608 - only ? marks
-        constraints.append(Constraint("location", f"city {city.strip()}", query, keys))
+        constraints.append(Constraint("location", "city", f"city {city.strip()}", query, keys))
     return constraints
 
 
@@ -297,30 +305,6 @@ def _feature_name(word: str) -> str:
     return _name(word, [*FEATURES, *MEASURES], {}, "feature", "describe_catalog lists the features")
 
 
-def measure_name(word: str) -> str | None:
-    """A measure that features are compared by; None for any other word."""
-    key = _key(word)
-    return _MEASURE_WORDS.get(key, key if key in MEASURES else None)
-
-
-def road_net_name(word: str) -> str:
-    """A sign, ``traffic_light`` or ``lanes``.
-
-    Raises:
-        UnknownName: with the nearest keys.
-    """
-    return _name(word, ROAD_NET_KEYS, _ROAD_NET_WORDS, "road_net key", "describe_catalog lists the road_net keys")
-
-
-def obstacle_name(word: str) -> str:
-    """A CommonRoad obstacle type.
-
-    Raises:
-        UnknownName: with the nearest types.
-    """
-    return _name(word, OBSTACLE_TYPES, _OBSTACLE_WORDS, "obstacle type", "describe_catalog lists the obstacle types")
-
-
 def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, next_step: str) -> str:
     """The name of the vocabulary that a word means, or an UnknownName with the nearest names."""
     names = list(known)
@@ -330,6 +314,11 @@ def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, 
         if spelling in by_key:
             return by_key[spelling]
     raise UnknownName(f"'{word.strip()}' is no {what}", valid=closest(word, names), next_step=next_step)
+
+
+def _stems(text: str) -> set[str]:
+    """The beginnings of all words: trucks and truck, intersections and intersection begin alike."""
+    return {word[:_STEM_LETTERS] for word in words_of(text)}
 
 
 def _key(word: str) -> str:

@@ -3,6 +3,7 @@
 import sqlite3
 from collections import Counter
 from collections.abc import Callable
+from itertools import islice
 
 from ...schemas.catalog import FacetCounts
 from ...schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAGS
@@ -40,11 +41,11 @@ def scenario_facets(
 def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     countries = _counted([country for country, _ in pairs])
     places = _counted([f"{country} {place}" if whole else place for country, place in pairs])
-    shown = places if whole else dict(list(places.items())[:PLACES_SHOWN])
+    shown = places if whole else _first(places, PLACES_SHOWN)
     hidden = len(places) - len(shown)
     note = f"{hidden} more with facet places" if hidden else ""
     return [
-        FacetCounts(facet="countries", counts=countries if whole else dict(list(countries.items())[:COUNTRIES_SHOWN])),
+        FacetCounts(facet="countries", counts=countries if whole else _first(countries, COUNTRIES_SHOWN)),
         FacetCounts(facet="places", counts=shown, note=note),
     ]
 
@@ -75,21 +76,17 @@ def _road_net(
     limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'")
     posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
     note = "ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys in none")
-    shown = {**on_ego, **on_map, **extra} if whole else dict(_most(on_ego) + _most(on_map))
-    facets = [FacetCounts(facet="road_net", counts=shown, note=note)]
-    facets.append(FacetCounts(facet="lanes", counts=dict(sorted(count.items(), key=lambda item: int(item[0])))))
+    shown = {**on_ego, **on_map, **extra} if whole else _first(on_ego, KEYS_SHOWN) | _first(on_map, KEYS_SHOWN)
+    posted = posted if whole else _first(posted, LIMITS_SHOWN)
     return [
-        *facets,
-        FacetCounts(
-            facet="speed_limit",
-            counts=posted if whole else dict(list(posted.items())[:LIMITS_SHOWN]),
-            note="km/h, on the ego's lane",
-        ),
+        FacetCounts(facet="road_net", counts=shown, note=note),
+        FacetCounts(facet="lanes", counts=dict(sorted(count.items(), key=lambda item: int(item[0])))),
+        FacetCounts(facet="speed_limit", counts=posted, note="km/h, on the ego's lane"),
     ]
 
 
-def _most(counts: dict[str, int]) -> list[tuple[str, int]]:
-    return list(counts.items())[:KEYS_SHOWN]
+def _first(counts: dict[str, int], shown: int) -> dict[str, int]:
+    return dict(islice(counts.items(), shown))
 
 
 def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: bool) -> list[FacetCounts]:

@@ -6,7 +6,6 @@ were not (Results, Slot-level extraction).
 """
 
 import math
-import re
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,11 +14,8 @@ from heapq import nsmallest
 from itertools import chain
 
 from ...schemas.catalog import STAGES, Stage
-from .bm25 import words_of
 from .constraints import Constraint
 
-_STEM_LETTERS = 5
-"""Words that begin alike count as one: trucks and truck, intersections and intersection."""
 FEW = 5000
 """Up to this number of entries, a condition is looked up for each of them (chosen)."""
 WEIGHTS: dict[Stage, float] = {"location": 8.0, "obstacles": 4.0, "road_net": 3.0, "velocity": 1.5, "tags": 1.0}
@@ -132,7 +128,7 @@ class Funnel:
             return None
         entering, last = self.entering(), self.stages[-1]
         alone = tuple(constraint for constraint in last.constraints if not self.holds(constraint) & entering)
-        countries = tuple(constraint for constraint in alone if constraint.label.startswith("country "))
+        countries = tuple(constraint for constraint in alone if constraint.subject == "country")
         return EmptiedBy(last.stage, countries or alone or last.constraints, together=not alone)
 
     def relaxations(self) -> tuple[_Dropped, ...]:
@@ -181,7 +177,7 @@ class Funnel:
         """The weight of a condition: its stage's, the tenth logarithm of how rare it is, and that it was asked for."""
         if constraint not in self._weights:
             held = len(self.holds(constraint))
-            mentioned = constraint.stage != "location" and is_mentioned(constraint, self._text)
+            mentioned = constraint.stage != "location" and constraint.is_mentioned(self._text)
             rarity = math.log10(self.size / held) if held else 0.0
             self._weights[constraint] = WEIGHTS[constraint.stage] + rarity + MENTIONED * mentioned
         return self._weights[constraint]
@@ -211,28 +207,12 @@ class Funnel:
     @staticmethod
     def _given_up(dropped: tuple[Constraint, ...]) -> int:
         """How many conditions count as given up."""
-        country = any(constraint.label.startswith("country ") for constraint in dropped)
-        return sum(not (country and constraint.label.startswith("city ")) for constraint in dropped)
+        country = any(constraint.subject == "country" for constraint in dropped)
+        return sum(not (country and constraint.subject == "city") for constraint in dropped)
 
     def _with_city(self, chosen: tuple[Constraint, ...]) -> tuple[Constraint, ...]:
-        if not any(constraint.label.startswith("country ") for constraint in chosen):
+        if not any(constraint.subject == "country" for constraint in chosen):
             return chosen
         return tuple(
-            constraint
-            for constraint in self.constraints
-            if constraint in chosen or constraint.label.startswith("city ")
+            constraint for constraint in self.constraints if constraint in chosen or constraint.subject == "city"
         )
-
-
-def is_mentioned(condition: Constraint, text: str) -> bool:
-    """Whether all words of a name that the condition is about, or all numbers of a speed, stand in the text."""
-    if condition.stage == "velocity":
-        numbers = re.findall(r"\d+", condition.label)
-        return bool(numbers) and set(numbers) <= set(re.findall(r"\d+", text))
-    asked = _stems(text)
-    names = [word for _, word in condition.words] or [condition.subject]
-    return any(_stems(name) <= asked for name in names)
-
-
-def _stems(text: str) -> set[str]:
-    return {word[:_STEM_LETTERS] for word in words_of(text)}

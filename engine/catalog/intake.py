@@ -18,8 +18,8 @@ from ...schemas.importing import ImportedItem
 from ...schemas.scenarios import Origin, ScenarioFacts, ScenarioRecord
 from ..commonroad import derived_benchmark_id
 from ..workspace import Artifact, NewArtifact, Recipe, Workspace, content_digest, stage
-from .tables import summary
-from .updates import family, list_again, listed_version, refresh
+from .tables import family, list_again, listed_version, refresh
+from .words import summary
 
 FileFailure = PlannerForgeError | OSError
 """Why a file was not taken in."""

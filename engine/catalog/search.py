@@ -25,10 +25,11 @@ from ...schemas.catalog import (
 from ...schemas.errors import InvalidRequest
 from ...schemas.scenarios import ScenarioFacts
 from .alternatives import emptied_note, never_carried
-from .bm25 import reciprocal_rank_fusion
-from .constraints import Constraint, constraints_of, location_constraints, measure_name, obstacle_name, road_net_name
+from .constraints import Constraint, constraints_of, location_constraints
 from .funnel import Funnel
-from .tables import facts_of, summary
+from .ranking import reciprocal_rank_fusion
+from .tables import facts_of
+from .words import summary
 
 FALLBACKS, EXAMPLES = 3, 3
 """Entries that come nearest, and examples of a relaxation, that an answer shows at most (chosen)."""
@@ -112,7 +113,7 @@ class Search:
             numbers = self.funnel.matches or frozenset(self.funnel.nearest(RANKED_FALLBACKS))
         elif self.arguments.method == "hybrid":
             for one in self.funnel.constraints:
-                if one.label.startswith("country "):
+                if one.subject == "country":
                     numbers = numbers & self.funnel.holds(one)
         return tuple(entry.scenario_id for entry in self._entries(numbers))
 
@@ -235,16 +236,12 @@ class Search:
                 FoundScenario(
                     scenario_id=key,
                     summary=summary(facts[key]),
-                    satisfied=_once([_evidence(one, facts[key]) for one in satisfied]),
-                    unmet=tuple(_unmet_label(one, facts[key]) for one in unmet),
+                    satisfied=tuple(dict.fromkeys(_evidence(one, facts[key]) for one in satisfied)),
+                    unmet=tuple(f"{one.label} ({_evidence(one, facts[key])})" for one in unmet),
                     score=scores.get(key),
                 )
             )
         return tuple(shown)
-
-
-def _once(parts: Sequence[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(part for part in parts if part))
 
 
 def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
@@ -252,24 +249,16 @@ def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
     if constraint.stage == "location":
         return f"{facts.location.place}, {facts.location.country}"
     if constraint.stage == "tags":
-        return _tags(constraint, facts)
+        return _tags(constraint, facts) if constraint.words else _measure(constraint, facts)
     if constraint.stage == "obstacles":
-        name = obstacle_name(constraint.subject)
-        return f"{name}={facts.participants.counts.get(name, 0)}"
+        return f"{constraint.subject}={facts.participants.counts.get(constraint.subject, 0)}"
     if constraint.stage == "velocity":
         return f"ego {facts.ego.speed_mps:.2f} m/s ({facts.ego.speed_mps * 3.6:.1f} km/h)" if facts.ego else "no ego"
     return _road_net(constraint, facts)
 
 
-def _unmet_label(constraint: Constraint, facts: ScenarioFacts) -> str:
-    """The condition and the fact that fails it: ``truck>=2 (truck=0)``."""
-    return f"{constraint.label} ({_evidence(constraint, facts)})"
-
-
 def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
-    if not constraint.words:
-        return _measure(constraint, facts)
-    kind = constraint.words[0][0]
+    kind = constraint.subject
     held = facts.tags if kind == "tag" else facts.features
     shown = [word if word in held else f"no {word}" for _, word in constraint.words]
     if constraint.negated or len(shown) == 1:
@@ -279,18 +268,16 @@ def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
 
 
 def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
-    name = measure_name(constraint.subject)
-    if name == "horizon":
+    if constraint.subject == "horizon":
         return f"horizon {facts.horizon_s:g} s"
-    if name == "density":
+    if constraint.subject == "density":
         return f"density {facts.density_per_km:g} vehicles/km"
     time_s = facts.ego.time_to_conflict_s if facts.ego else None
     return "no collision if the ego keeps on" if time_s is None else f"ttc {time_s:g} s"
 
 
 def _road_net(constraint: Constraint, facts: ScenarioFacts) -> str:
-    name, roads = road_net_name(constraint.subject), facts.roads
-    everywhere = "@map" in constraint.label
+    name, roads, everywhere = constraint.subject, facts.roads, constraint.everywhere
     if name == "lanes":
         return f"lanes={facts.ego.lanes}" if facts.ego else "no ego"
     if name == "speed_limit":

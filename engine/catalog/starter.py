@@ -15,7 +15,7 @@ from pathlib import Path
 from ...schemas.errors import ResourceFailure
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..workspace import NewArtifact, Recipe, Workspace, disk_failure
-from .updates import refresh
+from .tables import refresh
 
 ARCHIVE = "starter.zip"
 THREADS = 4

@@ -1,17 +1,24 @@
 """The catalogue's tables in SQLite: filled from the facts of scenarios, and rebuilt from them at any time.
 
 A row is an entry: a scenario with one of its planning problems. Its number is made of the sequence of the scenario's
-artifact, so that a server sees at once what another one added, and a crash between storing and cataloguing heals with
-the next search. Each entry holds its description in words, which is embedded and searched, beside its facts.
+artifact. The stored artifacts are the truth: what another server stored, or what a crash left uncatalogued, is entered
+by the next search. Each entry holds its description in words, which is embedded and searched, beside its facts.
+
+A file that was changed and imported again is a *version*, which names the one that it supersedes; all that hang
+together are a family. The catalogue lists the member that was added last, or an earlier one that was imported again
+since. The latter is kept in a table of its own: artifacts are never changed, and what a user listed again must stay
+listed when the catalogue is rebuilt.
 """
 
 import sqlite3
 from collections.abc import Iterable
 
-from ...schemas.scenarios import EgoFacts, ScenarioFacts
+from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..maps import place_keys
+from ..workspace import Database
+from .words import description_of
 
-VERSION = 3
+_VERSION = 3
 """Raised when tables or descriptions change: older tables are dropped and filled again."""
 MOST_ENTRIES = 1024
 """Planning problems of one file that are entered, and the step of the numbers between two artifacts."""
@@ -41,13 +48,30 @@ CREATE TABLE IF NOT EXISTS catalog_limits (
 CREATE TABLE IF NOT EXISTS catalog_version (version INTEGER NOT NULL, last_entered INTEGER NOT NULL);
 """
 
+_FAMILY = """
+WITH RECURSIVE
+    earlier (id) AS (
+        VALUES (?) UNION
+        SELECT json_extract(record, '$.supersedes') FROM artifacts JOIN earlier ON artifact_id = earlier.id
+        WHERE kind = 'scenario' AND json_extract(record, '$.supersedes') IS NOT NULL),
+    family (id) AS (
+        SELECT id FROM earlier UNION
+        SELECT artifact_id FROM artifacts JOIN family ON json_extract(record, '$.supersedes') = family.id
+        WHERE kind = 'scenario')
+SELECT artifact_id FROM artifacts JOIN family ON artifact_id = family.id WHERE kind = 'scenario' ORDER BY sequence
+"""
+_LISTED_AGAIN = """
+CREATE TABLE IF NOT EXISTS versions_listed_again (newest TEXT PRIMARY KEY, listed TEXT NOT NULL) WITHOUT ROWID
+"""
+"""Counts as long as nothing newer than ``newest`` was added to its family."""
+
 
 def is_ready(connection: sqlite3.Connection) -> bool:
     """Whether the tables exist in this version."""
     if connection.execute("SELECT name FROM sqlite_master WHERE name = 'catalog_version'").fetchone() is None:
         return False
     row = connection.execute("SELECT max(version) FROM catalog_version").fetchone()
-    return row is not None and row[0] == VERSION
+    return row is not None and row[0] == _VERSION
 
 
 def prepare(connection: sqlite3.Connection) -> None:
@@ -58,33 +82,7 @@ def prepare(connection: sqlite3.Connection) -> None:
         connection.execute(f"DROP TABLE IF EXISTS {table}")
     for statement in _SCHEMA.split(";"):
         connection.execute(statement)
-    connection.execute("INSERT INTO catalog_version VALUES (?, 0)", (VERSION,))
-
-
-def last_entered(connection: sqlite3.Connection) -> int:
-    """The sequence of the artifact up to which all scenarios have been entered; 0 for new tables."""
-    return int(connection.execute("SELECT last_entered FROM catalog_version").fetchone()[0])
-
-
-def set_last_entered(connection: sqlite3.Connection, sequence: int) -> None:
-    """Remember how far the artifacts have been entered."""
-    connection.execute("UPDATE catalog_version SET last_entered = ?", (sequence,))
-
-
-def add_scenario(connection: sqlite3.Connection, sequence: int, facts: ScenarioFacts) -> None:
-    """Enter every planning problem of a scenario that was stored as artifact number ``sequence``."""
-    for index, entry in enumerate(facts.entries()[:MOST_ENTRIES]):
-        add_facts(connection, sequence * MOST_ENTRIES + index, entry)
-
-
-def remove_scenario(connection: sqlite3.Connection, sequence: int) -> None:
-    """Take out every entry of the scenario that was stored as artifact number ``sequence``."""
-    first = sequence * MOST_ENTRIES
-    for table in ("catalog_scenarios", "catalog_words", "catalog_counts", "catalog_limits"):
-        connection.execute(
-            f"DELETE FROM {table} WHERE number BETWEEN ? AND ?",  # noqa: S608 - fixed names only
-            (first, first + MOST_ENTRIES - 1),
-        )
+    connection.execute("INSERT INTO catalog_version VALUES (?, 0)", (_VERSION,))
 
 
 def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts) -> None:
@@ -125,18 +123,14 @@ def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts)
 
 def facts_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, ScenarioFacts]:
     """The facts of these scenarios; ids that are not in the catalogue are left out."""
-    facts = {}
-    for scenario_id in scenario_ids:
-        row = connection.execute("SELECT facts FROM catalog_scenarios WHERE scenario_id = ?", (scenario_id,)).fetchone()
-        if row is not None:
-            facts[scenario_id] = ScenarioFacts.model_validate_json(row[0])
-    return facts
+    query = "SELECT facts FROM catalog_scenarios WHERE scenario_id = ?"
+    rows = ((scenario_id, connection.execute(query, (scenario_id,)).fetchone()) for scenario_id in scenario_ids)
+    return {scenario_id: ScenarioFacts.model_validate_json(row[0]) for scenario_id, row in rows if row is not None}
 
 
 def descriptions(connection: sqlite3.Connection) -> dict[str, str]:
     """The readable description of every scenario, by id in alphabetical order."""
-    rows = connection.execute("SELECT scenario_id, description FROM catalog_scenarios ORDER BY scenario_id")
-    return {row[0]: row[1] for row in rows}
+    return dict(connection.execute("SELECT scenario_id, description FROM catalog_scenarios ORDER BY scenario_id"))
 
 
 def _words(facts: ScenarioFacts) -> list[tuple[str, str]]:
@@ -145,94 +139,101 @@ def _words(facts: ScenarioFacts) -> list[tuple[str, str]]:
     words += [("feature", feature) for feature in facts.features]
     words += [("place", key) for key in sorted(place_keys(facts.location.place))]
     words += [("sign@ego", sign) for sign in roads.signs_ego] + [("sign@map", sign) for sign in roads.signs_map]
-    words += [("sign@ego", "traffic_light")] if roads.traffic_light_ego else []
-    words += [("sign@map", "traffic_light")] if roads.traffic_lights_map else []
-    words += [("sign@ego", "speed_limit")] if roads.limits_ego_kmh else []
-    words += [("sign@map", "speed_limit")] if roads.limits_map_kmh else []
-    return words
+    lights = (("sign@ego", roads.traffic_light_ego), ("sign@map", roads.traffic_lights_map))
+    limits = (("sign@ego", roads.limits_ego_kmh), ("sign@map", roads.limits_map_kmh))
+    words += [(kind, "traffic_light") for kind, held in lights if held]
+    return words + [(kind, "speed_limit") for kind, held in limits if held]
 
 
-_FEATURE_WORDS = {
-    "intersection": "an intersection",
-    "roundabout": "a roundabout",
-    "oncoming_traffic": "oncoming traffic",
-    "lead_vehicle": "a vehicle ahead in the ego's lane",
-}
-_MANOEUVRES = {
-    "ego_turns_left": "turns left",
-    "ego_turns_right": "turns right",
-    "ego_goes_straight": "goes straight on",
-    "ego_changes_lane": "changes lane",
-}
+def refresh(database: Database) -> int:
+    """Enter the scenarios that are stored but not yet in the tables; returns their number.
+
+    Raises:
+        ResourceFailure: the database cannot be written.
+    """
+    if is_ready(database.connection()) and not _missing(database.connection()):
+        return 0
+    with database.writing() as connection:
+        prepare(connection)
+        return _enter_missing(connection)
 
 
-def description_of(facts: ScenarioFacts) -> str:
-    """A few plain sentences: place, kind of road, signs, traffic, the ego's start and task."""
-    where = f"{facts.location.place}, {facts.location.country}"
-    parts = [f"Traffic scenario in {where}."]
-    if facts.tags:
-        parts.append(f"Tagged {', '.join(tag.replace('_', ' ') for tag in facts.tags)}.")
-    seen = [words for feature, words in _FEATURE_WORDS.items() if feature in facts.features]
-    if seen:
-        parts.append(f"The road shows {', '.join(seen)}.")
-    parts.append(_road_sentence(facts))
-    parts.append(_traffic_sentence(facts))
-    if facts.ego:
-        parts.append(_ego_sentence(facts, facts.ego))
-    return " ".join(part for part in parts if part)
+def _enter_missing(connection: sqlite3.Connection) -> int:
+    """As ``refresh``, within a writing transaction and with tables that exist."""
+    rows = _missing(connection)
+    changed = []
+    for sequence, artifact_id, record in rows:
+        read = ScenarioRecord.model_validate_json(record)
+        _add_scenario(connection, sequence, read.facts)
+        if read.supersedes is not None:
+            changed.append(artifact_id)
+    if rows:
+        connection.execute("UPDATE catalog_version SET last_entered = ?", (rows[-1][0],))
+    _list_one_of_each(connection, changed)
+    return len(rows)
 
 
-def summary(facts: ScenarioFacts) -> str:
-    """A scenario in one line: traffic, lanes, ego speed, manoeuvre."""
-    counts = ", ".join(f"{count} {kind}" for kind, count in _by_number(facts.participants.counts)) or "no traffic"
-    ego = facts.ego
-    parts = [counts]
-    if ego:
-        parts.append(f"ego {ego.speed_mps:.1f} m/s on {_lanes(ego.lanes)}")
-        parts += [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
-    return ", ".join(parts)
+def list_again(database: Database, scenario_id: str) -> None:
+    """List an earlier version in place of the later ones.
+
+    Raises:
+        ResourceFailure: the database cannot be written.
+    """
+    with database.writing() as connection:
+        prepare(connection)
+        _enter_missing(connection)
+        newest = family(connection, scenario_id)[-1]
+        connection.execute(_LISTED_AGAIN)
+        connection.execute("INSERT OR REPLACE INTO versions_listed_again VALUES (?, ?)", (newest, scenario_id))
+        _list_one_of_each(connection, [scenario_id])
 
 
-def _road_sentence(facts: ScenarioFacts) -> str:
-    roads, parts = facts.roads, []
-    if facts.ego and facts.ego.lanes:
-        parts.append(f"{_lanes(facts.ego.lanes)} in the ego's direction")
-    if roads.limits_ego_kmh:
-        parts.append(f"speed limit {' and '.join(f'{limit:g}' for limit in roads.limits_ego_kmh)} km/h")
-    if roads.traffic_light_ego:
-        parts.append("a traffic light on the ego's lane")
-    elif roads.traffic_lights_map:
-        parts.append("traffic lights elsewhere on the map")
-    signs = [sign.replace("_", " ") for sign in roads.signs_ego if sign != "speed_limit"]
-    if signs:
-        parts.append(f"signs: {', '.join(signs)}")
-    return f"Road: {'; '.join(parts)}." if parts else ""
+def _list_one_of_each(connection: sqlite3.Connection, changed: Iterable[str]) -> None:
+    """Of every family with a changed member, enter the version that is listed and take out the others."""
+    done: set[str] = set()
+    for artifact_id in changed:
+        if artifact_id in done:
+            continue
+        members = family(connection, artifact_id)
+        done.update(members)
+        listed = listed_version(connection, artifact_id)
+        for member in members:
+            query = "SELECT sequence, record FROM artifacts WHERE kind = 'scenario' AND artifact_id = ?"
+            sequence, record = connection.execute(query, (member,)).fetchone()
+            if member == listed:
+                _add_scenario(connection, sequence, ScenarioRecord.model_validate_json(record).facts)
+                continue
+            first = sequence * MOST_ENTRIES
+            for table in ("catalog_scenarios", "catalog_words", "catalog_counts", "catalog_limits"):
+                query = f"DELETE FROM {table} WHERE number BETWEEN ? AND ?"  # noqa: S608 - fixed names only
+                connection.execute(query, (first, first + MOST_ENTRIES - 1))
 
 
-def _traffic_sentence(facts: ScenarioFacts) -> str:
-    counts = _by_number(facts.participants.counts)
-    if not counts:
-        return "No other traffic."
-    amount = "Dense" if facts.participants.total >= 20 else "Some" if facts.participants.total >= 6 else "Little"
-    return f"{amount} traffic: {', '.join(f'{count} {_plural(kind, count)}' for kind, count in counts)}."
+def _add_scenario(connection: sqlite3.Connection, sequence: int, facts: ScenarioFacts) -> None:
+    """Enter every planning problem of a scenario that was stored as artifact number ``sequence``."""
+    for index, entry in enumerate(facts.entries()[:MOST_ENTRIES]):
+        add_facts(connection, sequence * MOST_ENTRIES + index, entry)
 
 
-def _ego_sentence(facts: ScenarioFacts, ego: EgoFacts) -> str:
-    pace = "stands" if ego.speed_mps < 0.5 else f"starts at {ego.speed_mps:.0f} m/s ({ego.speed_mps * 3.6:.0f} km/h)"
-    manoeuvres = [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
-    task = f" and {' and '.join(manoeuvres)} to its goal" if manoeuvres else ""
-    return f"The ego vehicle {pace}{task}, within {facts.horizon_steps * facts.step_s:.0f} s."
+def _missing(connection: sqlite3.Connection) -> list[tuple[int, str, str]]:
+    """Sequence, id and record of the stored scenarios that are not entered yet."""
+    rows = connection.execute(
+        "SELECT sequence, artifact_id, record FROM artifacts WHERE kind = 'scenario' "
+        "AND sequence > (SELECT last_entered FROM catalog_version) ORDER BY sequence"
+    )
+    return [(int(row[0]), str(row[1]), str(row[2])) for row in rows]
 
 
-def _by_number(counts: dict[str, int]) -> list[tuple[str, int]]:
-    return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+def family(connection: sqlite3.Connection, scenario_id: str) -> tuple[str, ...]:
+    """All versions that hang together with this stored one, in the order in which they were added."""
+    return tuple(str(row[0]) for row in connection.execute(_FAMILY, (scenario_id,)))
 
 
-def _plural(kind: str, count: int) -> str:
-    words = {"parkedVehicle": "parked vehicle", "priorityVehicle": "priority vehicle", "unknown": "unknown object"}
-    word = words.get(kind, kind)
-    return word if count == 1 else f"{word}es" if word == "bus" else f"{word}s"
-
-
-def _lanes(count: int) -> str:
-    return "1 lane" if count == 1 else f"{count} lanes"
+def listed_version(connection: sqlite3.Connection, scenario_id: str) -> str:
+    """The version of this scenario that the catalogue lists."""
+    newest = family(connection, scenario_id)[-1]
+    query = "SELECT 1 FROM sqlite_master WHERE name = 'versions_listed_again'"
+    if connection.execute(query).fetchone() is None:
+        return newest
+    row = connection.execute("SELECT listed FROM versions_listed_again WHERE newest = ?", (newest,)).fetchone()
+    return newest if row is None else str(row[0])

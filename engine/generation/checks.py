@@ -1,6 +1,7 @@
 """Checks on a written scenario, made on the file as others will read it, and which of them make it unusable."""
 
 from collections.abc import Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +31,14 @@ def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -
     """
     recorded = read_recorded(path)
     loaded, tracks = recorded.loaded, recorded.tracks
+    bodies = [BoxTrack(track.positions, track.headings_rad, track.size_m) for track in tracks.values()]
     infeasible = tuple(key for key, track in tracks.items() if not _feasible(track, loaded.step_s))
     return Checks(
         schema_valid=not schema_errors(path),
         goal_reachable=_goal_reachable(loaded),
         collisions_at_start=_collisions_at_start(loaded, tracks),
-        overlapping_pairs=len(first_overlaps([_body(track) for track in tracks.values()])),
-        recorded_ego_collision_free=not any(first_overlaps([ego, _body(track)]) for track in tracks.values()),
+        overlapping_pairs=len(first_overlaps(bodies)),
+        recorded_ego_collision_free=not any(first_overlaps([ego, body]) for body in bodies),
         centers_on_lanelets=_share_on_lanelets(loaded, tracks),
         feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
         infeasible_vehicles=infeasible,
@@ -67,13 +69,8 @@ def _feasible(track: Track, step_s: float) -> bool:
     """Whether a track can be driven, with the dimensions of its class where its size tells it."""
     motion = Motion(track.positions, track.headings_rad, track.speeds_mps, np.gradient(track.speeds_mps, step_s))
     known = class_by_size(track.kind, track.length_m)
-    if known is None:
-        return check_kinematics(motion, step_s).feasible
-    return check_kinematics(motion, step_s, wheelbase_m=known.wheelbase_m, rear_axle_m=known.rear_axle_m).feasible
-
-
-def _body(track: Track) -> BoxTrack:
-    return BoxTrack(track.positions, track.headings_rad, (track.length_m, track.width_m))
+    size = {} if known is None else {"wheelbase_m": known.wheelbase_m, "rear_axle_m": known.rear_axle_m}
+    return check_kinematics(motion, step_s, **size).feasible
 
 
 def _goal_reachable(loaded: LoadedScenario) -> bool:
@@ -91,12 +88,8 @@ def _goal_reachable(loaded: LoadedScenario) -> bool:
 def _collisions_at_start(loaded: LoadedScenario, tracks: dict[int, Track]) -> int:
     state = loaded.problem().initial_state
     boxes = [oriented_rectangle(np.asarray(state.position), float(state.orientation), EGO_SIZE_M)]
-    for track in tracks.values():
-        if track.first_step == 0:
-            size = (track.length_m, track.width_m)
-            boxes.append(oriented_rectangle(track.positions[0], float(track.headings_rad[0]), size))
-    pairs = ((one, other) for index, one in enumerate(boxes) for other in boxes[:index])
-    return sum(rectangles_overlap(one, other) for one, other in pairs)
+    boxes += [track.corners_at(0) for track in tracks.values() if track.first_step == 0]
+    return sum(rectangles_overlap(one, other) for one, other in combinations(boxes, 2))
 
 
 def _share_on_lanelets(loaded: LoadedScenario, tracks: dict[int, Track]) -> float:

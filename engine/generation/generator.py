@@ -18,12 +18,12 @@ from ..execution import ProgressReporter
 from ..maps import OsmMap, Site, read_map_file
 from ..traffic import lane_km_of, plan_counts
 from .checks import check_scenario, faults_of
-from .planning_problem import EgoSpec, TaskSpec, choose_task
-from .record import WrittenScenario
+from .planning_problem import TaskSpec, choose_task
+from .record import record_of
 from .site_network import SITE_LOST, SiteNetwork, prepare_site
 from .sites import fitting_sites, other_types
 from .traffic import along_the_site, generate_traffic, without_spares
-from .writer import write_scenario
+from .writer import STEP_S, write_scenario
 
 OWN_ROUNDS, MOST_ROUNDS, MOST_SITES = 2, 5, 10
 """Rounds of traffic at the site's own place, rounds of traffic in all, sites looked at in all (chosen)."""
@@ -42,7 +42,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
     """
     with _no_collection():
         spec = TaskSpec.of(request)
-        ego_notes, request = _with_ego_class(request, spec.ego)
+        ego_notes, request = _with_ego_class(request, spec.other_class)
         report(0.0, "reading the map")
         osm = read_map_file(Path(request.map_path))
         report(0.02, "looking for sites")
@@ -72,13 +72,12 @@ def _no_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _with_ego_class(request: GenerationRequest, ego: EgoSpec) -> tuple[list[str], GenerationRequest]:
-    """Notes on the ego, and the request with a vehicle of the class that was asked for as ego.
+def _with_ego_class(request: GenerationRequest, other: str | None) -> tuple[list[str], GenerationRequest]:
+    """Notes on the ego, and the request with a vehicle of the class that was asked for as ego instead of a car.
 
     Raises:
         InvalidRequest: that class is kept out of the traffic.
     """
-    other = ego.other_class
     if other is None:
         return [], request
     asked = next((demand for demand in request.vehicles if demand.vehicle_class == other), None)
@@ -164,12 +163,12 @@ class _Attempts:
         self._rounds += 1
         path = folder / f"scenario_{round_number}.xml"
         try:
-            written = _write(self._request, self._spec, site, round_number, path, self._report)
+            scenario = _write(self._request, self._spec, site, round_number, path, self._report)
         except NotPossible as refusal:
             self.refusals.append(refusal)
             return False
-        broken, weak = faults_of(written.checks)
-        self.made.append(_Attempt(written.record(), path, site.net_path, (*broken, *weak), bool(broken)))
+        broken, weak = faults_of(scenario.checks)
+        self.made.append(_Attempt(scenario, path, site.net_path, (*broken, *weak), bool(broken)))
         return not self.made[-1].faults
 
 
@@ -180,20 +179,19 @@ def _write(
     round_number: int,
     path: Path,
     report: ProgressReporter,
-) -> WrittenScenario:
+) -> GeneratedScenario:
     """Make one scenario at one site, write it and check the file.
 
     Raises:
         NotPossible: the site does not hold what was asked for.
     """
-    lane_km = lane_km_of(site.net)
-    demand = plan_counts(request.density, request.vehicles, lane_km)
+    demand = plan_counts(request.density, request.vehicles, lane_km_of(site.net))
     traffic = generate_traffic(request, demand, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)
     report(0.75, "choosing ego and goal")
-    to_choose_from = ranked if spec.ego.index is None else without_spares(ranked, demand)
-    task = choose_task(spec, to_choose_from, site.network, site.focus, site.metadata.step_s)
+    to_choose_from = ranked if spec.ego_index is None else without_spares(ranked, demand)
+    task = choose_task(spec, to_choose_from, site.network, site.focus, STEP_S)
     vehicles = without_spares((task.ego, *(vehicle for vehicle in ranked if vehicle is not task.ego)), demand)
     others = vehicles[1:]
     if not others and demand.total > 1:
@@ -205,9 +203,9 @@ def _write(
     obstacle_ids = write_scenario(path, site.metadata, site.network, others, task)
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
-    notes = [] if task.focus_passed else [site.focus.missed(only_car=spec.ego.index is not None)]
+    notes = [] if task.focus_passed else [site.focus.missed(only_car=spec.ego_index is not None)]
     if traffic.left_out:
         notes.append(
             f"{traffic.left_out} vehicle(s) left out: their motion could not be driven, or overlapped another's"
         )
-    return WrittenScenario(request, site, lane_km, demand, task, vehicles, obstacle_ids, checks, tuple(notes))
+    return record_of(request, site, demand, task, vehicles, obstacle_ids, checks, notes)

@@ -24,14 +24,6 @@ from .sites import SiteFocus
 
 
 @dataclass(frozen=True)
-class EgoSpec:
-    """The ego as asked: the n-th car (None: any); ``other_class`` is a class that was asked for instead of a car."""
-
-    index: int | None = None
-    other_class: str | None = None
-
-
-@dataclass(frozen=True)
 class _LaneletGoal:
     """A goal on a lanelet: a position word, fraction or metres along it, and the rectangle (length, width) in m."""
 
@@ -73,10 +65,11 @@ class _GoalSpec:
 
 @dataclass(frozen=True)
 class TaskSpec:
-    """Ego and goal as asked."""
+    """Goal and ego as asked: the n-th car (None: any); ``other_class`` is a class asked for instead of a car."""
 
-    ego: EgoSpec
     goal: _GoalSpec
+    ego_index: int | None = None
+    other_class: str | None = None
 
     @classmethod
     def of(cls, request: GenerationRequest) -> "TaskSpec":
@@ -85,18 +78,12 @@ class TaskSpec:
         Raises:
             InvalidRequest: ego or goal in none of the valid forms.
         """
-        return cls(_parse_ego(request.ego), parse_goal(request.goal))
-
-
-def _parse_ego(text: str) -> EgoSpec:
-    """Read ``first``, ``index:N`` or ``type:CLASS``."""
-    if text == "first":
-        return EgoSpec()
-    if match := re.fullmatch(r"index:(\d{1,3})", text):
-        return EgoSpec(index=int(match[1]))
-    if match := re.fullmatch(r"type:([a-z_]{1,30})", text):
-        return EgoSpec(other_class=None if match[1] == "car" else match[1])
-    raise InvalidRequest(f"ego {text!r} cannot be read", valid=["first", "index:N (cars, from 0)", "type:CLASS"])
+        match = re.fullmatch(r"first|index:(\d{1,3})|type:([a-z_]{1,30})", request.ego)
+        if match is None:
+            forms = ["first", "index:N (cars, from 0)", "type:CLASS"]
+            raise InvalidRequest(f"ego {request.ego!r} cannot be read", valid=forms)
+        index, name = match.groups()
+        return cls(parse_goal(request.goal), int(index) if index else None, None if name == "car" else name)
 
 
 def parse_goal(text: str) -> _GoalSpec:
@@ -130,8 +117,7 @@ class PlanningTask:
     """Initial state and goal of the ego.
 
     The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, to be reached within
-    the steps of ``time_steps`` and headings within ``heading_margin_rad``. ``focus_passed``: how many areas of the
-    site's focus the recorded path to it passes.
+    the steps of ``time_steps``. ``focus_passed``: how many areas of the site's focus the recorded path to it passes.
     """
 
     ego: GeneratedVehicle
@@ -142,7 +128,6 @@ class PlanningTask:
     heading_rad: float
     size_m: tuple[float, float]
     time_steps: tuple[int, int]
-    heading_margin_rad: float
     focus_passed: int = 1
 
 
@@ -159,15 +144,15 @@ def choose_task(
         UnknownName: the goal is on a lanelet that the site does not have.
         InvalidRequest: the goal lies beyond its lanelet.
     """
-    ego, goal = spec.ego, spec.goal
+    goal, index = spec.goal, spec.ego_index
     cars = [vehicle for vehicle in vehicles if vehicle.vehicle_class.name == "car"]
-    if ego.index is not None and ego.index >= len(cars):
+    if index is not None and index >= len(cars):
         raise NotPossible(
-            f"ego index:{ego.index} asks for car number {ego.index}; the traffic holds {len(cars)}",
+            f"ego index:{index} asks for car number {index}; the traffic holds {len(cars)}",
             valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
             next_step="choose a smaller index or a higher density",
         )
-    choice = [cars[ego.index]] if ego.index is not None else cars
+    choice = [cars[index]] if index is not None else cars
     _check_lanelet(goal, network)
     lookup = LaneletLookup(network)
     best: tuple[tuple[bool, int, bool], PlanningTask] | None = None
@@ -243,7 +228,6 @@ def _task(
         heading_rad=at_goal.heading_rad,
         size_m=asked or _usual_size(end, at_goal.center, float(car.motion.speeds_mps[at_goal.step])),
         time_steps=(max(1, at_goal.step - margin), at_goal.step + margin),
-        heading_margin_rad=HEADING_MARGIN_RAD,
     )
 
 

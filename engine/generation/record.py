@@ -1,93 +1,91 @@
 """The record of a generated scenario: what was asked beside what came out, with notes where the two differ."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ...schemas.generation import Checks, DensityFacts, GeneratedEgo, GeneratedScenario, GenerationRequest, SiteFacts
 from ..maps import is_net
-from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, GeneratedVehicle
-from .metadata import limits_without_sign
+from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, GeneratedVehicle, lane_km_of
 from .planning_problem import PlanningTask
 from .site_network import SiteNetwork
+from .writer import STEP_S
 
 MISSED_BY = 0.25
 """Share of the target by which the density may differ before a note tells why (chosen)."""
 
 
-@dataclass(frozen=True)
-class WrittenScenario:
-    """A scenario in its file, with all that it was made of.
+def record_of(
+    request: GenerationRequest,
+    site: SiteNetwork,
+    demand: Demand,
+    task: PlanningTask,
+    vehicles: Sequence[GeneratedVehicle],
+    obstacle_ids: Mapping[str, int],
+    checks: Checks,
+    notes: Iterable[str],
+) -> GeneratedScenario:
+    """The answer about a scenario in its file; classes are counted without the ego.
 
-    ``vehicles``: the ego first; ``lane_km``: lanes at the site that are open to cars; ``obstacle_ids``: CommonRoad's id
-    by the vehicle's id, the ego left out; ``notes``: on its traffic and ego.
+    Args:
+        vehicles: the ego and the others.
+        obstacle_ids: CommonRoad's id by the vehicle's id, the ego left out.
+        notes: on its traffic and ego; those on what differs from the request follow them.
     """
+    spot, metadata = site.site, site.metadata
+    others = [vehicle for vehicle in vehicles if vehicle is not task.ego]
+    counts = Counter(vehicle.vehicle_class.name for vehicle in others)
+    density = _density(request, site, vehicles)
+    recorded_s = round((max(vehicle.steps for vehicle in vehicles) - 1) * STEP_S, 6)
+    signs = site.network.signs if metadata.speed_sign is None else ()
+    limits = {key: round(sign.speed_mps * 3.6, 1) for sign in signs for key in sign.lanelet_ids}
+    return GeneratedScenario(
+        benchmark_id=metadata.benchmark_id,
+        site=SiteFacts(
+            scenario_type=spot.kind,
+            latitude=round(spot.latitude, 6),
+            longitude=round(spot.longitude, 6),
+            streets=spot.streets,
+            radius_m=round(site.radius_m, 1),
+            osm_id="" if is_net(Path(request.map_path)) else spot.osm_id,
+        ),
+        vehicles_asked=demand.total,
+        vehicles_realised=len(vehicles),
+        classes_asked=demand.least,
+        classes_realised={name: counts[name] for name in demand.counts if counts[name]},
+        density=density,
+        duration_s=request.duration_s,
+        recorded_s=recorded_s,
+        lanelets=len(site.network.lanelets),
+        traffic_lights=len(site.network.lights),
+        ego=_ego_facts(task, vehicles),
+        checks=checks,
+        notes=(
+            *site.notes,
+            *notes,
+            *density_notes(density, demand, len(vehicles)),
+            *_duration_notes(request.duration_s, recorded_s),
+            *_limit_notes(limits),
+        ),
+        netconvert_warnings=tuple(dict.fromkeys(site.warnings)),
+        attribution=request.attribution,
+        unsigned_limits_kmh=limits,
+        vehicle_classes={obstacle_ids[other.vehicle_id]: other.vehicle_class.name for other in others},
+    )
 
-    request: GenerationRequest
-    site: SiteNetwork
-    lane_km: float
-    demand: Demand
-    task: PlanningTask
-    vehicles: tuple[GeneratedVehicle, ...]
-    obstacle_ids: Mapping[str, int]
-    checks: Checks
-    notes: tuple[str, ...]
 
-    def record(self) -> GeneratedScenario:
-        """The answer about the scenario; classes are counted without the ego."""
-        request, site, metadata = self.request, self.site.site, self.site.metadata
-        others = [vehicle for vehicle in self.vehicles if vehicle is not self.task.ego]
-        counts = Counter(vehicle.vehicle_class.name for vehicle in others)
-        density = self._density()
-        recorded_s = round((max(vehicle.steps for vehicle in self.vehicles) - 1) * metadata.step_s, 6)
-        limits = limits_without_sign(metadata, self.site.network)
-        return GeneratedScenario(
-            benchmark_id=metadata.benchmark_id,
-            site=SiteFacts(
-                scenario_type=site.kind,
-                latitude=round(site.latitude, 6),
-                longitude=round(site.longitude, 6),
-                streets=site.streets,
-                radius_m=round(self.site.radius_m, 1),
-                osm_id="" if is_net(Path(request.map_path)) else site.osm_id,
-            ),
-            vehicles_asked=self.demand.total,
-            vehicles_realised=len(self.vehicles),
-            classes_asked=self.demand.least,
-            classes_realised={name: counts[name] for name in self.demand.counts if counts[name]},
-            density=density,
-            duration_s=request.duration_s,
-            recorded_s=recorded_s,
-            lanelets=len(self.site.network.lanelets),
-            traffic_lights=len(self.site.network.lights),
-            ego=_ego_facts(self.task, self.vehicles, metadata.step_s),
-            checks=self.checks,
-            notes=(
-                *self.site.notes,
-                *self.notes,
-                *density_notes(density, self.demand, len(self.vehicles)),
-                *_duration_notes(request, recorded_s, metadata.step_s),
-                *_limit_notes(limits),
-            ),
-            netconvert_warnings=tuple(dict.fromkeys(self.site.warnings)),
-            attribution=request.attribution,
-            unsigned_limits_kmh=limits,
-            vehicle_classes={self.obstacle_ids[other.vehicle_id]: other.vehicle_class.name for other in others},
-        )
-
-    def _density(self) -> DensityFacts:
-        """Vehicles per kilometre of lane at step 0 and at the last step, beside the target."""
-        wish, last_step = self.request.density, round(self.request.duration_s / self.site.metadata.step_s)
-        staying = sum(vehicle.steps > last_step - 1 for vehicle in self.vehicles)
-        return DensityFacts(
-            wish=wish,
-            paper_trips=PAPER_TRIPS[wish],
-            lane_km=round(self.lane_km, 3),
-            target_per_lane_km=VEHICLES_PER_LANE_KM[wish],
-            at_start_per_lane_km=round(len(self.vehicles) / self.lane_km, 2),
-            at_end_per_lane_km=round(staying / self.lane_km, 2),
-        )
+def _density(request: GenerationRequest, site: SiteNetwork, vehicles: Sequence[GeneratedVehicle]) -> DensityFacts:
+    """Vehicles per kilometre of lane that is open to cars at step 0 and at the last step, beside the target."""
+    lane_km, last_step = lane_km_of(site.net), round(request.duration_s / STEP_S)
+    staying = sum(vehicle.steps > last_step - 1 for vehicle in vehicles)
+    return DensityFacts(
+        wish=request.density,
+        paper_trips=PAPER_TRIPS[request.density],
+        lane_km=round(lane_km, 3),
+        target_per_lane_km=VEHICLES_PER_LANE_KM[request.density],
+        at_start_per_lane_km=round(len(vehicles) / lane_km, 2),
+        at_end_per_lane_km=round(staying / lane_km, 2),
+    )
 
 
 def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[str]:
@@ -113,12 +111,12 @@ def _miss_reason(density: DensityFacts, demand: Demand, *, too_many: bool) -> st
     return demand.bounded_by or "the number of cars was bounded"
 
 
-def _duration_notes(request: GenerationRequest, recorded_s: float, step_s: float) -> list[str]:
+def _duration_notes(duration_s: float, recorded_s: float) -> list[str]:
     """A note where all vehicles have left before the time is up."""
-    if recorded_s > request.duration_s - 2 * step_s:
+    if recorded_s > duration_s - 2 * STEP_S:
         return []
     left = "the last vehicle has left the site by then, and CommonRoad's schema lets none come later"
-    return [f"{recorded_s:g} s of the asked {request.duration_s:g} s are recorded: {left}"]
+    return [f"{recorded_s:g} s of the asked {duration_s:g} s are recorded: {left}"]
 
 
 def _limit_notes(limits_kmh: Mapping[int, float]) -> list[str]:
@@ -128,7 +126,7 @@ def _limit_notes(limits_kmh: Mapping[int, float]) -> list[str]:
     return [f"the file holds no speed-limit signs: CommonRoad has none for this country; posted are {values} km/h"]
 
 
-def _ego_facts(task: PlanningTask, vehicles: Sequence[GeneratedVehicle], step_s: float) -> GeneratedEgo:
+def _ego_facts(task: PlanningTask, vehicles: Sequence[GeneratedVehicle]) -> GeneratedEgo:
     first, last = task.time_steps
     return GeneratedEgo(
         vehicle=task.ego.vehicle_id,
@@ -137,6 +135,6 @@ def _ego_facts(task: PlanningTask, vehicles: Sequence[GeneratedVehicle], step_s:
         goal_step=task.goal_step,
         goal_distance_m=round(task.goal_distance_m, 2),
         goal_lanelet=task.lanelet_id,
-        goal_time_s=(round(first * step_s, 3), round(last * step_s, 3)),
+        goal_time_s=(round(first * STEP_S, 3), round(last * STEP_S, 3)),
         goal_size_m=task.size_m,
     )

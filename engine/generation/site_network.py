@@ -27,9 +27,8 @@ from ..network import (
     summarise_findings,
 )
 from ..traffic import WARM_UP_S
-from .metadata import STEP_S, ScenarioMetadata, metadata_of
 from .sites import SiteFocus, classes_for, radius_for, why_not_realised
-from .writer import write_network
+from .writer import STEP_S, ScenarioMetadata, write_network
 
 _LEFT = """
 AIA ATG AUS BGD BHS BMU BRB BRN BTN BWA CCK COK CXR CYM CYP DMA FJI FLK GBR GGY GRD GUY HKG IDN IMN IND IRL JAM JEY
@@ -128,7 +127,7 @@ def build_network(
         notes.append(UNKNOWN_SIDE)
     cap_speeds(net_path)
     net = read_net(net_path)
-    metadata = metadata_of(request, site, net)
+    metadata = ScenarioMetadata.of(request, site, net)
     return SiteNetwork(site, radius, net_path, net, network, metadata, warnings, tuple(notes))
 
 

@@ -17,7 +17,20 @@ from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError
 from ...schemas.generation import GenerationRequest, SiteCount, SiteType
 from ..execution import ProgressReporter
 from ..geometry import Points
-from ..maps import LINKS, ROADS, RURAL_CLASSES, OsmMap, Site, SiteFinder, fold, ground_distance_m, read_map_file
+from ..maps import (
+    ALL_ROADS,
+    FAST_ROADS,
+    LINKS,
+    RAMP_LINKS,
+    ROADS,
+    RURAL_CLASSES,
+    OsmMap,
+    Site,
+    SiteFinder,
+    fold,
+    ground_distance_m,
+    read_map_file,
+)
 from ..network import NetEdge, RoadLanelet, RoadNetwork, SumoNet
 from ..traffic import GeneratedVehicle
 
@@ -157,9 +170,6 @@ RING_CLEAR_M = 15.0
 """How far outside its ring the middle of a site may lie (chosen)."""
 LEAST_ARMS = 3
 """Roads that meet at a junction; two are one road."""
-FAST_ROADS = frozenset({"motorway", "trunk"})
-RAMP_LINKS = frozenset({"motorway_link", "trunk_link"})
-_BESIDES_RURAL = frozenset((*ROADS, *LINKS)) - RURAL_CLASSES
 
 
 def why_not_realised(site: Site, net: SumoNet) -> str | None:
@@ -171,7 +181,7 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
         "intersection": lambda: bool(_junctions_near(net, middle)),
         "ramp": lambda: _ramp_near(net, middle),
         "highway": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes & FAST_ROADS)),
-        "rural": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes - _BESIDES_RURAL)),
+        "rural": lambda: _passes(net, middle, AT_M, lambda classes: bool(classes - (ALL_ROADS - RURAL_CLASSES))),
         "urban": lambda: _passes(net, middle, NEAR_M, lambda classes: bool(classes - FAST_ROADS - frozenset(LINKS))),
     }
     if judges[site.kind]():

@@ -15,7 +15,7 @@ import numpy as np
 from ...schemas.errors import NotPossible
 from ...schemas.generation import GenerationRequest, SiteType
 from ..execution import ProgressReporter
-from ..maps import RURAL_CLASSES
+from ..maps import FAST_ROADS, RAMP_LINKS, RURAL_CLASSES
 from ..network import LaneletLookup
 from ..traffic import (
     WARM_UP_S,
@@ -27,9 +27,9 @@ from ..traffic import (
     simulate_traffic,
 )
 from ..vehicles import vehicle_classes
-from .metadata import STEP_S
 from .site_network import SiteNetwork
-from .sites import FAST_ROADS, RAMP_LINKS, middle_of, road_classes
+from .sites import middle_of, road_classes
+from .writer import STEP_S
 
 ATTEMPTS = 3
 """Simulations before a class that falls short is refused (chosen)."""

@@ -4,21 +4,82 @@ The elements' order follows CommonRoad's schema; ids are given in the order of w
 exponents, and the date is fixed, because a date would make every file differ.
 """
 
+import unicodedata
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 from lxml import etree
 
+from ...schemas.generation import GenerationRequest, SiteType
+from ..commonroad import speed_limit_number
 from ..geometry import Points
-from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight
-from ..traffic import DECIMALS, GeneratedVehicle
+from ..maps import Site
+from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, SumoNet, TrafficLight
+from ..traffic import DECIMALS, GeneratedVehicle, sumo_version
 from ..vehicles import Motion
-from .metadata import ScenarioMetadata
-from .planning_problem import PlanningTask
+from .planning_problem import HEADING_MARGIN_RAD, PlanningTask
 
-FIXED_DATE = "2025-01-01"
-ROAD_DECIMALS = 4
+_FIXED_DATE = "2025-01-01"
+_ROAD_DECIMALS = 4
 """Of coordinates of the road network in m: a tenth of a millimetre, finer than any map."""
+STEP_S = 0.1
+"""Time step of all generated scenarios: that of nearly all scenarios of CommonRoad's collection."""
+_NO_COUNTRY = "ZAM"
+"""Zamunda: CommonRoad's country for places that are in none."""
+_TAGS: dict[SiteType, tuple[str, ...]] = {
+    "highway": ("highway", "multi_lane"),
+    "ramp": ("highway", "slip_road", "merging_lanes"),
+    "rural": ("rural",),
+    "urban": ("urban",),
+    "intersection": ("urban", "intersection"),
+    "signalised_intersection": ("urban", "intersection"),
+    "roundabout": ("urban", "roundabout"),
+}
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
+
+
+@dataclass(frozen=True)
+class ScenarioMetadata:
+    """The attributes of a file's root, its location and its tags.
+
+    ``latitude`` and ``longitude`` in degrees, ``offset_m`` of the projected coordinates. ``speed_sign``: the country's
+    sign for a speed limit, None where CommonRoad has none.
+    """
+
+    benchmark_id: str
+    affiliation: str
+    source: str
+    latitude: float
+    longitude: float
+    projection: str
+    offset_m: tuple[float, float]
+    tags: tuple[str, ...]
+    speed_sign: str | None
+
+    @classmethod
+    def of(cls, request: GenerationRequest, site: Site, net: SumoNet) -> "ScenarioMetadata":
+        """Those of a scenario at a site; the benchmark id is COUNTRY_Place-number_index_T-1, as in format 2020a."""
+        country = request.country or _NO_COUNTRY
+        return cls(
+            benchmark_id=f"{country}_{_plain_name(request.place)}-{request.benchmark_number}_{request.index + 1}_T-1",
+            affiliation=f"PlannerForge; map data: {request.attribution}",
+            source=f"PlannerForge MCP, SUMO {sumo_version()}",
+            latitude=site.latitude,
+            longitude=site.longitude,
+            projection=net.projection,
+            offset_m=net.offset_m,
+            tags=("simulated", *_TAGS[site.kind]),
+            speed_sign=speed_limit_number(country),
+        )
+
+
+def _plain_name(place: str) -> str:
+    """A place's name in ASCII letters and digits, every word with a capital; ``Site`` where nothing is left."""
+    spelled = place.translate(_UMLAUTS)
+    letters = unicodedata.normalize("NFKD", spelled).encode("ascii", "ignore").decode()
+    words = "".join(letter if letter.isalnum() else " " for letter in letters).split()
+    return "".join(word[0].upper() + word[1:] for word in words)[:40] or "Site"
 
 
 def write_scenario(
@@ -36,17 +97,17 @@ def write_scenario(
     root = etree.Element(
         "commonRoad",
         {
-            "timeStepSize": f"{metadata.step_s:g}",
+            "timeStepSize": f"{STEP_S:g}",
             "commonRoadVersion": "2020a",
             "author": "PlannerForge",
             "affiliation": metadata.affiliation,
             "source": metadata.source,
             "benchmarkID": metadata.benchmark_id,
-            "date": FIXED_DATE,
+            "date": _FIXED_DATE,
         },
     )
     _write_location(root, metadata)
-    tags = etree.SubElement(root, "scenarioTags")
+    tags = _add(root, "scenarioTags")
     for tag in sorted(set(metadata.tags)):
         etree.SubElement(tags, tag)
     write_network(root, network, metadata.speed_sign)
@@ -63,19 +124,19 @@ def write_scenario(
 
 
 def _write_location(root: etree._Element, metadata: ScenarioMetadata) -> None:
-    location = etree.SubElement(root, "location")
-    etree.SubElement(location, "geoNameId").text = "-999"
-    etree.SubElement(location, "gpsLatitude").text = f"{metadata.latitude:.6f}"
-    etree.SubElement(location, "gpsLongitude").text = f"{metadata.longitude:.6f}"
+    location = _add(root, "location")
+    _add(location, "geoNameId", "-999")
+    _add(location, "gpsLatitude", f"{metadata.latitude:.6f}")
+    _add(location, "gpsLongitude", f"{metadata.longitude:.6f}")
     if not metadata.projection:
         return
-    transformation = etree.SubElement(location, "geoTransformation")
-    etree.SubElement(transformation, "geoReference").text = metadata.projection
-    additional = etree.SubElement(transformation, "additionalTransformation")
-    etree.SubElement(additional, "xTranslation").text = f"{metadata.offset_m[0]:.3f}"
-    etree.SubElement(additional, "yTranslation").text = f"{metadata.offset_m[1]:.3f}"
-    etree.SubElement(additional, "zRotation").text = "0.0"
-    etree.SubElement(additional, "scaling").text = "1.0"
+    transformation = _add(location, "geoTransformation")
+    _add(transformation, "geoReference", metadata.projection)
+    additional = _add(transformation, "additionalTransformation")
+    _add(additional, "xTranslation", f"{metadata.offset_m[0]:.3f}")
+    _add(additional, "yTranslation", f"{metadata.offset_m[1]:.3f}")
+    _add(additional, "zRotation", "0.0")
+    _add(additional, "scaling", "1.0")
 
 
 def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str | None) -> None:
@@ -103,11 +164,19 @@ def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str | 
             _write_incoming(element, incoming)
 
 
-def _write_point(parent: etree._Element, point: Points, decimals: int = ROAD_DECIMALS) -> None:
+def _write_point(parent: etree._Element, point: Points, decimals: int = _ROAD_DECIMALS) -> None:
     """Append a point (2,) in metres."""
-    element = etree.SubElement(parent, "point")
-    etree.SubElement(element, "x").text = f"{point[0]:.{decimals}f}"
-    etree.SubElement(element, "y").text = f"{point[1]:.{decimals}f}"
+    element = _add(parent, "point")
+    _add(element, "x", f"{point[0]:.{decimals}f}")
+    _add(element, "y", f"{point[1]:.{decimals}f}")
+
+
+def _add(parent: etree._Element, path: str, text: str | None = None) -> etree._Element:
+    """Append elements inside one another (``shape/rectangle``), the last with a text; returns the last."""
+    for tag in path.split("/"):
+        parent = etree.SubElement(parent, tag)
+    parent.text = text
+    return parent
 
 
 def _references(parent: etree._Element, tag: str, ids: Iterable[int]) -> None:
@@ -126,7 +195,7 @@ def _write_lanelet(root: etree._Element, lanelet: RoadLanelet, signs: list[int],
         for point in line:
             _write_point(bound, point)
         marking = "no_marking" if lanelet.internal else ("dashed" if neighbour is not None else "solid")
-        etree.SubElement(bound, "lineMarking").text = marking
+        _add(bound, "lineMarking", marking)
     _references(element, "predecessor", lanelet.predecessors)
     _references(element, "successor", lanelet.successors)
     for tag, (_, _, neighbour, same) in zip(("adjacentLeft", "adjacentRight"), sides, strict=True):
@@ -134,40 +203,40 @@ def _write_lanelet(root: etree._Element, lanelet: RoadLanelet, signs: list[int],
             direction = "same" if same else "opposite"
             etree.SubElement(element, tag, {"ref": str(neighbour), "drivingDir": direction})
     if lights:
-        line_element = etree.SubElement(element, "stopLine")
+        line_element = _add(element, "stopLine")
         _write_point(line_element, lanelet.left[-1])
         _write_point(line_element, lanelet.right[-1])
-        etree.SubElement(line_element, "lineMarking").text = "solid"
+        _add(line_element, "lineMarking", "solid")
         _references(line_element, "trafficLightRef", lights)
     for word in lanelet.types:
-        etree.SubElement(element, "laneletType").text = word
+        _add(element, "laneletType", word)
     for word in lanelet.users:
-        etree.SubElement(element, "userOneWay").text = word
+        _add(element, "userOneWay", word)
     _references(element, "trafficSignRef", signs)
     _references(element, "trafficLightRef", lights)
 
 
 def _write_sign(root: etree._Element, sign: SpeedSign, speed_sign: str) -> None:
     element = etree.SubElement(root, "trafficSign", {"id": str(sign.sign_id)})
-    inside = etree.SubElement(element, "trafficSignElement")
-    etree.SubElement(inside, "trafficSignID").text = speed_sign
-    etree.SubElement(inside, "additionalValue").text = f"{sign.speed_mps:.4f}"
-    _write_point(etree.SubElement(element, "position"), sign.position)
-    etree.SubElement(element, "virtual").text = "true"
+    inside = _add(element, "trafficSignElement")
+    _add(inside, "trafficSignID", speed_sign)
+    _add(inside, "additionalValue", f"{sign.speed_mps:.4f}")
+    _write_point(_add(element, "position"), sign.position)
+    _add(element, "virtual", "true")
 
 
 def _write_light(root: etree._Element, light: TrafficLight) -> None:
     element = etree.SubElement(root, "trafficLight", {"id": str(light.light_id)})
-    cycle = etree.SubElement(element, "cycle")
+    cycle = _add(element, "cycle")
     for steps, colour in light.cycle:
-        phase = etree.SubElement(cycle, "cycleElement")
-        etree.SubElement(phase, "duration").text = str(steps)
-        etree.SubElement(phase, "color").text = colour
+        phase = _add(cycle, "cycleElement")
+        _add(phase, "duration", str(steps))
+        _add(phase, "color", colour)
     if light.offset_steps:
-        etree.SubElement(cycle, "timeOffset").text = str(light.offset_steps)
-    _write_point(etree.SubElement(element, "position"), light.position)
-    etree.SubElement(element, "direction").text = light.direction
-    etree.SubElement(element, "active").text = "true"
+        _add(cycle, "timeOffset", str(light.offset_steps))
+    _write_point(_add(element, "position"), light.position)
+    _add(element, "direction", light.direction)
+    _add(element, "active", "true")
 
 
 def _write_incoming(intersection: etree._Element, incoming: Incoming) -> None:
@@ -181,47 +250,47 @@ def _write_incoming(intersection: etree._Element, incoming: Incoming) -> None:
 def _write_obstacle(root: etree._Element, obstacle_id: int, vehicle: GeneratedVehicle) -> None:
     """Append a vehicle with its trajectory from step 0 on."""
     element = etree.SubElement(root, "dynamicObstacle", {"id": str(obstacle_id)})
-    etree.SubElement(element, "type").text = vehicle.vehicle_class.commonroad_type
-    rectangle = etree.SubElement(etree.SubElement(element, "shape"), "rectangle")
-    etree.SubElement(rectangle, "length").text = f"{vehicle.size_m[0]:g}"
-    etree.SubElement(rectangle, "width").text = f"{vehicle.size_m[1]:g}"
-    _write_state(etree.SubElement(element, "initialState"), vehicle.motion, 0)
-    trajectory = etree.SubElement(element, "trajectory")
+    _add(element, "type", vehicle.vehicle_class.commonroad_type)
+    rectangle = _add(element, "shape/rectangle")
+    _add(rectangle, "length", f"{vehicle.size_m[0]:g}")
+    _add(rectangle, "width", f"{vehicle.size_m[1]:g}")
+    _write_state(_add(element, "initialState"), vehicle.motion, 0)
+    trajectory = _add(element, "trajectory")
     for step in range(1, vehicle.steps):
-        _write_state(etree.SubElement(trajectory, "state"), vehicle.motion, step)
+        _write_state(_add(trajectory, "state"), vehicle.motion, step)
 
 
 def _write_planning_problem(root: etree._Element, problem_id: int, task: PlanningTask) -> None:
     """Append the ego's initial state and its goal."""
     element = etree.SubElement(root, "planningProblem", {"id": str(problem_id)})
-    initial = etree.SubElement(element, "initialState")
+    initial = _add(element, "initialState")
     _write_state(initial, task.ego.motion, 0)
     _exact(initial, "yawRate", 0.0)
     _exact(initial, "slipAngle", 0.0)
-    goal = etree.SubElement(element, "goalState")
-    time = etree.SubElement(goal, "time")
-    etree.SubElement(time, "intervalStart").text = str(task.time_steps[0])
-    etree.SubElement(time, "intervalEnd").text = str(task.time_steps[1])
-    rectangle = etree.SubElement(etree.SubElement(goal, "position"), "rectangle")
-    etree.SubElement(rectangle, "length").text = f"{task.size_m[0]:g}"
-    etree.SubElement(rectangle, "width").text = f"{task.size_m[1]:g}"
-    etree.SubElement(rectangle, "orientation").text = f"{task.heading_rad:.{DECIMALS}f}"
-    center = etree.SubElement(rectangle, "center")
-    etree.SubElement(center, "x").text = f"{task.center[0]:.{DECIMALS}f}"
-    etree.SubElement(center, "y").text = f"{task.center[1]:.{DECIMALS}f}"
-    orientation = etree.SubElement(goal, "orientation")
-    for tag, margin in (("intervalStart", -task.heading_margin_rad), ("intervalEnd", task.heading_margin_rad)):
-        etree.SubElement(orientation, tag).text = f"{task.heading_rad + margin:.{DECIMALS}f}"
+    goal = _add(element, "goalState")
+    time = _add(goal, "time")
+    _add(time, "intervalStart", str(task.time_steps[0]))
+    _add(time, "intervalEnd", str(task.time_steps[1]))
+    rectangle = _add(goal, "position/rectangle")
+    _add(rectangle, "length", f"{task.size_m[0]:g}")
+    _add(rectangle, "width", f"{task.size_m[1]:g}")
+    _add(rectangle, "orientation", f"{task.heading_rad:.{DECIMALS}f}")
+    center = _add(rectangle, "center")
+    _add(center, "x", f"{task.center[0]:.{DECIMALS}f}")
+    _add(center, "y", f"{task.center[1]:.{DECIMALS}f}")
+    orientation = _add(goal, "orientation")
+    for tag, margin in (("intervalStart", -HEADING_MARGIN_RAD), ("intervalEnd", HEADING_MARGIN_RAD)):
+        _add(orientation, tag, f"{task.heading_rad + margin:.{DECIMALS}f}")
 
 
 def _write_state(element: etree._Element, motion: Motion, step: int) -> None:
-    _write_point(etree.SubElement(element, "position"), motion.positions[step], DECIMALS)
+    _write_point(_add(element, "position"), motion.positions[step], DECIMALS)
     _exact(element, "orientation", float(motion.headings_rad[step]))
-    etree.SubElement(etree.SubElement(element, "time"), "exact").text = str(step)
+    _add(element, "time/exact", str(step))
     _exact(element, "velocity", float(motion.speeds_mps[step]))
     _exact(element, "acceleration", float(motion.accelerations_mps2[step]))
 
 
 def _exact(element: etree._Element, tag: str, value: float) -> None:
     number = f"{value:.{DECIMALS}f}"
-    etree.SubElement(etree.SubElement(element, tag), "exact").text = "0.000000" if float(number) == 0 else number
+    _add(element, f"{tag}/exact", "0.000000" if float(number) == 0 else number)

@@ -18,7 +18,10 @@
 ``country_code``: ISO 3166-1 alpha-3 of a code or a name in several languages; None for anything else.
 ``fold``: A text in lower case, without accents, and only letters and digits.
 ``place_keys``: All keys of a spelling of a place; two spellings mean the same place where they share one.
+``ALL_ROADS``: OSM's road classes that vehicles use, links included.
+``FAST_ROADS``: OSM's road classes of motorways and what drives like one.
 ``LINKS``: OSM's road classes of slip roads.
+``RAMP_LINKS``: OSM's road classes of the links of fast roads.
 ``ROADS``: OSM's road classes that vehicles use, links left out.
 ``resolve_road_classes``: The road classes that groups (roads, link, all) and classes name together, each once.
 ``RURAL_CLASSES``: OSM's road classes of main roads outside towns.
@@ -43,8 +46,8 @@ if TYPE_CHECKING:
     from .map_file import NetMap, read_map_file
     from .osm import OsmMap, ground_distance_m, write_as_xml
     from .places import country_code, fold, place_keys
-    from .road_classes import LINKS, ROADS, resolve_road_classes
-    from .sites import RURAL_CLASSES, Site, SiteFinder
+    from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
+    from .sites import Site, SiteFinder
     from .unpacking import MAP_ENDINGS, is_binary, is_map, is_net, stored_name, unpacked
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

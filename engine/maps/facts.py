@@ -19,7 +19,6 @@ from ..execution import ProgressReporter
 from .map_file import read_map_file
 from .osm import OSM_ATTRIBUTION, OsmMap, ground_distance_m, length_m
 from .places import country_code, fold
-from .road_classes import LINKS, ROADS
 from .sites import SiteFinder
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     osm = read_map_file(path)
     report(0.6, "looking for sites")
     names = list(dict.fromkeys(([request.place] if request.place else []) + _places(osm)))
-    roads = osm.roads(frozenset((*ROADS, *LINKS)))
+    roads = osm.roads()
     south, west, north, east = osm.bounds
     near = countries_near(osm.bounds)
     country = request.country or _country(osm) or (near[0] if len(near) == 1 else None)
@@ -103,7 +102,7 @@ def _country(osm: OsmMap) -> str | None:
 def _by_length(osm: OsmMap, key: str) -> tuple[str, ...]:
     """Values of a road tag, those with most road first; road numbers of a list one by one."""
     lengths: dict[str, float] = {}
-    for way in osm.roads(frozenset((*ROADS, *LINKS))):
+    for way in osm.roads():
         values = way.tags.get(key, "").split(";") if key == "ref" else [way.tags.get(key, "")]
         for value in values:
             if value.strip():

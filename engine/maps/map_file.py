@@ -16,7 +16,7 @@ from ...schemas.errors import UnsafeInput
 from ..geometry import Points
 from ..network import MOTOR_CLASSES, NetEdge, SumoNet, read_net
 from .osm import NO_TAGS, OSM_ATTRIBUTION, OsmMap, OsmNode, OsmWay, read_osm
-from .road_classes import LINKS, ROADS
+from .road_classes import ALL_ROADS
 from .unpacking import NET_ENDING
 
 OSM_TYPE = "highway."
@@ -178,7 +178,7 @@ def _tags(edge: NetEdge, net: SumoNet, *, oneway: bool, roundabout: bool) -> dic
     speed_kmh = round(max(net.lanes[lane].speed_mps for lane in edge.lane_ids) * 3.6)
     named = edge.road_type.split("|")[0].removeprefix(OSM_TYPE)
     guessed = "unclassified" if speed_kmh > FAST_KMH else "residential"
-    tags = {"highway": named if named in (*ROADS, *LINKS) else guessed, "maxspeed": str(speed_kmh)}
+    tags = {"highway": named if named in ALL_ROADS else guessed, "maxspeed": str(speed_kmh)}
     tags |= ({"name": edge.name} if edge.name else {}) | ({"oneway": "yes"} if oneway else {})
     return tags | ({"junction": "roundabout"} if roundabout else {})
 

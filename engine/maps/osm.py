@@ -20,7 +20,7 @@ from ...schemas.errors import UnsafeInput
 from ...schemas.generation import ConvertedMap, ConvertMapRequest
 from ..commonroad import XmlLimits, scan_xml
 from ..execution import ProgressReporter
-from .road_classes import LINKS, ROADS, THROUGH_ROADS
+from .road_classes import ALL_ROADS
 from .unpacking import LARGEST_BYTES
 
 LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
@@ -90,7 +90,7 @@ class OsmMap:
     declared_bounds: tuple[float, float, float, float] | None
     attribution: str = ""
 
-    def roads(self, classes: frozenset[str] = THROUGH_ROADS) -> list[OsmWay]:
+    def roads(self, classes: frozenset[str] = ALL_ROADS) -> list[OsmWay]:
         """Ways of the given ``highway`` values."""
         return [way for way in self.ways if way.road_class in classes]
 
@@ -100,7 +100,7 @@ class OsmMap:
         declared = self.declared_bounds
         if declared is not None and _is_area(declared) and _fits(declared, self.nodes.values()):
             return declared
-        used = [self.nodes[key] for way in self.roads(frozenset((*ROADS, *LINKS))) for key in way.node_ids]
+        used = [self.nodes[key] for way in self.roads() for key in way.node_ids]
         return _around(used or self.nodes.values())
 
 
@@ -119,7 +119,7 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
         extract = _read(path)
     except (etree.LxmlError, ValueError, KeyError) as error:
         raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
-    if not extract.roads(frozenset((*ROADS, *LINKS))):
+    if not extract.roads():
         others = sorted({way.road_class for way in extract.ways if way.road_class})[:SHOWN_CLASSES]
         only = f", only {', '.join(others)}" if others else ""
         raise UnsafeInput(

@@ -8,6 +8,10 @@ STREETS = ("motorway", "trunk", "primary", "secondary", "tertiary", "residential
 ROADS = (*STREETS, "service", "track")
 LINKS = ("motorway_link", "trunk_link", "primary_link", "secondary_link", "tertiary_link")
 THROUGH_ROADS = frozenset((*STREETS, *LINKS))
+ALL_ROADS = frozenset((*ROADS, *LINKS))
+FAST_ROADS = frozenset({"motorway", "trunk"})
+RAMP_LINKS = frozenset({"motorway_link", "trunk_link"})
+RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
 GROUPS = {"roads": ROADS, "link": LINKS, "all": (*ROADS, *LINKS)}
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ...schemas.generation import SiteType
 from .osm import OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m, length_m
-from .road_classes import LINKS, ROADS, THROUGH_ROADS
+from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
 
 if TYPE_CHECKING:
     from shapely import STRtree
@@ -34,9 +34,6 @@ TOWN_LIMIT_KMH = 60
 """A lower limit tells of a town (chosen; 50 km/h and 30 mph are usual there)."""
 EXPRESSWAY_KMH = 80
 """A one-way trunk road with this limit or a higher one drives like a motorway (chosen)."""
-FAST_CLASSES = frozenset({"motorway", "trunk"})
-RAMP_CLASSES = frozenset({"motorway_link", "trunk_link"})
-RURAL_CLASSES = frozenset({"trunk", "primary", "secondary", "tertiary", "unclassified"})
 BUILT_UP_ROADS = frozenset({"residential", "living_street"})
 BUILT_UP_LANDUSE = frozenset({"residential", "commercial", "retail", "industrial"})
 MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
@@ -91,7 +88,7 @@ class SiteFinder:
 
     def __init__(self, osm: OsmMap, classes: Iterable[str] = ()) -> None:
         self.osm = osm
-        self._classes = frozenset(classes) or frozenset((*ROADS, *LINKS))
+        self._classes = frozenset(classes) or ALL_ROADS
         self._kinds: dict[SiteType, Callable[[], list[Site]]] = {
             "roundabout": self._roundabouts,
             "signalised_intersection": self._signalised,
@@ -195,7 +192,7 @@ class SiteFinder:
         for key in self._with_links.junctions:
             ways = self._with_links.ways_at[key]
             classes = {way.road_class for way in ways}
-            if self._fast in classes and classes & RAMP_CLASSES:
+            if self._fast in classes and classes & RAMP_LINKS:
                 node = self.osm.nodes[key]
                 named = [*ways, *self._roads_behind(ways), *self._passing(node, NEAR_RAMP_M)]
                 sites.append(self._site("ramp", node, named, key))
@@ -271,7 +268,7 @@ class SiteFinder:
         sites = []
         for way in self._roads:
             node = self.osm.nodes[way.node_ids[len(way.node_ids) // 2]]
-            is_street = way.road_class not in LINKS and way.road_class not in FAST_CLASSES
+            is_street = way.road_class not in LINKS and way.road_class not in FAST_ROADS
             if is_street and not self._far_from_houses(node) and not self._at_motorway(node):
                 sites.append(self._site("urban", node, [way], node.node_id))
         return sites

@@ -12,11 +12,11 @@ import numpy as np
 
 from ..execution import ProgressReporter
 from .canvas import INK, MUTED, SMALL_PT, TEXT_PT, exact_palette, new_figure, series_style
-from .content import DrivenPath, ScenarioView, Viewport, viewport_of
-from .furniture import Inventory, draw_legend, inventory, write_title
+from .content import DrivenPath, ScenarioView, VehicleShape, Viewport
+from .furniture import Inventory, draw_legend, write_title
 from .road import draw_signals
-from .top_view import HEADER_PX, SIDE_PX, draw_background, figure_height, fitted
-from .vehicles import VehicleShape, draw_egos, draw_endings, draw_vehicles, vehicles_at
+from .top_view import HEADER_PX, SIDE_PX, draw_background, figure_height
+from .vehicles import draw_egos, draw_endings, draw_vehicles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,12 +66,11 @@ def _frame_steps(view: ScenarioView) -> list[int]:
 def _draw_frames(view: ScenarioView, steps: Sequence[int], report: ProgressReporter) -> tuple[list["Image"], Inventory]:
     from PIL import Image
 
-    viewport = viewport_of(view.content, view.paths, steps[0])
-    width = _WIDTH_PX
-    plot_width = width - 2 * SIDE_PX
+    viewport = Viewport.of(view.content, view.paths, steps[0])
+    width, plot_width = _WIDTH_PX, _WIDTH_PX - 2 * SIDE_PX
     plot_height = min(plot_width * viewport.height_m / viewport.width_m, _TALLEST_PLOT_PX)
-    viewport = fitted(viewport, plot_width / plot_height)
-    shown = inventory([view], [viewport], steps)
+    viewport = viewport.fitted(plot_width / plot_height)
+    shown = Inventory.of([view], [viewport], steps)
     height = figure_height(plot_height, shown)
     figure = new_figure(width, height)
     bottom = height - HEADER_PX - plot_height
@@ -97,7 +96,7 @@ def _draw_frames(view: ScenarioView, steps: Sequence[int], report: ProgressRepor
 def _moving_artists(axes: "Axes", view: ScenarioView, viewport: Viewport) -> list[Any]:
     before = set(axes.get_children())
     draw_signals(axes, view.content, view.step, viewport)
-    vehicles = vehicles_at(view.content, view.step)
+    vehicles = view.content.vehicles_at(view.step)
     draw_vehicles(axes, vehicles)
     draw_egos(axes, view, start=False)
     draw_endings(axes, view.paths, view.step)

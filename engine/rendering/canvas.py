@@ -170,8 +170,3 @@ def exact_palette(images: Sequence["Image"], colours: int) -> "Image":
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.vstack([fixed, free]).ravel().tolist())
     return palette
-
-
-def _shortened(text: str, length: int) -> str:
-    """The text cut to a length, with an ellipsis where something is missing."""
-    return text if len(text) <= length else text[: length - 1] + "…"

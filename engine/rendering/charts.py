@@ -6,7 +6,7 @@ A chart is a function ``(runs) -> Drawing``. To add one, write the function, put
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ...schemas.comparison import CompareRequest, Flip, Side
 from ...schemas.errors import NotPossible
@@ -21,6 +21,7 @@ from .furniture import write_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _DARK = ("goal_reached", "collision", "off_road")
 """Outcomes with so dark a colour that text on it is white."""
@@ -37,7 +38,7 @@ _OUTCOME_ORDER: tuple[Outcome, ...] = (
 """From left to right in a bar."""
 
 
-def draw_outcomes(runs: RunSet) -> Drawing:
+def _outcomes(runs: RunSet) -> Drawing:
     """Stacked shares by configuration on the left, success rate with 95 % Wilson interval on the right."""
     from matplotlib.patches import Patch
 
@@ -57,31 +58,32 @@ def draw_outcomes(runs: RunSet) -> Drawing:
         success = rate(counts["goal_reached"], len(valid))
         texts.append(f"{name}: goal reached in {success.count} of {success.of}")
         if success.share is not None and success.low is not None and success.high is not None:
-            rates.plot(
-                [100 * success.low, 100 * success.high], [row, row], color=INK, linewidth=2, solid_capstyle="butt"
-            )
+            interval = [100 * success.low, 100 * success.high]
+            rates.plot(interval, [row, row], color=INK, linewidth=2, solid_capstyle="butt")
             rates.plot(100 * success.share, row, "o", color=outcome_colour("goal_reached"), markersize=10, zorder=3)
             rates.annotate(
                 f"{100 * success.share:.0f} %", (100 * success.share, row), xytext=(0, 9),
                 textcoords="offset points", ha="center", fontsize=SMALL_PT,
             )  # fmt: skip
     _label_outcome_axes(shares, rates, groups)
-    handles = [
-        Patch(facecolor=outcome_colour(name), label=name.replace("_", " ")) for name in _OUTCOME_ORDER if name in seen
-    ]
-    figure.legend(
-        handles=handles,
-        loc="lower left",
-        ncols=len(_OUTCOME_ORDER),
-        frameon=False,
-        bbox_to_anchor=(0.19 if len(handles) < 6 else 0.0, 0),
-        fontsize=SMALL_PT + 0.5,
+    shown = [name for name in _OUTCOME_ORDER if name in seen]
+    _write_legend(
+        figure,
+        0.19 if len(shown) < 6 else 0.0,
+        len(_OUTCOME_ORDER),
+        handles=[Patch(facecolor=outcome_colour(name), label=name.replace("_", " ")) for name in shown],
         columnspacing=1.5,
         handlelength=1.5,
     )
     total = len(runs.sources)
     write_title(figure, "Outcomes", f"{total} runs; numbers in the bars are runs; invalid runs are in no bar")
     return Drawing(figure, f"Outcomes by configuration. {'; '.join(texts)}.")
+
+
+def _write_legend(figure: "Figure", x: float, columns: int, **style: Any) -> None:
+    """A legend at the bottom of the figure, from ``x`` (share of the width) on."""
+    corner, size = (x, 0), SMALL_PT + 0.5
+    figure.legend(loc="lower left", ncols=columns, frameon=False, bbox_to_anchor=corner, fontsize=size, **style)
 
 
 def _draw_shares(axes: "Axes", row: int, counts: Mapping[Outcome, int]) -> None:
@@ -116,7 +118,7 @@ _HATCHES = ("", "//", "..", "xx", "\\\\", "--")
 """One a configuration: further ones are not drawn."""
 
 
-def draw_costs(runs: RunSet) -> Drawing:
+def _costs(runs: RunSet) -> Drawing:
     """Mean weighted cost per planning step of every term, one bar a configuration.
 
     Raises:
@@ -127,7 +129,8 @@ def draw_costs(runs: RunSet) -> Drawing:
         raise NotPossible("these runs have no recorded cost terms", next_step="render kind=outcomes")
     configs = list(dict.fromkeys((item.config_id, item.config_name) for item in costs))[: len(_HATCHES)]
     by_term = {(item.config_id, item.term): item for item in costs}
-    terms = sorted({item.term for item in costs}, key=lambda term: (-_largest(costs, term), term))
+    largest = {item.term: item.mean_weighted for item in sorted(costs, key=lambda item: item.mean_weighted)}
+    terms = sorted(largest, key=lambda term: (-largest[term], term))
     bar = 0.8 / len(configs)
     height = round(170 + len(terms) * (22 + 17 * len(configs)))
     figure = new_figure(PICTURE_WIDTH_PX, height)
@@ -152,14 +155,10 @@ def draw_costs(runs: RunSet) -> Drawing:
         "mean weighted cost of the chosen candidate per planning step [1] (share of the configuration's total)"
     )
     axes.margins(x=0.16)
-    figure.legend(loc="lower left", ncols=3, frameon=False, bbox_to_anchor=(0.21, 0), fontsize=SMALL_PT + 0.5)
+    _write_legend(figure, 0.21, 3)
     write_title(figure, "Cost terms", "raw cost × weight; terms that were always 0 are left out")
     texts = [f"{name}: {', '.join(_largest_shares(costs, config_id))}" for config_id, name in configs]
     return Drawing(figure, f"Weighted cost terms. {'; '.join(texts)}.")
-
-
-def _largest(costs: Sequence[CostShare], term: str) -> float:
-    return max(item.mean_weighted for item in costs if item.term == term)
 
 
 def _largest_shares(costs: Sequence[CostShare], config_id: str) -> list[str]:
@@ -174,7 +173,7 @@ _LISTED_FLIPS = 12
 """Flips each way that the comparison lists for it: half of them."""
 
 
-def draw_flips(runs: RunSet) -> Drawing:
+def _flips(runs: RunSet) -> Drawing:
     """The first two configurations: one row a flipped scenario, its outcome before and after; to success first.
 
     Raises:
@@ -233,7 +232,7 @@ _MOST_PROFILES = 6
 """Runs of a profile: as many as there are line styles."""
 
 
-def draw_profile(runs: RunSet) -> Drawing:
+def _profile(runs: RunSet) -> Drawing:
     """Speed and acceleration over time since the start, one line a run (at most six), its end marked by outcome.
 
     Raises:
@@ -276,7 +275,7 @@ def draw_profile(runs: RunSet) -> Drawing:
     acceleration.set_xlabel("time since the start [s]")
     speed.tick_params(labelbottom=False)
     figure.align_ylabels([speed, acceleration])
-    figure.legend(loc="lower left", ncols=2, frameon=False, bbox_to_anchor=(0.06, 0), fontsize=SMALL_PT + 0.5)
+    _write_legend(figure, 0.06, 2)
     write_title(
         figure,
         f"Speed and acceleration on {scenarios[0] if len(scenarios) == 1 else f'{len(scenarios)} scenarios'}",
@@ -293,9 +292,9 @@ def _shortened(text: str, length: int) -> str:
 
 
 CHARTS: dict[PictureKind, Callable[[RunSet], Drawing]] = {
-    "outcomes": draw_outcomes,
-    "costs": draw_costs,
-    "flips": draw_flips,
-    "profile": draw_profile,
+    "outcomes": _outcomes,
+    "costs": _costs,
+    "flips": _flips,
+    "profile": _profile,
 }
 """The charts by the kind that is asked for."""

@@ -43,15 +43,6 @@ class LaneletShape:
 
 
 @dataclass(frozen=True)
-class _StandingObstacle:
-    """A static obstacle: its corners (n, 2) and type."""
-
-    obstacle_id: int
-    kind: str
-    corners: Points
-
-
-@dataclass(frozen=True)
 class _TrafficSignal:
     """A traffic light: where it stands and the colour of every step of its cycle ("inactive" without one)."""
 
@@ -66,17 +57,18 @@ class _TrafficSignal:
 
 
 @dataclass(frozen=True)
-class _GoalRegion:
-    """A goal: its polygons (empty where any place counts) and the steps in which it counts."""
+class VehicleShape:
+    """A vehicle or standing obstacle at one moment: corners (4, 2) counter-clockwise from the front left."""
 
-    polygons: tuple[Points, ...]
-    first_step: int
-    last_step: int
+    vehicle_id: int
+    kind: str
+    corners: Points
+    center: Points
 
 
 @dataclass(frozen=True)
 class ScenarioContent:
-    """Everything that is drawn of one scenario."""
+    """Everything that is drawn of one scenario; ``goals`` are polygons (n, 2), none where any place counts."""
 
     scenario_id: str
     step_s: float
@@ -85,17 +77,26 @@ class ScenarioContent:
     stop_lines: tuple[Points, ...]
     signals: tuple[_TrafficSignal, ...]
     tracks: dict[int, Track]
-    standing: tuple[_StandingObstacle, ...]
+    standing: tuple[VehicleShape, ...]
     ego_position: Points | None
     ego_heading_rad: float
     ego_speed_mps: float
     ego_step: int
-    goals: tuple[_GoalRegion, ...]
+    goals: tuple[Points, ...]
 
-    def goal_points(self) -> Points:
-        """All corners of all goal polygons, shape (n, 2)."""
-        polygons = [polygon for goal in self.goals for polygon in goal.polygons]
-        return np.vstack(polygons) if polygons else np.empty((0, 2))
+    def positions_at(self, step: int) -> dict[int, Points]:
+        """Where the moving vehicles are at a step, by id; each a point (2,)."""
+        tracks = self.tracks.items()
+        return {key: track.positions[index] for key, track in tracks if (index := track.index_at(step)) is not None}
+
+    def vehicles_at(self, step: int) -> list[VehicleShape]:
+        """All vehicles and standing obstacles that are there at a step, by id."""
+        present = [(track, index) for track in self.tracks.values() if (index := track.index_at(step)) is not None]
+        moving = [
+            VehicleShape(track.obstacle_id, track.kind, track.corners_at(index), track.positions[index])
+            for track, index in present
+        ]
+        return sorted([*moving, *self.standing], key=lambda vehicle: vehicle.vehicle_id)
 
 
 def read_content(loaded: "LoadedScenario") -> ScenarioContent:
@@ -103,12 +104,12 @@ def read_content(loaded: "LoadedScenario") -> ScenarioContent:
     scenario = loaded.scenario
     problem = loaded.problem() if loaded.planning_problems.planning_problem_dict else None
     ego = problem.initial_state if problem else None
-    goals = _goals(problem, scenario) if problem else ()
-    last = max(last_recorded_step(scenario), *(goal.last_step for goal in goals), 0)
+    goal_states = problem.goal.state_list if problem else []
+    last_goals = (int(getattr(state.time_step, "end", state.time_step)) for state in goal_states)
     return ScenarioContent(
         scenario_id=loaded.benchmark_id,
         step_s=loaded.step_s,
-        last_step=last,
+        last_step=max(last_recorded_step(scenario), *last_goals, 0),
         lanelets=_lanelets(scenario),
         stop_lines=_stop_lines(scenario),
         signals=_signals(scenario),
@@ -118,19 +119,15 @@ def read_content(loaded: "LoadedScenario") -> ScenarioContent:
         ego_heading_rad=float(ego.orientation) if ego else 0.0,
         ego_speed_mps=float(ego.velocity) if ego else 0.0,
         ego_step=int(ego.time_step) if ego else 0,
-        goals=goals,
+        goals=_goals(problem, scenario) if problem else (),
     )
 
 
 def _lanelets(scenario: "Scenario") -> tuple[LaneletShape, ...]:
     network = scenario.lanelet_network
-    inside = {
-        key
-        for intersection in network.intersections
-        for incoming in intersection.incomings
-        for group in (incoming.successors_left, incoming.successors_straight, incoming.successors_right)
-        for key in group or ()
-    }
+    incomings = [incoming for intersection in network.intersections for incoming in intersection.incomings]
+    turns = [(one.successors_left, one.successors_straight, one.successors_right) for one in incomings]
+    inside = {key for groups in turns for group in groups for key in group or ()}
     return tuple(
         LaneletShape(
             lanelet_id=int(lanelet.lanelet_id),
@@ -176,30 +173,28 @@ def _signals(scenario: "Scenario") -> tuple[_TrafficSignal, ...]:
     return tuple(signals)
 
 
-def _standing(scenario: "Scenario") -> tuple[_StandingObstacle, ...]:
+def _standing(scenario: "Scenario") -> tuple[VehicleShape, ...]:
     standing = []
     for obstacle in sorted(scenario.static_obstacles, key=lambda obstacle: obstacle.obstacle_id):
         state = obstacle.initial_state
         center = getattr(state.position, "center", state.position)
         heading = getattr(state.orientation, "start", state.orientation)
         corners = oriented_rectangle(np.asarray(center, dtype=float), float(heading), size_of(obstacle.obstacle_shape))
-        standing.append(_StandingObstacle(int(obstacle.obstacle_id), str(obstacle.obstacle_type.value), corners))
+        kind = str(obstacle.obstacle_type.value)
+        standing.append(VehicleShape(int(obstacle.obstacle_id), kind, corners, corners.mean(axis=0)))
     return tuple(standing)
 
 
-def _goals(problem: "PlanningProblem", scenario: "Scenario") -> tuple[_GoalRegion, ...]:
-    goals = []
+def _goals(problem: "PlanningProblem", scenario: "Scenario") -> tuple[Points, ...]:
+    polygons: list[Points] = []
     for index, state in enumerate(problem.goal.state_list):
         by_lanelet = (problem.goal.lanelets_of_goal_position or {}).get(index, [])
         if by_lanelet:
             lanelets = [scenario.lanelet_network.find_lanelet_by_id(key) for key in by_lanelet]
-            polygons = [np.asarray(lanelet.polygon.vertices) for lanelet in lanelets if lanelet is not None]
+            polygons += [np.asarray(lanelet.polygon.vertices) for lanelet in lanelets if lanelet is not None]
         else:
-            polygons = _polygons(getattr(state, "position", None))
-        time = state.time_step
-        first, last = (time.start, time.end) if hasattr(time, "start") else (time, time)
-        goals.append(_GoalRegion(tuple(polygons), int(first), int(last)))
-    return tuple(goals)
+            polygons += _polygons(getattr(state, "position", None))
+    return tuple(polygons)
 
 
 def _polygons(shape: Any) -> list[Points]:
@@ -241,6 +236,16 @@ class DrivenPath:
     def index_at(self, step: int) -> int:
         """Index for a time step, clamped to what was driven: the ego stays where its run ended."""
         return int(np.clip(step - self.first_step, 0, len(self.positions) - 1))
+
+    def position_at(self, step: int) -> Points:
+        """Where the ego is at a time step, shape (2,)."""
+        position: Points = self.positions[self.index_at(step)]
+        return position
+
+    def corners_at(self, step: int) -> Points:
+        """Corners of the ego at a time step, shape (4, 2)."""
+        size = (self.record.ego_length_m, self.record.ego_width_m)
+        return oriented_rectangle(self.position_at(step), float(self.headings_rad[self.index_at(step)]), size)
 
     @property
     def label(self) -> str:
@@ -291,8 +296,7 @@ class ScenarioView:
     def focus(self) -> Points:
         """The point of interest: the first run's ego, else the ego's start, else the middle of the map."""
         if self.paths:
-            point: Points = self.paths[0].positions[self.paths[0].index_at(self.step)]
-            return point
+            return self.paths[0].position_at(self.step)
         if self.content.ego_position is not None:
             return self.content.ego_position
         centers = [lanelet.center.mean(axis=0) for lanelet in self.content.lanelets]
@@ -332,6 +336,41 @@ class Viewport:
         """Extent along y."""
         return self.y_max - self.y_min
 
+    @property
+    def middle(self) -> Points:
+        """Its middle, shape (2,)."""
+        return np.array([self.x_min + self.x_max, self.y_min + self.y_max]) / 2
+
+    @classmethod
+    def of(cls, content: ScenarioContent, paths: Sequence[DrivenPath] = (), step: int | None = None) -> "Viewport":
+        """The part that matters: ego, neighbours, driven paths, the near end of the goal; else the traffic or the map.
+
+        At least 80 m wide, at most 260 m in each direction, no flatter than 3 to 1: pictures keep a usable shape.
+        """
+        points = _points_of_interest(content, paths, step)
+        center = _anchor(content, paths, step, points)
+        low, high = _limited(points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M, center)
+        width, height = high - low
+        width, height = max(width, _SMALLEST_SPAN_M), max(height, _SMALLEST_SPAN_M / _FLATTEST_RATIO)
+        height = max(height, width / _FLATTEST_RATIO)
+        return cls.around((low + high) / 2, max(width, height * _STEEPEST_RATIO), height)
+
+    @classmethod
+    def around(cls, middle: Points, width_m: float, height_m: float) -> "Viewport":
+        """The rectangle of a size around a point (2,)."""
+        x, y = middle
+        return cls(x - width_m / 2, y - height_m / 2, x + width_m / 2, y + height_m / 2)
+
+    def fitted(self, ratio: float) -> "Viewport":
+        """Widened to the shape of the axes (width by height), so that both scales are the same."""
+        wider, higher = max(self.width_m, self.height_m * ratio), max(self.height_m, self.width_m / ratio)
+        return Viewport.around(self.middle, wider, higher)
+
+    def joined(self, other: "Viewport") -> "Viewport":
+        """The smallest viewport that holds both: for pictures that are compared."""
+        low = min(self.x_min, other.x_min), min(self.y_min, other.y_min)
+        return Viewport(*low, max(self.x_max, other.x_max), max(self.y_max, other.y_max))
+
     def contains(self, points: Points) -> bool:
         """Whether any of the points (n, 2) lies inside."""
         x, y = points[:, 0], points[:, 1]
@@ -339,47 +378,18 @@ class Viewport:
         return bool(inside.any())
 
 
-def viewport_of(content: ScenarioContent, paths: Sequence[DrivenPath] = (), step: int | None = None) -> Viewport:
-    """The part that matters: ego, neighbours, driven paths and the near end of the goal; else the traffic or the map.
-
-    At least 80 m wide, at most 260 m in each direction, no flatter than 3 to 1: pictures keep a usable shape.
-    """
-    points = _points_of_interest(content, paths, step)
-    center = _anchor(content, paths, step, points)
-    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
-    low, high = _limited(low, high, center)
-    width, height = high - low
-    middle = (low + high) / 2
-    width, height = max(width, _SMALLEST_SPAN_M), max(height, _SMALLEST_SPAN_M / _FLATTEST_RATIO)
-    height = max(height, width / _FLATTEST_RATIO)
-    width = max(width, height * _STEEPEST_RATIO)
-    return Viewport(middle[0] - width / 2, middle[1] - height / 2, middle[0] + width / 2, middle[1] + height / 2)
-
-
-def union(first: Viewport, second: Viewport) -> Viewport:
-    """The smallest viewport that holds both: for pictures that are compared."""
-    return Viewport(
-        min(first.x_min, second.x_min),
-        min(first.y_min, second.y_min),
-        max(first.x_max, second.x_max),
-        max(first.y_max, second.y_max),
-    )
-
-
 def _points_of_interest(content: ScenarioContent, paths: Sequence[DrivenPath], step: int | None) -> Points:
     shown = [path.positions for path in paths]
     at = content.ego_step if step is None else step
-    present = [track.positions[index] for track in content.tracks.values() if (index := track.index_at(at)) is not None]
-    traffic = np.array(present).reshape(-1, 2)
+    traffic = np.array(list(content.positions_at(at).values())).reshape(-1, 2)
     if content.ego_position is not None:
         direction = np.array([np.cos(content.ego_heading_rad), np.sin(content.ego_heading_rad)])
         ahead = content.ego_position + direction * content.ego_speed_mps * _LOOK_AHEAD_S
         shown += [content.ego_position[None, :]] if paths else [np.stack([content.ego_position, ahead])]
-        center = paths[0].positions[paths[0].index_at(at)] if paths else content.ego_position
+        center = paths[0].position_at(at) if paths else content.ego_position
         shown.append(traffic[np.linalg.norm(traffic - center, axis=1) <= _NEIGHBOURS_M])
-        goal = content.goal_points()
-        if len(goal):
-            reference = np.vstack(shown)
+        if content.goals:
+            goal, reference = np.vstack(content.goals), np.vstack(shown)
             distance = np.linalg.norm(goal[:, None, :] - reference[None, :, :], axis=2).min(axis=1)
             shown.append(goal[distance <= distance.min() + _GOAL_SHOWN_M])
     else:
@@ -391,8 +401,7 @@ def _points_of_interest(content: ScenarioContent, paths: Sequence[DrivenPath], s
 
 def _anchor(content: ScenarioContent, paths: Sequence[DrivenPath], step: int | None, points: Points) -> Points:
     if paths and step is not None:
-        anchor: Points = paths[0].positions[paths[0].index_at(step)]
-        return anchor
+        return paths[0].position_at(step)
     if content.ego_position is not None:
         return content.ego_position
     middle: Points = (points.min(axis=0) + points.max(axis=0)) / 2

@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, NotPossible
-from ...schemas.rendering import PictureKind, Rendered, RenderedImage, RenderRequest
+from ...schemas.rendering import Rendered, RenderedImage, RenderRequest
 from ..analysis import RunSet
 from ..commonroad import read_scenario
 from ..execution import ProgressReporter
 from .animation import animate
-from .canvas import Drawing, write_png
+from .canvas import write_png
 from .charts import CHARTS
 from .content import DrivenPath, ScenarioContent, ScenarioView, driven_path, read_content, short_names
 from .top_view import draw_picture
@@ -22,20 +22,30 @@ _MOST_SCENARIOS, _MOST_PATHS = 2, 4
 
 
 def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
-    """Draw what is asked for into ``request.folder``.
+    """Draw what is asked for into ``request.folder``; ``auto``: outcomes for runs on several scenarios, else a picture.
 
     Raises:
         NotPossible: the kind needs runs, steps or a second configuration that are not there.
         InvalidRequest: a moment outside the scenario.
     """
-    kind = choose_kind(request)
+    kind = request.kind
+    if kind == "auto":
+        kind = "outcomes" if len({source.record.scenario_id for source in request.runs}) > 1 else "picture"
+    notes: list[str] = []
     if kind == "animation":
         path = Path(request.folder) / "animation.gif"
         views, notes = _views(request, most=1)
         size, alt_text = animate(views[0], path, report)
     else:
         path = Path(request.folder) / f"{kind}.png"
-        drawing, notes = _picture(request, report) if kind == "picture" else (_chart(request, kind), [])
+        if kind == "picture":
+            views, notes = _views(request, most=_MOST_SCENARIOS)
+            report(0.5, "scenarios read")
+            drawing = draw_picture(views)
+        elif request.runs:
+            drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios))
+        else:
+            raise NotPossible(f"kind {kind} draws runs, and no run was named", next_step="name run or batch ids in ids")
         size, alt_text = write_png(drawing.figure, path), drawing.alt_text
         notes += drawing.notes
     image = RenderedImage(
@@ -48,26 +58,6 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
     )
     report(1.0, "drawn")
     return Rendered(kind=kind, images=(image,), notes=tuple(notes))
-
-
-def choose_kind(request: RenderRequest) -> PictureKind:
-    """The kind that is asked for; ``auto``: outcomes for runs on several scenarios, else a picture."""
-    if request.kind != "auto":
-        return request.kind
-    scenarios = {source.record.scenario_id for source in request.runs}
-    return "outcomes" if len(scenarios) > 1 else "picture"
-
-
-def _chart(request: RenderRequest, kind: PictureKind) -> Drawing:
-    if not request.runs:
-        raise NotPossible(f"kind {kind} draws runs, and no run was named", next_step="name run or batch ids in ids")
-    return CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios))
-
-
-def _picture(request: RenderRequest, report: ProgressReporter) -> tuple[Drawing, list[str]]:
-    views, notes = _views(request, most=_MOST_SCENARIOS)
-    report(0.5, "scenarios read")
-    return draw_picture(views), notes
 
 
 def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], list[str]]:

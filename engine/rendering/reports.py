@@ -47,41 +47,28 @@ def batch_section(batch: BatchRecord, runs: Sequence[RunRecord], images: Sequenc
     """Every run of a batch with its outcome, the reason, and its figures."""
     names = ", ".join(dict.fromkeys(run.config_name for run in runs))
     grid = f"run {names} on {len(batch.scenarios)} scenarios"
-    lost = tuple(f"Lost: {cell.scenario_id} under {cell.config_id}: {cell.error}" for cell in batch.lost)
+    measured = ("distance (m)", "time to collision (s)", "jerk (m/s³)")
+    table = ReportTable(
+        caption="Time to collision and distance are the smallest of the run.",
+        columns=("run", "scenario", "configuration", "outcome", "why", *measured),
+        rows=tuple(_run_row(run) for run in runs),
+    )
     return ReportSection(
         title=f"Planner runs: {batch.batch_id}",
         asked=f"{grid}, traffic {batch.traffic}, prediction {batch.prediction}",
-        text=lost,
-        tables=(_runs_table(runs),),
+        text=tuple(f"Lost: {cell.scenario_id} under {cell.config_id}: {cell.error}" for cell in batch.lost),
+        tables=(table,),
         images=tuple(images),
-    )
-
-
-def _runs_table(runs: Iterable[RunRecord]) -> ReportTable:
-    return ReportTable(
-        caption="Time to collision and distance are the smallest of the run.",
-        columns=(
-            "run",
-            "scenario",
-            "configuration",
-            "outcome",
-            "why",
-            "distance (m)",
-            "time to collision (s)",
-            "jerk (m/s³)",
-        ),
-        rows=tuple(_run_row(run) for run in runs),
     )
 
 
 def comparison_section(result: CompareResultsResult) -> ReportSection:
     """Verdicts, tests and flips."""
-    tables = [table for comparison in result.comparisons for table in _comparison_tables(comparison)]
     return ReportSection(
         title="Comparison",
         asked=" against ".join(side.label for side in result.sides),
         text=(*(comparison.verdict for comparison in result.comparisons), *result.notes),
-        tables=tuple(tables),
+        tables=tuple(table for comparison in result.comparisons for table in _comparison_tables(comparison)),
     )
 
 
@@ -105,12 +92,8 @@ def report_image(image: RenderedImage, caption: str) -> ReportImage:
 
 
 def _asked(recipe: Recipe) -> str:
-    given = {
-        key: value
-        for key, value in recipe.arguments.items()
-        if value not in (None, [], {}, "") and key != "map_content"
-    }
-    shown = ", ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in sorted(given.items()))
+    given = [(key, value) for key, value in sorted(recipe.arguments.items()) if value not in (None, [], {}, "")]
+    shown = ", ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in given if key != "map_content")
     return f"{recipe.tool}: {shown}" if shown else recipe.tool
 
 

@@ -6,7 +6,7 @@ renderer cuts a line off, so that the same road would look different in two pict
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,32 +28,30 @@ _LANE_LINE = "#FFFFFF"
 
 
 def draw_road(axes: "Axes", content: ScenarioContent, viewport: Viewport) -> None:
-    """Draw the lanelets that the viewport shows, with direction marks."""
+    """Draw what does not move: the lanelets that the viewport shows, direction marks, stop lines and the goal."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     shown = [lanelet for lanelet in content.lanelets if _may_be_seen(lanelet, viewport)]
-    axes.add_collection(
-        PolyCollection(
-            [lanelet.outline for lanelet in shown], facecolors=ROAD, edgecolors=ROAD, linewidths=0.8, zorder=1
-        )
-    )
+    surfaces = [lanelet.outline for lanelet in shown]
+    axes.add_collection(PolyCollection(surfaces, facecolors=ROAD, edgecolors=ROAD, linewidths=0.8, zorder=1))
     plain = [lanelet for lanelet in shown if not lanelet.inside_intersection]
-    edges = outer_edges([side for lanelet in plain for side in _edges(lanelet)], shown)
+    sides = [side for one in plain for side in ((one.left, one.left_neighbour), (one.right, one.right_neighbour))]
+    edges = outer_edges([line for line, neighbour in sides if neighbour is None], shown)
     axes.add_collection(LineCollection(dashes(dividers(plain), viewport), colors=_LANE_LINE, linewidths=1.4, zorder=2))
     axes.add_collection(LineCollection(edges, colors=ROAD_EDGE, linewidths=1.0, zorder=2.1))
     marks = [mark for lanelet in shown for mark in _direction_marks(lanelet, viewport)]
     axes.add_collection(PolyCollection(marks, facecolors=DIRECTION, edgecolors="none", zorder=2.2))
+    goal: Any = {"facecolors": "none", "edgecolors": EGO_COLOUR, "linewidths": 1.2}
+    axes.add_collection(PolyCollection(content.goals, hatch="////", alpha=0.55, zorder=2.5, **goal))
+    # A small goal may lie under a vehicle: its outline stays visible.
+    axes.add_collection(PolyCollection(content.goals, alpha=0.8, zorder=6, **goal))
+    axes.add_collection(LineCollection(content.stop_lines, colors=INK, linewidths=2.6, zorder=2.6))
 
 
 def _may_be_seen(lanelet: LaneletShape, viewport: Viewport) -> bool:
     low, high = lanelet.outline.min(axis=0), lanelet.outline.max(axis=0)
     beside = high[0] < viewport.x_min or low[0] > viewport.x_max
     return not (beside or high[1] < viewport.y_min or low[1] > viewport.y_max)
-
-
-def _edges(lanelet: LaneletShape) -> list[Points]:
-    sides = (lanelet.left, lanelet.left_neighbour), (lanelet.right, lanelet.right_neighbour)
-    return [side for side, neighbour in sides if neighbour is None]
 
 
 def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> list[Points]:
@@ -125,32 +123,12 @@ def _direction_marks(lanelet: LaneletShape, viewport: Viewport) -> list[Points]:
     return marks
 
 
-def draw_stop_lines(axes: "Axes", content: ScenarioContent) -> None:
-    """Draw the stop lines."""
-    from matplotlib.collections import LineCollection
-
-    axes.add_collection(LineCollection(list(content.stop_lines), colors=INK, linewidths=2.6, zorder=2.6))
-
-
 def draw_signals(axes: "Axes", content: ScenarioContent, step: int, viewport: Viewport) -> None:
     """Draw the traffic lights with the marks of the moment."""
-    seen = [signal for signal in content.signals if viewport.contains(signal.position[None, :])]
-    for signal in seen:
+    for signal in content.signals:
+        if not viewport.contains(signal.position[None, :]):
+            continue
         marker, colour = light_mark(signal.state_at(step))
         axes.plot(
             *signal.position, marker=marker, color=colour, markeredgecolor=INK, markersize=7, linestyle="none", zorder=6
         )
-
-
-def draw_goal(axes: "Axes", content: ScenarioContent) -> None:
-    """Draw the goal regions, hatched in the ego's colour."""
-    from matplotlib.collections import PolyCollection
-
-    polygons = [polygon for goal in content.goals for polygon in goal.polygons]
-    hatched = PolyCollection(
-        polygons, facecolors="none", edgecolors=EGO_COLOUR, hatch="////", linewidths=1.2, alpha=0.55, zorder=2.5
-    )
-    # A small goal may lie under a vehicle: its outline stays visible.
-    outline = PolyCollection(polygons, facecolors="none", edgecolors=EGO_COLOUR, linewidths=1.2, alpha=0.8, zorder=6)
-    axes.add_collection(hatched)
-    axes.add_collection(outline)

@@ -5,17 +5,18 @@ that before and after show what was changed.
 """
 
 import functools
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..geometry import Points
-from .canvas import PICTURE_WIDTH_PX, Drawing, new_figure
-from .content import MARGIN_M, ScenarioContent, ScenarioView, Viewport, union, viewport_of
-from .furniture import Inventory, draw_legend, draw_scale_bar, inventory, scale_bar_area, write_title
-from .road import draw_goal, draw_road, draw_signals, draw_stop_lines
-from .vehicles import VehicleCounts, draw_egos, draw_endings, draw_paths, draw_vehicles, label_vehicles, vehicles_at
+from .canvas import INK, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure
+from .content import MARGIN_M, ScenarioContent, ScenarioView, Viewport
+from .furniture import Inventory, draw_legend, write_title
+from .road import draw_road, draw_signals
+from .vehicles import VehicleCounts, draw_egos, draw_endings, draw_paths, draw_vehicles, label_vehicles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,14 +32,14 @@ _LARGEST_COMPARED_M = 400.0
 
 def draw_picture(views: Sequence[ScenarioView]) -> Drawing:
     """One scenario, or several side by side; where these share a map, with one scale and all differences in view."""
-    viewports = [viewport_of(view.content, view.paths, view.step) for view in views]
+    viewports = [Viewport.of(view.content, view.paths, view.step) for view in views]
     if _on_one_map(views):
-        viewports = [_widened(functools.reduce(union, viewports), views)] * len(views)
+        viewports = [_widened(functools.reduce(Viewport.joined, viewports), views)] * len(views)
     width = PICTURE_WIDTH_PX if len(views) == 1 else _PAIR_WIDTH_PX
     plot_width = (width - 2 * SIDE_PX - _GAP_PX * (len(views) - 1)) / len(views)
     plot_height = max(plot_width * viewport.height_m / viewport.width_m for viewport in viewports)
-    viewports = [fitted(viewport, plot_width / plot_height) for viewport in viewports]
-    shown = inventory(views, viewports)
+    viewports = [viewport.fitted(plot_width / plot_height) for viewport in viewports]
+    shown = Inventory.of(views, viewports)
     header = HEADER_PX + (_SECOND_LINE_PX if len(views) > 1 and shown.runs else 0)
     height = figure_height(plot_height, shown, header)
     figure = new_figure(width, height)
@@ -56,30 +57,53 @@ def draw_picture(views: Sequence[ScenarioView]) -> Drawing:
 
 
 def draw_background(axes: "Axes", view: ScenarioView, viewport: Viewport) -> None:
-    """Draw all that does not move: road, goal, driven paths, scale bar.
-
-    Args:
-        axes: gets the viewport's limits and no ticks.
-        view: what to draw.
-        viewport: which part of it; must have the shape of the axes.
-    """
-    _prepare(axes, viewport)
+    """Draw all that does not move: road, goal, driven paths, scale bar; the viewport has the shape of the axes."""
+    axes.set_xlim(viewport.x_min, viewport.x_max)
+    axes.set_ylim(viewport.y_min, viewport.y_max)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(True)
+        spine.set_edgecolor("#C8C8C8")
     draw_road(axes, view.content, viewport)
-    draw_goal(axes, view.content)
-    draw_stop_lines(axes, view.content)
     draw_paths(axes, view.paths)
-    draw_scale_bar(axes, viewport)
+    _draw_scale_bar(axes, viewport)
 
 
 def _draw_moment(axes: "Axes", view: ScenarioView, viewport: Viewport) -> VehicleCounts:
     """Draw one moment: the background, the lights, the vehicles with their ids, the egos."""
     draw_background(axes, view, viewport)
     draw_signals(axes, view.content, view.step, viewport)
-    vehicles = vehicles_at(view.content, view.step)
+    vehicles = view.content.vehicles_at(view.step)
     draw_vehicles(axes, vehicles)
     egos = draw_egos(axes, view)
     draw_endings(axes, view.paths, view.step)
-    return label_vehicles(axes, vehicles, egos, view.focus(), viewport, keep_free=scale_bar_area(viewport))
+    return label_vehicles(axes, vehicles, egos, view.focus(), viewport, keep_free=_scale_bar_area(viewport))
+
+
+def _draw_scale_bar(axes: "Axes", viewport: Viewport) -> None:
+    """A bar of a round length at the lower left of the axes, on a white ground."""
+    length = round_length(viewport.width_m / 5)
+    x, y = _scale_bar_area(viewport)[0] + (0, viewport.height_m * 0.02)
+    tick = viewport.height_m * 0.012
+    eastings = [x, x, x, x + length, x + length, x + length]
+    axes.plot(eastings, [y + tick, y - tick, y, y, y - tick, y + tick], color=INK, linewidth=1.6, zorder=9)
+    ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+    place, text = (x + length / 2, y + tick * 1.4), f"{length:g} m"
+    axes.text(*place, text, ha="center", va="bottom", fontsize=SMALL_PT, zorder=9, bbox=ground)
+
+
+def _scale_bar_area(viewport: Viewport) -> Points:
+    """Lower left and upper right corner of what the scale bar covers, in scenario coordinates, shape (2, 2)."""
+    low = np.array([viewport.x_min + viewport.width_m * 0.02, viewport.y_min + viewport.height_m * 0.025])
+    size = np.array([round_length(viewport.width_m / 5), viewport.height_m * 0.06])
+    return np.stack([low, low + size])
+
+
+def round_length(about_m: float) -> float:
+    """The largest of 1, 2, 5 × 10ⁿ metres that is not above the given length."""
+    power = 10.0 ** math.floor(math.log10(about_m))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= about_m)
 
 
 def figure_height(plot_height_px: float, shown: Inventory, header_px: int = HEADER_PX) -> int:
@@ -110,24 +134,6 @@ def _subtitle(view: ScenarioView, counts: VehicleCounts, *, alone: bool) -> str:
     return f"t = {view.time_s:.1f} s · {speed}{counts.in_words()}{second}"
 
 
-def _prepare(axes: "Axes", viewport: Viewport) -> None:
-    axes.set_xlim(viewport.x_min, viewport.x_max)
-    axes.set_ylim(viewport.y_min, viewport.y_max)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set_visible(True)
-        spine.set_edgecolor("#C8C8C8")
-
-
-def fitted(viewport: Viewport, ratio: float) -> Viewport:
-    """The viewport widened to the shape of the axes, so that both scales are the same."""
-    width, height = viewport.width_m, viewport.height_m
-    wider, higher = max(width, height * ratio), max(height, width / ratio)
-    x, y = (viewport.x_min + viewport.x_max) / 2, (viewport.y_min + viewport.y_max) / 2
-    return Viewport(x - wider / 2, y - higher / 2, x + wider / 2, y + higher / 2)
-
-
 def _on_one_map(views: Sequence[ScenarioView]) -> bool:
     """Whether the scenarios have the same lanelets, by their ids."""
     maps = [frozenset(lanelet.lanelet_id for lanelet in view.content.lanelets) for view in views]
@@ -136,11 +142,10 @@ def _on_one_map(views: Sequence[ScenarioView]) -> bool:
 
 def _widened(viewport: Viewport, views: Sequence[ScenarioView]) -> Viewport:
     """The viewport with every goal and vehicle that is elsewhere, or only in one of the views, the nearest first."""
-    middle = np.array([viewport.x_min + viewport.x_max, viewport.y_min + viewport.y_max]) / 2
+    middle = viewport.middle
     points = [point for view in views[1:] for point in _differing(views[0], view)]
     for point in sorted(points, key=lambda point: (float(np.linalg.norm(point - middle)), *point.tolist())):
-        x, y = point.tolist()
-        larger = union(viewport, Viewport(x - MARGIN_M, y - MARGIN_M, x + MARGIN_M, y + MARGIN_M))
+        larger = viewport.joined(Viewport.around(point, 2 * MARGIN_M, 2 * MARGIN_M))
         if max(larger.width_m, larger.height_m) <= _LARGEST_COMPARED_M:
             viewport = larger
     return viewport
@@ -148,7 +153,7 @@ def _widened(viewport: Viewport, views: Sequence[ScenarioView]) -> Viewport:
 
 def _differing(first: ScenarioView, second: ScenarioView) -> list[Points]:
     """Where vehicles are that moved or are in one view only, and both goals where they differ."""
-    before, after = _positions(first), _positions(second)
+    before, after = (view.content.positions_at(view.step) for view in (first, second))
     moved = []
     for key in sorted({*before, *after}):
         places = [positions[key] for positions in (before, after) if key in positions]
@@ -159,11 +164,5 @@ def _differing(first: ScenarioView, second: ScenarioView) -> list[Points]:
     return moved if same else [*moved, *goals[0], *goals[1]]
 
 
-def _positions(view: ScenarioView) -> dict[int, Points]:
-    tracks = view.content.tracks.items()
-    return {key: track.positions[index] for key, track in tracks if (index := track.index_at(view.step)) is not None}
-
-
 def _goal_centers(content: ScenarioContent) -> Points:
-    centers = [polygon.mean(axis=0) for goal in content.goals for polygon in goal.polygons]
-    return np.array(centers).reshape(-1, 2)
+    return np.array([polygon.mean(axis=0) for polygon in content.goals]).reshape(-1, 2)

@@ -5,62 +5,27 @@ Ids are placed so that no two labels, and no label and vehicle, cover each other
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..geometry import Points, oriented_rectangle
 from ..vehicles import EGO_SIZE_M
 from .canvas import EGO_COLOUR, INK, SMALL_PT, class_colour, series_style
-from .content import DrivenPath, ScenarioContent, ScenarioView, Viewport
+from .content import DrivenPath, ScenarioView, VehicleShape, Viewport
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-
-@dataclass(frozen=True)
-class VehicleShape:
-    """A vehicle at one moment: corners (4, 2) counter-clockwise from the front left."""
-
-    vehicle_id: int
-    kind: str
-    corners: Points
-    center: Points
-
-
-def vehicles_at(content: ScenarioContent, step: int) -> list[VehicleShape]:
-    """All vehicles and standing obstacles that are there at a step, by id."""
-    shapes = []
-    for track in content.tracks.values():
-        index = track.index_at(step)
-        if index is None:
-            continue
-        center = track.positions[index]
-        corners = oriented_rectangle(center, float(track.headings_rad[index]), (track.length_m, track.width_m))
-        shapes.append(VehicleShape(track.obstacle_id, track.kind, corners, center))
-    shapes += [
-        VehicleShape(obstacle.obstacle_id, obstacle.kind, obstacle.corners, obstacle.corners.mean(axis=0))
-        for obstacle in content.standing
-    ]
-    return sorted(shapes, key=lambda vehicle: vehicle.vehicle_id)
 
 
 def draw_vehicles(axes: "Axes", vehicles: Sequence[VehicleShape]) -> None:
     """Draw rectangles in the colour of their class with a dark nose at the front."""
     from matplotlib.collections import PolyCollection
 
-    bodies = PolyCollection(
-        [vehicle.corners for vehicle in vehicles],
-        facecolors=[class_colour(vehicle.kind) for vehicle in vehicles],
-        edgecolors=INK,
-        linewidths=0.8,
-        zorder=5.0,
-    )
-    noses = PolyCollection(
-        [_nose(vehicle.corners) for vehicle in vehicles], facecolors=INK, edgecolors="none", zorder=5.1
-    )
-    axes.add_collection(bodies)
-    axes.add_collection(noses)
+    bodies, colours = [vehicle.corners for vehicle in vehicles], [class_colour(vehicle.kind) for vehicle in vehicles]
+    noses = [_nose(corners) for corners in bodies]
+    axes.add_collection(PolyCollection(bodies, facecolors=colours, edgecolors=INK, linewidths=0.8, zorder=5.0))
+    axes.add_collection(PolyCollection(noses, facecolors=INK, edgecolors="none", zorder=5.1))
 
 
 def _nose(corners: Points) -> Points:
@@ -71,55 +36,34 @@ def _nose(corners: Points) -> Points:
     return np.stack([front, corners[0] + inset, corners[3] + inset])
 
 
-@dataclass(frozen=True)
-class _NamedOutline:
-    """Corners (n, 2) of something that gets a label, such as an ego."""
-
-    name: str
-    corners: Points
-
-
-def draw_egos(axes: "Axes", view: ScenarioView, *, start: bool = True) -> list[_NamedOutline]:
+def draw_egos(axes: "Axes", view: ScenarioView, *, start: bool = True) -> list[tuple[str, Points]]:
     """Draw the egos of all runs, and faded the place where they started; without runs the ego's start.
 
     Returns:
-        Outline and label of each ego, for the placing of labels.
+        Label and corners (4, 2) of each ego, for the placing of labels.
     """
-    begin = _start_corners(view.content)
-    later = view.step > view.content.ego_step
+    content = view.content
+    begin = None
+    if content.ego_position is not None:
+        begin = oriented_rectangle(content.ego_position, content.ego_heading_rad, EGO_SIZE_M)
+    later = view.step > content.ego_step
     if begin is not None and (start or not view.paths) and (later or not view.paths):
         _draw_ego(axes, begin, faded=later)
-    egos = [_path_corners(path, view.step) for path in view.paths]
+    egos = [path.corners_at(view.step) for path in view.paths]
     for number in reversed(range(len(egos))):
         _draw_ego(axes, egos[number], colour=view.ego_colour(number))
     alone = "ego's start" if later and not egos else "ego"
     names = [path.name for path in view.paths] if len(view.paths) > 1 else [alone]
     drawn = egos or ([begin] if begin is not None else [])
-    return [_NamedOutline(name, corners) for name, corners in zip(names, drawn, strict=False)]
-
-
-def _start_corners(content: ScenarioContent) -> Points | None:
-    """Corners of the ego at its start, (4, 2); None without a planning problem."""
-    if content.ego_position is None:
-        return None
-    return oriented_rectangle(content.ego_position, content.ego_heading_rad, EGO_SIZE_M)
-
-
-def _path_corners(path: DrivenPath, step: int) -> Points:
-    """Corners of the ego of a run at a step, (4, 2)."""
-    index = path.index_at(step)
-    size = (path.record.ego_length_m, path.record.ego_width_m)
-    return oriented_rectangle(path.positions[index], float(path.headings_rad[index]), size)
+    return list(zip(names, drawn, strict=False))
 
 
 def _draw_ego(axes: "Axes", corners: Points, *, colour: str = EGO_COLOUR, faded: bool = False) -> None:
     from matplotlib.patches import Polygon
 
     alpha = 0.35 if faded else 1.0
-    body = Polygon(corners, closed=True, facecolor=colour, edgecolor=INK, linewidth=1.2, alpha=alpha, zorder=5.5)
-    front = Polygon(_nose(corners), closed=True, facecolor=INK, edgecolor="none", alpha=alpha, zorder=5.6)
-    axes.add_patch(body)
-    axes.add_patch(front)
+    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=INK, linewidth=1.2, alpha=alpha, zorder=5.5))
+    axes.add_patch(Polygon(_nose(corners), facecolor=INK, edgecolor="none", alpha=alpha, zorder=5.6))
 
 
 def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
@@ -127,24 +71,15 @@ def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
     for number, path in enumerate(paths):
         colour, dashes = series_style(path.series)
         width = max(4.2 - 1.1 * number, 1.6)
-        axes.plot(
-            path.positions[:, 0],
-            path.positions[:, 1],
-            color=colour,
-            linestyle=dashes,
-            linewidth=width,
-            zorder=4 + number / 50,
-        )
+        axes.plot(*path.positions.T, color=colour, linestyle=dashes, linewidth=width, zorder=4 + number / 50)
 
 
 def draw_endings(axes: "Axes", paths: Sequence[DrivenPath], step: int) -> None:
     """Mark where runs ended in a collision that had happened by this step."""
-    hits = [path for path in paths if path.record.collision is not None and path.record.collision.step <= step]
-    for path in hits:
-        point = path.positions[-1]
-        axes.plot(
-            *point, marker="X", markersize=13, color="white", markeredgecolor=INK, markeredgewidth=1.6, zorder=6.8
-        )
+    style: Any = {"marker": "X", "markersize": 13, "color": "white", "markeredgecolor": INK, "markeredgewidth": 1.6}
+    for path in paths:
+        if path.record.collision is not None and path.record.collision.step <= step:
+            axes.plot(*path.positions[-1], zorder=6.8, **style)
 
 
 @dataclass(frozen=True)
@@ -173,7 +108,7 @@ _EGO_KEY = -1
 def label_vehicles(
     axes: "Axes",
     vehicles: Sequence[VehicleShape],
-    egos: Sequence[_NamedOutline],
+    egos: Sequence[tuple[str, Points]],
     near: Points,
     viewport: Viewport,
     keep_free: Points,
@@ -183,7 +118,7 @@ def label_vehicles(
     Args:
         axes: drawn with their final limits and position.
         vehicles: all vehicles of the moment.
-        egos: the egos, which no label may cover and which are labelled first.
+        egos: labels and corners of the egos, which no label may cover and which are labelled first.
         near: the point of interest.
         viewport: what the axes show.
         keep_free: further points (n, 2) whose box no label may cover.
@@ -191,9 +126,9 @@ def label_vehicles(
     to_pixels = axes.transData.transform
     seen = [vehicle for vehicle in vehicles if viewport.contains(vehicle.corners)]
     seen.sort(key=lambda vehicle: (float(np.linalg.norm(vehicle.center - near)), vehicle.vehicle_id))
-    outlines = [*(vehicle.corners for vehicle in seen), *(ego.corners for ego in egos), keep_free]
+    outlines = [*(vehicle.corners for vehicle in seen), *(corners for _, corners in egos), keep_free]
     occupied = [_bounding_box(to_pixels(points)) for points in outlines]
-    labels = [_label(_EGO_KEY, ego.name, to_pixels(ego.corners)) for ego in egos]
+    labels = [_label(_EGO_KEY, name, to_pixels(corners)) for name, corners in egos]
     labels += [_label(vehicle.vehicle_id, str(vehicle.vehicle_id), to_pixels(vehicle.corners)) for vehicle in seen]
     frame = axes.get_window_extent()
     scale = axes.figure.dpi / 72
@@ -232,9 +167,8 @@ class _PlacedLabel:
 
 
 def _label(key: int, text: str, corners_px: Points) -> Label:
-    center = corners_px.mean(axis=0)
-    half = (corners_px.max(axis=0) - corners_px.min(axis=0)) / 2
-    return Label(key, text, (float(center[0]), float(center[1])), (float(half[0]), float(half[1])))
+    (x, y), half = corners_px.mean(axis=0).tolist(), (corners_px.max(axis=0) - corners_px.min(axis=0)) / 2
+    return Label(key, text, (x, y), (float(half[0]), float(half[1])))
 
 
 def place_labels(
@@ -280,8 +214,8 @@ def _candidates(label: Label, width: float, height: float) -> Iterator[tuple[tup
 
 def _bounding_box(points_px: Points) -> Box:
     """The box around points in pixels, one pixel larger on each side."""
-    low, high = np.asarray(points_px).min(axis=0) - 1.0, np.asarray(points_px).max(axis=0) + 1.0
-    return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    x_min, y_min, x_max, y_max = [*(points_px.min(axis=0) - 1.0).tolist(), *(points_px.max(axis=0) + 1.0).tolist()]
+    return x_min, y_min, x_max, y_max
 
 
 def _is_inside(box: Box, frame: Box) -> bool:

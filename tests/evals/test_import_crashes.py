@@ -8,7 +8,7 @@ from pathlib import Path
 from support.builders import town_road
 from support.catalog import facts
 
-from plannerforge.engine.catalog.updates import refresh
+from plannerforge.engine.catalog.tables import refresh
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.evals.faults.imports import disagreements, kill_imports

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from support.catalog import catalogue, facts, found, funnel
 
 from plannerforge.engine.catalog.constraints import constraints_of
-from plannerforge.engine.catalog.funnel import Funnel, is_mentioned
+from plannerforge.engine.catalog.funnel import Funnel
 from plannerforge.schemas.catalog import FindScenariosArguments
 from plannerforge.schemas.errors import InvalidRequest, UnknownName
 from plannerforge.schemas.scenarios import RoadFacts, ScenarioFacts
@@ -233,7 +233,7 @@ def test_what_the_user_s_words_name_counts_for_more_than_what_was_added() -> Non
 )
 def test_a_condition_is_mentioned_by_its_own_words(slots: dict[str, object], text: str, mentioned: bool) -> None:
     (one,) = constraints_of(FindScenariosArguments.model_validate(slots), ())
-    assert is_mentioned(one, text) == mentioned
+    assert one.is_mentioned(text) == mentioned
 
 
 def test_conditions_that_only_fail_together_are_named_together() -> None:

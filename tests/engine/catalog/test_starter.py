@@ -8,7 +8,7 @@ import pytest
 from support.catalog import facts
 
 from plannerforge.engine.catalog.starter import open_catalogue
-from plannerforge.engine.catalog.updates import refresh
+from plannerforge.engine.catalog.tables import refresh
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.errors import ResourceFailure

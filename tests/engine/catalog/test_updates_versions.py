@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from support.catalog import facts
 
-from plannerforge.engine.catalog.updates import family, list_again, listed_version, refresh
+from plannerforge.engine.catalog.tables import family, list_again, listed_version, refresh
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.scenarios import ScenarioRecord

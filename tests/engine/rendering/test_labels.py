@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.engine.rendering.furniture import round_length
+from plannerforge.engine.rendering.top_view import round_length
 from plannerforge.engine.rendering.vehicles import Label, place_labels
 
 FRAME = (0.0, 0.0, 600.0, 400.0)

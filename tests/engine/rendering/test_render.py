@@ -11,7 +11,7 @@ from support.runs import DEFAULT, SAFE, record, source
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.rendering.charts import CHARTS
-from plannerforge.engine.rendering.pictures import choose_kind, render
+from plannerforge.engine.rendering.pictures import render
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.rendering import PictureKind, RenderedImage, RenderRequest
 from plannerforge.schemas.results import RunSource, ScenarioSource
@@ -119,10 +119,11 @@ def is_orange(pixel: tuple[int, int, int]) -> bool:
     return pixel[0] > 190 and pixel[1] < 160 and pixel[2] < 110
 
 
-def test_auto_chooses_outcomes_for_several_scenarios(town: ScenarioSource) -> None:
+def test_auto_chooses_outcomes_for_several_scenarios(tmp_path: Path, town: ScenarioSource) -> None:
     runs = (source(record("ZAM_A-1_1_T-1")), source(record("ZAM_B-1_1_T-1")))
-    assert choose_kind(RenderRequest(kind="auto", folder=".", runs=runs)) == "outcomes"
-    assert choose_kind(RenderRequest(kind="auto", folder=".", runs=runs[:1])) == "picture"
+    for given, kind in ((runs, "outcomes"), (runs[:1], "picture")):
+        image = drawn(tmp_path, scenarios=(town,), runs=given, configs=(DEFAULT,))
+        assert Path(image.path).name == f"{kind}.png"
 
 
 @pytest.mark.parametrize("kind", ["outcomes", "costs", "flips", "profile"])

@@ -1,0 +1,88 @@
+"""A scenario in words, from its facts: the description that is embedded and searched, and a line for lists."""
+
+from ...schemas.scenarios import EgoFacts, ScenarioFacts
+
+_FEATURE_WORDS = {
+    "intersection": "an intersection",
+    "roundabout": "a roundabout",
+    "oncoming_traffic": "oncoming traffic",
+    "lead_vehicle": "a vehicle ahead in the ego's lane",
+}
+_MANOEUVRES = {
+    "ego_turns_left": "turns left",
+    "ego_turns_right": "turns right",
+    "ego_goes_straight": "goes straight on",
+    "ego_changes_lane": "changes lane",
+}
+
+
+def description_of(facts: ScenarioFacts) -> str:
+    """A few plain sentences: place, kind of road, signs, traffic, the ego's start and task."""
+    where = f"{facts.location.place}, {facts.location.country}"
+    parts = [f"Traffic scenario in {where}."]
+    if facts.tags:
+        parts.append(f"Tagged {', '.join(tag.replace('_', ' ') for tag in facts.tags)}.")
+    seen = [words for feature, words in _FEATURE_WORDS.items() if feature in facts.features]
+    if seen:
+        parts.append(f"The road shows {', '.join(seen)}.")
+    parts.append(_road_sentence(facts))
+    parts.append(_traffic_sentence(facts))
+    if facts.ego:
+        parts.append(_ego_sentence(facts, facts.ego))
+    return " ".join(part for part in parts if part)
+
+
+def summary(facts: ScenarioFacts) -> str:
+    """A scenario in one line: traffic, lanes, ego speed, manoeuvre."""
+    counts = ", ".join(f"{count} {kind}" for kind, count in _by_number(facts.participants.counts)) or "no traffic"
+    ego = facts.ego
+    parts = [counts]
+    if ego:
+        parts.append(f"ego {ego.speed_mps:.1f} m/s on {_lanes(ego.lanes)}")
+        parts += [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
+    return ", ".join(parts)
+
+
+def _road_sentence(facts: ScenarioFacts) -> str:
+    roads, parts = facts.roads, []
+    if facts.ego and facts.ego.lanes:
+        parts.append(f"{_lanes(facts.ego.lanes)} in the ego's direction")
+    if roads.limits_ego_kmh:
+        parts.append(f"speed limit {' and '.join(f'{limit:g}' for limit in roads.limits_ego_kmh)} km/h")
+    if roads.traffic_light_ego:
+        parts.append("a traffic light on the ego's lane")
+    elif roads.traffic_lights_map:
+        parts.append("traffic lights elsewhere on the map")
+    signs = [sign.replace("_", " ") for sign in roads.signs_ego if sign != "speed_limit"]
+    if signs:
+        parts.append(f"signs: {', '.join(signs)}")
+    return f"Road: {'; '.join(parts)}." if parts else ""
+
+
+def _traffic_sentence(facts: ScenarioFacts) -> str:
+    counts = _by_number(facts.participants.counts)
+    if not counts:
+        return "No other traffic."
+    amount = "Dense" if facts.participants.total >= 20 else "Some" if facts.participants.total >= 6 else "Little"
+    return f"{amount} traffic: {', '.join(f'{count} {_plural(kind, count)}' for kind, count in counts)}."
+
+
+def _ego_sentence(facts: ScenarioFacts, ego: EgoFacts) -> str:
+    pace = "stands" if ego.speed_mps < 0.5 else f"starts at {ego.speed_mps:.0f} m/s ({ego.speed_mps * 3.6:.0f} km/h)"
+    manoeuvres = [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
+    task = f" and {' and '.join(manoeuvres)} to its goal" if manoeuvres else ""
+    return f"The ego vehicle {pace}{task}, within {facts.horizon_steps * facts.step_s:.0f} s."
+
+
+def _by_number(counts: dict[str, int]) -> list[tuple[str, int]]:
+    return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+
+
+def _plural(kind: str, count: int) -> str:
+    words = {"parkedVehicle": "parked vehicle", "priorityVehicle": "priority vehicle", "unknown": "unknown object"}
+    word = words.get(kind, kind)
+    return word if count == 1 else f"{word}es" if word == "bus" else f"{word}s"
+
+
+def _lanes(count: int) -> str:
+    return "1 lane" if count == 1 else f"{count} lanes"
