@@ -17,7 +17,7 @@ from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval
 from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
 from ..maps import country_code, place_keys
-from .ranking import words_of
+from .bm25 import words_of
 
 NameOf = Callable[[str], str]
 _OBSTACLE_WORDS = {

@@ -1,23 +1,12 @@
-"""Ranking scenarios by likeness to a text: by words (BM25), by a model's vectors, and rankings fused.
+"""Ranking scenarios by likeness to a text: the operations of the retrieval worker."""
 
-BM25: Robertson and Zaragoza, The Probabilistic Relevance Framework (2009), with k1 = 1.5 and b = 0.75. SQLite's FTS5
-has a bm25() too, with k1 = 1.2 and another weight of words, both fixed: of the 100 requests of the selection corpus it
-puts the same five scenarios first in the same order for 49, and all in the same order for 11.
-"""
-
-import math
-import re
 import sqlite3
-from collections import Counter
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ...schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
 from ..execution import ProgressReporter
+from .bm25 import bm25_scores
 from .tables import descriptions, is_ready
-
-_K1, _B = 1.5, 0.75
-"""How fast repeated words stop to count, and how much long texts are marked down: usual values of the source."""
 
 
 def rank(request: RankRequest, report: ProgressReporter) -> RankResponse:
@@ -77,37 +66,3 @@ def _descriptions(database: Path) -> dict[str, str]:
         return descriptions(connection) if is_ready(connection) else {}
     finally:
         connection.close()
-
-
-def words_of(text: str) -> list[str]:
-    """Lower-case words and numbers of a text."""
-    return re.findall(r"\w+", text.casefold().replace("_", " "))
-
-
-def bm25_scores(query: str, texts: Mapping[str, str]) -> dict[str, float]:
-    """BM25 score of every text for the query; 0 where no word is shared."""
-    counts = {key: Counter(words_of(text)) for key, text in texts.items()}
-    if not counts:
-        return {}
-    lengths = {key: sum(words.values()) for key, words in counts.items()}
-    mean = sum(lengths.values()) / len(lengths) or 1.0
-    scores = dict.fromkeys(texts, 0.0)
-    for word in sorted(set(words_of(query))):
-        holding = [key for key, words in counts.items() if word in words]
-        weight = math.log(1 + (len(texts) - len(holding) + 0.5) / (len(holding) + 0.5))
-        for key in holding:
-            often = counts[key][word]
-            scores[key] += weight * often * (_K1 + 1) / (often + _K1 * (1 - _B + _B * lengths[key] / mean))
-    return scores
-
-
-def reciprocal_rank_fusion(rankings: Sequence[Sequence[str]], constant: float = 60.0) -> list[str]:
-    """Fuse rankings: the sum of 1 / (constant + rank) over all of them, ties alphabetically.
-
-    Cormack, Clarke and Buettcher, Reciprocal Rank Fusion (SIGIR 2009).
-    """
-    scores: dict[str, float] = {}
-    for ranking in rankings:
-        for rank, key in enumerate(ranking, start=1):
-            scores[key] = scores.get(key, 0.0) + 1.0 / (constant + rank)
-    return sorted(scores, key=lambda key: (-scores[key], key))

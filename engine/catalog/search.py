@@ -25,9 +25,9 @@ from ...schemas.catalog import (
 from ...schemas.errors import InvalidRequest
 from ...schemas.scenarios import ScenarioFacts
 from .alternatives import emptied_note, never_carried
+from .bm25 import reciprocal_rank_fusion
 from .constraints import Constraint, constraints_of, location_constraints
 from .funnel import Funnel
-from .ranking import reciprocal_rank_fusion
 from .tables import facts_of
 from .words import summary
 

@@ -12,11 +12,14 @@ listed when the catalogue is rebuilt.
 
 import sqlite3
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..maps import place_keys
-from ..workspace import Database
 from .words import description_of
+
+if TYPE_CHECKING:
+    from ..workspace import Database
 
 _VERSION = 3
 """Raised when tables or descriptions change: older tables are dropped and filled again."""
@@ -145,7 +148,7 @@ def _words(facts: ScenarioFacts) -> list[tuple[str, str]]:
     return words + [(kind, "speed_limit") for kind, held in limits if held]
 
 
-def refresh(database: Database) -> int:
+def refresh(database: "Database") -> int:
     """Enter the scenarios that are stored but not yet in the tables; returns their number.
 
     Raises:
@@ -173,7 +176,7 @@ def _enter_missing(connection: sqlite3.Connection) -> int:
     return len(rows)
 
 
-def list_again(database: Database, scenario_id: str) -> None:
+def list_again(database: "Database", scenario_id: str) -> None:
     """List an earlier version in place of the later ones.
 
     Raises:

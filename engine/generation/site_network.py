@@ -99,16 +99,16 @@ def build_network(
     """
     net_path = folder / "scenario.net.xml"
     radius, lefthand = radius_for(site, request), request.country in LEFT_HAND_COUNTRIES
-    center, classes = (site.latitude, site.longitude), classes_for(site, request)
+    classes = classes_for(site, request)
     cut = folder / "site.osm"
     notes: list[str] = []
     report(0.05, "cutting out the site")
     if isinstance(osm, NetMap):
-        warnings = cut_net(osm, center, radius, classes, net_path, folder)
+        warnings = cut_net(osm, site.position, radius, classes, net_path, folder)
         if not _is_drivable(net_path):
             raise _closed_to_cars()
     else:
-        cut_map(osm, center, radius, classes, cut)
+        cut_map(osm, site.position, radius, classes, cut)
         report(0.1, "running netconvert")
         warnings, notes = convert_map(cut, net_path, lefthand=lefthand)
     report(0.15, "building the lanelets")

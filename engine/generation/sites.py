@@ -94,8 +94,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     choice.shuffle(kinds)
     different: list[Site] = []
     for site in (site for turn in zip_longest(*kinds) for site in turn if site is not None):
-        middle = (site.latitude, site.longitude)
-        if all(ground_distance_m(middle, (other.latitude, other.longitude)) > SAME_PLACE_M for other in different):
+        if all(ground_distance_m(site.position, other.position) > SAME_PLACE_M for other in different):
             different.append(site)
     return different
 

@@ -4,8 +4,9 @@ Of an OpenStreetMap extract, roads are followed to the circle and end on it, so 
 else is left out. Of a user's SUMO network, roads stay whole, as the user made them.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 from lxml import etree
@@ -13,7 +14,7 @@ from lxml import etree
 from ...schemas.errors import NotPossible
 from ..network import run_netconvert
 from .map_file import NetMap
-from .osm import OsmMap, OsmNode, OsmWay, ground_distance_m
+from .osm import OsmMap, OsmNode, OsmWay, append_node, append_object, ground_distance_m
 
 
 @dataclass(frozen=True)
@@ -34,54 +35,39 @@ def cut_map(
     Returns:
         The ways that were written (parts of a way count once).
     """
-    wanted = frozenset(classes)
-    fresh = _FreshIds(osm)
-    pieces = [
-        piece for way in osm.ways if way.road_class in wanted for piece in _pieces(osm, way, center, radius_m, fresh)
-    ]
+    new_nodes = count(max(osm.nodes, default=0) + 1)
+    new_ways = count(max((way.way_id for way in osm.ways), default=0) + 1)
+    roads = osm.roads(frozenset(classes))
+    pieces = [piece for way in roads for piece in _pieces(osm, way, center, radius_m, new_nodes)]
     root = etree.Element("osm", {"version": "0.6", "generator": "PlannerForge"})
     nodes = {node.node_id: node for piece in pieces for node in piece.nodes}
     for key in sorted(nodes):
-        _write_node(root, nodes[key])
+        append_node(root, nodes[key])
     used: set[int] = set()
     whole: set[int] = set()
     for piece in pieces:
-        way_id = piece.way.way_id if piece.way.way_id not in used else fresh.way()
+        way_id = piece.way.way_id if piece.way.way_id not in used else next(new_ways)
         (whole.discard if piece.way.way_id in used else whole.add)(piece.way.way_id)
         used.add(piece.way.way_id)
-        _write_way(root, way_id, piece)
+        references = [("nd", {"ref": str(node.node_id)}) for node in piece.nodes]
+        append_object(root, "way", way_id, piece.way.tags, parts=references)
     _write_restrictions(root, osm, nodes, whole)
     target.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
     return tuple({piece.way.way_id: piece.way for piece in pieces}.values())
 
 
-class _FreshIds:
-    """Ids above all that the map uses."""
-
-    def __init__(self, osm: OsmMap) -> None:
-        self._node = max(osm.nodes, default=0)
-        self._way = max((way.way_id for way in osm.ways), default=0)
-
-    def node(self) -> int:
-        self._node += 1
-        return self._node
-
-    def way(self) -> int:
-        self._way += 1
-        return self._way
-
-
-def _pieces(osm: OsmMap, way: OsmWay, center: tuple[float, float], radius_m: float, fresh: _FreshIds) -> list[_Piece]:
-    nodes = [osm.nodes[key] for key in way.node_ids]
-    distances = [ground_distance_m((node.latitude, node.longitude), center) for node in nodes]
+def _pieces(
+    osm: OsmMap, way: OsmWay, center: tuple[float, float], radius_m: float, new_nodes: Iterator[int]
+) -> list[_Piece]:
     """The parts of a way inside the circle, with new nodes where it crosses the circle."""
+    nodes = [osm.nodes[key] for key in way.node_ids]
     parts: list[list[OsmNode]] = []
     current: list[OsmNode] = []
     for index, node in enumerate(nodes):
-        inside = distances[index] <= radius_m
+        inside = ground_distance_m(node.position, center) <= radius_m
         if index > 0:
             cuts = _on_circle(nodes[index - 1], node, center, radius_m)
-            current.extend(OsmNode(fresh.node(), *point, {}) for point in cuts)
+            current.extend(OsmNode(next(new_nodes), *point, {}) for point in cuts)
             if current and not inside:
                 parts.append(current)
                 current = []
@@ -101,42 +87,19 @@ def _on_circle(start: OsmNode, end: OsmNode, center: tuple[float, float], radius
     if a < 1e-9 or inner <= 0:
         return []
     shares = ((-b - inner**0.5) / (2 * a), (-b + inner**0.5) / (2 * a))
-    return [
-        (
-            round(start.latitude + t * (end.latitude - start.latitude), 7),
-            round(start.longitude + t * (end.longitude - start.longitude), 7),
-        )
-        for t in shares
-        if 0 < t < 1
-    ]
-
-
-def _write_node(root: etree._Element, node: OsmNode) -> None:
-    position = {"id": str(node.node_id), "lat": f"{node.latitude:.7f}", "lon": f"{node.longitude:.7f}"}
-    element = etree.SubElement(root, "node", {**position, "visible": "true", "version": "1"})
-    for key, value in sorted(node.tags.items()):
-        etree.SubElement(element, "tag", {"k": key, "v": value})
-
-
-def _write_way(root: etree._Element, way_id: int, piece: _Piece) -> None:
-    element = etree.SubElement(root, "way", {"id": str(way_id), "visible": "true", "version": "1"})
-    for node in piece.nodes:
-        etree.SubElement(element, "nd", {"ref": str(node.node_id)})
-    for key, value in sorted(piece.way.tags.items()):
-        etree.SubElement(element, "tag", {"k": key, "v": value})
+    north, east = end.latitude - start.latitude, end.longitude - start.longitude
+    inside = [share for share in shares if 0 < share < 1]
+    return [(round(start.latitude + t * north, 7), round(start.longitude + t * east, 7)) for t in inside]
 
 
 def _write_restrictions(root: etree._Element, osm: OsmMap, nodes: dict[int, OsmNode], ways: set[int]) -> None:
     for relation in osm.relations:
         known = all(key in (ways if kind == "way" else nodes) for kind, key, _ in relation.members)
         if relation.tags.get("type") == "restriction" and known and relation.members:
-            element = etree.SubElement(
-                root, "relation", {"id": str(relation.relation_id), "visible": "true", "version": "1"}
-            )
-            for kind, member, role in relation.members:
-                etree.SubElement(element, "member", {"type": kind, "ref": str(member), "role": role})
-            for key, value in sorted(relation.tags.items()):
-                etree.SubElement(element, "tag", {"k": key, "v": value})
+            members = [
+                ("member", {"type": kind, "ref": str(member), "role": role}) for kind, member, role in relation.members
+            ]
+            append_object(root, "relation", relation.relation_id, relation.tags, parts=members)
 
 
 def cut_net(
@@ -149,8 +112,7 @@ def cut_net(
     Raises:
         NotPossible: no such road, or netconvert refuses the network.
     """
-    wanted = frozenset(classes)
-    near = [way for way in net.ways if way.road_class in wanted and _distance_m(net, way, center) <= radius_m]
+    near = [way for way in net.roads(frozenset(classes)) if _distance_m(net, way, center) <= radius_m]
     if not near:
         raise NotPossible("no road here is of the road_classes that were asked for", next_step="leave road_classes out")
     kept = scratch / "kept_edges.txt"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from .osm import EARTH_RADIUS_M
+from .osm import EARTH_RADIUS_M, OsmNode, append_node, append_object
 
 Point = tuple[float, float]
 
@@ -53,21 +53,16 @@ class Sketch:
         """Write the map; the same drawing gives the same bytes."""
         attributes = {"version": "0.6", "generator": "PlannerForge", "attribution": "PlannerForge, MIT"}
         root = etree.Element("osm", attributes)
-        corners = [self._degrees(point) for point in self.nodes]
-        south, west = min(corner[0] for corner in corners), min(corner[1] for corner in corners)
-        north, east = max(corner[0] for corner in corners), max(corner[1] for corner in corners)
-        box = {"minlat": south, "minlon": west, "maxlat": north, "maxlon": east}
+        latitudes, longitudes = zip(*(self._degrees(point) for point in self.nodes), strict=True)
+        box = {"minlat": min(latitudes), "minlon": min(longitudes), "maxlat": max(latitudes), "maxlon": max(longitudes)}
         etree.SubElement(root, "bounds", {key: f"{value:.7f}" for key, value in box.items()})
         middle = {"place": "town", "name": self.place, "addr:country": "ZAM"}
         ids = {point: number for number, point in enumerate(self.nodes, start=2)}
-        self._write_node(root, 1, (0.0, 0.0), middle)
+        append_node(root, OsmNode(1, *self._degrees((0.0, 0.0)), middle))
         for point, tags in self.nodes.items():
-            self._write_node(root, ids[point], point, tags)
+            append_node(root, OsmNode(ids[point], *self._degrees(point), tags))
         for number, (line, tags) in enumerate(self.ways, start=1):
-            way = etree.SubElement(root, "way", {"id": str(number), "visible": "true", "version": "1"})
-            for point in line:
-                etree.SubElement(way, "nd", {"ref": str(ids[point])})
-            _write_tags(way, tags)
+            append_object(root, "way", number, tags, parts=[("nd", {"ref": str(ids[point])}) for point in line])
         etree.indent(root, space=" ")
         path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
 
@@ -75,16 +70,6 @@ class Sketch:
         latitude = self.latitude + math.degrees(point[1] / EARTH_RADIUS_M)
         east = math.degrees(point[0] / (EARTH_RADIUS_M * math.cos(math.radians(self.latitude))))
         return latitude, self.longitude + east
-
-    def _write_node(self, root: etree._Element, number: int, point: Point, tags: dict[str, str]) -> None:
-        latitude, longitude = self._degrees(point)
-        position = {"id": str(number), "lat": f"{latitude:.7f}", "lon": f"{longitude:.7f}"}
-        _write_tags(etree.SubElement(root, "node", {**position, "visible": "true", "version": "1"}), tags)
-
-
-def _write_tags(element: etree._Element, tags: dict[str, str]) -> None:
-    for key, value in sorted(tags.items()):
-        etree.SubElement(element, "tag", {"k": key, "v": value})
 
 
 def _arc(center: Point, radius: float, start_deg: float, end_deg: float, step_deg: float = 15.0) -> list[Point]:

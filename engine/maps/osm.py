@@ -45,6 +45,11 @@ class OsmNode:
     longitude: float
     tags: Mapping[str, str]
 
+    @property
+    def position(self) -> tuple[float, float]:
+        """Latitude and longitude in degrees."""
+        return self.latitude, self.longitude
+
 
 @dataclass(frozen=True)
 class OsmWay:
@@ -160,13 +165,8 @@ def _forget(element: Any) -> None:
         del element.getparent()[0]
 
 
-def distance_m(first: OsmNode, second: OsmNode) -> float:
-    """Distance of two points on the ground, good for the size of an extract (equirectangular)."""
-    return ground_distance_m((first.latitude, first.longitude), (second.latitude, second.longitude))
-
-
 def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -> float:
-    """Distance in m of two (latitude, longitude) pairs in degrees (equirectangular)."""
+    """Distance in m of two (latitude, longitude) pairs in degrees (equirectangular: good for the size of a map)."""
     middle = math.radians((first[0] + second[0]) / 2)
     north = math.radians(second[0] - first[0])
     east = math.radians(second[1] - first[1]) * math.cos(middle)
@@ -175,8 +175,30 @@ def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -
 
 def length_m(osm: OsmMap, way: OsmWay) -> float:
     """Length of a way in m."""
-    nodes = [osm.nodes[key] for key in way.node_ids]
-    return sum(distance_m(one, other) for one, other in pairwise(nodes))
+    return sum(
+        ground_distance_m(one, other) for one, other in pairwise(osm.nodes[key].position for key in way.node_ids)
+    )
+
+
+def append_object(
+    root: etree._Element,
+    kind: str,
+    number: int,
+    tags: Mapping[str, str],
+    attributes: Mapping[str, str] = NO_TAGS,
+    parts: Iterable[tuple[str, dict[str, str]]] = (),
+) -> None:
+    """Append a node, way or relation to a document: its ``parts`` (element and attributes) before its tags."""
+    named = {"id": str(number), **attributes, "visible": "true", "version": "1"}
+    element = etree.SubElement(root, kind, named)
+    for part, values in (*parts, *(("tag", {"k": key, "v": value}) for key, value in sorted(tags.items()))):
+        etree.SubElement(element, part, values)
+
+
+def append_node(root: etree._Element, node: OsmNode) -> None:
+    """Append a node to a document, its position to 7 decimals: about a centimetre."""
+    position = {"lat": f"{node.latitude:.7f}", "lon": f"{node.longitude:.7f}"}
+    append_object(root, "node", node.node_id, node.tags, position)
 
 
 def _is_area(bounds: tuple[float, float, float, float]) -> bool:
@@ -191,12 +213,11 @@ def _around(nodes: Collection[OsmNode]) -> tuple[float, float, float, float]:
 
 def _fits(declared: tuple[float, float, float, float], nodes: Collection[OsmNode]) -> bool:
     """Whether a declared box is not far larger than what the file holds: some tools declare the whole world."""
-    if not nodes:
-        return True
-    around = _around(nodes)
-    height, width = declared[2] - declared[0], declared[3] - declared[1]
-    most = MOST_EMPTY * max(around[2] - around[0], around[3] - around[1])
-    return max(height, width) <= most
+
+    def longer_side(south: float, west: float, north: float, east: float) -> float:
+        return max(north - south, east - west)
+
+    return not nodes or longer_side(*declared) <= MOST_EMPTY * longer_side(*_around(nodes))
 
 
 def _tags(element: Any) -> Mapping[str, str]:
@@ -257,7 +278,11 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
     target = Path(request.folder) / path.stem
     report(0.1, "unpacking the map")
     try:
-        _check(path)
+        # Read once before: osmium's writer would leave half a map, without a word, where reading breaks off.
+        if sum(1 for _ in _kept(path)) > LIMITS.elements:
+            raise UnsafeInput(
+                f"{path.name} holds more than {LIMITS.elements:,} elements", next_step="use a smaller extract"
+            )
         with osmium.BackReferenceWriter(str(target), ref_src=str(path), overwrite=True) as writer:
             for element in _kept(path):
                 writer.add(element)
@@ -266,14 +291,6 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
             f"{path.name} cannot be unpacked: {error}", next_step="get the extract again, or convert it to .osm"
         ) from error
     return ConvertedMap(path=str(target))
-
-
-def _check(path: Path) -> None:
-    """Read the file once: osmium's writer would leave half a map behind, without a word, where reading breaks off."""
-    if sum(1 for _ in _kept(path)) > LIMITS.elements:
-        raise UnsafeInput(
-            f"{path.name} holds more than {LIMITS.elements:,} elements", next_step="use a smaller extract"
-        )
 
 
 def _kept(path: Path) -> Iterable[Any]:

@@ -1,14 +1,14 @@
 """Finding sites in a map: where in it there is a roundabout, a signalised crossing, a ramp, a motorway …"""
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from ...schemas.generation import SiteType
-from .osm import OsmMap, OsmNode, OsmWay, distance_m, ground_distance_m, length_m
+from .osm import OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
 
 if TYPE_CHECKING:
@@ -48,6 +48,11 @@ class Site:
     longitude: float
     streets: tuple[str, ...]
     mark: int
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """Its middle as latitude and longitude in degrees."""
+        return self.latitude, self.longitude
 
     @property
     def osm_id(self) -> str:
@@ -153,8 +158,7 @@ class SiteFinder:
         sites = []
         for way in self._roads:
             if way.tags.get("junction") in ("roundabout", "circular"):
-                nodes = [self.osm.nodes[key] for key in way.node_ids]
-                middle = _middle(nodes)
+                middle = OsmNode(0, *_mean([self.osm.nodes[key] for key in way.node_ids]), {})
                 arms = [other for key in way.node_ids for other in self._streets.ways_at[key]]
                 sites.append(self._site("roundabout", middle, arms, way.way_id))
         return sites
@@ -172,15 +176,13 @@ class SiteFinder:
         sites = []
         for key in crossings.of_streets() if signals else ():
             node = self.osm.nodes[key]
-            if any(distance_m(node, signal) < SIGNAL_REACH_M for signal in signals):
+            if any(ground_distance_m(node.position, signal.position) < SIGNAL_REACH_M for signal in signals):
                 sites.append(self._site("signalised_intersection", node, crossings.ways_at[key], key))
         return sites
 
     def _crossings(self) -> list[Site]:
         """Junctions of streets; those with driveways and tracks only where there is no other."""
-        return self._junctions_of(self._streets) or self._junctions_of(self._everywhere)
-
-    def _junctions_of(self, crossings: _Crossings) -> list[Site]:
+        crossings = self._streets if self._streets.of_streets() else self._everywhere
         return [
             self._site("intersection", self.osm.nodes[key], crossings.ways_at[key], key)
             for key in crossings.of_streets()
@@ -224,10 +226,9 @@ class SiteFinder:
         return STRtree([LineString([self._metres(self.osm.nodes[key]) for key in way.node_ids]) for way in self._roads])
 
     def _motorways(self) -> list[Site]:
-        ways = [
-            way for way in self._roads if way.road_class == self._fast and length_m(self.osm, way) > SHORTEST_STRETCH_M
-        ]
-        ways = [way for way in ways if self._fast == "motorway" or _is_expressway(way)]
+        fast = [way for way in self._roads if way.road_class == self._fast]
+        fast = [way for way in fast if self._fast == "motorway" or _is_expressway(way)]
+        ways = [way for way in fast if length_m(self.osm, way) > SHORTEST_STRETCH_M]
         return [
             self._site("highway", point, [way], way.way_id) for way in ways for point in _spaced_points(self.osm, way)
         ]
@@ -256,11 +257,8 @@ class SiteFinder:
 
     def _urban(self) -> list[Site]:
         """Junctions of streets among houses, off motorways; where there are none, the middles of streets."""
-        sites = [
-            Site("urban", site.latitude, site.longitude, site.streets, site.mark)
-            for site in self._crossings()
-            if not self._far_from_houses(self.osm.nodes[site.mark])
-        ]
+        crossings = [site for site in self._crossings() if not self._far_from_houses(self.osm.nodes[site.mark])]
+        sites = [replace(site, kind="urban") for site in crossings]
         off = [site for site in sites if not self._at_motorway(self.osm.nodes[site.mark])]
         return off or self._middles_of_streets() or sites
 
@@ -309,28 +307,25 @@ def _is_expressway(way: OsmWay) -> bool:
     return fast or way.tags.get("motorroad") == "yes"
 
 
-def _middle(nodes: list[OsmNode]) -> OsmNode:
-    latitude = math.fsum(node.latitude for node in nodes) / len(nodes)
-    return OsmNode(0, latitude, math.fsum(node.longitude for node in nodes) / len(nodes), {})
+def _mean(places: Sequence[OsmNode | Site]) -> tuple[float, float]:
+    """The mean latitude and longitude in degrees."""
+    latitudes, longitudes = zip(*(place.position for place in places), strict=True)
+    return math.fsum(latitudes) / len(places), math.fsum(longitudes) / len(places)
 
 
 def _merged(sites: list[Site]) -> list[Site]:
     """Sites of one kind that lie close together as one, with the streets of all."""
     groups: list[list[Site]] = []
     for site in sites:
-        here = OsmNode(0, site.latitude, site.longitude, {})
-        for group in groups:
-            if distance_m(here, OsmNode(0, group[0].latitude, group[0].longitude, {})) < MERGE_M:
-                group.append(site)
-                break
+        near = (group for group in groups if ground_distance_m(site.position, group[0].position) < MERGE_M)
+        if (group := next(near, None)) is not None:
+            group.append(site)
         else:
             groups.append([site])
     merged = []
     for group in groups:
-        latitude = math.fsum(site.latitude for site in group) / len(group)
-        longitude = math.fsum(site.longitude for site in group) / len(group)
         streets = tuple(sorted({street for site in group for street in site.streets}))
-        merged.append(Site(group[0].kind, latitude, longitude, streets, group[0].mark))
+        merged.append(Site(group[0].kind, *_mean(group), streets, group[0].mark))
     return merged
 
 
@@ -342,7 +337,7 @@ def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
     points: list[OsmNode] = []
     gone = 0.0
     for one, other in pairwise(nodes):
-        step = distance_m(one, other)
+        step = ground_distance_m(one.position, other.position)
         while len(points) < count and gone + step >= (wanted := total * (len(points) + 0.5) / count) - 1e-6:
             share = (wanted - gone) / max(step, 1e-9)
             latitude = one.latitude + share * (other.latitude - one.latitude)

@@ -63,7 +63,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
         vehicles_total=len(vehicles),
         lanelets=lanelets,
         lanelets_total=total,
-        checks=_checks_of(scene) if request.detail == "checks" else (),
+        checks=tuple(check(scene) for check in _CHECKS) if request.detail == "checks" else (),
     )
 
 
@@ -93,10 +93,9 @@ def _vehicles(scene: Scene, center: Points) -> list[DescribedVehicle]:
     lane = ego_lane(scene, scene.ego) if scene.ego else None
     begin, roles = scene.ego.step if scene.ego else 0, _roles(scene)
     described = [
-        _vehicle(scene, lane, track, begin, center, moves=key in scene.tracks)
+        _with_role(scene, _vehicle(scene, lane, track, begin, center, moves=key in scene.tracks), roles)
         for key, track in sorted((scene.tracks | scene.standing).items())
     ]
-    described = [_with_role(scene, vehicle, roles) for vehicle in described]
     return sorted(described, key=lambda vehicle: (vehicle.distance_m, vehicle.vehicle_id))
 
 
@@ -256,11 +255,6 @@ def _vehicles_by_lanelet(scene: Scene) -> dict[int, tuple[int, ...]]:
     return {lanelet: tuple(keys) for lanelet, keys in begins.items()}
 
 
-def _checks_of(scene: Scene) -> tuple[str, ...]:
-    """A sentence for each check, beginning with ``ok`` or ``problem``."""
-    return (_schema(scene), _goal(scene), _overlaps(scene), _off_the_road(scene))
-
-
 def _schema(scene: Scene) -> str:
     errors = schema_errors(scene.loaded.path)
     if not errors:
@@ -284,18 +278,12 @@ def _overlaps(scene: Scene) -> str:
         return "ok: no ego that could overlap"
     own = oriented_rectangle(np.asarray(scene.ego.position), scene.ego.heading_rad, EGO_SIZE_M)
     step = scene.ego.step
-    hit = [key for key, track in sorted((scene.tracks | scene.standing).items()) if _overlaps_at(track, step, own)]
+    there = [(track, track.index_at(step)) for _, track in sorted((scene.tracks | scene.standing).items())]
+    boxes = [(track.obstacle_id, track.corners(index)) for track, index in there if index is not None]
+    hit = [key for key, corners in boxes if rectangles_overlap(own, corners)]
     if not hit:
         return "ok: nobody overlaps the ego at its start"
     return f"problem: the ego overlaps vehicle {', '.join(map(str, hit[:CHECKED_SHOWN]))} at its start"
-
-
-def _overlaps_at(track: Track, step: int, own: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> bool:
-    index = track.index_at(step)
-    if index is None:
-        return False
-    size = (track.length_m, track.width_m)
-    return rectangles_overlap(own, oriented_rectangle(track.positions[index], float(track.headings_rad[index]), size))
 
 
 def _off_the_road(scene: Scene) -> str:
@@ -303,3 +291,7 @@ def _off_the_road(scene: Scene) -> str:
     if not lost:
         return "ok: every moving vehicle is on or near a lanelet"
     return f"problem: {len(lost)} moving vehicles are on no lanelet: {', '.join(map(str, lost[:CHECKED_SHOWN]))}"
+
+
+_CHECKS = (_schema, _goal, _overlaps, _off_the_road)
+"""Each says in a sentence what it found, beginning with ``ok`` or ``problem``."""

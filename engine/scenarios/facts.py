@@ -29,11 +29,11 @@ from ..commonroad import (
     static_tracks,
 )
 from ..execution import ProgressReporter
-from ..geometry import arc_length, headings, project, project_all
+from ..geometry import arc_length, project
 from ..network import LaneletGraph
 from ..scene import aligned_lanelets, ego_route, lanelets_at, path_ahead
 from ..vehicles import EGO_SIZE_M
-from .features import features
+from .features import along_line, features
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -50,6 +50,10 @@ def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioF
     recorded = read_recorded(request.path, XmlLimits(size_bytes=request.file_bytes))
     report(0.6, "looking at the geometry")
     return _facts_of(recorded)
+
+
+_TAG_NAMES = {"illegal_cutin": "illegal_cut_in"}
+"""commonroad-io's names of tags that are spelled otherwise here."""
 
 
 def _facts_of(read: RecordedScenario) -> ScenarioFacts:
@@ -75,7 +79,7 @@ def _facts_of(read: RecordedScenario) -> ScenarioFacts:
         step_s=loaded.step_s,
         horizon_steps=max(last_step, last_goal),
         location=_location(country, place, scenario),
-        tags=tuple(sorted({_tag(tag.value) for tag in scenario.tags or ()})),
+        tags=tuple(sorted({_TAG_NAMES.get(tag.value, tag.value) for tag in scenario.tags or ()})),
         features=first.features if first else (),
         roads=RoadFacts(
             lanelets=len(network.lanelets),
@@ -169,26 +173,23 @@ def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -
     if len(line) < 2:
         return None
     here = project(line, np.array([ego.x_m, ego.y_m]))[0]
-    ends, turned = arc_length(line), headings(line)
-    first: float | None = None
+    length = arc_length(line)[-1]
+    times_s: list[float] = []
     for track in recording.bodies.values():
         if track.last_step < start_step:
             continue
         skipped = max(start_step - track.first_step, 0)
         steps = np.arange(track.first_step + skipped, track.last_step + 1) - start_step
-        stations, beside = project_all(line, track.positions[skipped:])
-        segments = np.clip(np.searchsorted(ends, stations, side="right") - 1, 0, len(turned) - 1)
-        turn = track.headings_rad[skipped:] - turned[segments]
+        stations, beside, turn = along_line(line, track.positions[skipped:], track.headings_rad[skipped:])
         along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
         reach = (along * track.length_m + across * track.width_m + EGO_SIZE_M[0]) / 2
         room = (across * track.length_m + along * track.width_m + EGO_SIZE_M[1]) / 2
         ahead = stations - here - ego.speed_mps * step_s * steps
-        on_path = (np.abs(beside) < room) & (stations > 0.0) & (stations < ends[-1] - INSIDE_END_M)
+        on_path = (np.abs(beside) < room) & (stations > 0.0) & (stations < length - INSIDE_END_M)
         meets = np.flatnonzero(on_path & (np.abs(ahead) < reach))
         if len(meets) and steps[meets[0]] > 0 and ahead[meets[0]] > 0:
-            time_s = float(steps[meets[0]]) * step_s
-            first = time_s if first is None else min(first, time_s)
-    return None if first is None else round(first, 2)
+            times_s.append(float(steps[meets[0]]) * step_s)
+    return round(min(times_s), 2) if times_s else None
 
 
 def _goal_forms(problem: "PlanningProblem") -> tuple[GoalForm, ...]:
@@ -220,10 +221,6 @@ def _degrees(scenario: "Scenario", name: str, limit: float) -> float | None:
     if value is None or not math.isfinite(float(value)) or abs(float(value)) > limit:
         return None
     return float(value)
-
-
-def _tag(value: str) -> str:
-    return "illegal_cut_in" if value == "illegal_cutin" else value
 
 
 def _counts(obstacles: list[Any]) -> dict[str, int]:

@@ -13,12 +13,12 @@ import numpy as np
 
 from ...schemas.scenarios import EgoFacts
 from ..commonroad import Track
-from ..geometry import Points, arc_length, headings, point_at, project, project_all, wrap_angle, wrap_angles
+from ..geometry import Points, Values, arc_length, headings, point_at, project, project_all, wrap_angle, wrap_angles
 from ..network import LaneletGraph
 from ..scene import EgoRoute, center_line, path_ahead
 
 if TYPE_CHECKING:
-    from commonroad.scenario.lanelet import LaneletNetwork
+    from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
 NEAR_M = 100.0
 """From the ego's start, crossings and oncoming traffic count up to here (chosen)."""
@@ -93,18 +93,26 @@ def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points,
 
 def _has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
     """Whether a recorded vehicle moves against the line's direction within 12 m beside it, ahead of the ego."""
-    ends, turned = arc_length(line), headings(line)
+    length = arc_length(line)[-1]
     for track in tracks.values():
         moving = track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS
         if not moving.any():
             continue
-        stations, beside = project_all(line, track.positions[::SAMPLED_EVERY][moving])
-        segments = np.clip(np.searchsorted(ends, stations, side="right") - 1, 0, len(turned) - 1)
-        against = np.abs(wrap_angles(track.headings_rad[::SAMPLED_EVERY][moving] - turned[segments])) > ONCOMING_RAD
-        on_path = (here_m < stations) & (stations < ends[-1] - 0.1) & (np.abs(beside) <= ONCOMING_BESIDE_M)
+        positions, facing = track.positions[::SAMPLED_EVERY][moving], track.headings_rad[::SAMPLED_EVERY][moving]
+        stations, beside, turn = along_line(line, positions, facing)
+        against = np.abs(wrap_angles(turn)) > ONCOMING_RAD
+        on_path = (here_m < stations) & (stations < length - 0.1) & (np.abs(beside) <= ONCOMING_BESIDE_M)
         if np.any(against & on_path):
             return True
     return False
+
+
+def along_line(line: Points, positions: Points, headings_rad: Values) -> tuple[Points, Points, Values]:
+    """Stations and offsets in m of positions (n, 2) along a line, and by how much headings turn from it, each (n,)."""
+    directions = headings(line)
+    stations, beside = project_all(line, positions)
+    segments = np.clip(np.searchsorted(arc_length(line), stations, side="right") - 1, 0, len(directions) - 1)
+    return stations, beside, headings_rad - directions[segments]
 
 
 def _has_lead(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
@@ -125,11 +133,9 @@ def _is_near(vertices: Points, point: Points) -> bool:
 
 
 def _share_an_end(graph: LaneletGraph, one: int, two: int) -> bool:
-    if set(graph.predecessors[one]) & set(graph.predecessors[two]) or two in graph.neighbours[one]:
-        return True
-    if set(graph.successors[one]) & set(graph.successors[two]):
-        return True
-    return two in graph.successors[one] or one in graph.successors[two]
+    begin = set(graph.predecessors[one]) & set(graph.predecessors[two]) or two in graph.neighbours[one]
+    end = set(graph.successors[one]) & set(graph.successors[two])
+    return bool(begin or end) or two in graph.successors[one] or one in graph.successors[two]
 
 
 def _cross_at_angle(first: Points, second: Points, point: Points) -> bool:
@@ -182,10 +188,13 @@ def _keeps_right(network: "LaneletNetwork") -> bool | None:
 
 
 def _is_one_way(network: "LaneletNetwork", cycle: tuple[int, ...]) -> bool:
-    lanes = [network.find_lanelet_by_id(key) for key in cycle]
-    sides = [(lane.adj_left, lane.adj_left_same_direction) for lane in lanes]
-    sides += [(lane.adj_right, lane.adj_right_same_direction) for lane in lanes]
+    sides = [side for key in cycle for side in _neighbours(network.find_lanelet_by_id(key))]
     return all(neighbour is None or same for neighbour, same in sides)
+
+
+def _neighbours(lane: "Lanelet") -> tuple[tuple[int | None, bool | None], ...]:
+    """On the left and on the right, the lanelet beside this one and whether it leads in the same direction."""
+    return (lane.adj_left, lane.adj_left_same_direction), (lane.adj_right, lane.adj_right_same_direction)
 
 
 def _shortest_cycle(graph: LaneletGraph, start: int) -> tuple[int, ...]:
@@ -270,10 +279,7 @@ def _has_oncoming_lane(network: "LaneletNetwork", lanelet_id: int) -> bool:
         if lane is None or lane.lanelet_id in seen:
             continue
         seen.add(lane.lanelet_id)
-        for beside, same in (
-            (lane.adj_left, lane.adj_left_same_direction),
-            (lane.adj_right, lane.adj_right_same_direction),
-        ):
+        for beside, same in _neighbours(lane):
             if beside is not None and not same:
                 return True
             if beside is not None:

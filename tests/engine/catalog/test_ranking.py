@@ -12,7 +12,8 @@ import pytest
 from support.catalog import facts
 
 from plannerforge.engine.catalog import vector_index
-from plannerforge.engine.catalog.ranking import bm25_scores, build_index, rank, reciprocal_rank_fusion
+from plannerforge.engine.catalog.bm25 import bm25_scores, reciprocal_rank_fusion
+from plannerforge.engine.catalog.ranking import build_index, rank
 from plannerforge.engine.catalog.tables import add_facts, prepare
 from plannerforge.engine.catalog.vector_index import COMPLETE, Vectors, ensure_generation, query
 from plannerforge.engine.execution.executor import silent
