@@ -214,8 +214,8 @@ def _candidates(label: Label, width: float, height: float) -> Iterator[tuple[tup
 
 def _bounding_box(points_px: Points) -> Box:
     """The box around points in pixels, one pixel larger on each side."""
-    x_min, y_min, x_max, y_max = [*(points_px.min(axis=0) - 1.0).tolist(), *(points_px.max(axis=0) + 1.0).tolist()]
-    return x_min, y_min, x_max, y_max
+    (x_min, y_min), (x_max, y_max) = points_px.min(axis=0) - 1.0, points_px.max(axis=0) + 1.0
+    return float(x_min), float(y_min), float(x_max), float(y_max)
 
 
 def _is_inside(box: Box, frame: Box) -> bool:
