@@ -279,7 +279,7 @@ def _overlaps(scene: Scene) -> str:
     own = oriented_rectangle(np.asarray(scene.ego.position), scene.ego.heading_rad, EGO_SIZE_M)
     step = scene.ego.step
     there = [(track, track.index_at(step)) for _, track in sorted((scene.tracks | scene.standing).items())]
-    boxes = [(track.obstacle_id, track.corners(index)) for track, index in there if index is not None]
+    boxes = [(track.obstacle_id, track.corners_at(index)) for track, index in there if index is not None]
     hit = [key for key, corners in boxes if rectangles_overlap(own, corners)]
     if not hit:
         return "ok: nobody overlaps the ego at its start"
