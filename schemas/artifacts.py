@@ -1,10 +1,11 @@
 """Arguments and answers of the tools that list and export what was made, and what a worker writes for an export."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from .base import Arguments, Model, Result
+from .base import LONGEST_PATH, Arguments, Model, Result
 from .planning import PlannerConfiguration
 from .runs import LostCell, RunRecord
 
@@ -63,6 +64,8 @@ class ExportArtifactsArguments(Arguments):
 
     Existing files are refused unless overwrite.
     """
+
+    longest_texts: ClassVar[Mapping[str, int]] = {"folder": LONGEST_PATH}
 
     ids: list[str] = Field(min_length=1, max_length=200)
     folder: str

@@ -1,7 +1,8 @@
 """What the catalogue's tools take and answer: facets and searches."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -51,6 +52,8 @@ class DescribeCatalogResult(Result):
 class FindScenariosArguments(Arguments):
     """Filter the catalogue by facts, rank by text. Pass the user's words: unknown ones are refused with the nearest
     valid; an empty result names the condition that emptied it and what would match."""
+
+    longest_texts: ClassVar[Mapping[str, int]] = {"text": 2000}
 
     country: str | None = Field(None, description="ISO alpha-3")
     city: str | None = None

@@ -1,15 +1,18 @@
 """What ``import_files`` takes and answers."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from .base import Arguments, Model, Result
+from .base import LONGEST_PATH, Arguments, Model, Result
 
 
 class ImportFilesArguments(Arguments):
     """Take in CommonRoad files or folders, maps (.osm, .pbf, .net.xml) or cost YAML from an allowed root. Result: ids,
     what was refused and why; over 100 files: a job."""
+
+    longest_texts: ClassVar[Mapping[str, int]] = {"path": LONGEST_PATH}
 
     path: str
     kind: Literal["auto", "scenario", "map", "config"] = "auto"

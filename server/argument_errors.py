@@ -1,18 +1,33 @@
-"""Validation errors in one clear line: which argument, what was given, what is allowed, what was probably meant."""
+"""The gate of every call: arguments within bounds, and validation errors in one clear line.
+
+A refusal says which argument, what was given, what is allowed, what was probably meant. Sizes are looked at before
+anything is parsed, compared or printed.
+"""
 
 import json
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from ..schemas.base import Arguments
 from ..schemas.errors import InvalidRequest, closest
+from ..schemas.text import LONGEST_TEXT, one_line, quoted
 
 _Arguments = TypeVar("_Arguments", bound=BaseModel)
 _SHOWN_CHARACTERS = 60
 """Characters of a given value that a refusal repeats; chosen."""
+_SHOWN_PROBLEMS = 10
+"""Problems that a refusal names; chosen."""
+_LONGEST_LIST, _MOST_VALUES, _DEEPEST = 2000, 10_000, 6
+"""Elements of a list, values of a call, and levels of lists and objects in each other; chosen far above any use."""
+_LONGEST_LIST_TEXT = 50_000
+"""Characters of a list that is sent as JSON text; chosen."""
+_LARGEST_NUMBER = 1e15
+"""Whole numbers to it are exact as floating-point numbers too; larger ones mean nothing here."""
 
 
 def read_arguments(model: type[_Arguments], given: Mapping[str, Any]) -> _Arguments:
@@ -21,19 +36,69 @@ def read_arguments(model: type[_Arguments], given: Mapping[str, Any]) -> _Argume
     Hosts and small models send lists as JSON text, or one element without its list: both are unambiguous and taken.
 
     Raises:
-        InvalidRequest: one line that names every problem.
+        InvalidRequest: one line that names the problems.
     """
+    _refuse_oversized(model, given)
+    unwrapped = {name: _unwrapped(model, name, value) for name, value in given.items()}
+    _refuse_oversized(model, unwrapped)
     try:
-        return model.model_validate({name: _unwrapped(model, name, value) for name, value in given.items()})
+        return model.model_validate(unwrapped)
     except ValidationError as error:
         raise _explained(model, error) from None
 
 
-def _unwrapped(model: type[BaseModel], name: str, value: Any) -> Any:
+def _refuse_oversized(model: type[BaseModel], given: Mapping[str, Any]) -> None:
+    longest = model.longest_texts if issubclass(model, Arguments) else {}
+    count = 0
+    for name, value in given.items():
+        most = _LONGEST_LIST_TEXT if _is_list_text(model, name, value) else longest.get(name, LONGEST_TEXT)
+        for problem in _oversizes(value, most):
+            count += 1
+            if problem:
+                raise InvalidRequest(f"{one_line(name, _SHOWN_CHARACTERS)}: {problem}")
+            if count > _MOST_VALUES:
+                raise InvalidRequest(f"the arguments hold more than {_MOST_VALUES:,} values")
+
+
+def _oversizes(value: Any, longest: int, depth: int = 0) -> Iterator[str]:
+    """For each value within ``value`` what is too large about it, empty where nothing is; lazily, from outside in."""
+    if isinstance(value, str):
+        if len(value) > longest:
+            yield f"a text of {len(value):,} characters; at most {longest:,} are taken"
+        yield "" if value.isascii() or _is_unicode(value) else "half a character (a lone surrogate) is no text"
+    elif isinstance(value, dict | list):
+        if depth == _DEEPEST:
+            yield f"more than {_DEEPEST} levels of lists and objects in each other"
+        yield f"{len(value):,} elements; at most {_LONGEST_LIST:,} are taken" if len(value) > _LONGEST_LIST else ""
+        for part in (*value, *value.values()) if isinstance(value, dict) else value:
+            yield from _oversizes(part, longest, depth + 1)
+    elif isinstance(value, int | float) and _LARGEST_NUMBER < abs(value) < math.inf:
+        yield f"a number beyond ±{_LARGEST_NUMBER:g}"
+    else:
+        yield ""
+
+
+def _is_unicode(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _is_list_text(model: type[BaseModel], name: str, value: Any) -> bool:
+    return _takes_list(model, name) and isinstance(value, str) and value.lstrip().startswith(("[", "{"))
+
+
+def _takes_list(model: type[BaseModel], name: str) -> bool:
     field = model.model_fields.get(name)
-    if field is None or value is None or not re.search(r"\b(list|tuple)\[", str(field.annotation)):
+    return field is not None and re.search(r"\b(list|tuple)\[", str(field.annotation)) is not None
+
+
+def _unwrapped(model: type[BaseModel], name: str, value: Any) -> Any:
+    if value is None or not _takes_list(model, name):
         return value
-    if isinstance(value, str) and value.lstrip().startswith(("[", "{")):
+    if _is_list_text(model, name, value):
         try:
             value = json.loads(value)
         except (ValueError, RecursionError):
@@ -42,9 +107,11 @@ def _unwrapped(model: type[BaseModel], name: str, value: Any) -> Any:
 
 
 def _explained(model: type[BaseModel], error: ValidationError) -> InvalidRequest:
-    problems = [_problem(model, detail) for detail in error.errors(include_url=False)]
+    details = error.errors(include_url=False)
+    problems = [_problem(model, detail) for detail in details[:_SHOWN_PROBLEMS]]
+    more = [f"and {len(details) - _SHOWN_PROBLEMS:,} more like these"] if len(details) > _SHOWN_PROBLEMS else []
     valid = [name for _, names in problems for name in names]
-    return InvalidRequest("; ".join(text for text, _ in problems), valid=dict.fromkeys(valid))
+    return InvalidRequest("; ".join([*(text for text, _ in problems), *more]), valid=dict.fromkeys(valid))
 
 
 def _problem(model: type[BaseModel], detail: ErrorDetails) -> tuple[str, list[str]]:
@@ -112,5 +179,6 @@ _BOUNDS = (("minimum", "from"), ("exclusiveMinimum", "above"), ("maximum", "to")
 
 
 def _short(value: Any) -> str:
-    text = repr(value) if isinstance(value, str) else json.dumps(value, default=str)
-    return text if len(text) <= _SHOWN_CHARACTERS else text[:_SHOWN_CHARACTERS] + "…"
+    if isinstance(value, str):
+        return quoted(value, _SHOWN_CHARACTERS)
+    return one_line(json.dumps(value, default=str), _SHOWN_CHARACTERS)

@@ -9,7 +9,7 @@ from pathlib import Path
 import anyio
 
 from ..engine.execution import Claims, JobRunner, JobStore, WorkerPool
-from ..engine.workspace import Workspace
+from ..engine.workspace import Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import PlannerForgeError
 from ..tools.call import INDEX_FOLDER, Services
@@ -28,8 +28,9 @@ def create_server(settings: Settings, start_folder: Path | None = None) -> Plann
     logging.basicConfig(stream=sys.stderr, level=settings.log_level, format="%(levelname)s %(name)s: %(message)s")
     workspace_root = settings.workspace.expanduser().resolve()
     folder = start_folder or Path.cwd()
+    journal_path = workspace_root / "journal" / "calls.jsonl"
     journal = (
-        Journal(workspace_root / "journal" / "calls.jsonl", settings.journal_mb * 1024**2) if settings.journal else None
+        Journal(journal_path, settings.journal_mb * 1024**2, settings.journal_redact) if settings.journal else None
     )
 
     @asynccontextmanager
@@ -49,6 +50,7 @@ async def open_services(settings: Settings, start_folder: Path) -> AsyncIterator
     """What tools work with: the workspace, the workers, the jobs and the bounds, closed at the end."""
     workspace_root = settings.workspace.expanduser().resolve()
     limits = settings.limits(start_folder)
+    make_private(workspace_root)
     workspace = Workspace(workspace_root)
     try:
         log = workspace_root / "logs" / "workers.log"

@@ -38,6 +38,7 @@ def serve(
     log_level: Annotated[str | None, typer.Option(help="DEBUG, INFO, WARNING or ERROR; goes to stderr.")] = None,
 ) -> None:
     """Serve MCP over standard input and output."""
+    from ..engine.execution import limit_memory
     from .assembly import create_server
 
     settings = settings_from(
@@ -51,6 +52,7 @@ def serve(
         log_level=log_level,
     )
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # the SDK reads standard input in a thread that nothing can interrupt
+    limit_memory(settings.server_memory_mb * 1024**2)
     create_server(settings).run("stdio")
 
 

@@ -1,11 +1,16 @@
-"""The journal of calls: one JSON line per call, written behind the answer's back, rotated by size."""
+"""The journal of calls: one JSON line per call, written behind the answer's back, rotated by size.
+
+Only its owner may read it. Texts are cut, and what looks like a secret is left out.
+"""
 
 import json
 import logging
 import logging.handlers
+import os
 import queue
 import re
 import threading
+from collections.abc import Iterable
 from dataclasses import dataclass
 from io import TextIOWrapper
 from pathlib import Path
@@ -13,13 +18,27 @@ from typing import Any
 
 from mcp.types import CallToolResult
 
+from ..schemas.text import LONGEST_TEXT, one_line
 from .tokens import count_tokens
 from .tool_calls import answer_text
 
 logger = logging.getLogger(__name__)
 KEPT_FILES = 5
 _MOST_IDS = 20
-"""Rotated files that are kept, and ids that a line holds of one answer; chosen."""
+_MOST_ELEMENTS = 50
+"""Rotated files that are kept, ids that a line holds of one answer, and elements of a list or object; chosen."""
+_SECRETS = (
+    r"(?i)\b(?:bearer|basic)\s+[\w.~+/=-]{8,}",
+    r"(?i)\b\w*(?:password|passwd|secret|token|api[_-]?key)\s*[=:]\s*\S+",
+    r"\b(?:sk|pk|rk|ghp|gho|ghs|glpat|xox[abprs]|AKIA)[-_A-Za-z0-9]{12,}",
+    r"\beyJ[\w-]{8,}\.[\w-]{8,}\.[\w-]*",
+    r"(?<=://)[^/\s:@]+:[^/\s@]+(?=@)",
+    r"-----BEGIN [A-Z ]+-----",
+)
+"""Forms of keys, tokens and passwords; the setting ``journal_redact`` adds others."""
+REDACTED = "[redacted]"
+_SEARCHED, _LONGEST_ERROR = 5000, 2000
+"""Characters of a text that are searched for secrets, and of an error that are kept; chosen."""
 _CLOSE_TIMEOUT_S = 10.0
 """Reading the tables of the token count takes about a second, which is longer than many a single call."""
 _ID = re.compile(
@@ -40,10 +59,10 @@ class _JournalledCall:
     structured: dict[str, Any] | None
     failed: bool
 
-    def line(self) -> str:
+    def entry(self) -> dict[str, Any]:
         """What the journal holds of it."""
         said = json.dumps(self.structured, ensure_ascii=False) if self.structured else self.text
-        entry = {
+        return {
             "time": self.time,
             "client": self.client,
             "tool": self.tool,
@@ -53,14 +72,14 @@ class _JournalledCall:
             "result_tokens": count_tokens(self.text),
             "error": self.text if self.failed else "",
         }
-        return json.dumps(entry, ensure_ascii=False)
 
 
 class Journal:
     """Appends entries to a file from a thread of its own, so that no caller waits for the disk or the token count."""
 
-    def __init__(self, path: Path, size_bytes: int) -> None:
+    def __init__(self, path: Path, size_bytes: int, redact: Iterable[str] = ()) -> None:
         self._path, self._size_bytes = path, size_bytes
+        self._secrets = [re.compile(pattern) for pattern in (*_SECRETS, *redact)]
         self._waiting: queue.SimpleQueue[_JournalledCall | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
 
@@ -93,16 +112,34 @@ class Journal:
             delay=True,
         )
         while (call := self._waiting.get()) is not None:
-            handler.emit(logging.LogRecord("journal", logging.INFO, "", 0, call.line(), None, None))
+            line = json.dumps(self._fit(call.entry()), ensure_ascii=False)
+            handler.emit(logging.LogRecord("journal", logging.INFO, "", 0, line, None, None))
         handler.close()
+
+    def _fit(self, value: Any, longest: int = LONGEST_TEXT) -> Any:
+        """A value as the journal keeps it: texts on one line, cut and without secrets, the first of many elements."""
+        if isinstance(value, str):
+            for secret in self._secrets:
+                value = secret.sub(REDACTED, value[:_SEARCHED])
+            return one_line(value, longest)
+        if isinstance(value, dict):
+            kept = list(value.items())[:_MOST_ELEMENTS]
+            return {
+                self._fit(key): self._fit(part, _LONGEST_ERROR if key == "error" else longest) for key, part in kept
+            }
+        if isinstance(value, list | tuple):
+            return [self._fit(part) for part in value[:_MOST_ELEMENTS]]
+        return value
 
 
 class _Appending(logging.handlers.RotatingFileHandler):
     """Makes its folder when the first line is written; a line that cannot be written costs no call, but is logged."""
 
     def _open(self) -> TextIOWrapper:
-        Path(self.baseFilename).parent.mkdir(parents=True, exist_ok=True)
-        return super()._open()
+        path = Path(self.baseFilename)
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, mode=0o600)
+        return os.fdopen(handle, "a", encoding=self.encoding, errors=self.errors)
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the name is the standard library's
         del record

@@ -49,12 +49,26 @@ class Settings(BaseSettings):
     read_only: bool = Field(False, description="offer only tools that make nothing")
     journal: bool = Field(True, description="write one line per call into the workspace's journal")
     journal_mb: int = Field(20, ge=1, description="size at which the journal is rotated; five are kept")
+    journal_redact: tuple[str, ...] = Field(
+        (), description="regular expressions of what the journal leaves out, beside keys, tokens and passwords"
+    )
+    server_memory_mb: int = Field(1024, ge=256, description="data memory of the server's own process")
     log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field("WARNING", description="what goes to stderr")
 
     @field_validator("roots", "map_folders", mode="before")
     @classmethod
     def _separated(cls, value: Any) -> Any:
         return [part for part in value.split(os.pathsep) if part] if isinstance(value, str) else value
+
+    @field_validator("journal_redact")
+    @classmethod
+    def _expressions(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for pattern in value:
+            try:
+                re.compile(pattern)
+            except re.error as error:
+                raise ValueError(f"'{pattern}' is no regular expression: {error}") from error
+        return value
 
     @field_validator("embedding_model")
     @classmethod

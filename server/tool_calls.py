@@ -2,15 +2,14 @@
 
 import base64
 import logging
-import traceback
-import unicodedata
 from collections.abc import Mapping
 from typing import Any
 
 from mcp.types import CallToolResult, ContentBlock, ImageContent, ResourceLink, TextContent
 
 from ..schemas.base import Result
-from ..schemas.errors import PlannerForgeError, UnexpectedFailure
+from ..schemas.errors import PlannerForgeError, UnexpectedFailure, as_told
+from ..schemas.text import printable
 from ..tools.call import ImageAnswer, ToolCall
 from ..tools.registry import ToolSpec
 from .argument_errors import read_arguments
@@ -23,14 +22,11 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
     try:
         arguments = read_arguments(spec.arguments_type, given)
         return _shaped(await spec.load_function()(arguments, call))
-    except PlannerForgeError as error:
+    except Exception as raised:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
+        error = as_told(raised, spec.name)
         if isinstance(error, UnexpectedFailure):
-            _log(error)
+            logger.error("incident %s:\n%s", error.incident, error.details)  # noqa: TRY400 - it holds the traceback
         return _refusal(error)
-    except Exception:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
-        failure = UnexpectedFailure(spec.name, traceback.format_exc())
-        _log(failure)
-        return _refusal(failure)
 
 
 def answer_text(result: CallToolResult) -> str:
@@ -41,7 +37,7 @@ def answer_text(result: CallToolResult) -> str:
 def _shaped(result: Result | ImageAnswer) -> CallToolResult:
     """The answer as content blocks and structured content, each of which says the whole."""
     if isinstance(result, ImageAnswer):
-        blocks: list[ContentBlock] = [TextContent(type="text", text=_printable(result.text))]
+        blocks: list[ContentBlock] = [TextContent(type="text", text=printable(result.text))]
         for image in result.images:
             data = base64.b64encode(image.path.read_bytes()).decode()
             blocks.append(ImageContent(type="image", data=data, mime_type=image.mime_type))
@@ -49,30 +45,21 @@ def _shaped(result: Result | ImageAnswer) -> CallToolResult:
             ResourceLink(type="resource_link", name=link.rpartition("/")[2], uri=link) for link in result.links
         )
         return CallToolResult(content=blocks)
-    text = _printable(result.to_text())
+    text = printable(result.to_text())
     structured = _printable_parts(result.model_dump(mode="json"))
     return CallToolResult(content=[TextContent(type="text", text=text)], structured_content=structured)
 
 
 def _refusal(error: PlannerForgeError) -> CallToolResult:
     """An error result: its text holds code, message, valid values and next step."""
-    return CallToolResult(content=[TextContent(type="text", text=_printable(error.text))], is_error=True)
-
-
-def _printable(text: str) -> str:
-    """The text without control, zero-width and direction characters, which file contents could smuggle in."""
-    return "".join(c for c in text if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cf", "Co", "Cs"))
+    return CallToolResult(content=[TextContent(type="text", text=printable(error.text))], is_error=True)
 
 
 def _printable_parts(value: Any) -> Any:
     if isinstance(value, str):
-        return _printable(value)
+        return printable(value)
     if isinstance(value, list):
         return [_printable_parts(part) for part in value]
     if isinstance(value, dict):
-        return {_printable(key): _printable_parts(part) for key, part in value.items()}
+        return {printable(key): _printable_parts(part) for key, part in value.items()}
     return value
-
-
-def _log(failure: UnexpectedFailure) -> None:
-    logger.error("incident %s:\n%s", failure.incident, failure.details)

@@ -17,6 +17,8 @@ from ..engine.execution import (
 )
 from ..engine.workspace import Workspace
 from ..schemas.catalog import PACKAGED_MODEL
+from ..schemas.errors import OutsideRoots
+from ..schemas.text import quoted
 
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
@@ -57,6 +59,21 @@ class ToolCall:
     def limits(self) -> Limits:
         """The bounds on files, time and memory."""
         return self.services.limits
+
+    def allowed_path(self, text: str) -> Path:
+        """The path, if it lies inside an allowed root and not where the workspace keeps its own.
+
+        Raises:
+            InvalidRequest: no path is given.
+            OutsideRoots: it lies elsewhere.
+        """
+        path = self.limits.allowed_path(text)
+        if self.workspace.owns(path):
+            raise OutsideRoots(
+                f"{quoted(path)} belongs to the workspace, whose files tools alone read and write",
+                next_step="name another folder; what is stored already is used by its id",
+            )
+        return path
 
     async def progress(self, share: float, message: str = "") -> None:
         """Tell the client the share done in [0, 1] of the whole call."""

@@ -10,12 +10,13 @@ from typing import Literal
 
 import anyio
 
-from ..engine.catalog import FileFailure, open_catalogue
+from ..engine.catalog import open_catalogue
 from ..engine.execution import JobProgress, JobState, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_net
 from ..engine.workspace import Recipe
-from ..schemas.errors import InvalidRequest, PlannerForgeError
+from ..schemas.errors import InvalidRequest, PlannerForgeError, as_told
 from ..schemas.importing import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
+from ..schemas.text import one_line, quoted
 from .call import ToolCall
 from .configurations import import_configuration
 from .maps import import_map, known_country
@@ -47,15 +48,15 @@ class _Tally:
     total: int
     items: list[ImportedItem] = field(default_factory=list)
     refusals: list[RefusedItem] = field(default_factory=list)
-    failures: list[FileFailure] = field(default_factory=list)
+    failures: list[PlannerForgeError] = field(default_factory=list)
 
-    def note(self, path: Path, outcome: ImportedItem | FileFailure) -> None:
+    def note(self, path: Path, outcome: ImportedItem | PlannerForgeError) -> None:
         """Count a file that is done with."""
         if isinstance(outcome, ImportedItem):
             self.items.append(outcome)
         else:
             self.failures.append(outcome)
-            self.refusals.append(RefusedItem(file=path.name, reason=_reason(outcome)))
+            self.refusals.append(RefusedItem(file=one_line(path.name), reason=outcome.text))
 
     @property
     def done(self) -> int:
@@ -80,7 +81,8 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
     """Take in a file, or every fitting file below a folder; what is refused is reported, the rest goes in."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     files = _files(call, arguments)
-    arguments = arguments.model_copy(update={"country": _country(arguments, files)})
+    known = {"country": _country(arguments, files), "name": one_line(arguments.name) if arguments.name else None}
+    arguments = arguments.model_copy(update=known)
     if len(files) > MOST_IN_THE_CALL:
         return await _import_as_job(call, arguments, files)
     tally = _Tally(len(files))
@@ -97,20 +99,21 @@ def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _Impor
 
 
 def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, _ImportKind]]:
-    path = call.limits.allowed_path(arguments.path)
+    path = call.allowed_path(arguments.path)
     if not path.exists():
-        raise InvalidRequest(f"'{arguments.path}' does not exist", next_step="name a file or folder that does")
+        raise InvalidRequest(f"{quoted(arguments.path)} does not exist", next_step="name a file or folder that does")
     if path.is_file():
         return [(path, _kind(path, arguments.kind))]
     wanted = [suffix for suffix, kind in _SUFFIXES.items() if arguments.kind in ("auto", kind)]
     paths = sorted(entry for entry in path.rglob("*") if entry.name.lower().endswith(tuple(wanted)) and entry.is_file())
+    paths = [entry for entry in paths if not call.workspace.owns(entry)]
     if arguments.kind != "map":  # networks lie beside scenarios; they are taken in where maps are asked for
         paths = [entry for entry in paths if not is_net(entry)]
     if not paths:
-        raise InvalidRequest(f"'{arguments.path}' holds no file to import", valid=[f"*{end}" for end in wanted])
+        raise InvalidRequest(f"{quoted(arguments.path)} holds no file to import", valid=[f"*{end}" for end in wanted])
     if len(paths) > _MOST_FILES:
         raise InvalidRequest(
-            f"'{arguments.path}' holds {len(paths):,} files; at most {_MOST_FILES:,} are taken in by one call",
+            f"{quoted(arguments.path)} holds {len(paths):,} files; at most {_MOST_FILES:,} are taken in by one call",
             next_step="import its subfolders one by one",
         )
     return [(entry, _kind(entry, arguments.kind)) for entry in paths]
@@ -119,9 +122,11 @@ def _files(call: ToolCall, arguments: ImportFilesArguments) -> list[tuple[Path, 
 def _kind(path: Path, wanted: str) -> _ImportKind:
     known = next((kind for ending, kind in _SUFFIXES.items() if path.name.lower().endswith(ending)), None)
     if known is None:
-        raise InvalidRequest(f"{path.name} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES])
+        raise InvalidRequest(
+            f"{quoted(path.name)} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
+        )
     if wanted not in ("auto", known):
-        raise InvalidRequest(f"{path.name} is a {known}, not a {wanted}", valid=[known, "auto"])
+        raise InvalidRequest(f"{quoted(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"])
     return known
 
 
@@ -139,7 +144,7 @@ async def _import_as_job(
         await _take_in(own_call, files, arguments, tally, report)
         progress.report(1.0, tally.result().to_line())
 
-    resolved = {"path": str(call.limits.allowed_path(arguments.path))}
+    resolved = {"path": str(call.allowed_path(arguments.path))}
     recipe = Recipe(tool="import_files", arguments=arguments.model_dump(mode="json") | resolved)
     job = call.jobs.start("import", recipe, work)
     job = await call.wait_for(job.job_id, WAIT_S)
@@ -174,15 +179,11 @@ async def _import_other(
     call: ToolCall, path: Path, kind: _ImportKind, arguments: ImportFilesArguments, tally: _Tally
 ) -> None:
     try:
-        checked = call.limits.allowed_path(str(path))
+        checked = call.allowed_path(str(path))
         call.limits.check_size(checked)
         if kind == "map":
             tally.note(path, await import_map(call, checked, arguments.name, arguments.country))
         else:
             tally.note(path, await import_configuration(call, checked, arguments.name))
-    except (PlannerForgeError, OSError) as error:
-        tally.note(path, error)
-
-
-def _reason(error: FileFailure) -> str:
-    return error.text if isinstance(error, PlannerForgeError) else str(error.strerror or error)
+    except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
+        tally.note(path, as_told(raised, f"import of {kind} {path.name}"))

@@ -10,9 +10,9 @@ from pathlib import Path
 import anyio
 from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStream
 
-from ..engine.catalog import FileFailure, ReadFile, ScenarioIntake, put_scenario
+from ..engine.catalog import ReadFile, ScenarioIntake, put_scenario
 from ..engine.workspace import Artifact, Recipe, content_digest
-from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout
+from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout, as_told
 from ..schemas.importing import ImportedItem
 from ..schemas.scenarios import Origin, ReadFactsRequest, ScenarioFacts
 from .call import ToolCall
@@ -20,8 +20,8 @@ from .operations import READ_FACTS
 
 _GATHER_S = 0.2
 """How long the store waits for more files (chosen): a transaction each would keep the disk busier than the readers."""
-_OnDone = Callable[[Path, ImportedItem | FileFailure], None]
-_Outcome = tuple[int, ReadFile | FileFailure]
+_OnDone = Callable[[Path, ImportedItem | PlannerForgeError], None]
+_Outcome = tuple[int, ReadFile | PlannerForgeError]
 
 
 async def store_scenario(
@@ -66,14 +66,14 @@ async def _read_files(
             await send.send((index, await _read(call, intake, path)))
 
 
-async def _read(call: ToolCall, intake: ScenarioIntake, path: Path) -> ReadFile | FileFailure:
+async def _read(call: ToolCall, intake: ScenarioIntake, path: Path) -> ReadFile | PlannerForgeError:
     try:
-        checked = call.limits.allowed_path(str(path))
+        checked = call.allowed_path(str(path))
         call.limits.check_size(checked)
         content = await anyio.to_thread.run_sync(content_digest, checked)
         return ReadFile(path, content, None if intake.knows(content) else await _facts(call, checked))
-    except (PlannerForgeError, OSError) as error:
-        return error
+    except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
+        return as_told(raised, f"import of scenario {path.name}")
 
 
 async def _facts(call: ToolCall, path: Path) -> ScenarioFacts:
@@ -90,7 +90,7 @@ async def _facts(call: ToolCall, path: Path) -> ScenarioFacts:
 async def _store_in_order(
     intake: ScenarioIntake, paths: Sequence[Path], receive: MemoryObjectReceiveStream[_Outcome], on_done: _OnDone
 ) -> None:
-    waiting: dict[int, ReadFile | FileFailure] = {}
+    waiting: dict[int, ReadFile | PlannerForgeError] = {}
     read = stored = 0
     async for index, outcome in receive:
         waiting[index], read = outcome, read + 1
@@ -98,7 +98,7 @@ async def _store_in_order(
             await anyio.sleep(_GATHER_S)
         for index, outcome in _received(receive):
             waiting[index], read = outcome, read + 1
-        batch: list[ReadFile | FileFailure] = []
+        batch: list[ReadFile | PlannerForgeError] = []
         while stored + len(batch) in waiting:
             batch.append(waiting.pop(stored + len(batch)))
         for path, item in zip(paths[stored:], await intake.store(batch), strict=False):

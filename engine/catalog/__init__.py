@@ -3,7 +3,6 @@
 ``download``: Fetch the file at an address, checked by its SHA-256; returns its path.
 ``unpack``: A context with a temporary folder of the XML files in an archive.
 ``scenario_facets``: The number of scenarios, and counts of places, tags, features, signs and obstacles.
-``FileFailure``: Why a file was not taken in: an error of ours or of the operating system.
 ``ReadFile``: A file with its SHA-256 and, where its content is new, its facts.
 ``ScenarioIntake``: Decides on the files of an import and stores them: new, known, or new versions of a scenario.
 ``put_scenario``: The stored artifact of a scenario whose facts are known.
@@ -37,7 +36,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .archives import download, unpack
     from .facets import scenario_facets
-    from .intake import FileFailure, ReadFile, ScenarioIntake, put_scenario
+    from .intake import ReadFile, ScenarioIntake, put_scenario
     from .ranking import build_index, rank
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue

@@ -13,16 +13,13 @@ from pathlib import Path
 
 import anyio
 
-from ...schemas.errors import NotPossible, PlannerForgeError
+from ...schemas.errors import NotPossible, PlannerForgeError, as_told
 from ...schemas.importing import ImportedItem
 from ...schemas.scenarios import Origin, ScenarioFacts, ScenarioRecord
 from ..commonroad import derived_benchmark_id
 from ..workspace import Artifact, NewArtifact, Recipe, Workspace, content_digest, stage
 from .tables import family, list_again, listed_version, refresh
 from .words import summary
-
-FileFailure = PlannerForgeError | OSError
-"""Why a file was not taken in."""
 
 
 def put_scenario(
@@ -103,7 +100,7 @@ class _New:
     version_of: str | None = None
 
 
-_Decision = ImportedItem | FileFailure | _New
+_Decision = ImportedItem | PlannerForgeError | _New
 
 
 class ScenarioIntake:
@@ -118,7 +115,7 @@ class ScenarioIntake:
         """Whether a file with this SHA-256 was imported before."""
         return self._workspace.find_by_recipe("scenario", _import_recipe(content)) is not None
 
-    async def store(self, batch: Sequence[ReadFile | FileFailure]) -> list[ImportedItem | FileFailure]:
+    async def store(self, batch: Sequence[ReadFile | PlannerForgeError]) -> list[ImportedItem | PlannerForgeError]:
         """Store what is new among these files in one transaction; returns what became of each."""
         with self._workspace.scratch() as folder:
             decided = await self._put([self._first_decision(file, folder) for file in batch], folder)
@@ -127,14 +124,14 @@ class ScenarioIntake:
                 decided = await self._put(again, folder)
         return [NotPossible(f"{new.file.path.name} lost its id") if isinstance(new, _New) else new for new in decided]
 
-    def _first_decision(self, file: ReadFile | FileFailure, folder: Path) -> _Decision:
+    def _first_decision(self, file: ReadFile | PlannerForgeError, folder: Path) -> _Decision:
         if not isinstance(file, ReadFile):
             return file
         try:
             self._refuse_duplicates(file)
             return self._decide(file, folder)
-        except (PlannerForgeError, OSError) as error:
-            return error
+        except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
+            return as_told(raised, f"import of scenario {file.path.name}")
 
     def _refuse_duplicates(self, file: ReadFile) -> None:
         first = self._first_with_content.setdefault(file.content, file.path)

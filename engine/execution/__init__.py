@@ -16,6 +16,8 @@
 ``JobState``: ``running``, ``done``, ``failed``, ``cancelled`` or ``interrupted``.
 ``JobStore``: Reads and writes job records.
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
+``end_with_parent``: Have the operating system kill this process when the one that started it is gone.
+``limit_memory``: Bound the data memory of this process, in bytes.
 ``PRELOAD``: Names of the modules that a worker imports before its first order, by lane.
 ``WorkerPool``: Runs operations in worker processes.
 ``warm_up``: Import modules and leave them out of later garbage collections, which need not walk through what stays.
@@ -39,7 +41,7 @@ if TYPE_CHECKING:
         silent,
     )
     from .jobs import Job, JobProgress, JobRunner, JobState, JobStore
-    from .limits import Limits
+    from .limits import Limits, end_with_parent, limit_memory
     from .pool import PRELOAD, WorkerPool
     from .worker import warm_up
 

@@ -9,7 +9,6 @@ import logging
 import os
 import sqlite3
 import time
-import traceback
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -18,7 +17,7 @@ import anyio
 import anyio.abc
 
 from ...schemas.base import Model
-from ...schemas.errors import PlannerForgeError, ResourceFailure, UnexpectedFailure, UnknownName, closest
+from ...schemas.errors import ResourceFailure, UnexpectedFailure, UnknownName, as_told, closest
 from ..workspace import Database, Recipe, still_runs
 
 logger = logging.getLogger(__name__)
@@ -217,11 +216,10 @@ class JobRunner:
             with scope:
                 await work(progress)
                 state = "done"
-        except PlannerForgeError as raised:
-            error, state = raised.text, "failed"
-        except Exception:  # noqa: BLE001 - the boundary of a job: it becomes the error of this one job
-            failure = UnexpectedFailure(job_id, traceback.format_exc())
-            logger.error("incident %s in %s:\n%s", failure.incident, job_id, failure.details)  # noqa: TRY400
+        except Exception as raised:  # noqa: BLE001 - the boundary of a job: it becomes the error of this one job
+            failure = as_told(raised, job_id)
+            if isinstance(failure, UnexpectedFailure):
+                logger.error("incident %s in %s:\n%s", failure.incident, job_id, failure.details)  # noqa: TRY400
             error, state = failure.text, "failed"
         finally:
             if scope.cancel_called and state == "interrupted":

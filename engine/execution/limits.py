@@ -1,9 +1,12 @@
 """What work may use: folders, processes, memory and time."""
 
+import signal
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...schemas.errors import OutsideRoots, UnsafeInput
+from ...schemas.errors import InvalidRequest, OutsideRoots, UnsafeInput
+from ...schemas.text import one_line, quoted
 
 
 @dataclass(frozen=True)
@@ -28,13 +31,16 @@ class Limits:
         """The path, made absolute and with links resolved, if it lies inside an allowed root.
 
         Raises:
+            InvalidRequest: no path is given.
             OutsideRoots: naming the roots and the setting that extends them.
         """
+        if not text.strip():
+            raise InvalidRequest("an empty path names nothing", next_step="name a file or folder; . is the first root")
         path = self._resolved(text)
         if path is not None and any(path.is_relative_to(root.resolve()) for root in self.roots):
             return path
         raise OutsideRoots(
-            f"'{text}' lies outside the folders that may be used",
+            f"{quoted(text)} lies outside the folders that may be used",
             valid=self.roots,
             next_step="use a path inside them, or name the folder in --roots or PLANNERFORGE_ROOTS at the start",
         )
@@ -48,7 +54,7 @@ class Limits:
         size = path.stat().st_size
         if size > self.file_bytes:
             raise UnsafeInput(
-                f"{path.name} has {size:,} bytes; at most {self.file_bytes:,} are read",
+                f"{one_line(path.name)} has {size:,} bytes; at most {self.file_bytes:,} are read",
                 next_step="name a smaller file, or raise the file_mb setting",
             )
 
@@ -59,3 +65,24 @@ class Limits:
             return (path if path.is_absolute() else self.roots[0] / path).resolve()
         except (ValueError, RuntimeError, OSError):
             return None
+
+
+_DIE_WITH_PARENT = 1
+"""PR_SET_PDEATHSIG of Linux's prctl."""
+
+
+def end_with_parent() -> None:
+    """Have the operating system kill this process when the one that started it is gone (on Linux)."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+
+
+def limit_memory(size_bytes: int) -> None:
+    """Bound the data memory of this process (on Linux); 0 is no bound. Processes that it starts may have more."""
+    if size_bytes and sys.platform == "linux":
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_DATA)
+        resource.setrlimit(resource.RLIMIT_DATA, (size_bytes, most))

@@ -6,7 +6,6 @@ Native code writes past ``sys.stdout``, so file descriptor 1 is pointed at stand
 reports go to a private duplicate. The process ends when its standard input closes or, on Linux, when its parent dies.
 """
 
-import ctypes
 import gc
 import importlib
 import inspect
@@ -14,7 +13,6 @@ import json
 import os
 import queue
 import signal
-import sys
 import threading
 import traceback
 from collections.abc import Iterable
@@ -23,6 +21,7 @@ from typing import Any, BinaryIO
 
 from ...schemas.base import Model
 from ...schemas.errors import PlannerForgeError, ResourceFailure, rebuild
+from .limits import end_with_parent, limit_memory
 
 LONGEST_LINE_BYTES = 256 * 1024**2
 """The longest report that the server reads; chosen."""
@@ -110,8 +109,6 @@ def _line(content: dict[str, Any]) -> bytes:
     return json.dumps(content, separators=(",", ":")).encode() + b"\n"
 
 
-_DIE_WITH_PARENT = 1
-"""PR_SET_PDEATHSIG of Linux's prctl."""
 WARM_UP = "warm-up"
 """In place of an entry point: import the modules that the request names."""
 
@@ -121,8 +118,8 @@ def main() -> None:
     reports, orders_in = os.fdopen(os.dup(1), "wb", buffering=0), os.fdopen(os.dup(0), "rb")
     os.dup2(2, 1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # programs that an operation starts must not read the orders
-    _end_with_parent()
-    _limit_memory(int(os.environ.get("PLANNERFORGE_WORKER_MEMORY", "0")))
+    end_with_parent()
+    limit_memory(int(os.environ.get("PLANNERFORGE_WORKER_MEMORY", "0")))
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_read_orders, args=(orders_in, orders), daemon=True).start()
     while True:
@@ -171,18 +168,6 @@ def _carry_out(order: Order, reports: BinaryIO) -> Answer | Failure:
         )
     except Exception as error:  # noqa: BLE001 - the boundary of a worker: it becomes the error of this one item
         return Failure("unexpected", f"{type(error).__name__}: {error}", (), "", traceback.format_exc())
-
-
-def _end_with_parent() -> None:
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
-
-
-def _limit_memory(size_bytes: int) -> None:
-    if size_bytes and sys.platform == "linux":
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_DATA, (size_bytes, size_bytes))
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ import numpy as np
 from lxml import etree
 
 from ...schemas.errors import NotPossible, WorkerTimeout
+from ..execution import end_with_parent
 from ..geometry import (
     Points,
     arc_length,
@@ -110,7 +111,13 @@ def run_netconvert(options: Sequence[str], net: Path) -> tuple[str, ...]:
     command = [program, *options, *_GEOMETRY_OPTIONS.split(), "--output-file", str(net)]
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=_TIME_LIMIT_S, env=environment, check=False
+            command,
+            capture_output=True,
+            text=True,
+            timeout=_TIME_LIMIT_S,
+            env=environment,
+            check=False,
+            preexec_fn=end_with_parent,
         )
     except subprocess.TimeoutExpired as error:
         raise WorkerTimeout(

@@ -5,8 +5,6 @@ Its sections are made from what was stored and computed, one function a kind of 
 
 import base64
 import json
-import os
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +16,7 @@ from ...schemas.results import AnalyzeResultsResult
 from ...schemas.runs import BatchRecord, RunRecord
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..execution import ProgressReporter
-from ..workspace import Recipe
+from ..workspace import Recipe, write_whole
 
 _ORIGINS = {
     "generated": "Generated scenario",
@@ -191,7 +189,8 @@ def write_report(request: ReportRequest, report: ProgressReporter) -> ReportWrit
     page = environment.get_template("report.html.j2").render(
         report=request, sections=list(zip(request.sections, images, strict=True))
     )
-    _write_whole(Path(request.path), page.encode())
+    content = page.encode()
+    write_whole(Path(request.path), lambda partial: partial.write_bytes(content))
     report(1.0, "report written")
     return ReportWritten(
         path=request.path,
@@ -216,20 +215,3 @@ def _embed(image: ReportImage) -> _Embedded:
         width, height = opened.size
     encoded = base64.b64encode(content).decode("ascii")
     return _Embedded(f"data:{media_type};base64,{encoded}", image.caption, image.alt_text, width, height)
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Write under a temporary name and rename, so that half a page is never read."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(content)
-            Path(temporary).replace(path)
-        except OSError:
-            Path(temporary).unlink(missing_ok=True)
-            raise
-        path.chmod(0o644)
-    except OSError as error:
-        raise ResourceFailure(f"{path} cannot be written: {error.strerror}") from error

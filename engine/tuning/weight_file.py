@@ -5,15 +5,20 @@ settings.
 """
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...schemas.errors import UnsafeInput
 from ...schemas.planning import PlannerConfiguration
+from ...schemas.text import one_line, quoted
 
-_LARGEST_BYTES = 1_000_000
+_LARGEST_BYTES = 50_000
 """Chosen: a file of all weights and settings has about a thousand bytes."""
+_MOST_ENTRIES = 200
+"""Weights and settings of one file; chosen: no planner has half as many."""
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}")
 _SECTIONS = ("cost_weights", "external_cost_weights")
 
 
@@ -30,20 +35,21 @@ def read_weight_file(path: Path) -> WeightFile:
     """What a file holds; names are checked where they are applied.
 
     Raises:
-        UnsafeInput: not a YAML file of this form, or a value that is no finite number.
+        UnsafeInput: not a YAML file of this form, one with aliases, or a value that is no finite number.
     """
+    name = one_line(path.name)
     if path.stat().st_size > _LARGEST_BYTES:
-        raise UnsafeInput(f"{path.name} is larger than {_LARGEST_BYTES:,} bytes; a weight file is not")
+        raise UnsafeInput(f"{name} is larger than {_LARGEST_BYTES:,} bytes; a weight file is not")
     content = _content(path)
     if not isinstance(content, dict) or not isinstance(content.get("cost_weights"), dict):
         raise UnsafeInput(
-            f"{path.name} has no section of cost weights",
+            f"{name} has no section of cost weights",
             valid=[f"{section}: with name: number lines" for section in _SECTIONS],
             next_step="export a configuration as yaml to see the form",
         )
     planner = content.get("planner", "frenetix")
     if not isinstance(planner, str):
-        raise UnsafeInput(f"{path.name}: planner is '{planner}', which is no name")
+        raise UnsafeInput(f"{name}: planner is {quoted(planner)}, which is no name")
     weights = [text for section in _SECTIONS for text in _assignments(path, content, section)]
     return WeightFile(planner, tuple(weights), tuple(_assignments(path, content, "settings")))
 
@@ -63,21 +69,40 @@ def to_yaml(configuration: PlannerConfiguration) -> str:
 
 def _assignments(path: Path, content: dict[str, Any], section: str) -> list[str]:
     part = content.get(section) or {}
-    if not isinstance(part, dict):
-        raise UnsafeInput(f"{path.name}: {section} is no list of name: number lines")
+    file = one_line(path.name)
+    if not isinstance(part, dict) or len(part) > _MOST_ENTRIES:
+        raise UnsafeInput(f"{file}: {section} is no list of at most {_MOST_ENTRIES} name: number lines")
     for name, value in part.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise UnsafeInput(f"{path.name}: {section}.{name} is '{value}', which is no finite number")
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise UnsafeInput(f"{file}: {section} has {quoted(name)}, which is no name of a weight or setting")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
+            raise UnsafeInput(f"{file}: {section}.{name} is {quoted(value)}, which is no finite number")
     return [f"{name}={value!r}" for name, value in part.items()]
 
 
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond the range of floating-point numbers
+        return False
+
+
 def _content(path: Path) -> Any:
+    """The file as YAML's plain types.
+
+    An alias stands for the whole of what it names, and twelve levels of them make thousands of millions of values from
+    a thousand bytes: no weight file has one.
+    """
     import yaml
 
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise UnsafeInput(f"{path.name} is not readable as YAML: {str(error).splitlines()[0]}") from error
+        text = path.read_text(encoding="utf-8")
+        if any(isinstance(token, yaml.AliasToken | yaml.AnchorToken) for token in yaml.scan(text)):
+            raise UnsafeInput(f"{one_line(path.name)} has YAML aliases", next_step="write the values out")
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, or a number of 5,000 digits
+        what = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise UnsafeInput(f"{one_line(path.name)} is not readable as YAML: {one_line(what)}") from error
 
 
 def _number(value: float) -> str:

@@ -8,12 +8,14 @@
 ``stage``: Copy the files of an artifact into a new folder, before the database is locked.
 ``write_text``: Writes a text file, or raises the error of a full disk.
 ``Database``: Access to the workspace's SQLite file.
+``make_private``: Make a folder that nobody else on the machine may look into.
 ``still_runs``: Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) is still there.
 ``Export``: One file to write for an export: artifact, format, path.
 ``REPORT_NAME``: The file name of a report in the export folder.
 ``plan_exports``: The files that an export has to write.
 ``refuse_taken``: Raise before anything is written where a file is there already.
-``write_export``: Write one file whole.
+``write_export``: Write one file of an export whole.
+``write_whole``: Have a file written under a free name, then give it its own: no link or pipe is written through.
 ``content_digest``: SHA-256 of a file, hexadecimal.
 ``Recipe``: The tool, its resolved arguments, the artifacts it started from, the seed, and the versions that matter.
 ``versions_of``: The installed versions of packages, and our own, for a recipe.
@@ -25,8 +27,8 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .artifacts import ARTIFACT_KINDS, Artifact, NewArtifact, Workspace, disk_failure, stage, write_text
-    from .database import Database, still_runs
-    from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export
+    from .database import Database, make_private, still_runs
+    from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export, write_whole
     from .recipe import Recipe, content_digest, versions_of
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

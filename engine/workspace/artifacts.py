@@ -19,7 +19,7 @@ from typing import Any, Literal, TypeVar, get_args
 
 from ...schemas.base import Model
 from ...schemas.errors import ResourceFailure, UnknownName, closest
-from .database import Database, still_runs
+from .database import Database, make_private, still_runs
 from .recipe import Recipe
 
 ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map"]
@@ -36,6 +36,9 @@ _MAKERS: dict[ArtifactKind, str] = {
     "map": "call describe_catalog with facet maps",
 }
 """What makes an artifact of each kind, for the next step of a refusal."""
+_OWN_FOLDERS = frozenset(
+    {"scratch", "index", "logs", "journal", "pictures", "reports", *(f"{kind}s" for kind in get_args(ArtifactKind))}
+)
 _ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
 
 
@@ -114,11 +117,18 @@ class Workspace:
         Raises:
             ResourceFailure: the database or a folder cannot be written.
         """
-        with self.database.writing() as connection:
+        placed: list[Path] = []
+
+        def take_back() -> None:
+            for folder in placed:
+                shutil.rmtree(folder, ignore_errors=True)
+
+        with self.database.writing(take_back) as connection:
             for new in artifacts:
                 if self.find(new.kind, new.artifact_id) is not None:  # another server may have stored it meanwhile
                     continue
-                self._place(new.kind, new.artifact_id, new.copies)
+                placed.append(self.folder(new.kind, new.artifact_id))
+                self._place(placed[-1], new.copies)
                 connection.execute(
                     "INSERT INTO artifacts (artifact_id, kind, name, digest, recipe, record) VALUES (?, ?, ?, ?, ?, ?)",
                     (
@@ -219,6 +229,14 @@ class Workspace:
             raise UnknownName(f"{kind} '{artifact_id}' has no file {name}", valid=there)
         return path
 
+    def owns(self, path: Path) -> bool:
+        """Whether a path is the workspace's folder or lies where it keeps its own: users' files have no place there."""
+        root = self.root.resolve()
+        if not path.is_relative_to(root):
+            return False
+        first = path.relative_to(root).parts[:1]
+        return not first or first[0] in _OWN_FOLDERS or first[0].startswith(self.database.path.name)
+
     @contextmanager
     def scratch(self) -> Iterator[Path]:
         """A temporary folder on the workspace's disk, gone after the block.
@@ -228,7 +246,8 @@ class Workspace:
         """
         parent = self.root / "scratch"
         try:
-            parent.mkdir(parents=True, exist_ok=True)
+            make_private(self.root)
+            parent.mkdir(exist_ok=True)
             folder = Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=parent))  # whose it is, for who tidies up
             if not self._tidied:
                 self._tidied = True
@@ -253,9 +272,8 @@ class Workspace:
         query = "SELECT artifact_id FROM artifacts WHERE ?1 IS NULL OR kind = ?1 ORDER BY sequence DESC LIMIT 5000"
         return self.database.connection().execute(query, (kind,)).fetchall()
 
-    def _place(self, kind: ArtifactKind, artifact_id: str, copies: Path | None) -> None:
+    def _place(self, target: Path, copies: Path | None) -> None:
         """Give the copies their place; what lies there without a record was left by a server that died in between."""
-        target = self.folder(kind, artifact_id)
         try:
             if target.is_dir():
                 shutil.rmtree(target)

@@ -3,15 +3,19 @@
 Several servers work on one workspace at once (every IDE window starts its own), so writers wait for each other.
 """
 
+import logging
 import sqlite3
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from ...schemas.errors import ResourceFailure
 
-SCHEMA_VERSION = 1
+logger = logging.getLogger(__name__)
+SCHEMA_VERSION = 2
+_PRIVATE = 0o700
+"""Others on the machine need not read what somebody works on."""
 _BUSY_TIMEOUT_S = 10.0
 """How long a writer waits for another server's transaction; chosen: a batch of an import takes less."""
 _SCHEMA = """
@@ -71,6 +75,7 @@ class Database:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._connection: sqlite3.Connection | None = None
+        self._refused: Exception | None = None
 
     def connection(self) -> sqlite3.Connection:
         """The open connection, with rows by name; made, and its schema checked, when first needed.
@@ -83,13 +88,20 @@ class Database:
         return self._connection
 
     @contextmanager
-    def writing(self) -> Iterator[sqlite3.Connection]:
+    def writing(self, undo: Callable[[], None] = lambda: None) -> Iterator[sqlite3.Connection]:
         """A transaction: all of the block is stored, or nothing.
+
+        Args:
+            undo: takes back what the block did outside the database; called while the database is still locked.
 
         Raises:
             ResourceFailure: the disk is full or the file is locked for too long.
         """
+        if self._refused is not None:  # the disk was full when the file was opened; it may have room by now
+            self.close()
         connection = self.connection()
+        if self._refused is not None:
+            raise _failure(self.path, self._refused)
         try:
             connection.execute("BEGIN IMMEDIATE")
         except sqlite3.Error as error:
@@ -98,9 +110,11 @@ class Database:
             yield connection
             connection.execute("COMMIT")
         except sqlite3.Error as error:
+            undo()
             _roll_back(connection)
             raise _failure(self.path, error) from error
         except BaseException:
+            undo()
             _roll_back(connection)
             raise
 
@@ -111,26 +125,80 @@ class Database:
             self._connection = None
 
     def _open(self) -> sqlite3.Connection:
+        """A connection for reading and writing; where the disk is full, one that reads what is stored."""
+        self._refused = None
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            connection = sqlite3.connect(
-                self.path, timeout=_BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
-            )
-            connection.row_factory = sqlite3.Row
-            _write_ahead(connection)
-            connection.execute("PRAGMA synchronous = NORMAL")
-            version = int(connection.execute("PRAGMA user_version").fetchone()[0])
-            if version > SCHEMA_VERSION:
-                connection.close()
-                raise ResourceFailure(
-                    f"the workspace {self.path.parent} has schema version {version}, "
-                    f"this program knows {SCHEMA_VERSION}",
-                    next_step="use the newer PlannerForge that made it, or another --workspace",
-                )
-            connection.executescript(f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;")
+            make_private(self.path.parent)
+            return _prepared(self.path)
         except (sqlite3.Error, OSError) as error:
-            raise _failure(self.path, error) from error
-        return connection
+            readable = _read_only(self.path)
+            if readable is None:
+                raise _failure(self.path, error) from error
+            self._refused = error
+            logger.warning("the workspace database %s can only be read: %s", self.path, error)
+            return readable
+
+
+def _prepared(path: Path) -> sqlite3.Connection:
+    """A connection to a file with the present tables.
+
+    Raises:
+        ResourceFailure: a newer version of PlannerForge wrote the file.
+        sqlite3.Error: it cannot be opened or written.
+    """
+    connection = sqlite3.connect(path, timeout=_BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False)
+    try:
+        connection.row_factory = sqlite3.Row
+        _write_ahead(connection)
+        connection.execute("PRAGMA synchronous = NORMAL")
+        version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+        if version > SCHEMA_VERSION:
+            raise ResourceFailure(
+                f"the workspace {path.parent} has schema version {version}, this program knows {SCHEMA_VERSION}",
+                next_step="use the newer PlannerForge that made it, or another --workspace",
+            )
+        if version < SCHEMA_VERSION:
+            connection.executescript(f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {SCHEMA_VERSION}; COMMIT;")
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def _read_only(path: Path) -> sqlite3.Connection | None:
+    """A connection that only reads, where the file has tables of this version; else None.
+
+    SQLite cannot make the files of its write-ahead log on a full disk. Without a log nobody is writing, and the file
+    itself holds everything.
+    """
+    log = path.with_name(path.name + "-wal")
+    fixed = "" if log.exists() and log.stat().st_size else "&immutable=1"
+    try:
+        connection = sqlite3.connect(
+            f"{path.absolute().as_uri()}?mode=ro{fixed}", uri=True, isolation_level=None, check_same_thread=False
+        )
+    except sqlite3.Error:
+        return None
+    try:
+        connection.row_factory = sqlite3.Row
+        if int(connection.execute("PRAGMA user_version").fetchone()[0]) == SCHEMA_VERSION:
+            return connection
+    except sqlite3.Error as error:
+        logger.warning("the workspace database %s cannot be read either: %s", path, error)
+    connection.close()
+    return None
+
+
+def make_private(folder: Path) -> None:
+    """Make a folder that nobody else on the machine may look into; one that is there stays as it is.
+
+    Raises:
+        ResourceFailure: it cannot be made.
+    """
+    try:
+        folder.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
+    except OSError as error:
+        raise _failure(folder, error) from error
 
 
 def _write_ahead(connection: sqlite3.Connection) -> None:

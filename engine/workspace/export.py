@@ -1,8 +1,9 @@
 """Copies of an artifact's files, and of what was drawn or computed of it, for the user's own folder."""
 
-import contextlib
+import os
 import shutil
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +17,8 @@ _MADE = {"scenario": ("png",), "run": ("png", "gif", "solution"), "batch": ("png
 _ENDINGS = {"net": ".net.xml", "recipe": ".recipe.json", "solution": ".solution.xml"}
 """Where files of a format come from: stored, written from the record, drawn, or made by kind; endings that differ."""
 REPORT_NAME = "report.html"
+_READABLE = 0o644
+"""Temporary files are private; what a user asked for may be read by others."""
 
 
 @dataclass(frozen=True)
@@ -72,15 +75,32 @@ def write_export(workspace: Workspace, export: Export, made: Path | None = None)
     Raises:
         ResourceFailure: the folder cannot be written.
     """
-    partial = export.path.with_name(export.path.name + ".partial")
+    write_whole(export.path, lambda partial: _fill(partial, workspace, export, made))
+
+
+def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
+    """Have ``fill`` write a new file beside ``path``, then give it that name: half a file is never read.
+
+    The new file's name is made up and must be free, so nothing that lies in the folder (a link, a pipe) is written
+    through. What has the name already is replaced, never followed.
+
+    Raises:
+        ResourceFailure: the folder cannot be written; nothing half-written stays.
+    """
     try:
-        export.path.parent.mkdir(parents=True, exist_ok=True)
-        _fill(partial, workspace, export, made)
-        partial.replace(export.path)
-    except OSError as error:
-        with contextlib.suppress(OSError):  # nothing half-written stays; the error that counts is the first one
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".partial")
+        os.close(handle)
+        partial = Path(name)
+        try:
+            fill(partial)
+            partial.chmod(_READABLE)
+            partial.replace(path)
+        except BaseException:
             partial.unlink(missing_ok=True)
-        raise disk_failure(export.path, error, "free disk space, or name another folder") from error
+            raise
+    except OSError as error:
+        raise disk_failure(path, error, "free disk space, or name another folder") from error
 
 
 def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None) -> None:

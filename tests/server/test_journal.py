@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from mcp.types import CallToolResult, TextContent
 
-from plannerforge.server.journal import KEPT_FILES, Journal
+from plannerforge.server.journal import KEPT_FILES, REDACTED, Journal
 from plannerforge.server.settings import Settings
 from plannerforge.server.tokens import count_tokens
 
@@ -96,7 +96,7 @@ def test_text_that_no_file_can_hold_is_written_all_the_same(tmp_path: Path) -> N
     journal.close()
     assert len((tmp_path / "calls.jsonl").read_bytes().split(b"\n")) == 2
     (line,) = (tmp_path / "calls.jsonl").read_text(encoding="utf-8").removesuffix("\n").split("\n")
-    assert json.loads(line)["arguments"]["text"] == "half a pair \ud83d"
+    assert json.loads(line)["arguments"]["text"] == "half a pair"
 
 
 def test_journal_that_cannot_be_written_costs_no_call_but_is_told(
@@ -109,3 +109,42 @@ def test_journal_that_cannot_be_written_costs_no_call_but_is_told(
         add(journal)
         journal.close()
     assert caplog.text.count("could not be written down") == 2
+
+
+def test_journal_is_its_owners_alone_and_follows_no_link(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "journal" / "calls.jsonl", 10_000)
+    add(journal)
+    journal.close()
+    assert (tmp_path / "journal" / "calls.jsonl").stat().st_mode & 0o077 == 0
+    assert (tmp_path / "journal").stat().st_mode & 0o077 == 0
+    (tmp_path / "linked.jsonl").symlink_to(tmp_path / "elsewhere")
+    linked = Journal(tmp_path / "linked.jsonl", 10_000)
+    add(linked)
+    linked.close()
+    assert not (tmp_path / "elsewhere").exists()
+
+
+@pytest.mark.parametrize(
+    "secret",
+    [
+        "sk-abcdefghijklmnop1234",
+        "Authorization: Bearer abc.def-ghi_12345",
+        "api_key=hunter2hunter2",
+        "eyJhbGciOiJIUzI1NiJ9.eyJzdWIiOiIxMjM0NTY3ODkw.abc",
+        "ticket-0815",
+    ],
+)
+def test_secrets_are_left_out_wherever_they_stand(tmp_path: Path, secret: str) -> None:
+    journal = Journal(tmp_path / "calls.jsonl", 100_000, redact=[r"ticket-\d+"])
+    add(journal, arguments={"text": f"see {secret} there", "list": [{"a": secret}], secret: 1}, text=f"no {secret}")
+    journal.close()
+    written = (tmp_path / "calls.jsonl").read_text()
+    assert secret not in written
+    assert written.count(REDACTED) >= 3
+
+
+def test_long_texts_and_lists_are_cut(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "calls.jsonl", 10**6)
+    add(journal, arguments={"text": "x" * 10**5, "ids": ["y" * 300] * 3000})
+    journal.close()
+    assert (tmp_path / "calls.jsonl").stat().st_size < 20_000

@@ -98,7 +98,7 @@ async def test_one_object_or_its_json_text_is_taken_for_a_list(connect: Any, giv
 
 
 async def test_hostile_nesting_in_json_text_is_a_refusal(connect: Any) -> None:
-    assert "tags: input should be a valid list" in await refused(connect, text="x", tags="[" * 100_000)
+    assert "tags: input should be a valid list" in await refused(connect, text="x", tags="[" * 40_000)
 
 
 async def test_json_text_with_a_number_that_is_not_finite_is_refused(connect: Any) -> None:

@@ -11,7 +11,6 @@ import pytest
 from support.builders import town_road
 from support.catalog import facts
 
-from plannerforge.engine.catalog import FileFailure
 from plannerforge.engine.execution import Limits, Operation
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout
@@ -47,7 +46,9 @@ def workspace(tmp_path: Path) -> Iterator[Workspace]:
     made.close()
 
 
-async def imported(workspace: Workspace, folder: Path, reader: Reader, files: int) -> list[ImportedItem | FileFailure]:
+async def imported(
+    workspace: Workspace, folder: Path, reader: Reader, files: int
+) -> list[ImportedItem | PlannerForgeError]:
     paths = []
     for index in range(1, files + 1):
         paths.append(folder / f"{index}.xml")
@@ -58,7 +59,7 @@ async def imported(workspace: Workspace, folder: Path, reader: Reader, files: in
     call: Any = SimpleNamespace(
         workspace=workspace, services=SimpleNamespace(workers=reader), limits=limits, allowed_path=limits.allowed_path
     )
-    heard: list[tuple[Path, ImportedItem | FileFailure]] = []
+    heard: list[tuple[Path, ImportedItem | PlannerForgeError]] = []
     await import_scenarios(cast("ToolCall", call), paths, lambda path, outcome: heard.append((path, outcome)))
     assert [path for path, _ in heard] == paths
     return [outcome for _, outcome in heard]

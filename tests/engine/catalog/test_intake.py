@@ -8,7 +8,7 @@ import pytest
 from support.builders import town_road
 from support.catalog import facts
 
-from plannerforge.engine.catalog import FileFailure, ReadFile, ScenarioIntake
+from plannerforge.engine.catalog import ReadFile, ScenarioIntake
 from plannerforge.engine.workspace import Workspace, content_digest
 from plannerforge.schemas.errors import PlannerForgeError
 from plannerforge.schemas.importing import ImportedItem
@@ -39,7 +39,7 @@ async def test_two_imports_at_once_of_other_content_under_one_id_give_two_versio
     workspace: Workspace, tmp_path: Path
 ) -> None:
     files = [read(tmp_path / f"{count}.xml", count) for count in (1, 2)]
-    outcomes: list[ImportedItem | FileFailure] = []
+    outcomes: list[ImportedItem | PlannerForgeError] = []
 
     async def store(file: ReadFile) -> None:
         outcomes.extend(await ScenarioIntake(workspace).store([file]))

@@ -1,11 +1,14 @@
 """Bounds of a call: paths stay inside the allowed roots, whatever way they are written."""
 
+import subprocess
+import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 from plannerforge.engine.execution.limits import Limits
-from plannerforge.schemas.errors import OutsideRoots, UnsafeInput
+from plannerforge.schemas.errors import InvalidRequest, OutsideRoots, UnsafeInput
 
 
 @pytest.fixture
@@ -43,3 +46,36 @@ def test_a_file_that_is_too_large_is_refused_before_it_is_read(roots: tuple[Path
     with pytest.raises(UnsafeInput, match="2,000,001 bytes; at most 2,000,000 are read") as refusal:
         Limits(roots=roots, file_bytes=2_000_000).check_size(path)
     assert "file_mb" in refusal.value.text
+
+
+@pytest.mark.parametrize("text", ["", "  ", "\t"])
+def test_an_empty_path_names_nothing(roots: tuple[Path, ...], text: str) -> None:
+    with pytest.raises(InvalidRequest, match="names nothing"):
+        Limits(roots=roots).allowed_path(text)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="bounds of other systems differ")
+def test_bounded_process_gets_a_memory_error_instead_of_the_machine() -> None:
+    program = (
+        "from plannerforge.engine.execution import limit_memory\n"
+        "limit_memory(200 * 1024**2)\n"
+        "try:\n    bytearray(400 * 1024**2)\nexcept MemoryError:\n    print('bounded')"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "bounded"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="prctl is Linux's")
+def test_program_that_a_killed_process_started_is_gone_with_it() -> None:
+    program = (
+        "import subprocess, sys, time\n"
+        "from plannerforge.engine.execution import end_with_parent\n"
+        "child = subprocess.Popen(['sleep', '600'], preexec_fn=end_with_parent)\n"
+        "print(child.pid, flush=True)\ntime.sleep(600)"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as started:
+        assert started.stdout is not None
+        child = psutil.Process(int(started.stdout.readline()))
+        started.kill()
+        child.wait()
+    assert not child.is_running()

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from plannerforge.engine.workspace import artifacts
-from plannerforge.engine.workspace.artifacts import Artifact, Workspace
+from plannerforge.engine.workspace.artifacts import Artifact, NewArtifact, Workspace, stage
 from plannerforge.engine.workspace.database import SCHEMA_VERSION
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.base import Model
@@ -100,6 +100,68 @@ def test_full_disk_while_files_are_placed_leaves_nothing(workspace: Workspace, m
     monkeypatch.setattr(shutil, "copyfile", real)
     put(workspace, "DEU_A-1_1_T-1", files={"first.xml": "1", "second.xml": "2"})
     assert workspace.file("scenario", "DEU_A-1_1_T-1", "second.xml").read_text() == "2"
+
+
+def test_record_that_does_not_fit_takes_back_every_folder_of_its_transaction(workspace: Workspace) -> None:
+    workspace.find("scenario", "none")
+    connection = workspace.database.connection()
+    pages = connection.execute("PRAGMA page_count").fetchone()[0]
+    connection.execute(f"PRAGMA max_page_count = {pages}")  # a full disk, as SQLite sees it
+    with workspace.scratch() as folder:
+        new = []
+        for number in range(1, 30):
+            file = folder / f"{number}.xml"
+            file.write_text("x")
+            record = Note(text="x" * 4000)
+            recipe = Recipe(tool="test", arguments={"number": number})
+            new.append(NewArtifact("scenario", f"DEU_A-{number}_1_T-1", recipe, record, {"scenario.xml": file}))
+        with pytest.raises(ResourceFailure):
+            workspace.put_staged([stage(each, folder / each.artifact_id) for each in new])
+    assert workspace.newest() == []
+    assert left_in(workspace.root) == []
+
+
+def test_workspace_on_a_full_disk_still_lists_what_it_holds(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    put(workspace, "DEU_A-1_1_T-1", files={"scenario.xml": "1"})
+    workspace.close()
+    real = sqlite3.connect
+
+    class Full(sqlite3.Connection):
+        def execute(self, sql: str, *values: object) -> sqlite3.Cursor:
+            if "journal_mode" in sql:
+                error = sqlite3.OperationalError("disk I/O error")
+                error.sqlite_errorcode = sqlite3.SQLITE_IOERR
+                raise error
+            return super().execute(sql, *values)
+
+    def on_a_full_disk(*given: object, **options: object) -> sqlite3.Connection:
+        return real(*given, **options, factory=Full)  # type: ignore[call-overload,no-any-return]
+
+    monkeypatch.setattr(sqlite3, "connect", on_a_full_disk)
+    assert [artifact.artifact_id for artifact in workspace.newest()] == ["DEU_A-1_1_T-1"]
+    assert "can only be read" in caplog.text
+    with pytest.raises(ResourceFailure, match="disk I/O error"):
+        put(workspace, "DEU_A-2_1_T-1", files={"scenario.xml": "2"})
+    monkeypatch.undo()
+    put(workspace, "DEU_A-2_1_T-1", files={"scenario.xml": "2"})
+    assert len(workspace.newest()) == 2
+
+
+@pytest.mark.parametrize("owned", ["", "scenarios", "scenarios/x.xml", "scratch/a", "workspace.sqlite-wal", "pictures"])
+def test_workspace_owns_its_folder_and_what_it_keeps_there(workspace: Workspace, owned: str) -> None:
+    assert workspace.owns(workspace.root / owned)
+
+
+def test_folders_of_users_are_not_owned(workspace: Workspace) -> None:
+    assert not workspace.owns(workspace.root / "exports" / "a.xml")
+    assert not workspace.owns(workspace.root.parent)
+
+
+def test_new_workspace_is_private(workspace: Workspace) -> None:
+    put(workspace, "DEU_A-1_1_T-1")
+    assert workspace.root.stat().st_mode & 0o077 == 0
 
 
 def test_files_that_a_dead_server_left_without_a_record_are_replaced(workspace: Workspace) -> None:

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -118,6 +119,27 @@ def test_full_disk_leaves_no_half_written_file(
         export(workspace, [scenario], ["xml"], tmp_path / "out", overwrite=False)
     assert caught.value.next_step
     assert names(tmp_path / "out") == []
+
+
+@pytest.mark.parametrize("name", ["DEU_A-1_1_T-1.xml.partial", "DEU_A-1_1_T-1.xml", ".DEU_A-1_1_T-1.xml.partial"])
+@pytest.mark.parametrize("trap", ["link to a file", "dangling link", "pipe"])
+def test_nothing_that_lies_in_the_folder_is_written_through(
+    workspace: Workspace, scenario: Artifact, tmp_path: Path, name: str, trap: str
+) -> None:
+    outside = tmp_path / "outside.txt"
+    if trap == "link to a file":
+        outside.write_text("not yours")
+    folder = tmp_path / "out"
+    folder.mkdir()
+    if trap == "pipe":
+        os.mkfifo(folder / name)  # opening it would wait for a reader
+    else:
+        (folder / name).symlink_to(outside)
+    (written,) = export(workspace, [scenario], ["xml"], folder, overwrite=True)
+    assert written.path.read_text() == (workspace.folder("scenario", scenario.artifact_id) / "scenario.xml").read_text()
+    assert not written.path.is_symlink()
+    assert outside.exists() == (trap == "link to a file")
+    assert not outside.exists() or outside.read_text() == "not yours"
 
 
 def test_asked_twice_is_written_once(workspace: Workspace, scenario: Artifact, tmp_path: Path) -> None:

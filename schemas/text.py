@@ -1,0 +1,42 @@
+"""Text from outside (a caller's, a file's, a name on a disk), made fit for answers, errors, logs and journals.
+
+Such text is data: it may hold line breaks that forge lines of an answer, characters that turn its direction, or a
+megabyte. What repeats it does so through :func:`quoted` or :func:`one_line`.
+"""
+
+import unicodedata
+from typing import Any
+
+LONGEST_TEXT = 200
+"""Characters of a text from outside that are repeated; chosen: names and ids are shorter."""
+_PRINTED_BITS = 128
+"""Larger whole numbers are not printed; chosen: no id or time has as many."""
+
+
+def printable(text: str, kept: str = "\n\t") -> str:
+    """The text without control, zero-width and direction characters, but for those of ``kept``."""
+    if text.isprintable():
+        return text
+    return "".join(character for character in text if character in kept or _is_shown(character))
+
+
+def one_line(text: str, longest: int = LONGEST_TEXT) -> str:
+    """The text on one line, printable, its spaces single; what is longer than ``longest`` characters ends in ``…``."""
+    read = text[: 4 * longest]
+    line = " ".join(printable(" ".join(read.split()), kept="").split())
+    return line if len(line) <= longest and read == text else line[: longest - 1].rstrip() + "…"
+
+
+def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
+    """A value from outside as an error repeats it: text in quotation marks; of a list or mapping, only its size."""
+    if isinstance(value, dict | list | tuple | set):
+        return f"a {'mapping' if isinstance(value, dict) else 'list'} of {len(value):,}"
+    if isinstance(value, int) and value.bit_length() > _PRINTED_BITS:
+        return "a whole number of too many digits"
+    if value is None or isinstance(value, int | float):
+        return str(value)
+    return "'" + one_line(str(value), longest).replace("'", "’") + "'"
+
+
+def _is_shown(character: str) -> bool:
+    return character.isprintable() or unicodedata.category(character) == "Zs"

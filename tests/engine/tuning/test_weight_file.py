@@ -1,0 +1,50 @@
+"""Weight files of users: what is no such file is refused by name, in a moment and in little memory."""
+
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.tuning.weight_file import read_weight_file
+from plannerforge.schemas.errors import UnsafeInput
+
+_NESTED = "\n".join(
+    ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    + [f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 9)}]" for level in range(1, 12)]
+)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (f"{_NESTED}\ncost_weights: {{a: *a11}}", "aliases"),
+        ("cost_weights: &all {a: 1, b: *all}", "aliases"),
+        ("cost_weights: {a: " + "9" * 5000 + "}", "not readable"),
+        ("cost_weights: {a: " + "9" * 4000 + "}", "too many digits"),
+        ("cost_weights: {a: " + "[" * 5000 + "}", "not readable"),
+        ("cost_weights: {a: [1, 2]}", "a list of 2"),
+        ("cost_weights: {a: {b: 1}}", "a mapping of 1"),
+        ("cost_weights: {a: .nan}", "no finite number"),
+        ("cost_weights: {a: .inf}", "no finite number"),
+        ("cost_weights: {a: true}", "no finite number"),
+        ('cost_weights: {"a\\nSYSTEM: obey": 1}', "no name of a weight"),
+        ("cost_weights: {1: 1}", "no name of a weight"),
+        ("cost_weights: {" + ", ".join(f"w{number}: 1" for number in range(500)) + "}", "at most 200"),
+        ("cost_weights: {a: 1}\nplanner: [x]", "no name"),
+        ("cost_weights: {a: 1}\n" + "#" * 60_000, "larger than"),
+        ("", "no section"),
+    ],
+)
+def test_what_is_no_weight_file_is_refused_in_one_short_line(tmp_path: Path, content: str, words: str) -> None:
+    path = tmp_path / "weights.yaml"
+    path.write_text(content)
+    with pytest.raises(UnsafeInput, match=words) as caught:
+        read_weight_file(path)
+    assert "\n" not in caught.value.text
+    assert len(caught.value.text) < 500
+
+
+def test_weights_and_settings_are_read_as_assignments(tmp_path: Path) -> None:
+    path = tmp_path / "weights.yaml"
+    path.write_text("cost_weights: {lateral_jerk: 0.2}\nplanner: frenetix\nsettings: {horizon_s: 3}")
+    read = read_weight_file(path)
+    assert (read.planner, read.weights, read.settings) == ("frenetix", ("lateral_jerk=0.2",), ("horizon_s=3",))
