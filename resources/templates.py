@@ -5,7 +5,8 @@ Runs and scenarios are not enumerated (a workspace holds thousands); tools find 
 
 import json
 import re
-from dataclasses import dataclass
+
+from mcp.types import ResourceTemplate
 
 from ..engine.workspace import ARTIFACT_KINDS, Workspace
 from ..schemas.errors import UnknownName
@@ -13,24 +14,17 @@ from ..schemas.errors import UnknownName
 SCHEME = "plannerforge://"
 
 
-@dataclass(frozen=True)
-class _Template:
-    """One family of resources: the URI's form, and what is behind it."""
-
-    uri_template: str
-    name: str
-    description: str
-    mime_type: str
-
-
-TEMPLATES: tuple[_Template, ...] = (
-    _Template(f"{SCHEME}scenario/{{id}}/xml", "scenario", "CommonRoad XML of a scenario", "application/xml"),
-    _Template(f"{SCHEME}scenario/{{id}}/net", "sumo_net", "SUMO net of a scenario", "application/xml"),
-    _Template(f"{SCHEME}config/{{id}}/yaml", "configuration", "Cost weights of a planner as YAML", "application/yaml"),
-    _Template(f"{SCHEME}run/{{id}}/steps", "run_steps", "Trajectory and cost terms of a run", "application/json"),
-    _Template(f"{SCHEME}{{kind}}/{{id}}/record", "record", "Record and recipe of any artifact", "application/json"),
-    _Template(f"{SCHEME}picture/{{name}}", "picture", "A picture or animation that render made", "image/png"),
-    _Template(f"{SCHEME}report/{{name}}", "report", "A report as one HTML page", "text/html"),
+TEMPLATES: tuple[ResourceTemplate, ...] = tuple(
+    ResourceTemplate(uri_template=SCHEME + path, name=name, description=description, mime_type=mime_type)
+    for path, name, description, mime_type in (
+        ("scenario/{id}/xml", "scenario", "CommonRoad XML of a scenario", "application/xml"),
+        ("scenario/{id}/net", "sumo_net", "SUMO net of a scenario", "application/xml"),
+        ("config/{id}/yaml", "configuration", "Cost weights of a planner as YAML", "application/yaml"),
+        ("run/{id}/steps", "run_steps", "Trajectory and cost terms of a run", "application/json"),
+        ("{kind}/{id}/record", "record", "Record and recipe of any artifact", "application/json"),
+        ("picture/{name}", "picture", "A picture or animation that render made", "image/png"),
+        ("report/{name}", "report", "A report as one HTML page", "text/html"),
+    )
 )
 _FILES = {
     ("scenario", "xml"): ("scenario.xml", "application/xml"),

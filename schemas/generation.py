@@ -7,9 +7,7 @@ from pydantic import Field
 from .base import Arguments, Model, Result
 
 SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
-ScenarioType = Literal[
-    "any", "highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"
-]
+ScenarioType = Literal["any", SiteType]
 Density = Literal["low", "medium", "high"]
 _SHOWN_IN_FULL = 5
 """Scenarios that an answer shows with all figures; chosen to keep it short."""

@@ -224,14 +224,8 @@ def parse_selector(text: str) -> Selector:
                 f"'{text}' needs a whole number after '{kind}:'", valid=[f"{kind}:1"], next_step="write it like this"
             )
         return Selector(kind, argument, negated)
-    raise UnknownName(
-        f"'{text}' selects no vehicles", valid=_nearest_selectors(kind), next_step="name a vehicle in such a form"
-    )
-
-
-def _nearest_selectors(word: str) -> list[str]:
-    likely = closest(word, [selector for selector in SELECTORS if selector != "an id"])
-    return ["an id", *likely]
+    nearest = [SELECTORS[0], *closest(kind, SELECTORS[1:])]
+    raise UnknownName(f"'{text}' selects no vehicles", valid=nearest, next_step="name a vehicle in such a form")
 
 
 def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool) -> Interval:

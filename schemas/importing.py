@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from .base import LONGEST_PATH, Arguments, Model, Result
+from .jobs import JobState
 
 
 class ImportFilesArguments(Arguments):
@@ -46,7 +47,7 @@ class ImportFilesResult(Result):
     items: tuple[ImportedItem, ...] = Field(description="at most 20")
     refusals: tuple[RefusedItem, ...] = Field(description="at most 20")
     job_id: str = ""
-    state: Literal["running", "done", "failed", "cancelled", "interrupted"] = "done"
+    state: JobState = "done"
     note: str = Field("", description="why the job failed, or how far another server is with it")
 
     def to_text(self) -> str:

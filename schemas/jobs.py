@@ -6,6 +6,9 @@ from pydantic import Field
 
 from .base import Arguments, Result
 
+JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
+"""``interrupted``: its server ended before it did."""
+
 
 class GetJobArguments(Arguments):
     """State, progress, estimate and partial results of a job; waits for its end."""
@@ -25,7 +28,7 @@ class JobResult(Result):
 
     job_id: str
     kind: str
-    state: Literal["running", "done", "failed", "cancelled", "interrupted"]
+    state: JobState
     share: float
     message: str
     remaining_s: float | None

@@ -246,7 +246,23 @@ class ModifyScenarioResult(Result):
 
     def to_text(self) -> str:
         """All of it in a few lines; of long lists the first items, and how many more there are."""
-        return _modification_text(self)
+        head = f"{self.scenario_id} (from {self.base_id})" if self.scenario_id else f"dry run on {self.base_id}"
+        lines = [head + (", reused" if self.reused else ""), *_edits_text(self.edits)]
+        lines += [_touched_text(vehicle) for vehicle in self.touched[:_MOST_TOUCHED]]
+        if len(self.touched) > _MOST_TOUCHED:
+            infeasible = [vehicle.vehicle_id for vehicle in self.touched if not vehicle.feasible]
+            lines.append(f"{len(self.touched)} touched in all; infeasible steps in: {_ids(infeasible)}")
+        lines.append(f"removed: {_ids(self.removed)}; handed over besides: {_ids(self.handed_over)}")
+        lines.append(f"collisions caused: {_collisions_text(self.collisions)}")
+        lines.append(f"{self.untouched} vehicles exactly as recorded")
+        lines += _danger_text(self.ego_before, self.ego_after)
+        if self.checkers_agree is not None:
+            alike = f"{self.checkers_agree} of {len(self.touched)}"
+            lines.append(f"judged by the drivability checker; the closed form agrees on {alike}")
+        lines += [f"note: {note}" for note in _within(self.warnings[:_MOST_NOTES], _NOTES_CHARACTERS)]
+        if len(self.warnings) > _MOST_NOTES:
+            lines.append(f"… and {len(self.warnings) - _MOST_NOTES} more notes")
+        return "\n".join(lines)
 
 
 _MOST_EDITS, _MOST_TOUCHED, _MOST_COLLISIONS, _MOST_NOTES, _MOST_IDS = 10, 6, 6, 6, 12
@@ -254,26 +270,6 @@ _MOST_ROUTES, _MOST_LANELETS = 8, 8
 _EDITS_CHARACTERS, _NOTES_CHARACTERS = 1200, 800
 """What the text shows of long lists, and characters of all its sentences together, beyond which each is cut to an even
 share; chosen so that an answer stays below 1,500 tokens."""
-
-
-def _modification_text(result: ModifyScenarioResult) -> str:
-    head = f"{result.scenario_id} (from {result.base_id})" if result.scenario_id else f"dry run on {result.base_id}"
-    lines = [head + (", reused" if result.reused else ""), *_edits_text(result.edits)]
-    lines += [_touched_text(vehicle) for vehicle in result.touched[:_MOST_TOUCHED]]
-    if len(result.touched) > _MOST_TOUCHED:
-        infeasible = [vehicle.vehicle_id for vehicle in result.touched if not vehicle.feasible]
-        lines.append(f"{len(result.touched)} touched in all; infeasible steps in: {_ids(infeasible)}")
-    lines.append(f"removed: {_ids(result.removed)}; handed over besides: {_ids(result.handed_over)}")
-    lines.append(f"collisions caused: {_collisions_text(result.collisions)}")
-    lines.append(f"{result.untouched} vehicles exactly as recorded")
-    lines += _danger_text(result.ego_before, result.ego_after)
-    if result.checkers_agree is not None:
-        alike = f"{result.checkers_agree} of {len(result.touched)}"
-        lines.append(f"judged by the drivability checker; the closed form agrees on {alike}")
-    lines += [f"note: {note}" for note in _within(result.warnings[:_MOST_NOTES], _NOTES_CHARACTERS)]
-    if len(result.warnings) > _MOST_NOTES:
-        lines.append(f"… and {len(result.warnings) - _MOST_NOTES} more notes")
-    return "\n".join(lines)
 
 
 def _edits_text(edits: Sequence[EditReport]) -> Iterator[str]:

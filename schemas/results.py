@@ -205,19 +205,14 @@ class AnalyzeResultsResult(Result):
 
     def to_text(self) -> str:
         """All sections that are there, one line an item."""
-        return _analysis_text(self)
-
-
-def _analysis_text(result: AnalyzeResultsResult) -> str:
-    lines = [] if result.runs == 1 else _rates(result)
-    sections = (_rows, _groups, _metrics, _costs, _correlations, _timeline)
-    for section in sections:
-        lines += section(result)
-    if result.findings:
-        lines.append("Findings:")
-        lines += [_finding_text(finding) for finding in result.findings]
-    lines += [f"Note: {note}" for note in result.notes]
-    return "\n".join(lines)
+        lines = [] if self.runs == 1 else _rates(self)
+        for section in (_rows, _groups, _metrics, _costs, _correlations, _timeline):
+            lines += section(self)
+        if self.findings:
+            lines.append("Findings:")
+            lines += [_finding_text(finding) for finding in self.findings]
+        lines += [f"Note: {note}" for note in self.notes]
+        return "\n".join(lines)
 
 
 def _rates(result: AnalyzeResultsResult) -> list[str]:

@@ -309,30 +309,26 @@ class DescribeScenarioResult(Result):
 
     def to_text(self) -> str:
         """Head, ego, vehicles, lanelets, checks, how it was generated and its recipe, a line each."""
-        return _scenario_text(self)
-
-
-def _scenario_text(result: DescribeScenarioResult) -> str:
-    counts = ", ".join(f"{count} {kind}" for kind, count in result.counts.items()) or "no traffic"
-    lines = [f"{result.scenario_id} ({result.origin}, {result.place}): {result.duration_s:g} s, {counts}."]
-    lines.append(f"Tags: {', '.join(result.tags) or 'none'}. Computed: {', '.join(result.features) or 'nothing'}.")
-    if result.signs:
-        lines.append(f"On the ego's lane: {', '.join(result.signs)}.")
-    shown = result.description
-    lines.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
-    if shown.vehicles:
-        lines.append(f"Vehicles, nearest to {shown.focus} first ({len(shown.vehicles)} of {shown.vehicles_total}):")
-        lines += [_vehicle(vehicle) for vehicle in shown.vehicles]
-    elif shown.vehicles_total:
-        lines.append(f"No vehicle near {shown.focus}; {shown.vehicles_total} elsewhere: raise radius_m.")
-    if shown.lanelets:
-        lines.append(f"Lanelets near {shown.focus} ({len(shown.lanelets)} of {shown.lanelets_total}):")
-        lines += [_lanelet(lanelet) for lanelet in shown.lanelets]
-    lines += [f"Check: {check}" for check in shown.checks]
-    lines += result.generation.lines() if result.generation is not None else []
-    if result.recipe is not None:
-        lines.append(f"Recipe: {json.dumps(result.recipe, ensure_ascii=False, sort_keys=True)}")
-    return "\n".join(lines)
+        counts = ", ".join(f"{count} {kind}" for kind, count in self.counts.items()) or "no traffic"
+        lines = [f"{self.scenario_id} ({self.origin}, {self.place}): {self.duration_s:g} s, {counts}."]
+        lines.append(f"Tags: {', '.join(self.tags) or 'none'}. Computed: {', '.join(self.features) or 'nothing'}.")
+        if self.signs:
+            lines.append(f"On the ego's lane: {', '.join(self.signs)}.")
+        shown = self.description
+        lines.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
+        if shown.vehicles:
+            lines.append(f"Vehicles, nearest to {shown.focus} first ({len(shown.vehicles)} of {shown.vehicles_total}):")
+            lines += [_vehicle(vehicle) for vehicle in shown.vehicles]
+        elif shown.vehicles_total:
+            lines.append(f"No vehicle near {shown.focus}; {shown.vehicles_total} elsewhere: raise radius_m.")
+        if shown.lanelets:
+            lines.append(f"Lanelets near {shown.focus} ({len(shown.lanelets)} of {shown.lanelets_total}):")
+            lines += [_lanelet(lanelet) for lanelet in shown.lanelets]
+        lines += [f"Check: {check}" for check in shown.checks]
+        lines += self.generation.lines() if self.generation is not None else []
+        if self.recipe is not None:
+            lines.append(f"Recipe: {json.dumps(self.recipe, ensure_ascii=False, sort_keys=True)}")
+        return "\n".join(lines)
 
 
 def ego_text(ego: DescribedEgo) -> str:

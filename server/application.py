@@ -97,15 +97,7 @@ class PlannerForgeServer(MCPServer[Services]):
 
     async def list_resource_templates(self) -> list[ResourceTemplate]:
         """Where scenarios, pictures and reports can be read; artifacts themselves are found by tools, not listed."""
-        return [
-            ResourceTemplate(
-                uri_template=template.uri_template,
-                name=template.name,
-                description=template.description,
-                mime_type=template.mime_type,
-            )
-            for template in TEMPLATES
-        ]
+        return list(TEMPLATES)
 
     async def read_resource(
         self, uri: AnyUrl | str, context: Context[Services, Any] | None = None

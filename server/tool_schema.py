@@ -56,7 +56,9 @@ def _lean(schema: Any, definitions: dict[str, Any]) -> Any:
             target.pop("description", None)
         return _lean({**target, **{k: v for k, v in schema.items() if k != "$ref"}}, definitions)
     kept = {
-        key: part for key, part in schema.items() if key != "$defs" and not (key == "title" and isinstance(part, str))
+        key: part
+        for key, part in schema.items()
+        if key not in ("$defs", *_LENGTHS) and not (key == "title" and isinstance(part, str))
     }
     if "anyOf" in kept:
         arms = [arm for arm in kept["anyOf"] if arm.get("type") != "null"]
@@ -64,18 +66,14 @@ def _lean(schema: Any, definitions: dict[str, Any]) -> Any:
         if len(arms) == 1:
             return _lean({**arms[0], **kept}, definitions)
         kept["anyOf"] = arms
-    for bound in _LENGTHS:
-        kept.pop(bound, None)
     if kept.get("default", "") in (None, []):  # what is left out anyway
         del kept["default"]
-    if "properties" in kept:
-        return {
-            key: {name: _lean(part, definitions) for name, part in value.items()}
-            if key == "properties"
-            else _lean(value, definitions)
-            for key, value in kept.items()
-        }
-    return {key: _lean(part, definitions) for key, part in kept.items()}
+    return {
+        key: {name: _lean(part, definitions) for name, part in value.items()}
+        if key == "properties"
+        else _lean(value, definitions)
+        for key, value in kept.items()
+    }
 
 
 def _without_noise(schema: Any) -> Any:

@@ -1,7 +1,6 @@
 """The tools that look into the catalogue."""
 
 import hashlib
-from collections.abc import Sequence
 
 from ..engine.catalog import Ranking, Search, description_of, open_catalogue, scenario_facets
 from ..engine.cosimulation import presets as behaviour_presets
@@ -38,8 +37,8 @@ async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) 
 
 def _other_facets(wanted: str, call: ToolCall) -> list[FacetCounts]:
     """The facets that are not about scenarios: ``maps``, ``behaviours``, ``planners``, or the wanted one of them."""
-    makers = {"maps": _maps, "behaviours": _behaviours, "planners": _planners}
-    return [make(call) for name, make in makers.items() if wanted in ("all", name)]
+    makers = {"maps": lambda: _maps(call), "behaviours": _behaviours, "planners": _planners}
+    return [make() for name, make in makers.items() if wanted in ("all", name)]
 
 
 def _maps(call: ToolCall) -> FacetCounts:
@@ -54,14 +53,12 @@ def _maps(call: ToolCall) -> FacetCounts:
     return FacetCounts(facet="maps", counts=counts, note="; ".join(notes))
 
 
-def _behaviours(call: ToolCall) -> FacetCounts:
-    del call
+def _behaviours() -> FacetCounts:
     names = dict.fromkeys(sorted(behaviour_presets()), 0)
     return FacetCounts(facet="behaviours", counts=names, note="set_behaviour presets")
 
 
-def _planners(call: ToolCall) -> FacetCounts:
-    del call
+def _planners() -> FacetCounts:
     presets = "; ".join(f"{name}: {', '.join(tuning_of(name).presets)}" for name in PLANNERS)
     return FacetCounts(facet="planners", counts=dict.fromkeys(PLANNERS, 0), note=f"PLANNER:PRESET with {presets}")
 
@@ -74,20 +71,17 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
     ranking = await _ranking(search, call) if search.needs_ranking else None
     hits = search.find(ranking)
     stages = search.stage_counts()
+    found = hashlib.sha256("\n".join(hits.matches).encode()).hexdigest()
     recipe = Recipe(
         tool="find_scenarios",
         arguments=arguments.model_dump(mode="json", exclude={"limit", "offset"})
-        | {"found": _digest(hits.matches), "left": [stage.left for stage in stages]},
+        | {"found": found, "left": [stage.left for stage in stages]},
         parents=tuple(key.partition("#")[0] for key in (arguments.within, arguments.like) if key),
     )
     search_id = f"search_{recipe.digest}"
     record = SearchRecord(arguments=arguments, scenario_ids=hits.matches, stages=stages)
     call.workspace.put("search", search_id, recipe=recipe, record=record)
     return search.answer(search_id, hits, ranking)
-
-
-def _digest(scenario_ids: Sequence[str]) -> str:
-    return hashlib.sha256("\n".join(scenario_ids).encode()).hexdigest()
 
 
 def _resolved(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosArguments:

@@ -33,7 +33,9 @@ def resolve_configuration(text: str, call: ToolCall) -> PlannerConfiguration:
     """
     if text.lower() in _CURRENT:
         made = made_configurations(call, 1)
-        return made[0] if made else _default()
+        if made:
+            return made[0]
+        text = DEFAULT_CONFIGURATION
     stored = call.workspace.find("config", text)
     if stored is not None:
         return stored.read(PlannerConfiguration)
@@ -92,10 +94,3 @@ async def import_configuration(call: ToolCall, path: Path, name: str | None) -> 
         summary=configuration.name,
         reused=before is not None,
     )
-
-
-def _default() -> PlannerConfiguration:
-    default = named_configuration(DEFAULT_CONFIGURATION)
-    if default is None:
-        raise UnknownName(f"there is no configuration '{DEFAULT_CONFIGURATION}'")
-    return default

@@ -131,13 +131,10 @@ def _recipe(request: GenerationRequest) -> Recipe:
     """The resolved request without paths; the map counts by its content."""
     arguments = request.model_dump(mode="json", exclude={"map_path", "folder", "benchmark_number", "seed"})
     arguments["map_content"] = content_digest(Path(request.map_path))
-    parents = () if _is_built_in(request) else (request.map_id,)
+    is_built_in = Path(request.map_path).parent.name == "library"
+    parents = () if is_built_in else (request.map_id,)
     versions = versions_of("eclipse-sumo", "libsumo", "numpy")
     return Recipe(tool="generate_scenarios", arguments=arguments, parents=parents, seed=request.seed, versions=versions)
-
-
-def _is_built_in(request: GenerationRequest) -> bool:
-    return Path(request.map_path).parent.name == "library"
 
 
 async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSummary:

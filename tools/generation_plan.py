@@ -119,7 +119,8 @@ async def assign_sites(
     refusals: list[NotPossible] = []
     for match in matches:
         try:
-            counts.append(await _site_count(arguments, call, match))
+            request = request_for(arguments, AssignedSite(match), 0)
+            counts.append((await call.run(COUNT_SITES, request, share=(0.0, 0.0))).count)
         except NotPossible as refusal:
             refusals.append(refusal)
             counts.append(0)
@@ -138,11 +139,6 @@ def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int)
     chosen = sorted(turns)[:wanted]
     on_map = Counter(place for _, place in chosen)
     return tuple(AssignedSite(matches[place], site_index, on_map[place]) for site_index, place in chosen)
-
-
-async def _site_count(arguments: GenerateScenariosArguments, call: ToolCall, match: MapMatch) -> int:
-    request = request_for(arguments, AssignedSite(match), 0)
-    return (await call.run(COUNT_SITES, request, share=(0.0, 0.0))).count
 
 
 def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index: int) -> GenerationRequest:

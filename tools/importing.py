@@ -11,11 +11,12 @@ from typing import Literal
 import anyio
 
 from ..engine.catalog import open_catalogue
-from ..engine.execution import JobProgress, JobState, OnProgress
+from ..engine.execution import JobProgress, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_net
 from ..engine.workspace import Recipe
 from ..schemas.errors import InvalidRequest, PlannerForgeError, as_told
 from ..schemas.importing import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
+from ..schemas.jobs import JobState
 from ..schemas.text import one_line, quoted
 from .call import ToolCall
 from .configurations import import_configuration

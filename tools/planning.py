@@ -49,7 +49,10 @@ async def list_planners(arguments: ListPlannersArguments, call: ToolCall) -> Lis
     tuning = tuning_of(configuration.planner)
     made = made_configurations(call, LISTED_CONFIGURATIONS)
     return ListPlannersResult(
-        planners=tuple(_planner(name, tuning_of(name)) for name in PLANNERS),
+        planners=tuple(
+            PlannerInfo(name=name, summary=each.summary, presets=tuple(each.presets))
+            for name, each in ((name, tuning_of(name)) for name in PLANNERS)
+        ),
         predictions=get_args(Prediction),
         config_id=configuration.config_id,
         config_name=configuration.name,
@@ -109,15 +112,9 @@ async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlan
     configurations = {c.config_id: c for c in (resolve_configuration(text, call) for text in arguments.configs)}
     for configuration in configurations.values():
         store_configuration(call, configuration)
+    modes = (arguments.prediction, arguments.traffic, arguments.seed)
     cells = [
-        Cell(
-            chosen.scenario_id,
-            chosen.problem_id,
-            configuration,
-            arguments.prediction,
-            arguments.traffic,
-            arguments.seed,
-        )
+        Cell(chosen.scenario_id, chosen.problem_id, configuration, *modes)
         for configuration in configurations.values()
         for chosen in choice.scenarios
     ]
@@ -151,7 +148,3 @@ def _settings(configuration: PlannerConfiguration, tuning: PlannerTuning) -> tup
         for item in known_settings().values()
         if item.name not in tuning.idle_settings
     )
-
-
-def _planner(name: str, tuning: PlannerTuning) -> PlannerInfo:
-    return PlannerInfo(name=name, summary=tuning.summary, presets=tuple(tuning.presets))

@@ -39,9 +39,7 @@ class _ChosenResult:
 
 async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) -> AnalyzeResultsResult:
     """Rates, metrics, costs and findings of runs."""
-    chosen = choose_results(arguments.results, call)
-    runs = run_sources((run_id for result in chosen for run_id in result.run_ids), call)
-    _refuse_empty(chosen, bool(runs))
+    chosen, runs = _chosen_runs(arguments.results, call)
     request = AnalyseRequest(
         results=tuple(result.result_id for result in chosen),
         runs=runs,
@@ -58,9 +56,7 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
 async def compare_results(arguments: CompareResultsArguments, call: ToolCall) -> CompareResultsResult:
     """Paired tests of every side against the first."""
     words, notes = _words_of(arguments, call.workspace)
-    chosen = choose_results(words, call)
-    runs = run_sources((run_id for result in chosen for run_id in result.run_ids), call)
-    _refuse_empty(chosen, bool(runs))
+    chosen, runs = _chosen_runs(words, call)
     request = CompareRequest(
         sides=_sides_of(chosen, runs),
         runs=runs,
@@ -79,14 +75,17 @@ def _words_of(arguments: CompareResultsArguments, workspace: Workspace) -> tuple
     return arguments.results, ()
 
 
-def _refuse_empty(chosen: tuple[_ChosenResult, ...], any_run: bool) -> None:
-    if any_run:
-        return
-    errors = [cell.error for result in chosen for cell in result.lost]
-    raise NotPossible(
-        f"{', '.join(result.result_id for result in chosen)} holds no run{f': {errors[0]}' if errors else ''}",
-        next_step="call run_planner again",
-    )
+def _chosen_runs(words: Sequence[str], call: ToolCall) -> tuple[tuple[_ChosenResult, ...], tuple[RunSource, ...]]:
+    """The results and all their runs; refused where there is none."""
+    chosen = choose_results(words, call)
+    runs = run_sources((run_id for result in chosen for run_id in result.run_ids), call)
+    if not runs:
+        errors = [cell.error for result in chosen for cell in result.lost]
+        raise NotPossible(
+            f"{', '.join(result.result_id for result in chosen)} holds no run{f': {errors[0]}' if errors else ''}",
+            next_step="call run_planner again",
+        )
+    return chosen, runs
 
 
 def choose_results(words: Sequence[str], call: ToolCall) -> tuple[_ChosenResult, ...]:
@@ -164,14 +163,14 @@ def config_weights(runs: Iterable[RunSource], call: ToolCall) -> tuple[ConfigWei
 
 def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[ScenarioSource, ...]:
     """Files and obstacle counts of scenarios, each once."""
-    return tuple(_scenario_source(call.workspace.get(key, "scenario"), call) for key in dict.fromkeys(scenario_ids))
-
-
-def _scenario_source(artifact: Artifact, call: ToolCall) -> ScenarioSource:
-    """File and obstacle counts of a stored scenario."""
-    path = call.workspace.file("scenario", artifact.artifact_id, "scenario.xml")
-    counts = artifact.read(ScenarioRecord).facts.participants.counts
-    return ScenarioSource(scenario_id=artifact.artifact_id, path=str(path), obstacles=counts)
+    return tuple(
+        ScenarioSource(
+            scenario_id=artifact.artifact_id,
+            path=str(call.workspace.file("scenario", artifact.artifact_id, "scenario.xml")),
+            obstacles=artifact.read(ScenarioRecord).facts.participants.counts,
+        )
+        for artifact in (call.workspace.get(key, "scenario") for key in dict.fromkeys(scenario_ids))
+    )
 
 
 def _sides_of(chosen: Sequence[_ChosenResult], runs: Sequence[RunSource]) -> tuple[Side, ...]:

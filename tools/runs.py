@@ -6,7 +6,7 @@ it is run, so that batches and servers that overlap make no run twice.
 
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import anyio
@@ -14,6 +14,7 @@ import anyio
 from ..engine.execution import JobProgress
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import PlannerForgeError, UnexpectedFailure
+from ..schemas.jobs import JobState
 from ..schemas.planning import (
     LISTED_RUNS,
     ConfigurationSummary,
@@ -253,57 +254,40 @@ def answer(
     *,
     batch_id: str | None = None,
     job_id: str | None = None,
-    state: str = "done",
+    state: JobState = "done",
     notes: Sequence[str] = (),
 ) -> RunPlannerResult:
     """The answer for a grid of which ``results`` are finished."""
     records = [result.record for result in results if result.record is not None]
     lost = [result.lost for result in results if result.lost is not None]
-    return RunPlannerResult.model_validate(
-        {
-            "state": state,
-            "total": len(cells),
-            "finished": len(records),
-            "reused": sum(result.reused for result in results),
-            "prediction": cells[0].prediction,
-            "traffic": cells[0].traffic,
-            "batch_id": batch_id,
-            "job_id": job_id,
-            "summary": _summary(records),
-            "runs": tuple(_line(record) for record in records[:LISTED_RUNS]),
-            "lost": tuple(lost[:10]),
-            "notes": (*notes, *_prediction_notes(records), *_traffic_notes(records), *_path_notes(records)),
-            "next_step": _next_step(records, batch_id, job_id, state),
-        }
+    return RunPlannerResult(
+        state=state,
+        total=len(cells),
+        finished=len(records),
+        reused=sum(result.reused for result in results),
+        prediction=cells[0].prediction,
+        traffic=cells[0].traffic,
+        batch_id=batch_id,
+        job_id=job_id,
+        summary=_summary(records),
+        runs=tuple(_line(record) for record in records[:LISTED_RUNS]),
+        lost=tuple(lost[:10]),
+        notes=(*notes, *_notes(records)),
+        next_step=_next_step(records, batch_id, job_id, state),
     )
 
 
-def _prediction_notes(records: Sequence[RunRecord]) -> list[str]:
-    """What the prediction could not do as asked."""
-    counts = [len(record.off_the_lanes) for record in records if record.off_the_lanes]
-    if not counts:
-        return []
-    return [
-        f"lane prediction: {sum(counts)} obstacles in {len(counts)} runs were off the lanes: constant velocity there"
-    ]
-
-
-def _traffic_notes(records: Sequence[RunRecord]) -> list[str]:
-    """Which vehicles did not react although the traffic is reactive."""
-    counts = [len(record.on_recording) for record in records if record.on_recording]
-    if not counts:
-        return []
-    shown = f"{sum(counts)} (in {len(counts)} of {len(records)} runs)"
-    return [f"reactive traffic: moving obstacles that followed their recording all the same: {shown}"]
-
-
-def _path_notes(records: Sequence[RunRecord]) -> list[str]:
-    """Starts with an angle or speed that allows no path along the lane's centre line."""
-    lengths_m = sorted(record.eased_over_m for record in records if record.eased_over_m is not None)
-    if not lengths_m:
-        return []
-    shown = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
-    return [f"the ego's start allows no way along the lane's centre in {len(lengths_m)} runs: joined within {shown}"]
+def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
+    """What could not be done as asked: predictions, reacting traffic, starts without a way along the lane's centre."""
+    if off_the_lanes := [len(record.off_the_lanes) for record in records if record.off_the_lanes]:
+        counts = f"{sum(off_the_lanes)} obstacles in {len(off_the_lanes)} runs"
+        yield f"lane prediction: {counts} were off the lanes: constant velocity there"
+    if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
+        shown = f"{sum(on_recording)} (in {len(on_recording)} of {len(records)} runs)"
+        yield f"reactive traffic: moving obstacles that followed their recording all the same: {shown}"
+    if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
+        span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
+        yield f"the ego's start allows no way along the lane's centre in {len(lengths_m)} runs: joined within {span}"
 
 
 def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:
@@ -328,7 +312,7 @@ def _line(record: RunRecord) -> RunLine:
     )
 
 
-def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str | None, state: str) -> str:
+def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str | None, state: JobState) -> str:
     if state == "running":
         return f"get_job with job_id '{job_id}'"
     if state != "done":

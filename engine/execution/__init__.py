@@ -13,7 +13,6 @@
 ``Job``: A piece of long work: its state, the share done in [0, 1], ids of results.
 ``JobProgress``: Records the progress and the results of a job.
 ``JobRunner``: Starts, waits for and cancels jobs.
-``JobState``: ``running``, ``done``, ``failed``, ``cancelled`` or ``interrupted``.
 ``JobStore``: Reads and writes job records.
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
 ``end_with_parent``: Have the operating system kill this process when the one that started it is gone.
@@ -40,7 +39,7 @@ if TYPE_CHECKING:
         no_progress,
         silent,
     )
-    from .jobs import Job, JobProgress, JobRunner, JobState, JobStore
+    from .jobs import Job, JobProgress, JobRunner, JobStore
     from .limits import Limits, end_with_parent, limit_memory
     from .pool import PRELOAD, WorkerPool
     from .worker import warm_up

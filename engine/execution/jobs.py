@@ -11,19 +11,18 @@ import sqlite3
 import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import anyio
 import anyio.abc
 
 from ...schemas.base import Model
 from ...schemas.errors import ResourceFailure, UnexpectedFailure, UnknownName, as_told, closest
+from ...schemas.jobs import JobState
 from ..workspace import Database, Recipe, still_runs
 
 logger = logging.getLogger(__name__)
 _POLL_S = 0.5
 """How often a job of another server is looked at; chosen."""
-JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
 
 
 class Job(Model):
