@@ -11,6 +11,7 @@ RECORD ?= same-bytes.json
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-same-bytes \
+	bench-robust \
 	starter house format clean
 
 help:
@@ -62,7 +63,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-import-crashes
+	bench-selection bench-import-crashes bench-robust
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -97,6 +98,9 @@ bench-modification: $(DEV_STAMP)
 bench-import-crashes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.faults.imports
 
+bench-robust: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.robustness --keep robust-findings
+
 bench-same-bytes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.same_bytes record $(RECORD)
 	@if [ -n "$(BEFORE)" ]; then $(PYTHON) -m plannerforge.evals.same_bytes compare $(BEFORE) $(RECORD); fi
@@ -114,5 +118,5 @@ format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff check --fix .
 
 clean:
-	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output
+	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output robust-findings
 	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +

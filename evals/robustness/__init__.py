@@ -1,0 +1,1 @@
+"""Robustness: hostile inputs over all tools and file kinds against a real server over stdio, and what they do to it."""

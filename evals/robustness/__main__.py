@@ -1,0 +1,102 @@
+"""``make bench-robust``: hostile inputs against a real server over stdio.
+
+Keys: ``hostile_inputs``, ``unexpected`` (answers with ``[unexpected]``), ``server_deaths`` (died, hung or had to be
+ended for its memory), ``loop_blocked_ms_max`` (the longest wait for a cheap call while an input was under way, less the
+same call's on the idle server; the time in which the machine gave the server no core is left out),
+``server_memory_mb_max`` (VmHWM of the server's process), ``outside_writes``, ``slowest_s`` (the slowest refusal),
+``late_refusals`` (after more than 5 s, or none within 30 s), ``forged_lines`` (an injected text on a line of its own),
+``oversized_answers`` (more than 20,000 characters), ``outside_reads``, ``minutes``.
+"""
+
+import argparse
+import itertools
+import random
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import anyio
+
+from ..harness import print_figures
+from .campaign import Campaign
+from .inputs import HostileInput, keep, read_kept
+from .preparation import prepared
+from .server_process import plannerforge_server
+
+
+def main() -> None:
+    """Read the command line and measure."""
+    parser = argparse.ArgumentParser(description="Hostile inputs against a server.")
+    parser.add_argument("--inputs", type=int, default=20_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kind", choices=("args", "files", "holes", "all"), default="all")
+    parser.add_argument("--keep", type=Path, help="folder for the inputs that broke something")
+    parser.add_argument("--replay", type=Path, nargs="*", help="kept inputs to be sent again, each alone")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        if arguments.replay:
+            anyio.run(_replay, Path(folder), arguments.replay)
+        else:
+            anyio.run(_measure, Path(folder), arguments)
+
+
+async def _replay(base: Path, paths: list[Path]) -> None:
+    ready = await prepared(base)
+    campaign = Campaign(ready.folders, base, plannerforge_server)
+    for path, faults in zip(paths, await campaign.alone([read_kept(path) for path in paths]), strict=True):
+        said = "; ".join(f"{fault.law}: {fault.details}" for fault in faults) or "nothing"
+        sys.stdout.write(f"{path.name}: {said}\n")
+
+
+async def _measure(base: Path, arguments: argparse.Namespace) -> None:
+    began = time.monotonic()
+    ready = await prepared(base)
+    campaign = Campaign(ready.folders, base, plannerforge_server)
+    chance = random.Random(arguments.seed)  # noqa: S311 - hostile inputs, no secret
+    inputs = itertools.islice(ready.inputs(arguments.kind, chance), arguments.inputs)
+    await campaign.send(_told(inputs))
+    await campaign.replay_suspects()
+    tally = campaign.tally
+    for number, finding in enumerate(tally.findings if arguments.keep else ()):
+        keep(arguments.keep, number, finding.hostile, finding.fault.law, finding.fault.details)
+    for (law, cause), count in sorted(Counter((each.fault.law, each.hostile.cause) for each in tally.findings).items()):
+        sys.stderr.write(f"{law}: {cause}: {count}\n")
+    figures = {
+        "hostile_inputs": tally.inputs,
+        "unexpected": tally.count("unexpected"),
+        "server_deaths": len(tally.deaths),
+        "loop_blocked_ms_max": round(tally.blocked_ms, 1),
+        "server_memory_mb_max": round(tally.memory_mb, 1),
+        "outside_writes": len(tally.outside_writes),
+        "slowest_s": round(tally.slowest_s, 2),
+        "late_refusals": tally.count("late"),
+        "forged_lines": tally.count("forged"),
+        "oversized_answers": tally.count("oversized"),
+        "outside_reads": tally.count("outside_read"),
+        "minutes": round((time.monotonic() - began) / 60, 1),
+    }
+    rows = [(name, str(value)) for name, value in figures.items()]
+    rows += [
+        ("calls", str(tally.calls)),
+        ("answers by code", ", ".join(f"{code} {count}" for code, count in tally.answers.most_common())),
+        ("a cheap call on the idle server", f"{tally.idle_ping_ms:.1f} ms"),
+        ("calls that blocked", str(tally.count("blocked"))),
+        ("suspects that were not sent again", str(tally.left_out)),
+        *(("written outside", text) for text in tally.outside_writes[:10]),
+    ]
+    print_figures("Robustness", figures, rows)
+
+
+def _told(inputs: Iterator[HostileInput]) -> Iterator[HostileInput]:
+    began = time.monotonic()
+    for number, hostile in enumerate(inputs):
+        if number % 500 == 0 and number:
+            sys.stderr.write(f"{number} inputs, {number / (time.monotonic() - began):.0f} a second\n")
+        yield hostile
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""What an answer, the server's process and the files around it say about an input; nothing here asks the server."""
+
+import hashlib
+import os
+import re
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from .inputs import INJECTED
+
+LONGEST_ANSWER = 20_000
+"""Characters; a longer answer fills a model's context."""
+CANARY_TEXT = "4f1c-canary-of-the-bench"
+"""Stands in the files outside the roots and in no answer."""
+_LINE_ENDS = re.compile(r"[\n\r\x0b\x0c\x1c-\x1e\x85\u2028\u2029]")
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A law that an input broke, how, and by which figure where the law is one."""
+
+    law: str
+    details: str
+    value: float = 0.0
+
+
+def faults_of(text: str) -> Iterator[Fault]:
+    """What is wrong with the text of one answer."""
+    if "[unexpected]" in text:
+        at = text.find("[unexpected]")
+        yield Fault("unexpected", text[max(0, at - 80) : at + 300])
+    if len(text) > LONGEST_ANSWER:
+        yield Fault("oversized", f"{len(text):,} characters: {text[:200]}")
+    for line in _LINE_ENDS.split(text):
+        if line.lstrip(" \t-*•>#|").startswith(INJECTED):
+            at = text.find(line)
+            yield Fault("forged", repr(text[max(0, at - 150) : at + 150]))
+            break
+    if CANARY_TEXT in text:
+        yield Fault("outside_read", text[:300])
+
+
+class Canary:
+    """A tree of files that nobody may touch, and what it looked like."""
+
+    def __init__(self, *folders: Path) -> None:
+        self._folders = folders
+        self._before = self._look()
+
+    def changes(self) -> list[str]:
+        """What was made, changed or removed since it was looked at last."""
+        now = self._look()
+        before, self._before = self._before, now
+        made = [f"made {path}" for path in now.keys() - before.keys()]
+        gone = [f"removed {path}" for path in before.keys() - now.keys()]
+        return made + gone + [f"changed {path}" for path in now.keys() & before.keys() if now[path] != before[path]]
+
+    def _look(self) -> dict[str, str]:
+        return {path: digest for folder in self._folders for path, digest in _looks(folder)}
+
+
+def _looks(folder: Path) -> Iterator[tuple[str, str]]:
+    for parent, folders, names in os.walk(folder):
+        for name in (*folders, *names):
+            path = Path(parent) / name
+            status = path.lstat()
+            content = path.read_bytes() if stat.S_ISREG(status.st_mode) else b""
+            yield str(path), f"{stat.filemode(status.st_mode)} {hashlib.sha256(content).hexdigest()}"
+
+
+def peak_memory_mb(pid: int) -> float:
+    """The most memory that a process has held (VmHWM) in MB; 0 where it is gone."""
+    return _status_mb(pid, "VmHWM")
+
+
+def memory_mb(pid: int) -> float:
+    """The memory that a process holds now (VmRSS) in MB; 0 where it is gone."""
+    return _status_mb(pid, "VmRSS")
+
+
+def _status_mb(pid: int, name: str) -> float:
+    try:
+        text = Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return 0.0
+    match = re.search(rf"^{name}:\s+(\d+) kB", text, re.MULTILINE)
+    return int(match[1]) / 1024 if match else 0.0
