@@ -10,7 +10,7 @@ What a test puts into a registry is what you write into the source; the function
 - a planner: its class, its line in ``PLANNERS`` (``engine/planners/registry.py``), its ``PlannerTuning`` in
   ``TUNINGS`` (``engine/tuning/tunings.py``)
 - a metric of a run: its figure (``engine/planners/runs.py``), its field in ``RunMetrics`` (``schemas/runs.py``), its
-  line in ``METRICS`` (``engine/analysis/outcomes.py``)
+  line in ``METRICS`` (``engine/analysis/run_set.py``)
 - a finding: its function and its place in ``FINDINGS`` (``engine/analysis/findings.py``)
 - a rule for road networks: a function under ``@rule`` in a module of ``engine/network/rules``
 - a map source: its reader, its line in ``MAP_READERS`` (``engine/maps/map_file.py``), its ending in ``MAP_ENDINGS``
@@ -32,7 +32,7 @@ from support.roads import good_road, write
 from support.runs import metrics, record, source
 from support.server import Connect
 
-from plannerforge.engine.analysis import RunSet, findings, outcomes
+from plannerforge.engine.analysis import RunSet, findings, run_set
 from plannerforge.engine.commonroad import RoadDocument, read_scenario, recorded_tracks
 from plannerforge.engine.edits import Changes, apply, apply_edits, report, trajectory
 from plannerforge.engine.edits.changes import EditStep
@@ -177,8 +177,8 @@ class RunMetricsWithPatience(RunMetrics):
 
 
 def test_a_metric_is_a_field_of_run_metrics_and_a_line_in_metrics() -> None:
-    patience = outcomes.MetricSpec("patience_s", "s", "higher", "valid")  # type: ignore[arg-type]
-    assert {spec.name for spec in outcomes.METRICS} == set(RunMetrics.model_fields)
+    patience = run_set.MetricSpec("patience_s", "s", "higher", "valid")  # type: ignore[arg-type]
+    assert {spec.name for spec in run_set.METRICS} == set(RunMetrics.model_fields)
     run = record(figures=RunMetricsWithPatience(**metrics().model_dump(), patience_s=3.0))
     assert patience.value(run) == 3.0
 

@@ -23,7 +23,7 @@ from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.results import ConfigWeights
 from ...schemas.runs import RunRecord
 from ..execution import ProgressReporter
-from .outcomes import METRICS, MetricSpec
+from .run_set import METRICS, MetricSpec
 from .statistics import FEWEST_PAIRS, holm, mcnemar_exact, paired_difference, signed_rank
 
 _CONDITIONS = ("prediction", "traffic", "seed")
@@ -113,18 +113,16 @@ def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -
 def _success(pairs: _Pairs) -> SuccessTest:
     mastered = [_mastered(pair) for pair in pairs]
     only_before, only_after = mastered.count((True, False)), mastered.count((False, True))
-    difference: tuple[float | None, float | None, float | None] = (None, None, None)
-    if pairs:
-        difference = paired_difference(only_after, only_before, len(pairs))
+    difference, low, high = paired_difference(only_after, only_before, len(pairs)) if pairs else (None, None, None)
     return SuccessTest(
         pairs=len(pairs),
         both=mastered.count((True, True)),
         only_before=only_before,
         only_after=only_after,
         neither=mastered.count((False, False)),
-        difference=difference[0],
-        low=difference[1],
-        high=difference[2],
+        difference=difference,
+        low=low,
+        high=high,
         p=mcnemar_exact(only_before, only_after) if pairs else None,
         p_holm=None,
     )

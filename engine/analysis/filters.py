@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, parse_condition
 from ...schemas.runs import RunRecord
-from .outcomes import METRICS, MetricSpec
-from .run_set import RunSet, country_of, place_of
+from ..commonroad import parse_benchmark_id
+from .run_set import METRICS, RunSet
 
 _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
     "outcome": lambda record: [record.outcome],
@@ -14,22 +14,18 @@ _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
     "config": lambda record: [record.config_id, record.config_name],
     "scenario": lambda record: [record.scenario_id],
     "run": lambda record: [record.run_id],
-    "country": lambda record: [country_of(record.scenario_id)],
-    "city": lambda record: [place_of(record.scenario_id)],
+    "country": lambda record: [parse_benchmark_id(record.scenario_id)[0]],
+    "city": lambda record: [parse_benchmark_id(record.scenario_id)[1]],
     "prediction": lambda record: [record.prediction],
     "traffic": lambda record: [record.traffic],
 }
-
-
-def _number_of(spec: MetricSpec) -> Callable[[RunSet, RunRecord], float | None]:
-    return lambda _, record: spec.value(record)
 
 
 _NUMBERS: dict[str, Callable[[RunSet, RunRecord], float | None]] = {
     "seed": lambda _, record: record.seed,
     "problem": lambda _, record: record.problem_id,
     "obstacles": RunSet.obstacle_count,
-    **{spec.name: _number_of(spec) for spec in METRICS},
+    **{spec.name: lambda _, record, spec=spec: spec.value(record) for spec in METRICS},
 }
 
 

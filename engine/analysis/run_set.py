@@ -1,14 +1,18 @@
-"""The runs that an analysis looks at, with all that is known about them; step files are read when first asked for."""
+"""The runs that an analysis looks at, with all that is known about them, and the metrics that runs have.
+
+Step files are read when they are first asked for. ``METRICS`` lists the metrics of a run with unit and direction.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from ...schemas.errors import ResourceFailure
-from ...schemas.results import ConfigWeights, RunSource, ScenarioSource
+from ...schemas.results import ConfigWeights, MetricName, RunSource, ScenarioSource
 from ...schemas.runs import RunRecord, RunSteps
 from ..commonroad import Track
 
@@ -103,11 +107,38 @@ def driven_tracks(steps: RunSteps) -> dict[int, Track]:
     }
 
 
-def country_of(scenario_id: str) -> str:
-    """The country code of a CommonRoad benchmark id (``C-`` marks cooperative scenarios)."""
-    return scenario_id.removeprefix("C-")[:3]
+@dataclass(frozen=True)
+class MetricSpec:
+    """One metric of a run: unit, which direction is better, and over which runs it may be compared.
+
+    ``basis``: a run that ends in a collision is short and never brakes for its goal, so progress and comfort are
+    compared only where both runs reached the goal; nearness to others counts in every valid run.
+    ``within_one_configuration``: the figure depends on the weights, so it means nothing across configurations.
+    """
+
+    name: MetricName
+    unit: str
+    better: Literal["lower", "higher"] | None
+    basis: Literal["valid", "both_reached_goal"]
+    within_one_configuration: bool = False
+
+    def value(self, record: RunRecord) -> float | None:
+        """The value of the metric in a run; None where it is not defined."""
+        value: float | None = getattr(record.metrics, self.name, None)
+        return value
 
 
-def place_of(scenario_id: str) -> str:
-    """The place of a CommonRoad benchmark id: ``Antwerp`` of ``BEL_Antwerp-1_9_T-1``."""
-    return scenario_id.removeprefix("C-").partition("_")[2].partition("-")[0]
+METRICS: tuple[MetricSpec, ...] = (
+    MetricSpec("minimum_distance_m", "m", "higher", "valid"),
+    MetricSpec("minimum_time_to_collision_s", "s", "higher", "valid"),
+    MetricSpec("minimum_time_headway_s", "s", "higher", "valid"),
+    MetricSpec("risk_score", "of 5", "higher", "valid"),
+    MetricSpec("duration_s", "s", "lower", "both_reached_goal"),
+    MetricSpec("distance_m", "m", None, "both_reached_goal"),
+    MetricSpec("mean_speed_mps", "m/s", None, "both_reached_goal"),
+    MetricSpec("maximum_jerk_mps3", "m/s³", "lower", "both_reached_goal"),
+    MetricSpec("mean_squared_jerk", "m²/s⁶", "lower", "both_reached_goal"),
+    MetricSpec("maximum_lateral_acceleration_mps2", "m/s²", "lower", "both_reached_goal"),
+    MetricSpec("mean_total_cost", "1", "lower", "both_reached_goal", within_one_configuration=True),
+)
+"""The metrics in the order in which they are shown: one line for each field of ``RunMetrics``."""

@@ -1,18 +1,43 @@
-"""The analysis of a set of runs: rates, metrics, costs, findings; for one run the timeline to its end."""
+"""The analysis of a set of runs: outcome rates in total and by group, metrics, costs, findings; the timeline of one.
+
+Invalid items stand apart and are in no denominator.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import numpy as np
 
 from ...schemas.errors import NotPossible
-from ...schemas.results import AnalyseRequest, AnalysisDetail, AnalyzeResultsResult, CostShare, Finding, RunRow
+from ...schemas.results import (
+    AnalyseRequest,
+    AnalysisDetail,
+    AnalyzeResultsResult,
+    Breakdown,
+    Correlation,
+    CostShare,
+    Group,
+    InvalidItem,
+    MetricSummary,
+    OutcomeShare,
+    RunRow,
+)
 from ...schemas.runs import RunRecord
+from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter
 from .costs import cost_shares
 from .filters import matching
 from .findings import find_all
-from .outcomes import correlations, groups, invalid_items, metric_summaries, outcome_shares, success_rate
-from .run_set import RunSet
+from .run_set import METRICS, RunSet
+from .statistics import holm, rate
 from .timeline import timeline
 
-SHOWN_INVALID, SUMMARY_FINDINGS, SUMMARY_COSTS, MOST_ROWS, MOST_GROUPS, FINDING_RUNS = 10, 5, 6, 30, 20, 8
+_Name = TypeVar("_Name", bound=str)
+_SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_ROWS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 30, 20, 8
 """Entries of each list (chosen): the default answer stays under 4,500 characters; notes say what is left out."""
+_SHOWN_RUNS = 5
+"""Run ids that an outcome lists (chosen): enough to look at some of them."""
 
 
 def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResultsResult:
@@ -33,24 +58,28 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
             next_step="name one run in results",
         )
     report(0.1, "reading runs")
-    correlated, note = correlations(runs) if detail in ("summary", "findings") else ((), "")
+    correlated, note = _correlations(runs) if detail in ("summary", "findings") else ((), "")
     findings = find_all(runs) if detail in ("summary", "findings") else ()
+    stated = findings[:_SUMMARY_FINDINGS] if detail == "summary" else findings
     report(0.7, "findings done")
-    invalid = invalid_items(runs)
-    grouped = groups(runs, request.breakdown)
+    invalid = [record for record in runs.records if record.outcome == "invalid"]
+    grouped = _groups(runs, request.breakdown)
     result = AnalyzeResultsResult(
         results=request.results,
         runs=len(runs.sources),
-        success=success_rate(runs),
-        outcomes=outcome_shares(runs),
-        invalid=invalid[:SHOWN_INVALID],
+        success=rate(len(runs.successes), len(runs.valid)),
+        outcomes=_outcome_shares(runs),
+        invalid=tuple(
+            InvalidItem(run_id=record.run_id, scenario_id=record.scenario_id, reason=record.reason)
+            for record in invalid[:_SHOWN_INVALID]
+        ),
         invalid_count=len(invalid),
-        groups=grouped[:MOST_GROUPS],
-        metrics=metric_summaries(runs) if detail == "summary" else (),
+        groups=grouped[:_MOST_GROUPS],
+        metrics=_metric_summaries(runs) if detail == "summary" else (),
         costs=_costs(runs, detail),
         correlations=correlated,
-        findings=tuple(_shortened(one) for one in findings[: SUMMARY_FINDINGS if detail == "summary" else None]),
-        rows=tuple(_row(record) for record in _rows(runs, detail)),
+        findings=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in stated),
+        rows=_rows((*runs.failures, *runs.successes, *invalid)) if detail == "rows" or len(runs.sources) == 1 else (),
         timeline=timeline(runs, runs.records[0]) if detail == "timeline" else (),
         notes=_notes(runs, request, note, len(grouped), len(findings)),
     )
@@ -61,31 +90,21 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
 def _costs(runs: RunSet, detail: AnalysisDetail) -> tuple[CostShare, ...]:
     if detail == "costs":
         return cost_shares(runs)
-    return cost_shares(runs)[:SUMMARY_COSTS] if detail == "summary" and len(runs.sources) == 1 else ()
+    return cost_shares(runs)[:_SUMMARY_COSTS] if detail == "summary" and len(runs.sources) == 1 else ()
 
 
-def _shortened(finding: Finding) -> Finding:
-    return finding.model_copy(update={"run_ids": finding.run_ids[:FINDING_RUNS]})
-
-
-def _rows(runs: RunSet, detail: AnalysisDetail) -> tuple[RunRecord, ...]:
-    """All runs, failures first, where they were asked for; a single run always."""
-    if detail != "rows" and len(runs.sources) > 1:
-        return ()
-    invalid = tuple(record for record in runs.records if record.outcome == "invalid")
-    return (*runs.failures, *runs.successes, *invalid)[:MOST_ROWS]
-
-
-def _row(record: RunRecord) -> RunRow:
-    metrics = record.metrics
-    return RunRow(
-        run_id=record.run_id,
-        scenario_id=record.scenario_id,
-        config_name=record.config_name,
-        outcome=record.outcome,
-        duration_s=metrics.duration_s if metrics else None,
-        minimum_distance_m=metrics.minimum_distance_m if metrics else None,
-        reason=record.reason,
+def _rows(records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
+    return tuple(
+        RunRow(
+            run_id=record.run_id,
+            scenario_id=record.scenario_id,
+            config_name=record.config_name,
+            outcome=record.outcome,
+            duration_s=record.metrics.duration_s if record.metrics else None,
+            minimum_distance_m=record.metrics.minimum_distance_m if record.metrics else None,
+            reason=record.reason,
+        )
+        for record in records[:_MOST_ROWS]
     )
 
 
@@ -105,13 +124,164 @@ def _notes(
         notes.append("one run says nothing about a rate; detail=timeline shows the moments before its end")
     elif correlation and request.detail == "findings":
         notes.append(correlation)
-    if request.detail == "summary" and finding_count > SUMMARY_FINDINGS:
-        notes.append(f"more findings ({finding_count - SUMMARY_FINDINGS}) with detail=findings")
-    if request.detail == "rows" and len(runs.sources) > MOST_ROWS:
-        notes.append(f"{MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
-    if group_count > MOST_GROUPS:
-        notes.append(f"{MOST_GROUPS} of {group_count} groups shown; narrow with where")
+    if request.detail == "summary" and finding_count > _SUMMARY_FINDINGS:
+        notes.append(f"more findings ({finding_count - _SUMMARY_FINDINGS}) with detail=findings")
+    if request.detail == "rows" and len(runs.sources) > _MOST_ROWS:
+        notes.append(f"{_MOST_ROWS} of {len(runs.sources)} runs shown, failures first; narrow with where")
+    if group_count > _MOST_GROUPS:
+        notes.append(f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where")
     without = sum(record.run_id not in runs.steps for record in runs.valid) if request.detail == "costs" else 0
     if without:
         notes.append(f"{without} runs have no recorded steps and are in no cost figure")
     return tuple(notes)
+
+
+def _outcome_shares(runs: RunSet) -> tuple[OutcomeShare, ...]:
+    """Every outcome that occurred among the valid runs, the most frequent first."""
+    return tuple(
+        OutcomeShare(
+            outcome=outcome,
+            rate=rate(count, len(runs.valid)),
+            run_ids=tuple(record.run_id for record in runs.valid if record.outcome == outcome)[:_SHOWN_RUNS],
+        )
+        for outcome, count in _most_frequent_first(Counter(record.outcome for record in runs.valid))
+    )
+
+
+def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
+    """Mean, median and range of every metric over the valid runs in which it is defined."""
+    one_configuration = len({record.config_id for record in runs.valid}) == 1
+    summaries = []
+    for spec in METRICS:
+        values = [value for record in runs.valid if (value := spec.value(record)) is not None]
+        if values and (one_configuration or not spec.within_one_configuration):
+            summaries.append(
+                MetricSummary(
+                    name=spec.name,
+                    unit=spec.unit,
+                    n=len(values),
+                    mean=float(np.mean(values)),
+                    median=float(np.median(values)),
+                    lowest=min(values),
+                    highest=max(values),
+                )
+            )
+    return tuple(summaries)
+
+
+def _groups(runs: RunSet, breakdown: Breakdown) -> tuple[Group, ...]:
+    """Outcome rates by group; a scenario with several obstacle classes is in the group of each."""
+    if breakdown == "none":
+        return ()
+    members: dict[str, list[RunRecord]] = {}
+    for record in runs.records:
+        for name in _GROUPERS[breakdown](runs, record):
+            members.setdefault(name, []).append(record)
+    order = [name for name in _BIN_NAMES if name in members] if breakdown == "obstacle_count" else sorted(members)
+    order += [name for name in sorted(members) if name not in order]
+    return tuple(_group(name, members[name]) for name in order)
+
+
+def _group(name: str, records: list[RunRecord]) -> Group:
+    valid = [record for record in records if record.outcome != "invalid"]
+    counts = Counter(record.outcome for record in valid)
+    return Group(
+        name=name,
+        success=rate(counts["goal_reached"], len(valid)),
+        outcomes=dict(_most_frequent_first(counts)),
+        invalid=len(records) - len(valid),
+    )
+
+
+def _most_frequent_first(counts: Counter[_Name]) -> list[tuple[_Name, int]]:
+    return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+
+
+_BINS = ((0, 0), (1, 4), (5, 9), (10, 19), (20, 49), (50, 10**6))
+"""First and last number of obstacles of each group (chosen: about twice as many from one to the next)."""
+
+
+def _bin_name(count: int) -> str:
+    low, high = next((low, high) for low, high in _BINS if low <= count <= high)
+    return f"{low} obstacles" if low == high else f"{low}+ obstacles" if high == 10**6 else f"{low}–{high} obstacles"
+
+
+_BIN_NAMES = tuple(_bin_name(low) for low, _ in _BINS)
+
+
+def _count_group(runs: RunSet, record: RunRecord) -> list[str]:
+    count = runs.obstacle_count(record)
+    return ["unknown"] if count is None else [_bin_name(count)]
+
+
+def _class_groups(runs: RunSet, record: RunRecord) -> list[str]:
+    by_type = runs.obstacles.get(record.scenario_id)
+    return ["unknown"] if by_type is None else [f"with {kind}" for kind in by_type] or ["no obstacles"]
+
+
+_GROUPERS: dict[str, Callable[[RunSet, RunRecord], list[str]]] = {
+    "planner": lambda _, record: [record.planner],
+    "config": lambda _, record: [f"{record.config_name} ({record.config_id})"],
+    "prediction": lambda _, record: [record.prediction],
+    "country": lambda _, record: [parse_benchmark_id(record.scenario_id)[0]],
+    "scenario": lambda _, record: [record.scenario_id],
+    "obstacle_count": _count_group,
+    "obstacle_class": _class_groups,
+}
+
+_FEWEST_RUNS = 12
+"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5 %: too coarse to report."""
+
+
+def _correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], str]:
+    """Spearman correlations of scenario features with success, the strongest first, and a note where there are none.
+
+    Features are known before a run (traffic, speed at the start), never results of it.
+    """
+    valid = runs.valid
+    if len(valid) < _FEWEST_RUNS:
+        return (), f"no correlations: {len(valid)} valid runs, at least {_FEWEST_RUNS} are needed"
+    if not runs.failures or not runs.successes:
+        return (), "no correlations: all valid runs ended alike"
+    tested = []
+    for name, feature in _FEATURES.items():
+        pairs = [(value, float(r.outcome == "goal_reached")) for r in valid if (value := feature(runs, r)) is not None]
+        correlation = _spearman(pairs)
+        if correlation is not None:
+            tested.append((name, len(pairs), *correlation))
+    adjusted = holm([p for *_, p in tested])
+    listed = [
+        Correlation(feature=name, n=n, rho=rho, p=p, p_holm=p_holm)
+        for (name, n, rho, p), p_holm in zip(tested, adjusted, strict=True)
+    ]
+    return tuple(sorted(listed, key=lambda item: (-abs(item.rho), item.feature))), ""
+
+
+def _spearman(pairs: Sequence[tuple[float, float]]) -> tuple[float, float] | None:
+    """ρ and its two-sided p; None where there are too few pairs, or a side is constant."""
+    from scipy.stats import spearmanr
+
+    if len(pairs) < _FEWEST_RUNS:
+        return None
+    first, second = zip(*pairs, strict=True)
+    if len(set(first)) == 1 or len(set(second)) == 1:
+        return None
+    rho, p = spearmanr(first, second)
+    return float(rho), float(p)
+
+
+def _large_vehicles(runs: RunSet, record: RunRecord) -> float | None:
+    by_type = runs.obstacles.get(record.scenario_id)
+    return None if by_type is None else by_type.get("truck", 0) + by_type.get("bus", 0)
+
+
+def _initial_speed(runs: RunSet, record: RunRecord) -> float | None:
+    steps = runs.steps.get(record.run_id)
+    return steps.speed_mps[0] if steps is not None and steps.speed_mps else None
+
+
+_FEATURES: dict[str, Callable[[RunSet, RunRecord], float | None]] = {
+    "obstacles": RunSet.obstacle_count,
+    "trucks_and_buses": _large_vehicles,
+    "initial_speed_mps": _initial_speed,
+}

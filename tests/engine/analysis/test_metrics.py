@@ -5,7 +5,7 @@ from typing import get_args
 
 from support.builders import town_road
 
-from plannerforge.engine.analysis.outcomes import METRICS
+from plannerforge.engine.analysis.run_set import METRICS
 from plannerforge.engine.execution import silent
 from plannerforge.engine.planners import run_planner
 from plannerforge.engine.tuning import named_configuration
