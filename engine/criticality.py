@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from .commonroad import Track
 from .geometry import Points, Values, arc_length, wrap_angles
 
-NEAR_M = 60.0
+_NEAR_M = 60.0
 """Chosen: another whose centre is farther from the ego's than this counts for no figure."""
 SAME_DIRECTION_RAD = np.pi / 4
 """Chosen: headings that differ by less are of one direction."""
-RISK_STEPS_S = (0.0, 0.5, 1.0, 3.0, 5.0)
-RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
+_RISK_STEPS_S = (0.0, 0.5, 1.0, 3.0, 5.0)
+_RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
 """Steps of the risk score; their source is that of :func:`risk_scores`."""
-STANDING_MPS = 0.1
+_STANDING_MPS = 0.1
 """An ego slower than this has no time headway."""
-PAIRS_AT_ONCE = 2000
+_PAIRS_AT_ONCE = 2000
 """Chosen for memory: pairs whose nearest points on a path are looked for in one array."""
 
 
@@ -97,7 +97,7 @@ def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = 
         index = np.zeros(len(steps), dtype=int) if stands else steps - track.first_step
         there = np.flatnonzero((index >= 0) & (index < len(track.positions)))
         away = np.linalg.norm(track.positions[index[there]] - centers[there], axis=1)
-        near = there[away < NEAR_M]
+        near = there[away < _NEAR_M]
         at = index[near]
         chosen.append(near)
         states.append(np.column_stack([track.positions[at], track.headings_rad[at], track.speeds_mps[at]]))
@@ -174,14 +174,14 @@ def _time_headways_s(ego: Track, met: _Encounters) -> Values:
     all others and while the ego stands.
     """
     last = np.array([np.cos(ego.headings_rad[-1]), np.sin(ego.headings_rad[-1])])
-    path = np.concatenate([ego.positions, ego.positions[-1:] + NEAR_M * last])
+    path = np.concatenate([ego.positions, ego.positions[-1:] + _NEAR_M * last])
     stations = arc_length(path)
     station, distance, heading = _on_path(path, stations, met)
     ahead_m = station - stations[met.state] + (met.other.sizes_m[:, 0] - met.ego.sizes_m[:, 0]) / 2
     on_it = distance < (met.ego.sizes_m[:, 1] + met.other.sizes_m[:, 1]) / 2
     along = np.abs(wrap_angles(met.other.headings_rad - heading)) < SAME_DIRECTION_RAD
-    in_front = (station > stations[met.state]) & on_it & along & (met.ego.speeds_mps > STANDING_MPS)
-    return np.where(in_front, np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, STANDING_MPS), np.inf)
+    in_front = (station > stations[met.state]) & on_it & along & (met.ego.speeds_mps > _STANDING_MPS)
+    return np.where(in_front, np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, _STANDING_MPS), np.inf)
 
 
 def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
@@ -192,8 +192,8 @@ def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
     other at the most dangerous step counts. Here with the gap between the rectangles and the time to collision in the
     plane, where the source weighs longitudinal and lateral parts by the direction of the other.
     """
-    distance = np.searchsorted(RISK_STEPS_M, gaps_m, side="left")
-    time = np.searchsorted(RISK_STEPS_S, times_to_collision, side="left")
+    distance = np.searchsorted(_RISK_STEPS_M, gaps_m, side="left")
+    time = np.searchsorted(_RISK_STEPS_S, times_to_collision, side="left")
     scores: NDArray[np.intp] = (distance + time) // 2
     return scores
 
@@ -203,9 +203,9 @@ def _on_path(path: Points, stations: Values, met: _Encounters) -> tuple[Values, 
 
     Only the path from the ego's state on counts: a route that crosses itself must not find others behind the ego.
     """
-    blocks = range(0, len(met.state), PAIRS_AT_ONCE)
+    blocks = range(0, len(met.state), _PAIRS_AT_ONCE)
     parts = [
-        _nearest(path, stations, met.other.centers[i : i + PAIRS_AT_ONCE], met.state[i : i + PAIRS_AT_ONCE])
+        _nearest(path, stations, met.other.centers[i : i + _PAIRS_AT_ONCE], met.state[i : i + _PAIRS_AT_ONCE])
         for i in blocks
     ]
     station, distance, heading = (np.concatenate(values) for values in zip(*parts, strict=True))

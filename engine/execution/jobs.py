@@ -10,7 +10,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from functools import partial
 
 import anyio
 import anyio.abc
@@ -58,15 +58,14 @@ class JobStore:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def start(self, kind: str, recipe: Recipe) -> Job:
-        """A new running job of this process; the id counts the attempts (``job_<digest>``, ``job_<digest>_2``, …)."""
-        return self.start_or_join(kind, recipe, join=False)[0]
+    def start(self, kind: str, recipe: Recipe) -> tuple[Job, bool]:
+        """The job that makes this recipe, and whether it is a new one: two servers that ask at once get one job.
 
-    def start_or_join(self, kind: str, recipe: Recipe, *, join: bool = True) -> tuple[Job, bool]:
-        """The job that makes this recipe, and whether it is a new one: two servers that ask at once get one job."""
+        The id of a new one counts the attempts (``job_<digest>``, ``job_<digest>_2``, …).
+        """
         now = time.time()
         with self._database.writing() as connection:
-            running = self.running(recipe) if join else None
+            running = self.running(recipe)
             if running is not None:
                 return running, False
             attempts = connection.execute("SELECT count(*) FROM jobs WHERE digest = ?", (recipe.digest,)).fetchone()[0]
@@ -172,12 +171,12 @@ class JobRunner:
         self._tasks = tasks
         self._scopes: dict[str, anyio.CancelScope] = {}
         self._changed = anyio.Event()
-        self._unrecorded: dict[str, _JobEnd] = {}
+        self._unrecorded: dict[str, partial[None]] = {}
 
     def start(self, kind: str, recipe: Recipe, work: JobWork) -> Job:
         """Start the work, or join the job that already makes this recipe."""
         self._record_missed_ends()
-        job, is_new = self.store.start_or_join(kind, recipe)
+        job, is_new = self.store.start(kind, recipe)
         if not is_new:
             return job
         scope = anyio.CancelScope()
@@ -223,33 +222,24 @@ class JobRunner:
         finally:
             if scope.cancel_called and state == "interrupted":
                 state = "cancelled"
-            self._unrecorded[job_id] = _JobEnd(state, progress.results, error)
+            self._unrecorded[job_id] = partial(self.store.end, job_id, state, results=progress.results, error=error)
             self._record_missed_ends()
             self._scopes.pop(job_id, None)
             self._announce()
 
     def _record_missed_ends(self) -> None:
         """Record how jobs ended; what a full disk refuses is tried again later, or the job would seem to run on."""
-        for job_id, end in list(self._unrecorded.items()):
+        for job_id, record_end in list(self._unrecorded.items()):
             try:
-                self.store.end(job_id, end.state, results=end.results, error=end.error)
+                record_end()
             except ResourceFailure:
-                logger.exception("the end of %s (%s) could not be recorded", job_id, end.state)
+                logger.exception("the end of %s (%s) could not be recorded", job_id, record_end.args[1])
             else:
                 del self._unrecorded[job_id]
 
     def _announce(self) -> None:
         self._changed.set()
         self._changed = anyio.Event()
-
-
-@dataclass(frozen=True)
-class _JobEnd:
-    """How a job ended."""
-
-    state: JobState
-    results: tuple[str, ...]
-    error: str
 
 
 async def _ignore(job: Job) -> None:

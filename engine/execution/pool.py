@@ -10,9 +10,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import IO
 
 import anyio
 import anyio.abc
@@ -21,7 +20,7 @@ from anyio.streams.buffered import BufferedByteReceiveStream
 from ...schemas.errors import UnexpectedFailure, WorkerFailure, WorkerTimeout
 from .executor import Lane, OnProgress, Operation, Request, Response, no_progress
 from .limits import Limits
-from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progress, read_report
+from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progress, line_of, read_report
 
 PRELOAD: dict[Lane, tuple[str, ...]] = {
     "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix"),
@@ -103,7 +102,7 @@ class WorkerPool:
     async def close(self) -> None:
         """Kill every worker."""
         with anyio.CancelScope(shield=True):
-            for worker in [*self._busy, *self._idle["compute"], *self._idle["retrieval"]]:
+            for worker in self._workers:
                 await worker.kill()
             for idle in self._idle.values():
                 idle.clear()
@@ -112,16 +111,20 @@ class WorkerPool:
     @property
     def worker_pids(self) -> tuple[int, ...]:
         """Process ids of all workers, busy ones first."""
-        return tuple(worker.pid for worker in [*self._busy, *self._idle["compute"], *self._idle["retrieval"]])
+        return tuple(worker.pid for worker in self._workers)
+
+    @property
+    def _workers(self) -> list["_WorkerProcess"]:
+        return [*self._busy, *self._idle["compute"], *self._idle["retrieval"]]
 
     async def _take(self, lane: Lane) -> "_WorkerProcess":
         while self._idle[lane]:
             worker = self._idle[lane].pop()
             if worker.alive:
-                self._busy.add(worker)
-                return worker
+                break
             await worker.kill()
-        worker = await self._start(lane)
+        else:
+            worker = await self._start(lane)
         self._busy.add(worker)
         return worker
 
@@ -154,7 +157,8 @@ class _WorkerProcess:
     async def start(cls, *, memory_bytes: int, log: Path, preload: tuple[str, ...] = ()) -> "_WorkerProcess":
         """Spawn a worker that imports ``preload`` before its first order; its stray output goes to ``log``."""
         environment = {**os.environ, **_ONE_THREAD, "PLANNERFORGE_WORKER_MEMORY": str(memory_bytes)}
-        with _opened_log(log) as stderr:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        with log.open("ab") as stderr:
             process = await anyio.open_process(
                 [sys.executable, "-m", "plannerforge.engine.execution.worker"],
                 stdin=subprocess.PIPE,
@@ -166,7 +170,7 @@ class _WorkerProcess:
         worker = cls(process)
         try:
             if preload:
-                await worker._orders.send(Order(WARM_UP, " ".join(preload)).line())
+                await worker._orders.send(line_of(Order(WARM_UP, " ".join(preload))))
         except BaseException:
             await worker.kill()
             raise
@@ -188,7 +192,7 @@ class _WorkerProcess:
         Raises:
             WorkerFailure: the process died.
         """
-        report = await self._exchanged(order, order.line())
+        report = await self._exchanged(order, line_of(order))
         while isinstance(report, Progress):
             await on_progress(report.share, report.message)
             report = await self._exchanged(order)
@@ -201,35 +205,20 @@ class _WorkerProcess:
             return read_report(await self._reports.receive_until(b"\n", LONGEST_LINE_BYTES))
         except (anyio.IncompleteRead, anyio.EndOfStream, anyio.BrokenResourceError, anyio.ClosedResourceError) as error:
             status = await self.kill()
+            cause = f"signal {-status}" if status < 0 else f"exit status {status}"
             raise WorkerFailure(
-                f"the worker process died ({_cause(status)}) in {order.entry_point.rpartition(':')[2]}",
+                f"the worker process died ({cause}) in {order.entry_point.rpartition(':')[2]}",
                 next_step="call again: a fresh worker takes over; if it happens again, ask for less at once",
             ) from error
 
     async def kill(self) -> int:
         """End the process and all that it started at once, and wait until it is gone; returns its exit status."""
         with anyio.CancelScope(shield=True):
-            if self.alive:
-                self._end_group()
+            if self.alive and sys.platform == "win32":
+                self._process.kill()
+            elif self.alive:
+                with contextlib.suppress(ProcessLookupError):  # it ended by itself meanwhile
+                    os.killpg(self.pid, signal.SIGKILL)
             status = await self._process.wait()
             await self._process.aclose()
         return status
-
-    def _end_group(self) -> None:
-        if sys.platform == "win32":
-            self._process.kill()
-            return
-        with contextlib.suppress(ProcessLookupError):  # it ended by itself meanwhile
-            os.killpg(self.pid, signal.SIGKILL)
-
-
-@contextlib.contextmanager
-def _opened_log(path: Path) -> Iterator[IO[bytes]]:
-    """The log file, opened for the time that it takes to hand it to a child."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("ab") as file:
-        yield file
-
-
-def _cause(status: int) -> str:
-    return f"signal {-status}" if status < 0 else f"exit status {status}"

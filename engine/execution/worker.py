@@ -15,9 +15,9 @@ import queue
 import signal
 import threading
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from ...schemas.base import Model
 from ...schemas.errors import PlannerForgeError, ResourceFailure, rebuild
@@ -34,16 +34,6 @@ class Order:
     entry_point: str
     request: str
 
-    def line(self) -> bytes:
-        """The order as one line."""
-        return _line({"entry_point": self.entry_point, "request": self.request})
-
-    @classmethod
-    def read(cls, line: bytes | str) -> "Order":
-        """The order that a line holds."""
-        content = json.loads(line)
-        return cls(content["entry_point"], content["request"])
-
 
 @dataclass(frozen=True)
 class Progress:
@@ -52,20 +42,12 @@ class Progress:
     share: float
     message: str
 
-    def line(self) -> bytes:
-        """The report as one line."""
-        return _line({"share": self.share, "message": self.message})
-
 
 @dataclass(frozen=True)
 class Answer:
     """The response of an operation as JSON."""
 
     response: str
-
-    def line(self) -> bytes:
-        """The answer as one line."""
-        return _line({"response": self.response})
 
 
 @dataclass(frozen=True)
@@ -74,39 +56,31 @@ class Failure:
 
     code: str
     message: str
-    valid: tuple[str, ...]
+    valid: Sequence[str]
     next_step: str
     unexpected: str = ""
     reason: str = ""
 
     @classmethod
-    def of(cls, error: PlannerForgeError) -> "Failure":
+    def of(cls, error: PlannerForgeError, unexpected: str = "") -> "Failure":
         """The failure that carries a domain error across processes."""
-        return cls(error.code, error.message, error.valid, error.next_step, reason=error.reason)
+        return cls(error.code, error.message, error.valid, error.next_step, unexpected, error.reason)
 
     def error(self) -> PlannerForgeError:
         """The domain error, made again."""
         return rebuild(self.code, self.message, self.valid, self.next_step, self.reason)
 
-    def line(self) -> bytes:
-        """The failure as one line."""
-        parts = [self.code, self.message, list(self.valid), self.next_step, self.unexpected, self.reason]
-        return _line({"failure": parts})
+
+def line_of(message: Order | Progress | Answer | Failure) -> bytes:
+    """A message as one line: the name of its class, and its fields."""
+    return json.dumps([type(message).__name__, vars(message)], separators=(",", ":")).encode() + b"\n"
 
 
 def read_report(line: bytes) -> Progress | Answer | Failure:
     """What a line of a worker says."""
-    content = json.loads(line)
-    if "share" in content:
-        return Progress(content["share"], content["message"])
-    if "response" in content:
-        return Answer(content["response"])
-    code, message, valid, next_step, unexpected, reason = content["failure"]
-    return Failure(code, message, tuple(valid), next_step, unexpected, reason)
-
-
-def _line(content: dict[str, Any]) -> bytes:
-    return json.dumps(content, separators=(",", ":")).encode() + b"\n"
+    name, fields = json.loads(line)
+    report: type[Progress | Answer | Failure] = next(k for k in (Progress, Answer, Failure) if k.__name__ == name)
+    return report(**fields)
 
 
 WARM_UP = "warm-up"
@@ -123,11 +97,11 @@ def main() -> None:
     orders: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_read_orders, args=(orders_in, orders), daemon=True).start()
     while True:
-        order = Order.read(orders.get())
+        order = Order(**json.loads(orders.get())[1])
         if order.entry_point == WARM_UP:
             warm_up(order.request.split())
             continue
-        reports.write(_carry_out(order, reports).line())
+        reports.write(line_of(_carry_out(order, reports)))
 
 
 def warm_up(modules: Iterable[str]) -> None:
@@ -147,7 +121,7 @@ def _read_orders(orders_in: BinaryIO, orders: "queue.SimpleQueue[bytes]") -> Non
 
 def _carry_out(order: Order, reports: BinaryIO) -> Answer | Failure:
     def report(share: float, message: str = "") -> None:
-        reports.write(Progress(min(max(share, 0.0), 1.0), message).line())
+        reports.write(line_of(Progress(min(max(share, 0.0), 1.0), message)))
 
     try:
         module, function = order.entry_point.split(":")
@@ -162,10 +136,9 @@ def _carry_out(order: Order, reports: BinaryIO) -> Answer | Failure:
     except MemoryError:
         return Failure.of(ResourceFailure("the memory limit of a worker was reached", next_step="ask for less at once"))
     except OSError as error:
-        failure = ResourceFailure(f"the operating system refused: {error.strerror or error}")
-        return Failure(
-            failure.code, failure.message, (), "free disk space or check permissions", traceback.format_exc()
-        )
+        refused = f"the operating system refused: {error.strerror or error}"
+        failure = ResourceFailure(refused, next_step="free disk space or check permissions")
+        return Failure.of(failure, traceback.format_exc())
     except Exception as error:  # noqa: BLE001 - the boundary of a worker: it becomes the error of this one item
         return Failure("unexpected", f"{type(error).__name__}: {error}", (), "", traceback.format_exc())
 

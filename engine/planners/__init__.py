@@ -34,11 +34,10 @@ if TYPE_CHECKING:
     from .frenetix.planner import Frenetix
     from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .reference_path import BEYOND_GOAL_M, build_reference_path
-    from .registry import PLANNERS, known_planner, make_planner
+    from .registry import PLANNERS, check_modes, known_planner, make_planner, open_traffic
     from .runs import run_planner
     from .simulation import DrivenRun, simulate
     from .solution import write_solution
-    from .traffic.modes import check_modes, open_traffic
     from .traffic.recorded import RecordedTraffic
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -4,14 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..geometry import Values
 from .interface import Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
-SHORTEST_PLAN_S = 1.0
+_SHORTEST_PLAN_S = 1.0
 """The contract: with the longest time between plans, 10 steps of 0.1 s, the plan in force never ends."""
-START_TOLERANCE_M = 0.05
+_START_TOLERANCE_M = 0.05
 """Chosen: a plan begins this near to the ego's centre."""
-STEP_TOLERANCE_M = 0.5
+_STEP_TOLERANCE_M = 0.5
 """Chosen: a step may be longer than its speeds allow by this, since the centre swings out in curves."""
 
 
@@ -52,14 +51,14 @@ def _of_trajectory(trajectory: PlannedTrajectory, observation: Observation, step
     if not all(np.isfinite(values).all() for values in (trajectory.positions, *others)):
         return ["the trajectory holds numbers that are not finite"]
     breaches = []
-    if (count - 1) * step_s < SHORTEST_PLAN_S - 1e-9:
+    if (count - 1) * step_s < _SHORTEST_PLAN_S - 1e-9:
         breaches.append(f"plans only {(count - 1) * step_s:.2f} s")
     away = float(np.linalg.norm(trajectory.positions[0] - observation.ego.position))
-    if away > START_TOLERANCE_M:
+    if away > _START_TOLERANCE_M:
         breaches.append(f"starts {away:.2f} m from the ego")
     moved = np.linalg.norm(np.diff(trajectory.positions, axis=0), axis=1)
     fastest = np.maximum(trajectory.speeds_mps[:-1], trajectory.speeds_mps[1:]) * step_s
-    if (moved > fastest + STEP_TOLERANCE_M).any():
+    if (moved > fastest + _STEP_TOLERANCE_M).any():
         breaches.append("moves farther in a step than its speed allows")
     if (trajectory.speeds_mps < -1e-6).any():
         breaches.append("drives backwards")
@@ -73,9 +72,5 @@ def _same(first: Plan, second: Plan) -> bool:
         return False
     if first.trajectory is None or second.trajectory is None:
         return True
-    pairs = zip(_arrays(first.trajectory), _arrays(second.trajectory), strict=True)
+    pairs = zip(vars(first.trajectory).values(), vars(second.trajectory).values(), strict=True)
     return all(np.array_equal(mine, theirs) for mine, theirs in pairs)
-
-
-def _arrays(trajectory: PlannedTrajectory) -> tuple[Values, ...]:
-    return trajectory.positions, trajectory.headings_rad, trajectory.speeds_mps, trajectory.accelerations_mps2

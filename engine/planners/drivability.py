@@ -15,7 +15,7 @@ from ..vehicles import VehicleParameters
 from .interface import PlannedTrajectory
 
 Limit = Literal["curvature", "friction"]
-SLOW_MPS = 0.5
+_SLOW_MPS = 0.5
 """Below it a step of some centimetres tells nothing about the curvature."""
 
 
@@ -26,7 +26,7 @@ def violated_limit(trajectory: PlannedTrajectory, vehicle: VehicleParameters, st
     along = np.diff(trajectory.speeds_mps) / step_s
     if float((along**2 + (speed * yaw_rate) ** 2).max(initial=0.0)) > vehicle.maximum_acceleration_mps2**2:
         return "friction"
-    moving = speed > SLOW_MPS
+    moving = speed > _SLOW_MPS
     curvature = np.abs(yaw_rate[moving] / speed[moving])
     if vehicle.wheelbase_m * float(curvature.max(initial=0.0)) > np.tan(vehicle.maximum_steering_rad):
         return "curvature"

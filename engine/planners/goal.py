@@ -7,6 +7,7 @@ all. Lengths in m, speeds in m/s, headings in rad.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -24,14 +25,14 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
     from shapely.geometry.base import BaseGeometry
 
-BEHIND_M = 0.5
+_BEHIND_M = 0.5
 """Chosen: a goal ends behind the ego when it does so by more than this."""
-AHEAD_M = 120.0
+_AHEAD_M = 120.0
 """Chosen: how far the paths that are compared go on beyond the goal."""
 SPEED_BAND_MPS = 5.0
-MAXIMUM_SPEED_MPS = 50.0
+_MAXIMUM_SPEED_MPS = 50.0
 """As in the Frenetix reference loop: the desired speed is within this band of the present one, and at most this."""
-SLOWEST_GOAL_MPS = 0.01
+_SLOWEST_GOAL_MPS = 0.01
 """An end of the goal's speed interval counts as at least this."""
 
 Timing = Literal["early", "in_time", "late"]
@@ -39,124 +40,98 @@ Timing = Literal["early", "in_time", "late"]
 
 @dataclass(frozen=True)
 class _GoalStatus:
-    """How one ego state relates to one goal state; a condition that the goal does not state is met."""
+    """How one ego state relates to one goal state: in its area, meeting all but its time, and its time."""
 
     position: bool
-    heading: bool
-    speed: bool
+    all_but_time: bool
     timing: Timing
 
     @property
     def reached(self) -> bool:
         """All conditions hold."""
-        return self.position and self.heading and self.speed and self.timing == "in_time"
-
-    @property
-    def all_but_time(self) -> bool:
-        """Everything holds except possibly the time."""
-        return self.position and self.heading and self.speed
+        return self.all_but_time and self.timing == "in_time"
 
 
 @dataclass(frozen=True)
-class _Window:
-    """First and last time step of a goal state."""
+class _GoalState:
+    """One goal state: its first and last step; area, headings in rad and speeds in m/s, None where any will do."""
 
     first: int
     last: int
-
-
-@dataclass(frozen=True)
-class _GoalCondition:
-    """Time, area (None: any place) and speed interval in m/s (None: any speed) of one goal state."""
-
-    window: _Window
     area: "BaseGeometry | None"
-    speed_mps: tuple[float, float] | None
+    headings_rad: tuple[float, float] | None
+    speeds_mps: tuple[float, float] | None
+
+    @classmethod
+    def of(cls, state: Any) -> "_GoalState":
+        """The conditions of one of CommonRoad's goal states."""
+        first, last = _bounds(state.time_step)
+        heading, speed = getattr(state, "orientation", None), getattr(state, "velocity", None)
+        return cls(
+            first=int(first),
+            last=int(last),
+            area=_area(getattr(state, "position", None)),
+            headings_rad=None if heading is None else _bounds(heading),
+            speeds_mps=None if speed is None else _bounds(speed),
+        )
+
+    def holds(self, point: Points) -> bool:
+        """Whether a point lies in the area."""
+        import shapely
+
+        return self.area is None or bool(shapely.intersects_xy(self.area, point[0], point[1]))
+
+    def status(self, ego: EgoState) -> _GoalStatus:
+        """How the ego stands to it."""
+        there = self.holds(ego.position)
+        heading = self.headings_rad is None or _angle_within(ego.heading_rad, *self.headings_rad)
+        speed = self.speeds_mps is None or self.speeds_mps[0] <= ego.speed_mps <= self.speeds_mps[1]
+        timing: Timing = "early" if ego.step < self.first else "late" if ego.step > self.last else "in_time"
+        return _GoalStatus(there, there and heading and speed, timing)
 
 
 class Goal:
-    """The goal region of a planning problem; one of its states has to be met."""
+    """The goal region of a planning problem; one of its ``states`` has to be met.
+
+    ``first_step`` and ``last_step``: between them it can be reached; ``has_position``: whether every state asks for a
+    place; ``speed_mps``: the middle of the first speed interval that a state names, None where none does.
+    """
 
     def __init__(self, region: "GoalRegion") -> None:
-        self._states = list(region.state_list)
-        self.windows = tuple(_Window(*_bounds(state.time_step)) for state in self._states)
-        self._areas = [_area(getattr(state, "position", None)) for state in self._states]
-
-    @property
-    def first_step(self) -> int:
-        """The first step at which the goal can be reached."""
-        return min(window.first for window in self.windows)
-
-    @property
-    def last_step(self) -> int:
-        """The last step at which the goal can be reached."""
-        return max(window.last for window in self.windows)
-
-    @property
-    def conditions(self) -> tuple["_GoalCondition", ...]:
-        """What each goal state asks for."""
-        return tuple(
-            _GoalCondition(window, area, _interval(getattr(state, "velocity", None)))
-            for state, area, window in zip(self._states, self._areas, self.windows, strict=True)
-        )
-
-    @property
-    def has_position(self) -> bool:
-        """Whether every goal state asks for a place."""
-        return all(area is not None for area in self._areas)
-
-    @property
-    def speed_mps(self) -> float | None:
-        """The middle of the first speed interval that a goal state names."""
-        for state in self._states:
-            if getattr(state, "velocity", None) is not None:
-                low, high = _bounds_of_number(state.velocity)
-                return (max(low, SLOWEST_GOAL_MPS) + max(high, SLOWEST_GOAL_MPS)) / 2
-        return None
+        self.states = tuple(_GoalState.of(state) for state in region.state_list)
+        self.first_step = min(state.first for state in self.states)
+        self.last_step = max(state.last for state in self.states)
+        self.has_position = all(state.area is not None for state in self.states)
+        speeds = next((state.speeds_mps for state in self.states if state.speeds_mps is not None), None)
+        self.speed_mps = None if speeds is None else sum(max(end, _SLOWEST_GOAL_MPS) for end in speeds) / 2
 
     def status(self, ego: EgoState) -> list[_GoalStatus]:
         """How the ego stands to each goal state."""
-        return [self._status(index, ego) for index in range(len(self._states))]
+        return [state.status(ego) for state in self.states]
 
     def holds(self, point: Points) -> bool:
         """Whether a point lies in the area of any goal state."""
-        import shapely
-
-        return any(area is None or shapely.intersects_xy(area, point[0], point[1]) for area in self._areas)
+        return any(state.holds(point) for state in self.states)
 
     @property
     def center(self) -> Points | None:
         """A point in the middle of the first goal state's area, shape (2,); None where the position is free."""
-        if not self._areas or self._areas[0] is None:
+        area = self.states[0].area
+        if area is None:
             return None
-        inner = self._areas[0].representative_point()
-        middle = self._areas[0].centroid
-        chosen = middle if self._areas[0].intersects(middle) else inner
+        middle = area.centroid
+        chosen = middle if area.intersects(middle) else area.representative_point()
         return np.array([chosen.x, chosen.y])
 
     def stations_on(self, path: Points) -> tuple[float, float] | None:
         """Where a path is inside the goal's area: first and last arc length in m; None where it never is."""
         import shapely
 
-        inside = np.zeros(len(path), dtype=bool)
-        for area in self._areas:
-            if area is not None:
-                inside |= shapely.intersects_xy(area, path[:, 0], path[:, 1])
-        within = np.flatnonzero(inside)
+        areas = [state.area for state in self.states if state.area is not None]
+        inside = [shapely.intersects_xy(area, path[:, 0], path[:, 1]) for area in areas]
+        within = np.flatnonzero(np.any(inside, axis=0)) if inside else ()
         stations = arc_length(path)
         return (float(stations[within[0]]), float(stations[within[-1]])) if len(within) else None
-
-    def _status(self, index: int, ego: EgoState) -> _GoalStatus:
-        import shapely
-
-        state, area, window = self._states[index], self._areas[index], self.windows[index]
-        timing: Timing = "early" if ego.step < window.first else "late" if ego.step > window.last else "in_time"
-        return _GoalStatus(
-            position=area is None or bool(shapely.intersects_xy(area, ego.position[0], ego.position[1])),
-            heading=_angle_within(ego.heading_rad, getattr(state, "orientation", None)),
-            speed=_within(ego.speed_mps, getattr(state, "velocity", None)),
-            timing=timing,
-        )
 
 
 def _area(position: Any) -> Any:
@@ -171,31 +146,12 @@ def _area(position: Any) -> Any:
     return area
 
 
-def _bounds(step: Any) -> tuple[int, int]:
-    low, high = _bounds_of_number(step)
-    return int(low), int(high)
-
-
-def _bounds_of_number(value: Any) -> tuple[float, float]:
+def _bounds(value: Any) -> tuple[float, float]:
     return (float(value.start), float(value.end)) if hasattr(value, "start") else (float(value), float(value))
 
 
-def _interval(value: Any) -> tuple[float, float] | None:
-    return None if value is None else _bounds_of_number(value)
-
-
-def _within(value: float, interval: Any) -> bool:
-    if interval is None:
-        return True
-    low, high = _bounds_of_number(interval)
-    return low <= value <= high
-
-
-def _angle_within(angle_rad: float, interval: Any) -> bool:
+def _angle_within(angle_rad: float, low: float, high: float) -> bool:
     """Whether an angle lies in an interval on the circle, whatever multiples of 2π either is written with."""
-    if interval is None:
-        return True
-    low, high = _bounds_of_number(interval)
     if high - low >= math.tau:
         return True
     beyond = (angle_rad - low) % math.tau
@@ -210,11 +166,37 @@ def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: 
     goal's last step the ego covers at most ``v₀t + at²/2``, from ``t₁ = (v_max − v₀)/a`` on at ``v_max``; its speed is
     then within ``v₀ ± at``. What it lets pass is not proven to be reachable.
     """
-    obstacles = [_obstacle(condition, ego, vehicle, step_s) for condition in goal.conditions]
-    return None if any(obstacle is None for obstacle in obstacles) else next(iter(obstacles), None)
+    obstacles = [_obstacle(state, ego, vehicle, step_s) for state in goal.states]
+    return None if None in obstacles else obstacles[0]
 
 
-def left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "LaneletNetwork") -> str | None:
+def path_to(
+    goal: Goal, region: "GoalRegion", network: "LaneletNetwork", ego: EgoState, *, ahead_m: float, beyond_m: float
+) -> ReferencePath:
+    """The reference path of the route to a goal; shifted where the goal lies beside its centre line.
+
+    Args:
+        goal: what to drive to.
+        region: the same as CommonRoad's goal region.
+        network: the lanelets.
+        ego: where the path begins.
+        ahead_m: how long the route is at least where the goal has no position.
+        beyond_m: how far the path goes straight on behind the route.
+
+    Raises:
+        NotPossible: no route leads to the goal, or it is behind the ego.
+    """
+    route = find_route(network, region, ego.position, ego.heading_rad, ahead_m=ahead_m)
+    path = partial(build_reference_path, network, route, ego.position, ego.speed_mps, beyond_m=beyond_m)
+    reference = path()
+    behind = _left_behind(goal, ego, reference, network)
+    if behind is not None:
+        raise NotPossible(behind)
+    beside = goal.has_position and goal.stations_on(reference.points) is None
+    return path(through=goal.center) if beside else reference
+
+
+def _left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "LaneletNetwork") -> str | None:
     """One sentence on why a goal behind the ego cannot be reached; None where it may be.
 
     The ego does not drive backwards. A goal is behind it where every corner of every goal area lies behind it along the
@@ -223,12 +205,12 @@ def left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "L
     """
     import shapely
 
-    areas = [condition.area for condition in goal.conditions if condition.area is not None]
-    if len(areas) < len(goal.conditions):
+    if not goal.has_position:
         return None
+    areas = [state.area for state in goal.states if state.area is not None]
     here = project(reference.points, ego.position)[0]
     away = here - float(project_all(reference.points, shapely.get_coordinates(areas))[0].max())
-    if away <= BEHIND_M:
+    if away <= _BEHIND_M:
         return None
     graph = LaneletGraph.of(network)
     beside = graph.beside(start_lanelets(network, ego.position, ego.heading_rad))
@@ -248,22 +230,22 @@ def farthest_m(speed_mps: float, duration_s: float, vehicle: VehicleParameters) 
     return speed_mps * faster_s + acceleration * faster_s**2 / 2 + top * (duration_s - faster_s)
 
 
-def _obstacle(condition: _GoalCondition, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> str | None:
+def _obstacle(state: _GoalState, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> str | None:
     from shapely import Point
 
-    left_s = (condition.window.last - ego.step) * step_s
+    left_s = (state.last - ego.step) * step_s
     if left_s < 0:
-        return f"the goal's last step {condition.window.last} is before the ego's first step {ego.step}"
-    if condition.area is not None:
-        away, reach = float(condition.area.distance(Point(ego.position))), farthest_m(ego.speed_mps, left_s, vehicle)
+        return f"the goal's last step {state.last} is before the ego's first step {ego.step}"
+    if state.area is not None:
+        away, reach = float(state.area.distance(Point(ego.position))), farthest_m(ego.speed_mps, left_s, vehicle)
         if away > reach:
             return (
                 f"the goal is {away:.1f} m away as the crow flies and the ego covers at most {reach:.1f} m in the "
                 f"{left_s:.1f} s to the goal's last step"
             )
-    if condition.speed_mps is None:
+    if state.speeds_mps is None:
         return None
-    low, high = condition.speed_mps
+    low, high = state.speeds_mps
     change = vehicle.maximum_acceleration_mps2 * left_s
     if low > ego.speed_mps + change or high < ego.speed_mps - change:
         wanted = f"the goal's speed {low:.1f} to {high:.1f} m/s"
@@ -280,48 +262,36 @@ def select_goal_state(
     speed: to a mean that brings the ego into the area within the window, and to the interval of the goal's speed. The
     earlier one where two ask the same. The order in the file does not count.
     """
+    from commonroad.planning.goal import GoalRegion
+
     if len(region.state_list) < 2:
         return region
-    ranked = []
-    for part in _states_of(region):
-        change_mps = _change_of_speed_mps(network, part, ego, vehicle, step_s)
+    named, ranked = region.lanelets_of_goal_position or {}, []
+    for index, state in enumerate(region.state_list):
+        part = GoalRegion([state], {0: named[index]} if named.get(index) else None)
+        goal = Goal(part)
+        change_mps = _change_of_speed_mps(network, part, goal, ego, vehicle, step_s)
         if change_mps is not None:
-            window = Goal(part).windows[0]
-            ranked.append(((round(change_mps, 6), window.last, window.first), part))
+            ranked.append(((round(change_mps, 6), goal.last_step, goal.first_step), part))
     return min(ranked, key=lambda item: item[0])[1] if ranked else region
 
 
-def _states_of(region: "GoalRegion") -> list["GoalRegion"]:
-    from commonroad.planning.goal import GoalRegion
-
-    named = region.lanelets_of_goal_position or {}
-    return [
-        GoalRegion([state], {0: named[index]} if named.get(index) else None)
-        for index, state in enumerate(region.state_list)
-    ]
-
-
 def _change_of_speed_mps(
-    network: "LaneletNetwork", part: "GoalRegion", ego: EgoState, vehicle: VehicleParameters, step_s: float
+    network: "LaneletNetwork", part: "GoalRegion", goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> float | None:
     """The larger of the two changes that one goal state asks for; None where it cannot be reached."""
-    goal = Goal(part)
-    condition = goal.conditions[0]
     if out_of_reach(goal, ego, vehicle, step_s):
         return None
-    to_interval = 0.0 if condition.speed_mps is None else _outside(ego.speed_mps, *condition.speed_mps)
-    if condition.area is None:
+    speeds_mps = goal.states[0].speeds_mps
+    to_interval = 0.0 if speeds_mps is None else _outside(ego.speed_mps, *speeds_mps)
+    if not goal.has_position:
         return to_interval
     try:
-        route = find_route(network, part, ego.position, ego.heading_rad, ahead_m=AHEAD_M)
+        reference = path_to(goal, part, network, ego, ahead_m=_AHEAD_M, beyond_m=_AHEAD_M)
     except NotPossible:
         return None
-    reference = build_reference_path(network, route, ego.position, ego.speed_mps, beyond_m=AHEAD_M)
-    if left_behind(goal, ego, reference, network):
-        return None
     begin_m, end_m = _distances_to(goal, ego, reference)
-    window = condition.window
-    first_s, last_s = (window.first - ego.step) * step_s, (window.last - ego.step) * step_s
+    first_s, last_s = (goal.first_step - ego.step) * step_s, (goal.last_step - ego.step) * step_s
     if begin_m > farthest_m(ego.speed_mps, last_s, vehicle):
         return None
     slowest = max(begin_m, 0.0) / last_s if last_s > 0 else 0.0
@@ -358,13 +328,12 @@ class DesiredSpeed:
         self._goal, self._reference, self._step_s = goal, reference, step_s
         stations = goal.stations_on(reference.points) if goal.has_position else None
         self._goal_station_m = None if stations is None else (stations[0] + stations[1]) / 2
-        self._middle_step = (goal.windows[0].first + goal.windows[0].last) // 2
+        self._middle_step = (goal.states[0].first + goal.states[0].last) // 2
 
     def at(self, ego: EgoState) -> float:
         """The desired speed in m/s."""
-        wanted = self._wanted(ego)
-        low, high = max(ego.speed_mps - SPEED_BAND_MPS, 0.0), min(ego.speed_mps + SPEED_BAND_MPS, MAXIMUM_SPEED_MPS)
-        return float(np.clip(wanted, min(low, high), high))
+        low, high = max(ego.speed_mps - SPEED_BAND_MPS, 0.0), min(ego.speed_mps + SPEED_BAND_MPS, _MAXIMUM_SPEED_MPS)
+        return float(np.clip(self._wanted(ego), min(low, high), high))
 
     def average_to_goal(self, ego: EgoState) -> float | None:
         """Mean speed that brings the ego to the goal's middle in the time left; None without a place or time."""
@@ -372,10 +341,8 @@ class DesiredSpeed:
             return None
         if self._goal.holds(ego.position):
             return self._goal.speed_mps
-        time_left_s = (self._goal.last_step - ego.step) * self._step_s
-        if time_left_s <= 0:
-            return None
-        return max((self._goal_station_m - project(self._reference.points, ego.position)[0]) / time_left_s, 0.0)
+        mean_mps = self._to_station(self._goal_station_m, self._goal.last_step, ego)
+        return None if mean_mps is None else max(mean_mps, 0.0)
 
     def _wanted(self, ego: EgoState) -> float:
         otherwise = ego.speed_mps if self._goal.speed_mps is None else self._goal.speed_mps
@@ -383,7 +350,11 @@ class DesiredSpeed:
             return otherwise if self._goal.has_position else ego.speed_mps
         if self._goal.holds(ego.position) and self._goal.speed_mps is not None:
             return self._goal.speed_mps
-        time_left_s = (self._middle_step - ego.step) * self._step_s
-        if time_left_s <= 0:
-            return otherwise
-        return (self._goal_station_m - project(self._reference.points, ego.position)[0]) / time_left_s
+        mean_mps = self._to_station(self._goal_station_m, self._middle_step, ego)
+        return otherwise if mean_mps is None else mean_mps
+
+    def _to_station(self, station_m: float, step: int, ego: EgoState) -> float | None:
+        """The mean speed in m/s to be at a station at a step; None where the step is over."""
+        time_left_s = (step - ego.step) * self._step_s
+        here_m = project(self._reference.points, ego.position)[0]
+        return (station_m - here_m) / time_left_s if time_left_s > 0 else None

@@ -23,36 +23,36 @@ from numpy.typing import NDArray
 
 from ..geometry import Points, Values, arc_length, gaussian, project, wrap_angle, wrap_angles
 from ..vehicles import HARDEST_BRAKING_MPS2, centers, rear_axle, tractrix
-from .drivability import Limit, violated_limit
+from .drivability import violated_limit
 from .goal import DesiredSpeed, Goal
 from .interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
 
-EXPONENT = 4.0
+_EXPONENT = 4.0
 """Of the free term, as in the model's source."""
-GRIP = 0.98
+_GRIP = 0.98
 """Share of the tyres' friction that is used at most: the curvature along a plan is known between points only."""
-BRAKING_GRIP, CURVE_GRIP, SLIP_SMOOTHING_M = 0.5, 0.75, 0.5
+_BRAKING_GRIP, _CURVE_GRIP, _SLIP_SMOOTHING_M = 0.5, 0.75, 0.5
 """Shares of it with which the ego brakes before a curve in which it would slip, and drives through it: 0.9 together.
 The curvature that decides it is smoothed less than the comfortable one."""
-SMOOTHING_M = 3.0
+_SMOOTHING_M = 3.0
 """Chosen: over this length curvature is smoothed for comfort."""
-STRAIGHT_PER_M = 1e-4
+_STRAIGHT_PER_M = 1e-4
 """Chosen: curvature in 1/m below which a path counts as straight."""
-LOOK_AHEAD_S = 1.0
+_LOOK_AHEAD_S = 1.0
 """An obstacle that will be in the ego's corridor within this time is a leader already, so that a cut-in is seen when it
 begins."""
-CORRIDOR_MARGIN_M = 0.3
+_CORRIDOR_MARGIN_M = 0.3
 """Chosen: the corridor is wider than the two bodies by this on either side."""
-FADE_S, SHORTEST_FADE_M, FADE_PER_OFFSET = 4.0, 15.0, 6.0
+_FADE_S, _SHORTEST_FADE_M, _FADE_PER_OFFSET = 4.0, 15.0, 6.0
 """Chosen: an offset fades over the way of 4 s at the ego's speed, at least over 15 m and over six times the offset."""
-STEEPEST_RAD = 1.2
+_STEEPEST_RAD = 1.2
 """Chosen: a curve leaves its path at this angle at most; steeper, its slope by station grows without bound."""
-LEAST_PACE = 0.1
+_LEAST_PACE = 0.1
 """Inside a turn the curve is shorter than the path, at most by this factor: a vehicle cannot turn about the centre of a
 curve."""
-SAME_PLACE_M = 1e-6
+_SAME_PLACE_M = 1e-6
 """Within this the ego is where the plan before put it: rounding only."""
-SMALLEST_GAP_M = 0.1
+_SMALLEST_GAP_M = 0.1
 """Chosen: a smaller gap counts as this, so that the interaction stays finite."""
 
 
@@ -131,9 +131,9 @@ class RearAxleCurve:
         station = path.foot(point)
         (foot,), (along_rad,), (pace,), (turn,) = path.frame(np.array([station]))
         offset = float((point - foot) @ np.array([-np.sin(along_rad), np.cos(along_rad)]))
-        turned = float(np.clip(wrap_angle(heading_rad - float(along_rad)), -STEEPEST_RAD, STEEPEST_RAD))
-        slope = float(np.tan(turned) * max(pace - offset * turn, LEAST_PACE))
-        return cls(path, _Fade(station, max(fade_m, SHORTEST_FADE_M, FADE_PER_OFFSET * abs(offset)), offset, slope))
+        turned = float(np.clip(wrap_angle(heading_rad - float(along_rad)), -_STEEPEST_RAD, _STEEPEST_RAD))
+        slope = float(np.tan(turned) * max(pace - offset * turn, _LEAST_PACE))
+        return cls(path, _Fade(station, max(fade_m, _SHORTEST_FADE_M, _FADE_PER_OFFSET * abs(offset)), offset, slope))
 
     def after(self, station: float, travelled_m: Values) -> Values:
         """The stations (n,) after distances (n,) in m along the curve, ascending from 0 at ``station``."""
@@ -155,7 +155,7 @@ class RearAxleCurve:
         """How far the curve turns off the path in rad, and its length by station."""
         _, _, pace, turn = self.path.frame(stations)
         offset, slope = self.fade.at(stations)
-        along = np.maximum(pace - offset * turn, LEAST_PACE)
+        along = np.maximum(pace - offset * turn, _LEAST_PACE)
         return np.arctan2(slope, along), np.hypot(slope, along)
 
 
@@ -164,7 +164,7 @@ def curve_speeds_mps(
     headings_rad: Values,
     lateral_acceleration_mps2: float,
     deceleration_mps2: float,
-    smoothing_m: float = SMOOTHING_M,
+    smoothing_m: float = _SMOOTHING_M,
 ) -> Values:
     """The highest speeds along a path, shape (n,), at which no curve needs more lateral acceleration v² · curvature.
 
@@ -173,7 +173,7 @@ def curve_speeds_mps(
     """
     spacing_m = float(np.mean(np.diff(stations_m)))
     curvature = np.abs(gaussian(np.gradient(headings_rad, stations_m), smoothing_m / spacing_m))
-    squared = lateral_acceleration_mps2 / np.maximum(curvature, STRAIGHT_PER_M)
+    squared = lateral_acceleration_mps2 / np.maximum(curvature, _STRAIGHT_PER_M)
     # with E = v² + 2·b·s the condition is that no later E is smaller
     energy = squared + 2.0 * deceleration_mps2 * stations_m
     least = np.minimum.accumulate(energy[::-1])[::-1]
@@ -210,7 +210,7 @@ class _Driven:
     def going_on(self, ego: EgoState) -> tuple[RearAxleCurve, float] | None:
         """The curve and the station of the ego's rear axle on it, if it followed this plan."""
         index = ego.step - self.first_step
-        if not 0 <= index < len(self.centers) or np.linalg.norm(self.centers[index] - ego.position) > SAME_PLACE_M:
+        if not 0 <= index < len(self.centers) or np.linalg.norm(self.centers[index] - ego.position) > _SAME_PLACE_M:
             return None
         return self.curve, float(self.stations[index])
 
@@ -233,7 +233,7 @@ class IntelligentDriver:
         comfortable = self._weights["lateral_acceleration_mps2"], self._weights["deceleration_mps2"]
         grip = task.vehicle.maximum_acceleration_mps2
         self._comfortable_mps = curve_speeds_mps(*line, *comfortable)
-        self._slip_mps = curve_speeds_mps(*line, CURVE_GRIP * grip, BRAKING_GRIP * grip, SLIP_SMOOTHING_M)
+        self._slip_mps = curve_speeds_mps(*line, _CURVE_GRIP * grip, _BRAKING_GRIP * grip, _SLIP_SMOOTHING_M)
         self._curvature = np.abs(np.gradient(self._path.headings_rad, self._path.stations_m))
         self._goal_m = self._goal.stations_on(task.reference.points) if self._goal.has_position else None
         self._driven: _Driven | None = None
@@ -249,17 +249,13 @@ class IntelligentDriver:
         travelled, speeds = self._motion(observation, station)
         stations = curve.after(station, travelled)
         trajectory = self._trajectory(ego, curve, stations, speeds)
-        limit = self._broken_soon(trajectory)
+        before_next_plan = trajectory.until(self._task.configuration.settings.replan_steps + 1)
+        limit = violated_limit(before_next_plan, self._task.vehicle, self._task.step_s)
         if limit is not None:
             return Plan(None, rejected={limit: 1}, candidates=1)
         self._driven = _Driven(ego.step, curve, stations, trajectory.positions)
         kind: PlanKind = "regular" if speeds.any() else "standstill"
         return Plan(trajectory, candidates=1, kind=kind)
-
-    def _broken_soon(self, trajectory: PlannedTrajectory) -> Limit | None:
-        """The limit of the vehicle that the trajectory breaks before the next plan."""
-        driven = trajectory.until(self._task.configuration.settings.replan_steps + 1)
-        return violated_limit(driven, self._task.vehicle, self._task.step_s)
 
     def _curve_from(self, ego: EgoState) -> tuple[RearAxleCurve | None, float]:
         """The curve from where the ego's rear axle is, and its station; none where the ego heads back."""
@@ -268,13 +264,13 @@ class IntelligentDriver:
         along_rad = float(self._path.frame(np.array([station]))[1][0])
         if abs(wrap_angle(ego.heading_rad - along_rad)) > math.pi / 2:
             return None, station
-        return RearAxleCurve.beginning_at(self._path, rear, ego.heading_rad, FADE_S * ego.speed_mps), station
+        return RearAxleCurve.beginning_at(self._path, rear, ego.heading_rad, _FADE_S * ego.speed_mps), station
 
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
         """The distance in m and the speed, one a step, of a rear axle that begins at a station."""
         step_s, vehicle = self._task.step_s, self._task.vehicle
         others = [self._on_path(obstacle) for obstacle in observation.obstacles if len(obstacle.positions)]
-        desired, look_ahead = self._desired(observation.ego), round(LOOK_AHEAD_S / step_s)
+        desired, look_ahead = self._desired(observation.ego), round(_LOOK_AHEAD_S / step_s)
         travelled, speeds = np.zeros(self._steps + 1), np.full(self._steps + 1, observation.ego.speed_mps)
         for i in range(self._steps):
             speed, rear_axle_m = float(speeds[i]), station + float(travelled[i])
@@ -306,14 +302,14 @@ class IntelligentDriver:
     def _free(self, speed: float, desired: float) -> float:
         a, b = self._weights["acceleration_mps2"], self._weights["deceleration_mps2"]
         if speed > desired:
-            return float(-b * (1.0 - (max(desired, 0.0) / speed) ** (a * EXPONENT / b)))
-        return float(a * (1.0 - (speed / desired) ** EXPONENT)) if desired > 0 else 0.0
+            return float(-b * (1.0 - (max(desired, 0.0) / speed) ** (a * _EXPONENT / b)))
+        return float(a * (1.0 - (speed / desired) ** _EXPONENT)) if desired > 0 else 0.0
 
     def _interaction(self, speed: float, gap_m: float, closing_mps: float) -> float:
         a, b = self._weights["acceleration_mps2"], self._weights["deceleration_mps2"]
         headway = speed * self._weights["time_headway_s"] + speed * closing_mps / (2.0 * math.sqrt(a * b))
         wanted = self._weights["minimum_gap_m"] + max(0.0, headway)
-        return float(a * (wanted / max(gap_m, SMALLEST_GAP_M)) ** 2)
+        return float(a * (wanted / max(gap_m, _SMALLEST_GAP_M)) ** 2)
 
     def _before_curve(self, speed: float, following: float) -> float:
         """The acceleration to the speed that the curves allow at the following station.
@@ -329,7 +325,7 @@ class IntelligentDriver:
     def _grip_mps2(self, speed: float, station: float) -> float:
         """What the curve leaves of the tyres' friction for motion along it."""
         curvature = float(np.interp(station, self._path.stations_m, self._curvature))
-        whole = GRIP * self._task.vehicle.maximum_acceleration_mps2
+        whole = _GRIP * self._task.vehicle.maximum_acceleration_mps2
         return math.sqrt(max(whole**2 - (speed**2 * curvature) ** 2, 0.0))
 
     def _allowed(self, station: float) -> float:
@@ -352,7 +348,7 @@ class IntelligentDriver:
         half_along = (obstacle.length_m * cos + obstacle.width_m * sin) / 2
         half_across = (obstacle.length_m * sin + obstacle.width_m * cos) / 2
         stations = self._stations[nearest] + along
-        room = self._task.vehicle.width_m / 2 + half_across + CORRIDOR_MARGIN_M
+        room = self._task.vehicle.width_m / 2 + half_across + _CORRIDOR_MARGIN_M
         on_path = (nearest > 0) & (nearest < len(path) - 1)
         moving = np.gradient(stations, self._task.step_s) if len(stations) > 1 else np.zeros(1)
         return _OnPath(stations - half_along, moving, (np.abs(aside) < room) & on_path)

@@ -115,8 +115,7 @@ class PlannedTrajectory:
 
     def until(self, count: int) -> "PlannedTrajectory":
         """The first ``count`` states."""
-        arrays = (self.positions, self.headings_rad, self.speeds_mps, self.accelerations_mps2)
-        return PlannedTrajectory(*(array[:count] for array in arrays))
+        return PlannedTrajectory(*(array[:count] for array in vars(self).values()))
 
     def state_at(self, index: int, step: int, step_s: float) -> EgoState:
         """The state ``index`` steps ahead, as the ego state of time step ``step``."""

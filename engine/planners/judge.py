@@ -13,11 +13,11 @@ from .goal import Goal, Timing, out_of_reach
 from .interface import EgoState, PlanningTask
 from .traffic.recorded import Traffic, rectangle
 
-TIME_LIMIT_FACTOR = 1.7
+_TIME_LIMIT_FACTOR = 1.7
 """A run may take this multiple of the steps from its start to the goal's last step, as in the Frenetix reference."""
-MOST_STEPS = 2000
+_MOST_STEPS = 2000
 """Chosen: no run takes more steps than this, whatever the goal's time."""
-PASSED_M = 5.0
+_PASSED_M = 5.0
 """Chosen: a goal whose end the ego has left behind by more than this is passed."""
 
 
@@ -45,7 +45,7 @@ class Judge:
         self._vehicle, self._step_s = task.vehicle, task.step_s
         self._first_step = initial.step
         steps = max(goal.last_step - initial.step, 1)
-        self.last_step = initial.step + min(ceil(TIME_LIMIT_FACTOR * steps), MOST_STEPS)
+        self.last_step = initial.step + min(ceil(_TIME_LIMIT_FACTOR * steps), _MOST_STEPS)
         stations = goal.stations_on(task.reference.points) if goal.has_position else None
         self._goal_end_m = None if stations is None else stations[1]
         self._was_clear_of_edge = not task.road.touches_edge(rectangle(initial, task.vehicle))
@@ -95,13 +95,13 @@ class Judge:
         return Verdict("off_road", reason, record)
 
     def _at_goal(self, ego: EgoState) -> Verdict | None:
-        states = self._goal.status(ego)
-        if any(status.reached for status in states):
+        stands = self._goal.status(ego)
+        if any(status.reached for status in stands):
             return Verdict("goal_reached", f"reached the goal at {self._time_s(ego):.1f} s (step {ego.step})")
-        self._stays |= {status.timing for status in states if status.position}
-        for status, window in zip(states, self._goal.windows, strict=True):
-            if status.all_but_time and status.timing == "late" and ego.step > self._goal.last_step:
-                late = ego.step - window.last
+        self._stays |= {status.timing for status in stands if status.position}
+        for status, state in zip(stands, self._goal.states, strict=True):
+            if status.all_but_time and ego.step > self._goal.last_step:
+                late = ego.step - state.last
                 return Verdict("goal_late", f"met the goal at step {ego.step}, {late} steps after its last")
         return self._beyond_goal(ego) if self._goal.has_position else self._too_late_anywhere(ego)
 
@@ -118,7 +118,7 @@ class Judge:
             return None
         beyond_m = self._beyond_m(ego)
         time_over = ego.step > self._goal.last_step
-        if not (beyond_m > PASSED_M or (time_over and self._stays and beyond_m > 0)):
+        if not (beyond_m > _PASSED_M or (time_over and self._stays and beyond_m > 0)):
             return None
         if not self._stays:
             reason = f"passed beside the goal region by step {ego.step} and was never in it"
@@ -132,9 +132,9 @@ class Judge:
     def _out_of_time(self, ego: EgoState) -> Verdict | None:
         if ego.step < self.last_step:
             return None
-        cause = f"{TIME_LIMIT_FACTOR} × the goal's last step"
-        if ego.step - self._first_step >= MOST_STEPS:
-            cause = f"no run takes more than {MOST_STEPS} steps"
+        cause = f"{_TIME_LIMIT_FACTOR} × the goal's last step"
+        if ego.step - self._first_step >= _MOST_STEPS:
+            cause = f"no run takes more than {_MOST_STEPS} steps"
         limit = f"{self._time_s(ego):.1f} s ({cause})"
         if self._stays:
             reason = f"was in the goal region but never met all its conditions within {limit}"

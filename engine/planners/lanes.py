@@ -8,9 +8,10 @@ Lengths in m, headings in rad.
 """
 
 import math
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,20 +27,20 @@ if TYPE_CHECKING:
 
 OUTSIDE_M = 5.0
 """Offset of a point that lies on no lanelet, as in the Frenetix reference."""
-SAMPLE_SPACING_M, CORRIDOR_SPACING_M = 0.5, 2.0
+_SAMPLE_SPACING_M, _CORRIDOR_SPACING_M = 0.5, 2.0
 """Chosen: spacing of the samples of centre lines, for offsets and for corridors."""
-ALIGNED_RAD = math.radians(60.0)
+_ALIGNED_RAD = math.radians(60.0)
 """Chosen: a lanelet whose direction differs by less from a vehicle's heading is one of its direction."""
-GIVING_WAY = frozenset({"YIELD", "STOP", "STOP_4_WAY"})
-HAVING_WAY = frozenset({"PRIORITY", "RIGHT_OF_WAY"})
+_GIVING_WAY = frozenset({"YIELD", "STOP", "STOP_4_WAY"})
+_HAVING_WAY = frozenset({"PRIORITY", "RIGHT_OF_WAY"})
 """CommonRoad's names of the signs that decide who gives way."""
-ROAD_HALF_WIDTH_M = 25.0
+_ROAD_HALF_WIDTH_M = 25.0
 """Chosen: lanelets within this of the reference path are its road."""
-CLOSED_GAP_M = 0.1
+_CLOSED_GAP_M = 0.1
 """Lanelets of real maps lie centimetres apart where they should touch: gaps up to twice this are no road boundary."""
-BEYOND_END_M, BEFORE_BEGIN_M = 30.0, 10.0
+_BEYOND_END_M, _BEFORE_BEGIN_M = 30.0, 10.0
 """Chosen: where the network ends, the road goes on this much farther than a path does, and back this much."""
-EDGE_HALF_WIDTH_M = 0.005
+_EDGE_HALF_WIDTH_M = 0.005
 """Chosen: the collision checker knows no lines, so the road's edge is rectangles of one centimetre."""
 
 
@@ -53,21 +54,10 @@ class LaneCenters:
     def __init__(self, network: "LaneletNetwork") -> None:
         from scipy.spatial import cKDTree
 
-        points, directions, half_widths = [], [], []
-        for lanelet in network.lanelets:
-            center = np.asarray(lanelet.center_vertices, dtype=float)
-            stations = arc_length(center)
-            wanted = np.linspace(0.0, stations[-1], max(int(stations[-1] / SAMPLE_SPACING_M), 1) + 1)
-            samples = interpolate(center, stations, wanted)
-            across = np.linalg.norm(np.asarray(lanelet.left_vertices) - np.asarray(lanelet.right_vertices), axis=1)
-            points.append(samples)
-            directions.append(np.gradient(samples, axis=0))
-            half_widths.append(np.interp(wanted, stations, across) / 2)
-        self._points: Points = np.concatenate(points)
-        direction = np.concatenate(directions)
-        self._directions: Points = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
-        self._half_widths: Values = np.concatenate(half_widths)
-        self._tree = cKDTree(self._points)
+        samples = [_samples(lanelet, _SAMPLE_SPACING_M, int) for lanelet in network.lanelets]
+        points, directions, half_widths, _ = (np.concatenate(values) for values in zip(*samples, strict=True))
+        self._points, self._directions, self._half_widths = points, directions, half_widths
+        self._tree = cKDTree(points)
 
     def offsets(self, points: Points) -> Values:
         """Distance in m of each point, shape (n, 2), to the centre line under it; 5 m where there is no lanelet."""
@@ -75,7 +65,7 @@ class LaneCenters:
         away = points - self._points[nearest]
         along = self._directions[nearest]
         across = np.abs(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0])
-        beyond = np.abs((along * away).sum(axis=1)) > 2 * SAMPLE_SPACING_M
+        beyond = np.abs((along * away).sum(axis=1)) > 2 * _SAMPLE_SPACING_M
         outside = (across > self._half_widths[nearest]) | beyond
         return np.where(outside, OUTSIDE_M, across)
 
@@ -94,6 +84,17 @@ class Corridor:
     stations_m: Values
     priority: int
 
+    @classmethod
+    def joined(cls, lanes: Collection["Corridor"], begins_m: Iterable[float], priority: int) -> "Corridor":
+        """Lanes as one corridor, the stations of each beginning at its own."""
+        return cls(
+            points=np.concatenate([lane.points for lane in lanes]),
+            directions=np.concatenate([lane.directions for lane in lanes]),
+            half_widths_m=np.concatenate([lane.half_widths_m for lane in lanes]),
+            stations_m=np.concatenate([lane.stations_m + m for lane, m in zip(lanes, begins_m, strict=True)]),
+            priority=priority,
+        )
+
     def locate(self, points: Points) -> tuple[Values, Values]:
         """Station of each point, shape (m, 2), and how far it lies outside the lane's edge (negative: inside), in m."""
         middle = self.points[0]
@@ -105,16 +106,8 @@ class Corridor:
         away, along = points - self.points[nearest], self.directions[nearest]
         ahead = (along * away).sum(axis=1)
         across = np.abs(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0])
-        beyond = np.maximum(np.abs(ahead) - CORRIDOR_SPACING_M, 0.0)  # past the last sample of a lane that ends
+        beyond = np.maximum(np.abs(ahead) - _CORRIDOR_SPACING_M, 0.0)  # past the last sample of a lane that ends
         return self.stations_m[nearest] + ahead, np.hypot(across, beyond) - self.half_widths_m[nearest]
-
-
-@dataclass(frozen=True)
-class _Lane:
-    points: Points
-    directions: Points
-    half_widths_m: Values
-    stations_m: Values
 
 
 class LaneCorridors:
@@ -122,21 +115,23 @@ class LaneCorridors:
 
     def __init__(self, network: "LaneletNetwork") -> None:
         self._graph = LaneletGraph.of(network)
-        self._lanes = {int(lane.lanelet_id): _sampled(lane) for lane in network.lanelets}
-        self._priority = {int(lane.lanelet_id): _priority(network, lane) for lane in network.lanelets}
+        self._lanes = {
+            int(lane.lanelet_id): Corridor(
+                *_samples(lane, _CORRIDOR_SPACING_M, math.ceil), priority=_priority(network, lane)
+            )
+            for lane in network.lanelets
+        }
         self._ids = np.concatenate([np.full(len(lane.points), key) for key, lane in self._lanes.items()])
-        self._points = np.concatenate([lane.points for lane in self._lanes.values()])
-        self._directions = np.concatenate([lane.directions for lane in self._lanes.values()])
-        self._half_widths = np.concatenate([lane.half_widths_m for lane in self._lanes.values()])
-        self._headings = np.arctan2(self._directions[:, 1], self._directions[:, 0])
+        self._all = Corridor.joined(self._lanes.values(), [0.0] * len(self._lanes), priority=0)
+        self._headings = np.arctan2(self._all.directions[:, 1], self._all.directions[:, 0])
 
     def under(self, position: Points, heading_rad: float) -> tuple[int, ...]:
         """Lanelets under a position whose direction is within 60° of the heading, the nearest centre line first."""
-        away = position - self._points
-        across = np.abs(self._directions[:, 0] * away[:, 1] - self._directions[:, 1] * away[:, 0])
-        ahead = np.abs((self._directions * away).sum(axis=1))
+        away, along = position - self._all.points, self._all.directions
+        across = np.abs(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0])
+        ahead = np.abs((along * away).sum(axis=1))
         turned = np.abs(wrap_angles(self._headings - heading_rad))
-        is_under = (across <= self._half_widths) & (ahead <= CORRIDOR_SPACING_M) & (turned <= ALIGNED_RAD)
+        is_under = (across <= self._all.half_widths_m) & (ahead <= _CORRIDOR_SPACING_M) & (turned <= _ALIGNED_RAD)
         offsets: dict[int, float] = {}
         for index in np.flatnonzero(is_under):
             key = int(self._ids[index])
@@ -157,14 +152,10 @@ class LaneCorridors:
                 if following not in begins:
                     begins[following] = end_m
                     waiting.append(following)
-        lanes = [self._lanes[key] for key in begins]
-        return Corridor(
-            points=np.concatenate([lane.points for lane in lanes]),
-            directions=np.concatenate([lane.directions for lane in lanes]),
-            half_widths_m=np.concatenate([lane.half_widths_m for lane in lanes]),
-            stations_m=np.concatenate([self._lanes[key].stations_m + begin for key, begin in begins.items()]),
-            priority=self._priority_on(begins, starts),
-        )
+        before = [key for start in starts for key in self._graph.predecessors[start]]
+        signs = {self._lanes[key].priority for key in [*begins, *before]}
+        priority = -1 if -1 in signs else max(signs)
+        return Corridor.joined([self._lanes[key] for key in begins], begins.values(), priority)
 
     def _station(self, lanelet_id: int, position: Points) -> float:
         lane = self._lanes[lanelet_id]
@@ -172,25 +163,19 @@ class LaneCorridors:
         nearest = int((away**2).sum(axis=1).argmin())
         return float(lane.stations_m[nearest] + lane.directions[nearest] @ away[nearest])
 
-    def _priority_on(self, lanelets: dict[int, float], starts: tuple[int, ...]) -> int:
-        before = [key for start in starts for key in self._graph.predecessors[start]]
-        signs = {self._priority[key] for key in [*lanelets, *before]}
-        return -1 if -1 in signs else max(signs)
 
-
-def _sampled(lanelet: "Lanelet") -> _Lane:
+def _samples(
+    lanelet: "Lanelet", spacing_m: float, rounded: Callable[[float], int]
+) -> tuple[Points, Points, Values, Values]:
+    """Points of a centre line about a spacing apart, unit directions, half widths and stations in m."""
     center = np.asarray(lanelet.center_vertices, dtype=float)
     along = arc_length(center)
-    wanted = np.linspace(0.0, along[-1], max(math.ceil(along[-1] / CORRIDOR_SPACING_M), 1) + 1)
-    points = interpolate(center, along, wanted)
+    stations = np.linspace(0.0, along[-1], max(rounded(along[-1] / spacing_m), 1) + 1)
+    points = interpolate(center, along, stations)
     directions = np.gradient(points, axis=0)
+    directions = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-9)
     across = np.linalg.norm(np.asarray(lanelet.left_vertices) - np.asarray(lanelet.right_vertices), axis=1)
-    return _Lane(
-        points=points,
-        directions=directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-9),
-        half_widths_m=np.interp(wanted, along, across) / 2,
-        stations_m=wanted,
-    )
+    return points, directions, np.interp(stations, along, across) / 2, stations
 
 
 def _priority(network: "LaneletNetwork", lanelet: "Lanelet") -> int:
@@ -200,7 +185,7 @@ def _priority(network: "LaneletNetwork", lanelet: "Lanelet") -> int:
     for key in lanelet.traffic_signs or ():
         sign = network.find_traffic_sign_by_id(key)
         names.update(element.traffic_sign_element_id.name for element in sign.traffic_sign_elements if sign)
-    return -1 if names & GIVING_WAY else int(bool(names & HAVING_WAY))
+    return -1 if names & _GIVING_WAY else int(bool(names & _HAVING_WAY))
 
 
 @dataclass(frozen=True)
@@ -229,7 +214,7 @@ def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m:
     """
     import shapely
 
-    corridor = shapely.LineString(reference.points).buffer(ROAD_HALF_WIDTH_M)
+    corridor = shapely.LineString(reference.points).buffer(_ROAD_HALF_WIDTH_M)
     near = [lanelet for lanelet in network.lanelets if lanelet.polygon.shapely_object.intersects(corridor)]
     parts = [shapely.make_valid(lanelet.polygon.shapely_object) for lanelet in near]
     ends = {lanelet.lanelet_id for lanelet in near if not lanelet.successor}
@@ -240,12 +225,12 @@ def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m:
         left, right = np.asarray(lanelet.left_vertices), np.asarray(lanelet.right_vertices)
         if lanelet.lanelet_id in ends and _goes_on(left[-1], right[-1], left[-2], last):
             parts.append(
-                _strip(left[-1], right[-1], lanelet.center_vertices[-2:], max(BEYOND_GOAL_M + BEYOND_END_M, beyond_m))
+                _strip(left[-1], right[-1], lanelet.center_vertices[-2:], max(BEYOND_GOAL_M + _BEYOND_END_M, beyond_m))
             )
         if lanelet.lanelet_id in begins:
-            parts.append(_strip(left[0], right[0], lanelet.center_vertices[1::-1], BEFORE_BEGIN_M))
+            parts.append(_strip(left[0], right[0], lanelet.center_vertices[1::-1], _BEFORE_BEGIN_M))
     area = shapely.union_all(parts)
-    area = area.buffer(CLOSED_GAP_M, join_style="mitre").buffer(-CLOSED_GAP_M, join_style="mitre")
+    area = area.buffer(_CLOSED_GAP_M, join_style="mitre").buffer(-_CLOSED_GAP_M, join_style="mitre")
     return Road(area, _edge_checker(area.intersection(corridor.buffer(5.0)).boundary, corridor))
 
 
@@ -255,7 +240,7 @@ def _goes_on(left: Points, right: Points, before: Points, last: Points) -> bool:
         return False
     direction, leaving = left - before, last[1] - last[0]
     turned = abs(math.remainder(math.atan2(*direction[::-1]) - math.atan2(*leaving[::-1]), math.tau))
-    return turned < math.pi / 4 and float(np.linalg.norm((left + right) / 2 - last[0])) < ROAD_HALF_WIDTH_M
+    return turned < math.pi / 4 and float(np.linalg.norm((left + right) / 2 - last[0])) < _ROAD_HALF_WIDTH_M
 
 
 def _strip(left: Points, right: Points, pair: Points, length_m: float) -> "Polygon":
@@ -272,21 +257,15 @@ def _edge_checker(boundary: "BaseGeometry", corridor: "BaseGeometry") -> "pycrcc
     import shapely
     from commonroad_dc import pycrcc
 
-    checker = pycrcc.CollisionChecker()
-    group = pycrcc.ShapeGroup()
-    count = 0
+    checker, group, count = pycrcc.CollisionChecker(), pycrcc.ShapeGroup(), 0
     for line in shapely.get_parts(boundary.intersection(corridor)):
-        points = np.asarray(line.coords)
-        for start, end in pairwise(points):
-            length = float(np.hypot(*(end - start)))
-            if length > 1e-3:
-                middle = (start + end) / 2
-                group.add_shape(_thin(pycrcc, length, math.atan2(*(end - start)[::-1]), middle))
+        for start, end in pairwise(np.asarray(line.coords)):
+            along, (x, y) = end - start, (start + end) / 2
+            length_m = float(np.hypot(*along))
+            if length_m > 1e-3:
+                heading = math.atan2(along[1], along[0])
+                group.add_shape(pycrcc.RectOBB(length_m / 2, _EDGE_HALF_WIDTH_M, heading, float(x), float(y)))
                 count += 1
     if count:
         checker.add_collision_object(group)
     return checker
-
-
-def _thin(pycrcc: Any, length: float, heading: float, middle: Points) -> "pycrcc.Shape":
-    return pycrcc.RectOBB(length / 2, EDGE_HALF_WIDTH_M, heading, float(middle[0]), float(middle[1]))

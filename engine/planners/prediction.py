@@ -27,21 +27,21 @@ if TYPE_CHECKING:
 Predictor = Callable[[Track, int, int, float], PredictedObstacle]
 """From a track, the index of its present state, a number of steps and their duration in s to its predicted motion."""
 
-SENSOR_RADIUS_M = 80.0
+_SENSOR_RADIUS_M = 80.0
 """Chosen: others whose centre is farther from the ego's are not observed."""
-REAR_CONE_RAD, REAR_CONE_FROM_M = math.radians(20.0), 6.0
+_REAR_CONE_RAD, _REAR_CONE_FROM_M = math.radians(20.0), 6.0
 """The cone straight behind the ego and the distance from which on others in it are left out; see :func:`observe`."""
-MOVING_VARIANCE_M2, STANDING_VARIANCE_M2 = 0.1, 0.02
+_MOVING_VARIANCE_M2, _STANDING_VARIANCE_M2 = 0.1, 0.02
 """Chosen: variance of a predicted position in every direction, of moving and of standing obstacles."""
-LENGTH_MARGIN_M, WIDTH_MARGIN_M = 0.5, 0.2
+_LENGTH_MARGIN_M, _WIDTH_MARGIN_M = 0.5, 0.2
 """Chosen: the safety margin by which a moving body grows in a guessed future."""
-SPREAD_MPS, SPREAD_ALONG_MPS2 = 0.2, 1.0
+_SPREAD_MPS, _SPREAD_ALONG_MPS2 = 0.2, 1.0
 """Chosen: how fast the deviation of ``growing_covariance`` grows, and the deviation of the unknown acceleration."""
-OFFSET_FADES_S = 2.0
+_OFFSET_FADES_S = 2.0
 """Chosen: time constant with which an offset from the lane's centre fades."""
-AHEAD_M = 250.0
+_AHEAD_M = 250.0
 """Chosen: lanes are followed this far; beyond it a prediction goes straight on."""
-SAME_OFFSET_M = 0.5
+_SAME_OFFSET_M = 0.5
 """Chosen: lanes whose centre lines are equally near by this measure are told apart by their heading."""
 
 
@@ -83,22 +83,31 @@ def observe(
         if index is not None and _visible(track.positions[index], ego, blind_behind=blind):
             seen.append(predict(track, index, steps, step_s))
     standing = [track for track in traffic.standing if _visible(track.positions[0], ego, blind_behind=blind)]
-    return tuple(seen + [_standing(track, steps) for track in standing])
+    for track in standing:
+        positions = np.repeat(track.positions[:1], steps + 1, axis=0)
+        still = _predicted(track, positions, np.repeat(track.headings_rad[:1], steps + 1), 0.0)
+        seen.append(replace(still, covariance=np.eye(2) * _STANDING_VARIANCE_M2))
+    return tuple(seen)
+
+
+def _predicted(track: Track, positions: Points, headings_rad: Values, speed_mps: float) -> PredictedObstacle:
+    return PredictedObstacle(
+        obstacle_id=track.obstacle_id,
+        positions=positions,
+        headings_rad=headings_rad,
+        covariance=np.eye(2) * _MOVING_VARIANCE_M2,
+        length_m=track.length_m,
+        width_m=track.width_m,
+        speed_mps=speed_mps,
+    )
 
 
 def constant_velocity(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
     """Straight on along the present heading with the present speed; the body grows by 0.5 m × 0.2 m of margin."""
     heading, speed = float(track.headings_rad[index]), float(track.speeds_mps[index])
     ahead = np.arange(steps + 1)[:, None] * step_s * speed * np.array([math.cos(heading), math.sin(heading)])
-    return PredictedObstacle(
-        obstacle_id=track.obstacle_id,
-        positions=track.positions[index] + ahead,
-        headings_rad=np.full(steps + 1, heading),
-        covariance=np.eye(2) * MOVING_VARIANCE_M2,
-        length_m=track.length_m + LENGTH_MARGIN_M,
-        width_m=track.width_m + WIDTH_MARGIN_M,
-        speed_mps=speed,
-    )
+    bare = _predicted(track, track.positions[index] + ahead, np.full(steps + 1, heading), speed)
+    return replace(bare, length_m=track.length_m + _LENGTH_MARGIN_M, width_m=track.width_m + _WIDTH_MARGIN_M)
 
 
 def growing_covariance(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
@@ -111,8 +120,8 @@ def growing_covariance(track: Track, index: int, steps: int, step_s: float) -> P
     time = np.arange(steps + 1) * step_s
     heading = straight.headings_rad[0]
     direction = np.array([math.cos(heading), math.sin(heading)])
-    around = (MOVING_VARIANCE_M2 + (SPREAD_MPS * time) ** 2)[:, None, None] * np.eye(2)
-    along = ((SPREAD_ALONG_MPS2 / 2 * time**2) ** 2)[:, None, None] * np.outer(direction, direction)
+    around = (_MOVING_VARIANCE_M2 + (_SPREAD_MPS * time) ** 2)[:, None, None] * np.eye(2)
+    along = ((_SPREAD_ALONG_MPS2 / 2 * time**2) ** 2)[:, None, None] * np.outer(direction, direction)
     return replace(straight, covariance=around + along)
 
 
@@ -143,16 +152,35 @@ class _LanePath:
         return on_line + across * offsets_m[:, None] + along * beyond[:, None], heading
 
 
-class _LanePaths:
-    """Lines along the lanes of a network; each is built when it is first asked for."""
+class LanePrediction:
+    """Along the centre line of the lanelet under the obstacle and of its straightest successors, at its speed.
+
+    The lateral offset and the difference in heading fade with a time constant of 2 s. Where no lanelet of its direction
+    is under it, the obstacle is predicted with constant velocity and its id is kept in ``off_the_lanes``.
+    """
 
     def __init__(self, network: "LaneletNetwork") -> None:
         self._network = network
         self._graph = LaneletGraph.of(network)
         self._corridors = LaneCorridors(network)
-        self._lines: dict[int, _CenterLine] = {}
+        self._lines: dict[int, _CenterLine] = {}  # by the lanelet that they begin with
+        self.off_the_lanes: set[int] = set()
 
-    def under(self, position: Points, heading_rad: float) -> _LanePath | None:
+    def __call__(self, track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
+        """The predicted motion of one track."""
+        straight = constant_velocity(track, index, steps, step_s)
+        heading = float(track.headings_rad[index])
+        path = self._path_under(track.positions[index], heading)
+        if path is None:
+            self.off_the_lanes.add(track.obstacle_id)
+            return straight
+        time: Values = np.asarray(np.arange(steps + 1) * step_s, dtype=np.float64)
+        left: Values = np.exp(-time / _OFFSET_FADES_S)
+        positions, directions = path.at(path.station_m + straight.speed_mps * time, path.offset_m * left)
+        turned = wrap_angle(heading - float(directions[0]))
+        return replace(straight, positions=positions, headings_rad=directions + turned * left)
+
+    def _path_under(self, position: Points, heading_rad: float) -> _LanePath | None:
         """The line of the lanelet under a position that fits it best; None where no lanelet of its direction is there.
 
         Best is the nearest centre line (within half a metre), then the heading there, then the line that turns least.
@@ -162,14 +190,14 @@ class _LanePaths:
         def misfit(path: _LanePath) -> tuple[int, float, float]:
             direction = path.at(np.array([path.station_m]), np.zeros(1))[1][0]
             turn = float(np.ptp(path.line.headings_rad))
-            offset = round(abs(path.offset_m) / SAME_OFFSET_M)
+            offset = round(abs(path.offset_m) / _SAME_OFFSET_M)
             return offset, round(abs(wrap_angle(heading_rad - direction)), 1), round(turn, 3)
 
         return min(paths, key=misfit, default=None)
 
     def _path(self, lanelet_id: int, position: Points) -> _LanePath:
         if lanelet_id not in self._lines:
-            route = straight_on(self._network, self._graph, (lanelet_id,), AHEAD_M)
+            route = straight_on(self._network, self._graph, (lanelet_id,), _AHEAD_M)
             lines = [np.asarray(self._network.find_lanelet_by_id(key).center_vertices) for key in route]
             points = without_repeats(np.concatenate(lines))
             self._lines[lanelet_id] = _CenterLine(points, arc_length(points), headings(points))
@@ -177,61 +205,16 @@ class _LanePaths:
         return _LanePath(line, *project(line.points, position))
 
 
-class LanePrediction:
-    """Along the centre line of the lanelet under the obstacle and of its straightest successors, at its speed.
-
-    The lateral offset and the difference in heading fade with a time constant of 2 s. Where no lanelet of its direction
-    is under it, the obstacle is predicted with constant velocity and its id is kept in ``off_the_lanes``.
-    """
-
-    def __init__(self, network: "LaneletNetwork") -> None:
-        self._paths = _LanePaths(network)
-        self.off_the_lanes: set[int] = set()
-
-    def __call__(self, track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
-        """The predicted motion of one track."""
-        straight = constant_velocity(track, index, steps, step_s)
-        heading = float(track.headings_rad[index])
-        path = self._paths.under(track.positions[index], heading)
-        if path is None:
-            self.off_the_lanes.add(track.obstacle_id)
-            return straight
-        time: Values = np.asarray(np.arange(steps + 1) * step_s, dtype=np.float64)
-        left: Values = np.exp(-time / OFFSET_FADES_S)
-        positions, directions = path.at(path.station_m + straight.speed_mps * time, path.offset_m * left)
-        turned = wrap_angle(heading - float(directions[0]))
-        return replace(straight, positions=positions, headings_rad=directions + turned * left)
-
-
 def ground_truth(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
     """The recorded future itself; it ends where the recording ends."""
     del step_s
     future = slice(index, index + steps + 1)
-    return PredictedObstacle(
-        obstacle_id=track.obstacle_id,
-        positions=track.positions[future],
-        headings_rad=track.headings_rad[future],
-        covariance=np.eye(2) * MOVING_VARIANCE_M2,
-        length_m=track.length_m,
-        width_m=track.width_m,
-        speed_mps=float(track.speeds_mps[index]),
-    )
-
-
-def _standing(track: Track, steps: int) -> PredictedObstacle:
-    return PredictedObstacle(
-        obstacle_id=track.obstacle_id,
-        positions=np.repeat(track.positions[:1], steps + 1, axis=0),
-        headings_rad=np.repeat(track.headings_rad[:1], steps + 1),
-        covariance=np.eye(2) * STANDING_VARIANCE_M2,
-        length_m=track.length_m,
-        width_m=track.width_m,
-    )
+    return _predicted(track, track.positions[future], track.headings_rad[future], float(track.speeds_mps[index]))
 
 
 def _visible(position: Points, ego: EgoState, *, blind_behind: bool) -> bool:
     offset = position - ego.position
     distance = float(np.hypot(*offset))
     bearing = wrap_angle(math.atan2(offset[1], offset[0]) - ego.heading_rad)
-    follows = blind_behind and distance > REAR_CONE_FROM_M and math.pi - abs(bearing) < REAR_CONE_RAD / 2
-    return distance <= SENSOR_RADIUS_M and not follows
+    follows = blind_behind and distance > _REAR_CONE_FROM_M and math.pi - abs(bearing) < _REAR_CONE_RAD / 2
+    return distance <= _SENSOR_RADIUS_M and not follows

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 BEYOND_GOAL_M = 120.0
 """Candidates of the planner's horizon must not leave the path: horizon × speed beyond the goal, at least this."""
+FASTEST_MPS = 36.0
+"""The speed limit of Frenetix's sampling: no candidate gets farther within the horizon."""
 BLENDED_OVER_M = (10.0, 15.0, 22.0, 33.0, 50.0)
 """Lengths of a blended start, to be tried in turn: the shortest that can be driven stays closest to the route."""
 _SPACING_M = 1.0

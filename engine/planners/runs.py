@@ -14,9 +14,8 @@ from ..execution import ProgressReporter
 from ..geometry import Values, wrap_angles
 from ..vehicles import VehicleParameters, vehicle_of
 from .interface import EgoState
-from .registry import make_planner
+from .registry import check_modes, make_planner, open_traffic
 from .simulation import DrivenRun, simulate
-from .traffic.modes import check_modes, open_traffic
 
 
 def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
@@ -59,20 +58,15 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         ego_width_m=vehicle.width_m,
     )
     report(1.0, driven.final.outcome)
+    core_s = [plan.core_s for plan in driven.plans if plan.core_s > 0]
     timing = RunTiming(
         wall_s=perf_counter() - began,
         planning_step_median_ms=1000 * median(driven.plan_s) if driven.plan_s else 0.0,
-        core_step_median_ms=_core_step_median_ms(driven),
+        core_step_median_ms=1000 * median(core_s) if core_s else None,
         steps=len(driven.plan_s),
         planning_ms=tuple(round(1000 * duration_s, 3) for duration_s in driven.plan_s),
     )
     return RunResponse(record=record, steps=run_steps(driven), timing=timing)
-
-
-def _core_step_median_ms(driven: DrivenRun) -> float | None:
-    """Median over the planning steps in which the planner called its native core; None without one."""
-    core = [plan.core_s for plan in driven.plans if plan.core_s > 0]
-    return 1000 * median(core) if core else None
 
 
 def _metrics(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:

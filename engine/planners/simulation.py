@@ -11,23 +11,21 @@ from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import Prediction
 from ..execution import ProgressReporter
 from ..geometry import arc_length, project
-from ..scene import find_route, start_lanelets
+from ..scene import start_lanelets
 from ..vehicles import rear_axle, vehicle_of
-from .goal import SPEED_BAND_MPS, Goal, left_behind, select_goal_state
+from .goal import SPEED_BAND_MPS, Goal, path_to, select_goal_state
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask
 from .judge import Judge, Verdict, invalid
 from .lanes import Road, build_road
 from .prediction import Predictor, observe, off_the_lanes, predictor
-from .reference_path import BEYOND_GOAL_M, BLENDED_OVER_M, ReferencePath, blended_start, build_reference_path
+from .reference_path import BEYOND_GOAL_M, BLENDED_OVER_M, FASTEST_MPS, ReferencePath, blended_start
 from .traffic.recorded import RecordedTraffic, Traffic
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.scenario import Scenario
 
-FASTEST_MPS = 36.0
-"""The speed limit of Frenetix's sampling (``frenetix/core.py``): no candidate gets farther within the horizon."""
-BEYOND_HORIZON_M = 40.0
+_BEYOND_HORIZON_M = 40.0
 """Chosen: the path goes on this much farther than the fastest candidate gets."""
 
 
@@ -118,22 +116,14 @@ def _task(
     vehicle = vehicle_of(configuration.settings)
     aim = select_goal_state(network, problem.goal, ego, vehicle, step_s)
     goal = Goal(aim)
-    beyond_m = max(BEYOND_GOAL_M, configuration.settings.horizon_s * FASTEST_MPS + BEYOND_HORIZON_M)
+    beyond_m = max(BEYOND_GOAL_M, configuration.settings.horizon_s * FASTEST_MPS + _BEYOND_HORIZON_M)
     ahead_m = beyond_m
     if not goal.has_position:
         ahead_m += (ego.speed_mps + SPEED_BAND_MPS) * max(goal.last_step - ego.step, 0) * step_s
     try:
-        route = find_route(network, aim, ego.position, ego.heading_rad, ahead_m=ahead_m)
-    except NotPossible as no_route:
-        return invalid("goal_unreachable", no_route.message)
-    reference = build_reference_path(network, route, ego.position, ego.speed_mps, beyond_m=beyond_m)
-    if goal.has_position and goal.stations_on(reference.points) is None:
-        reference = build_reference_path(
-            network, route, ego.position, ego.speed_mps, beyond_m=beyond_m, through=goal.center
-        )
-    behind = left_behind(goal, ego, reference, network)
-    if behind is not None:
-        return invalid("goal_unreachable", behind)
+        reference = path_to(goal, aim, network, ego, ahead_m=ahead_m, beyond_m=beyond_m)
+    except NotPossible as no_way:
+        return invalid("goal_unreachable", no_way.message)
     road = build_road(network, reference, beyond_m=beyond_m)
     return PlanningTask(scenario, problem, configuration, reference, road, vehicle, step_s, aim)
 

@@ -21,7 +21,7 @@ from ..vehicles import commonroad_vehicle
 if TYPE_CHECKING:
     from commonroad.scenario.scenario import ScenarioID
 
-STANDING_MPS = 0.1
+_STANDING_MPS = 0.1
 """Below it the heading says nothing about the steering angle, which then stays as it is."""
 
 
@@ -100,7 +100,7 @@ def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, lar
     turned = np.diff(np.unwrap(np.array(steps.heading_rad)))
     speed = np.array(steps.speed_mps)
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
-    moving = mean_speed > STANDING_MPS
+    moving = mean_speed > _STANDING_MPS
     between = np.zeros(len(turned))
     between[moving] = np.arctan(wheelbase_m * turned[moving] / (mean_speed[moving] * step_s))
     for index in np.flatnonzero(~moving):

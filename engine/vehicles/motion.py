@@ -26,7 +26,8 @@ _STANDING_M, _STANDING_MPS = 0.3, 0.02
 _CELL_M = 0.25
 """Chosen: spacing of the points at which a path is smoothed, an eighth of the smoothing."""
 _WHEELBASE_M = 2.5789
-"""Of CommonRoad's vehicle 2, to four digits as for the class ``car``; ``BMW_320I`` has three."""
+"""Of CommonRoad's vehicle 2, to four digits as for the class ``car``. ``BMW_320I`` has the rounded 2.579, with which
+planner runs were made: one value for both would change either their bytes or those of generated and edited traffic."""
 _POSITION_TOLERANCE_M = 2e-2
 _HEADING_TOLERANCE_RAD = 3e-2
 """The checker's default tolerances for a step."""

@@ -84,8 +84,8 @@ class _ListeningFrenetix(Frenetix):
         self.seconds.append(perf_counter() - began)
         return values
 
-    def _ranked(self, feasible: Any, inputs: Any, step: Any) -> Iterator["frenetix.TrajectorySample"]:
-        ranked = list(super()._ranked(feasible, inputs, step))
+    def _ranked(self, feasible: Any, step: Any) -> Iterator["frenetix.TrajectorySample"]:
+        ranked = list(super()._ranked(feasible, step))
         self.prediction += [sample.costMap["prediction"][0] for sample in ranked]
         self.responsibility += [sample.costMap["responsibility"][0] for sample in ranked]
         return iter(ranked)

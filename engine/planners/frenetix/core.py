@@ -26,7 +26,8 @@ Traps (``test_frenetix_traps.py`` holds them):
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections import Counter
+from dataclasses import dataclass, field, replace
 
 import frenetix
 import frenetix.trajectory_functions as functions
@@ -37,25 +38,24 @@ import numpy as np
 from ....schemas.planning import PlannerSettings
 from ...geometry import Points, Values, arc_length, headings, wrap_angle
 from ...vehicles import VehicleParameters, centers, rear_axle
-from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
+from ..interface import EgoState, Observation, PlannedTrajectory, PredictedObstacle
+from ..reference_path import FASTEST_MPS
 
-SECOND_DERIVATIVE_FACTOR = 2.0
+_SECOND_DERIVATIVE_FACTOR = 2.0
 """True over reported second derivatives of the core's samples; a test holds it against differences."""
 SAFE_RANGE_RAD = 0.75 * math.pi
 """Chosen: headings of a frame stay within this of its direction, far from ±π."""
-BEHIND_M = 10.0
+_BEHIND_M = 10.0
 """Chosen: the headings that decide on a frame begin this far behind the ego."""
-SPEED_LIMIT_MPS = 36.0
-"""No end state is faster."""
-DURATION_STEPS_S = (1.0, 0.5, 0.3, 0.2)
+_DURATION_STEPS_S = (1.0, 0.5, 0.3, 0.2)
 """Steps of the sampled durations at the levels 0 to 3, as in the reference for time steps of 0.1 s."""
-SHORTEST_REST_S = 0.2
+_SHORTEST_REST_S = 0.2
 """Chosen: what is left of the driven plan is an end state as long as it lasts this long."""
 FINAL_SPEED = 5
 """Column of the sampling matrix."""
-SAME_PLACE_M = 1e-6
+_SAME_PLACE_M = 1e-6
 """Within this the ego is where the plan before put it: rounding only."""
-STANDING_MPS = 1e-3
+_STANDING_MPS = 1e-3
 """Slower, derivatives by time say nothing about those by arc length."""
 CONSTRAINTS = {
     "Yaw rate Constraint": "yaw_rate",
@@ -113,22 +113,19 @@ class FrameKeeper:
         self._path = path
         self._stations = arc_length(path)[:-1]
         self._headings = headings(path)
-        whole = (float(self._headings.min()), float(self._headings.max()))
-        fits = whole[1] - whole[0] < 2 * SAFE_RANGE_RAD
-        self.frame = FrenetFrame.of(path, _middle(*whole) if fits else float(self._headings[0]))
+        low, high = float(self._headings.min()), float(self._headings.max())
+        fits = high - low < 2 * SAFE_RANGE_RAD
+        self.frame = FrenetFrame.of(path, (low + high) / 2 if fits else float(self._headings[0]))
 
     def frame_for(self, station_m: float, ahead_m: float) -> FrenetFrame:
         """The frame for planning from an arc length over the metres ahead."""
-        window = self._window(station_m, ahead_m)
+        near = (self._stations >= station_m - _BEHIND_M) & (self._stations <= station_m + ahead_m)
+        window = self._headings[near] if near.any() else self._headings[-1:]
         turned = np.abs(np.remainder(window - self.frame.angle_rad + math.pi, math.tau) - math.pi)
-        spread = float(window.max() - window.min())
-        if float(turned.max()) > SAFE_RANGE_RAD and spread < 2 * SAFE_RANGE_RAD:
-            self.frame = FrenetFrame.of(self._path, _middle(float(window.min()), float(window.max())))
+        low, high = float(window.min()), float(window.max())
+        if float(turned.max()) > SAFE_RANGE_RAD and high - low < 2 * SAFE_RANGE_RAD:
+            self.frame = FrenetFrame.of(self._path, (low + high) / 2)
         return self.frame
-
-    def _window(self, station_m: float, ahead_m: float) -> Values:
-        near = (self._stations >= station_m - BEHIND_M) & (self._stations <= station_m + ahead_m)
-        return self._headings[near] if near.any() else self._headings[-1:]
 
 
 def _longest_accepted(path: Points) -> Points:
@@ -140,16 +137,12 @@ def _longest_accepted(path: Points) -> Points:
     accepted, refused = 2, len(path)
     while refused - accepted > 1:
         middle = (accepted + refused) // 2
-        accepted, refused = (middle, refused) if _is_accepted(path[:middle]) else (accepted, middle)
+        try:
+            FrenetFrame.of(path[:middle], 0.0)
+            accepted = middle
+        except RuntimeError:
+            refused = middle
     return path[:accepted]
-
-
-def _is_accepted(path: Points) -> bool:
-    try:
-        FrenetFrame.of(path, 0.0)
-    except RuntimeError:
-        return False
-    return True
 
 
 def tangents(segments_rad: Values) -> Values:
@@ -160,10 +153,6 @@ def tangents(segments_rad: Values) -> Values:
     tangents = segments_rad.copy()
     tangents[1:-1] = 0.5 * (segments_rad[:-2] + segments_rad[1:-1])
     return tangents
-
-
-def _middle(low: float, high: float) -> float:
-    return (low + high) / 2
 
 
 def _rotation(angle_rad: float) -> Points:
@@ -191,7 +180,7 @@ class CurvilinearState:
         offset, first, second = self.lateral
         if not low_speed:
             lateral = [offset, first * speed, second * speed**2 + first * acceleration]
-        elif speed > STANDING_MPS:
+        elif speed > _STANDING_MPS:
             slope = first / speed
             lateral = [offset, slope, (second - slope * acceleration) / speed**2]
         else:
@@ -203,27 +192,21 @@ def initial_state(
     frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters, low_speed: bool
 ) -> CurvilinearState | None:
     """The ego's curvilinear state by the core; None where it cannot be placed (opposite heading, off the path)."""
+    rear = frame.inwards(rear_axle(ego.position, ego.heading_rad, vehicle))
+    steering = float(np.arctan2(vehicle.wheelbase_m * ego.yaw_rate_radps, max(ego.speed_mps, _STANDING_MPS)))
+    steering = float(np.clip(steering, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad))
+    heading = frame.heading_inwards(ego.heading_rad)
+    present = frenetix.CartesianPlannerState(
+        np.ascontiguousarray(rear), heading, ego.speed_mps, ego.acceleration_mps2, steering
+    )
     try:
-        state = frenetix.compute_initial_state(
-            frame.system, _core_state(frame, ego, vehicle), vehicle.wheelbase_m, low_speed
-        )
+        state = frenetix.compute_initial_state(frame.system, present, vehicle.wheelbase_m, low_speed)
     except (RuntimeError, ValueError):
         return None
     longitudinal, lateral = np.array(state.x0_lon, dtype=float), np.array(state.x0_lat, dtype=float)
     if not (np.isfinite(longitudinal).all() and np.isfinite(lateral).all()):
         return None
     return CurvilinearState(longitudinal, lateral, low_speed)
-
-
-def _core_state(frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters) -> "frenetix.CartesianPlannerState":
-    """The ego as the core's Cartesian state: the rear axle in the frame, the steering angle from the yaw rate."""
-    rear = frame.inwards(rear_axle(ego.position, ego.heading_rad, vehicle))
-    steering = float(np.arctan2(vehicle.wheelbase_m * ego.yaw_rate_radps, max(ego.speed_mps, STANDING_MPS)))
-    steering = float(np.clip(steering, -vehicle.maximum_steering_rad, vehicle.maximum_steering_rad))
-    heading = frame.heading_inwards(ego.heading_rad)
-    return frenetix.CartesianPlannerState(
-        np.ascontiguousarray(rear), heading, ego.speed_mps, ego.acceleration_mps2, steering
-    )
 
 
 @dataclass(frozen=True)
@@ -240,7 +223,7 @@ class SamplingSettings:
     def of(cls, settings: PlannerSettings) -> "SamplingSettings":
         """The horizon and the level of a configuration; each level halves the distance of the values."""
         level = settings.sampling_level
-        return cls(horizon_s=settings.horizon_s, values=2 ** (level + 1) + 1, duration_step_s=DURATION_STEPS_S[level])
+        return cls(horizon_s=settings.horizon_s, values=2 ** (level + 1) + 1, duration_step_s=_DURATION_STEPS_S[level])
 
 
 @dataclass(frozen=True)
@@ -270,35 +253,43 @@ def sampling_matrix(
     durations = np.unique(np.round(np.append(durations, settings.horizon_s), 6))
     low = max(0.001, speed_mps - vehicle.maximum_acceleration_mps2 * settings.horizon_s)
     reach = speed_mps + vehicle.maximum_acceleration_mps2 / 6.0 * settings.horizon_s
-    high = max(min(reach, SPEED_LIMIT_MPS, vehicle.maximum_speed_mps), low)
+    high = max(min(reach, FASTEST_MPS, vehicle.maximum_speed_mps), low)
     speeds = np.unique(np.append(np.linspace(low, high, settings.values), state.longitudinal[1]))
     offsets = np.linspace(-settings.lateral_m, settings.lateral_m, settings.values)
     offsets = np.unique(np.append(offsets, state.lateral[0]))
     t1, v1, d1 = (axis.ravel() for axis in np.meshgrid(durations, speeds, offsets, indexing="ij"))
-    if going_on is not None and going_on.duration_s >= SHORTEST_REST_S:
-        t1, v1, d1 = (
-            np.append(t1, going_on.duration_s),
-            np.append(v1, going_on.speed_mps),
-            np.append(d1, going_on.offset_m),
-        )
+    if going_on is not None and going_on.duration_s >= _SHORTEST_REST_S:
+        rest = going_on.duration_s, going_on.speed_mps, going_on.offset_m
+        t1, v1, d1 = (np.append(axis, value) for axis, value in zip((t1, v1, d1), rest, strict=True))
     matrix = np.zeros((len(t1), 13))
     matrix[:, 1], matrix[:, FINAL_SPEED], matrix[:, 10] = t1, v1, d1
     matrix[:, 2:5], matrix[:, 7:10] = state.longitudinal, state.lateral
     return matrix
 
 
-@dataclass(frozen=True)
-class StepInputs:
-    """What the functions of one planning step depend on."""
+@dataclass
+class PlanningStep:
+    """One planning step in progress: what the functions of the core depend on, and what is counted.
 
-    ego: EgoState
-    obstacles: tuple[PredictedObstacle, ...]
-    desired_speed_mps: float
+    ``reach_m``: distance that the fastest candidate covers within the horizon; ``core_s``: time that the core took.
+    """
+
+    observation: Observation
+    frame: FrenetFrame
+    settings: SamplingSettings
     low_speed: bool
-    horizon_s: float
+    desired_speed_mps: float
     step_s: float
-    shortest_s: float
     reach_m: float
+    rejected: Counter[str] = field(default_factory=Counter)
+    candidates: int = 0
+    fastest_mps: float = 0.0
+    core_s: float = 0.0
+
+    @property
+    def ego(self) -> EgoState:
+        """The ego as observed."""
+        return self.observation.ego
 
 
 def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParameters) -> None:
@@ -310,7 +301,7 @@ def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParam
     handler.add_feasability_function(feasibility.CheckYawRateConstraint(steering, wheelbase, False))
     handler.add_feasability_function(
         feasibility.CheckAccelerationConstraint(
-            vehicle.switching_speed_mps, vehicle.maximum_acceleration_mps2 / SECOND_DERIVATIVE_FACTOR, False
+            vehicle.switching_speed_mps, vehicle.maximum_acceleration_mps2 / _SECOND_DERIVATIVE_FACTOR, False
         )
     )
     handler.add_feasability_function(feasibility.CheckCurvatureConstraint(steering, wheelbase, False))
@@ -319,17 +310,17 @@ def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParam
     )
 
 
-def add_step_functions(
-    handler: "frenetix.TrajectoryHandler", weights: dict[str, float], frame: FrenetFrame, inputs: StepInputs
-) -> None:
+def add_step_functions(handler: "frenetix.TrajectoryHandler", weights: dict[str, float], step: PlanningStep) -> None:
     """Coordinates and quick cost terms of this step; those of the step before are removed first.
 
     The handler keeps functions until one of the same name replaces them, so a term that is left out this time (no
     obstacle in sight) would otherwise go on with old positions.
     """
     handler.clear_cost_functions()
-    orientation = frame.heading_inwards(inputs.ego.heading_rad)
-    handler.add_function(functions.FillCoordinates(inputs.low_speed, orientation, frame.system, inputs.horizon_s))
+    orientation = step.frame.heading_inwards(step.ego.heading_rad)
+    handler.add_function(
+        functions.FillCoordinates(step.low_speed, orientation, step.frame.system, step.settings.horizon_s)
+    )
     for name, make in _CONSTANT.items():
         if weights[name] > 0:
             handler.add_cost_function(make(name, weights[name]))
@@ -338,16 +329,16 @@ def add_step_functions(
             costs.CalculateVelocityOffsetCost(
                 "velocity_offset",
                 weights["velocity_offset"],
-                inputs.desired_speed_mps,
-                inputs.step_s,
-                inputs.shortest_s,
+                step.desired_speed_mps,
+                step.step_s,
+                step.settings.shortest_s,
                 False,  # limit_to_t_min is broken in the core
                 2,
             )
         )
     # the core raises TypeError for an empty (0, 2) array of obstacles
-    if weights["distance_to_obstacles"] > 0 and inputs.obstacles:
-        present = frame.inwards(np.array([obstacle.positions[0] for obstacle in inputs.obstacles]))
+    if weights["distance_to_obstacles"] > 0 and step.observation.obstacles:
+        present = step.frame.inwards(np.array([obstacle.positions[0] for obstacle in step.observation.obstacles]))
         handler.add_cost_function(
             costs.CalculateDistanceToObstacleCost(
                 "distance_to_obstacles", weights["distance_to_obstacles"], np.ascontiguousarray(present)
@@ -366,25 +357,25 @@ _CONSTANT = {
 
 
 def collision_probability(
-    weight: float, frame: FrenetFrame, inputs: StepInputs, vehicle: VehicleParameters
+    weight: float, step: PlanningStep, vehicle: VehicleParameters
 ) -> costs.CalculateCollisionProbabilityFast:
     """The core's term ``prediction``. It takes longer than all else in the core, so it is kept out of the handler."""
-    counted = [(obstacle, _last_within_reach(obstacle, inputs, vehicle)) for obstacle in inputs.obstacles]
-    predictions = {o.obstacle_id: _core_prediction(o, last, frame) for o, last in counted if last > 0}
+    counted = [(obstacle, _last_within_reach(obstacle, step, vehicle)) for obstacle in step.observation.obstacles]
+    predictions = {o.obstacle_id: _core_prediction(o, last, step.frame) for o, last in counted if last > 0}
     return costs.CalculateCollisionProbabilityFast(
         "prediction", weight, predictions, vehicle.length_m, vehicle.width_m, vehicle.rear_axle_behind_center_m
     )
 
 
-def _last_within_reach(obstacle: PredictedObstacle, inputs: StepInputs, vehicle: VehicleParameters) -> int:
+def _last_within_reach(obstacle: PredictedObstacle, step: PlanningStep, vehicle: VehicleParameters) -> int:
     """The last step ahead at which the core can count an obstacle, 0 where it never can.
 
     The core counts nothing farther than √50 m from the ego's box, at the same step. At a share of the horizon a
     candidate is at most that share of ``reach_m`` away, and its lateral offset on top.
     """
-    away = np.linalg.norm(obstacle.positions - inputs.ego.position, axis=1)
-    times = np.arange(len(away)) * inputs.step_s
-    within = np.flatnonzero(away <= times / inputs.horizon_s * inputs.reach_m + BESIDE_REACH_M + vehicle.length_m)
+    away = np.linalg.norm(obstacle.positions - step.ego.position, axis=1)
+    times = np.arange(len(away)) * step.step_s
+    within = np.flatnonzero(away <= times / step.settings.horizon_s * step.reach_m + BESIDE_REACH_M + vehicle.length_m)
     return int(within[-1]) if len(within) else 0
 
 
@@ -426,7 +417,7 @@ class DrivenPlan:
         index = ego.step - self.first_step
         if not 0 <= index < len(self.trajectory.positions):
             return None
-        if float(np.linalg.norm(self.trajectory.positions[index] - ego.position)) > SAME_PLACE_M:
+        if float(np.linalg.norm(self.trajectory.positions[index] - ego.position)) > _SAME_PLACE_M:
             return None
         column = self.curvilinear[:, index]
         return CurvilinearState(column[:3].copy(), column[3:].copy(), self.low_speed).as_mode(low_speed)
@@ -458,7 +449,7 @@ def copied_curvilinear(sample: "frenetix.TrajectorySample") -> Points:
     inner = sample.curvilinear
     rows = (inner.s, inner.s_dot, inner.s_ddot, inner.d, inner.d_dot, inner.d_ddot)
     states = np.array([np.array(row, dtype=float) for row in rows])
-    states[[2, 5]] *= SECOND_DERIVATIVE_FACTOR
+    states[[2, 5]] *= _SECOND_DERIVATIVE_FACTOR
     return states
 
 

@@ -39,21 +39,21 @@ from ...vehicles import HARDEST_BRAKING_MPS2
 from ..interface import PredictedObstacle
 from ..lanes import Corridor, LaneCenters, LaneCorridors
 
-RANGE_M = 8.0
+_RANGE_M = 8.0
 """Chosen: a wider gap costs nothing; it would cost less than 0.02."""
-SCALE_M = 2.0
+_SCALE_M = 2.0
 """Chosen: over this gap the cost falls to 1/e."""
-EVERY_S = 0.2
+_EVERY_S = 0.2
 """Chosen: the gaps are looked at in steps of this duration."""
-STANDING_MPS = 0.1
+_STANDING_MPS = 0.1
 """Chosen: a slower obstacle stands."""
-ACCELERATION_MPS2 = 3.0
+_ACCELERATION_MPS2 = 3.0
 """Chosen: what another may accelerate with; that of a brisk car."""
-SIDE_BY_SIDE_RAD = math.radians(30.0)
+_SIDE_BY_SIDE_RAD = math.radians(30.0)
 """Chosen: headings that differ by less, or by this less than 180°, are parallel."""
-LEFT_TURN_RAD = math.radians(20.0)
+_LEFT_TURN_RAD = math.radians(20.0)
 """Chosen: a candidate that turns to the left by more than this before the conflict turns left."""
-Flags = NDArray[np.bool_]
+_Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -107,14 +107,14 @@ def responsibility(batch: CandidateBatch) -> Values:
     looked = False
     for other in batch.obstacles:
         gap, step = nearness.to(other)
-        near = np.flatnonzero(gap < RANGE_M)
+        near = np.flatnonzero(gap < _RANGE_M)
         if not len(near):
             continue
         if not looked:
             own = batch.corridors.from_here(here, heading, _reach_m(batch.fastest_mps, horizon_s))
             looked = True
         conflict = _Conflict(batch, other, own, here, heading, near, step[near])
-        total[near] += np.where(conflict.is_the_egos(horizon_s), np.exp(-gap[near] / SCALE_M), 0.0)
+        total[near] += np.where(conflict.is_the_egos(horizon_s), np.exp(-gap[near] / _SCALE_M), 0.0)
     return total
 
 
@@ -127,7 +127,7 @@ class _Nearness:
 
     def __init__(self, batch: CandidateBatch) -> None:
         self._batch = batch
-        every = max(round(EVERY_S / batch.step_s), 1)
+        every = max(round(_EVERY_S / batch.step_s), 1)
         self._steps = np.arange(batch.x_m.shape[1] - 1, 0, -every)[::-1]
         self._x, self._y = batch.x_m[:, self._steps], batch.y_m[:, self._steps]
         heading = batch.heading_rad[:, self._steps]
@@ -140,7 +140,7 @@ class _Nearness:
         half_length, half_width = self._batch.half_length_m, self._batch.half_width_m
         steps = self._steps[self._steps < len(other.positions)]
         there, count = other.positions[steps], len(steps)
-        reach = RANGE_M + math.hypot(half_length, half_width) + math.hypot(other.length_m, other.width_m) / 2
+        reach = _RANGE_M + math.hypot(half_length, half_width) + math.hypot(other.length_m, other.width_m) / 2
         outside = np.maximum(self._low[:count] - there, there - self._high[:count])
         close = np.flatnonzero((outside < reach).all(axis=1))
         if not len(close):
@@ -172,14 +172,14 @@ class _Conflict:
     near: NDArray[np.intp]
     step: NDArray[np.intp]
 
-    def is_the_egos(self, horizon_s: float) -> Flags:
+    def is_the_egos(self, horizon_s: float) -> _Flags:
         """Whether the ego would be responsible, by the rules of the module."""
         other, there = self.other, self.other.positions[0]
         turn = wrap_angle(float(other.headings_rad[0]) - self.heading_rad)
         reach = _reach_m(other.speed_mps, horizon_s)
         legal = self.batch.corridors.from_here(there, float(other.headings_rad[0]), reach)
         in_own_lane, before_ego = _inside(self.own, there)
-        if other.speed_mps < STANDING_MPS:
+        if other.speed_mps < _STANDING_MPS:
             return np.full(len(self.near), (there - self.here) @ _direction(self.heading_rad) > 0.0) | self._in_front()
         if in_own_lane and before_ego > 0.0:
             return np.full(len(self.near), abs(turn) < math.pi / 2)
@@ -190,38 +190,38 @@ class _Conflict:
             return self._in_front()
         return self._between_lanes(legal, turn)
 
-    def _between_lanes(self, legal: Corridor, turn: float) -> Flags:
+    def _between_lanes(self, legal: Corridor, turn: float) -> _Flags:
         """Rules 5 and 6: neither follows the other now."""
         points = self._points()
         left_own = np.ones(len(points), dtype=np.bool_) if self.own is None else self.own.locate(points)[1] > 0.0
         both_left = left_own & (legal.locate(self.other.positions)[1] > 0.0)[self.step]
         station, beyond_edge = legal.locate(points)
-        parallel = abs(turn) < SIDE_BY_SIDE_RAD or abs(turn) > math.pi - SIDE_BY_SIDE_RAD
+        parallel = abs(turn) < _SIDE_BY_SIDE_RAD or abs(turn) > math.pi - _SIDE_BY_SIDE_RAD
         half_m = self.batch.half_width_m if parallel else self.batch.half_length_m
         within = self._reachable(station) & (beyond_edge < half_m)
         over_the_edge = (beyond_edge > 0.0) if parallel else np.zeros(len(points), dtype=np.bool_)
         return np.asarray(both_left | (within & (left_own | over_the_edge | self._gives_way(legal, turn))))
 
-    def _gives_way(self, legal: Corridor, turn: float) -> Flags:
+    def _gives_way(self, legal: Corridor, turn: float) -> _Flags:
         mine = self.own.priority if self.own else 0
         if mine != legal.priority:
             return np.full(len(self.near), mine < legal.priority)
-        if abs(turn) < SIDE_BY_SIDE_RAD:
+        if abs(turn) < _SIDE_BY_SIDE_RAD:
             return self._in_front()
-        if abs(turn) > math.pi - SIDE_BY_SIDE_RAD:
+        if abs(turn) > math.pi - _SIDE_BY_SIDE_RAD:
             turned = wrap_angles(self.batch.heading_rad[self.near, self.step] - self.heading_rad)
-            return np.asarray(turned > LEFT_TURN_RAD)
+            return np.asarray(turned > _LEFT_TURN_RAD)
         return np.full(len(self.near), turn > 0.0)  # who drives to the ego's left comes from its right
 
-    def _reachable(self, station: Values) -> Flags:
+    def _reachable(self, station: Values) -> _Flags:
         time = self.step * self.batch.step_s
-        speed, margin = self.other.speed_mps, self.other.length_m / 2 + self.batch.half_length_m + RANGE_M
+        speed, margin = self.other.speed_mps, self.other.length_m / 2 + self.batch.half_length_m + _RANGE_M
         braking = np.minimum(time, speed / HARDEST_BRAKING_MPS2)
         least = speed * braking - HARDEST_BRAKING_MPS2 / 2 * braking**2
-        most = speed * time + ACCELERATION_MPS2 / 2 * time**2
+        most = speed * time + _ACCELERATION_MPS2 / 2 * time**2
         return np.asarray((station >= least - margin) & (station <= most + margin))
 
-    def _in_front(self) -> Flags:
+    def _in_front(self) -> _Flags:
         """Whether the obstacle is before the ego's centre at the conflict."""
         heading = self.batch.heading_rad[self.near, self.step]
         away = self.other.positions[self.step] - self._points()
@@ -243,7 +243,7 @@ def _direction(heading_rad: float) -> Points:
 
 
 def _reach_m(speed_mps: float, horizon_s: float) -> float:
-    return speed_mps * horizon_s + ACCELERATION_MPS2 / 2 * horizon_s**2
+    return speed_mps * horizon_s + _ACCELERATION_MPS2 / 2 * horizon_s**2
 
 
 CostTerm = Callable[[CandidateBatch], Values]

@@ -9,7 +9,6 @@ that stops soonest.
 import heapq
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar
 
@@ -19,7 +18,7 @@ import numpy as np
 from ...geometry import Points, project
 from ..drivability import Limit, violated_limit
 from ..goal import DesiredSpeed, Goal
-from ..interface import EgoState, Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask
+from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask
 from ..lanes import LaneCenters, LaneCorridors
 from ..traffic.recorded import rectangle
 from .core import (
@@ -27,9 +26,8 @@ from .core import (
     FINAL_SPEED,
     DrivenPlan,
     FrameKeeper,
-    FrenetFrame,
+    PlanningStep,
     SamplingSettings,
-    StepInputs,
     add_feasibility,
     add_step_functions,
     collision_probability,
@@ -45,31 +43,12 @@ from .costs import OWN_TERMS, CandidateBatch
 if TYPE_CHECKING:
     from commonroad_dc import pycrcc
 
-LOW_SPEED_MPS = 2.0
+_LOW_SPEED_MPS = 2.0
 """Chosen: under it the core plans with lateral derivatives by arc length (``CurvilinearState``)."""
-STANDSTILL_MPS = 0.1
+_STANDSTILL_MPS = 0.1
 """Chosen: an ego as slow as this that has no safe candidate stands still."""
 COMPLETED_AT_ONCE = 16
 """Chosen: candidates for which the expensive cost terms are computed together."""
-
-Objection = Literal["collision", "road_edge"]
-
-
-@dataclass
-class _Step:
-    """One planning step in progress."""
-
-    observation: Observation
-    frame: FrenetFrame
-    low_speed: bool
-    rejected: Counter[str]
-    candidates: int = 0
-    fastest_mps: float = 0.0
-    core_s: float = 0.0
-
-    @property
-    def ego(self) -> EgoState:
-        return self.observation.ego
 
 
 class Frenetix:
@@ -96,47 +75,57 @@ class Frenetix:
     def plan(self, observation: Observation) -> Plan:
         """Sample, score, and take the first candidate that is safe."""
         ego, task = observation.ego, self._task
-        station_m = project(task.reference.points, ego.position)[0]
-        frame = self._frames.frame_for(station_m, self._reach_m(ego))
-        step = _Step(observation, frame, ego.speed_mps < LOW_SPEED_MPS, Counter())
-        state = self._driven.state_for(ego, step.low_speed) if self._driven else None
+        horizon_s = self._settings.horizon_s
+        reach_m = (ego.speed_mps + task.vehicle.maximum_acceleration_mps2 / 6.0 * horizon_s) * horizon_s
+        frame = self._frames.frame_for(project(task.reference.points, ego.position)[0], reach_m)
+        low_speed, desired_mps = ego.speed_mps < _LOW_SPEED_MPS, self._desired_speed.at(ego)
+        step = PlanningStep(observation, frame, self._settings, low_speed, desired_mps, task.step_s, reach_m)
+        state = self._driven.state_for(ego, low_speed) if self._driven else None
         going_on = self._driven.rest_for(ego, task.step_s) if self._driven and state else None
-        state = state or initial_state(frame, ego, task.vehicle, step.low_speed)
+        state = state or initial_state(frame, ego, task.vehicle, low_speed)
         if state is None:
             step.rejected["initial_state"] = 1
             return Plan(None, rejected=dict(step.rejected))
         matrix = sampling_matrix(state, ego.speed_mps, self._settings, task.vehicle, going_on)
-        inputs = self._inputs(step)
-        feasible = self._feasible(matrix, inputs, step)
+        feasible = self._feasible(matrix, step)
         safety = SafetyCheck(task, observation)
 
         def objection(sample: "frenetix.TrajectorySample") -> str | None:
             trajectory = copied_trajectory(sample, frame, ego, task.vehicle)
             return violated_limit(trajectory, task.vehicle, task.step_s) or safety.objection(trajectory)
 
-        chosen = first_feasible(self._ranked(feasible, inputs, step), objection, step.rejected)
+        chosen = first_feasible(self._ranked(feasible, step), objection, step.rejected)
         if chosen is not None:
             return self._drive(chosen, "regular", step)
         return self._fallback(feasible, float(state.lateral[0]), step)
 
-    def _feasible(self, matrix: Points, inputs: StepInputs, step: _Step) -> list["frenetix.TrajectorySample"]:
+    def _feasible(self, matrix: Points, step: PlanningStep) -> list["frenetix.TrajectorySample"]:
         """The feasible candidates with their quick terms; the others are counted by what rejects them."""
-        add_step_functions(self._handler, self._weights, step.frame, inputs)
+        add_step_functions(self._handler, self._weights, step)
         began = perf_counter()
         self._handler.generate_trajectories(matrix, step.low_speed)
         self._handler.evaluate_all_current_functions(False)
         samples = list(self._handler.get_sorted_trajectories())
         step.core_s = perf_counter() - began
         step.candidates, step.fastest_mps = len(matrix), float(matrix[:, FINAL_SPEED].max())
-        return self._sorted_out(samples, step)
+        feasible: list[frenetix.TrajectorySample] = []
+        for sample in samples:
+            if sample.feasible:
+                feasible.append(sample)
+                continue
+            broken = [CONSTRAINTS[name] for name, count in sample.feasabilityMap.items() if count > 0]
+            step.rejected.update(broken or ["negative_speed"])
+        if len(samples) < step.candidates:
+            step.rejected["off_reference_path"] += step.candidates - len(samples)
+        return feasible
 
     def _ranked(
-        self, feasible: list["frenetix.TrajectorySample"], inputs: StepInputs, step: _Step
+        self, feasible: list["frenetix.TrajectorySample"], step: PlanningStep
     ) -> Iterator["frenetix.TrajectorySample"]:
         """Feasible candidates, cheapest first; the expensive terms are computed as the candidates are asked for."""
         weight, collision = self._weights["prediction"], None
         if weight > 0:
-            collision = collision_probability(weight, step.frame, inputs, self._task.vehicle)
+            collision = collision_probability(weight, step, self._task.vehicle)
 
         def complete(candidates: Sequence["frenetix.TrajectorySample"]) -> None:
             if collision is not None:
@@ -148,32 +137,7 @@ class Frenetix:
 
         return cheapest_first(feasible, complete, COMPLETED_AT_ONCE)
 
-    def _inputs(self, step: _Step) -> StepInputs:
-        return StepInputs(
-            ego=step.ego,
-            obstacles=step.observation.obstacles,
-            desired_speed_mps=self._desired_speed.at(step.ego),
-            low_speed=step.low_speed,
-            horizon_s=self._settings.horizon_s,
-            step_s=self._task.step_s,
-            shortest_s=self._settings.shortest_s,
-            reach_m=self._reach_m(step.ego),
-        )
-
-    def _sorted_out(self, samples: list["frenetix.TrajectorySample"], step: _Step) -> list["frenetix.TrajectorySample"]:
-        feasible: list[frenetix.TrajectorySample] = []
-        for sample in samples:
-            if sample.feasible:
-                feasible.append(sample)
-                continue
-            broken = [CONSTRAINTS[name] for name, count in sample.feasabilityMap.items() if count > 0]
-            for name in broken or ["negative_speed"]:
-                step.rejected[name] += 1
-        if len(samples) < step.candidates:
-            step.rejected["off_reference_path"] += step.candidates - len(samples)
-        return feasible
-
-    def _add_own_terms(self, candidates: Sequence["frenetix.TrajectorySample"], step: _Step) -> None:
+    def _add_own_terms(self, candidates: Sequence["frenetix.TrajectorySample"], step: PlanningStep) -> None:
         if not candidates or not self._own_terms or self._lanes is None or self._corridors is None:
             return
         vehicle, frame = self._task.vehicle, step.frame
@@ -200,8 +164,8 @@ class Frenetix:
             for sample, value in zip(candidates, term(batch).tolist(), strict=True):
                 sample.add_cost_value_to_list(name, value, weight * value)
 
-    def _fallback(self, feasible: list["frenetix.TrajectorySample"], offset_m: float, step: _Step) -> Plan:
-        if step.ego.speed_mps <= STANDSTILL_MPS:
+    def _fallback(self, feasible: list["frenetix.TrajectorySample"], offset_m: float, step: PlanningStep) -> Plan:
+        if step.ego.speed_mps <= _STANDSTILL_MPS:
             self._driven = None
             still = standstill(step.ego, round(self._settings.horizon_s / self._task.step_s))
             return Plan(still, {}, dict(step.rejected), step.candidates, "standstill", step.core_s)
@@ -216,23 +180,18 @@ class Frenetix:
             return Plan(None, {}, dict(step.rejected), step.candidates, core_s=step.core_s)
         return self._drive(chosen, "stopping", step)
 
-    def _limit(self, sample: "frenetix.TrajectorySample", step: _Step) -> Limit | None:
+    def _limit(self, sample: "frenetix.TrajectorySample", step: PlanningStep) -> Limit | None:
         """The limit of the vehicle that a candidate breaks."""
         vehicle = self._task.vehicle
         return violated_limit(copied_trajectory(sample, step.frame, step.ego, vehicle), vehicle, self._task.step_s)
 
-    def _drive(self, sample: "frenetix.TrajectorySample", kind: PlanKind, step: _Step) -> Plan:
+    def _drive(self, sample: "frenetix.TrajectorySample", kind: PlanKind, step: PlanningStep) -> Plan:
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
         self._driven = DrivenPlan(
             step.ego.step, trajectory, copied_curvilinear(sample), step.low_speed, end_state(sample)
         )
         weighted = {name: float(pair[1]) for name, pair in sorted(sample.costMap.items())}
         return Plan(trajectory, weighted, dict(step.rejected), step.candidates, kind, step.core_s)
-
-    def _reach_m(self, ego: EgoState) -> float:
-        """Distance that the fastest candidate covers within the horizon."""
-        gain = self._task.vehicle.maximum_acceleration_mps2 / 6.0 * self._settings.horizon_s
-        return (ego.speed_mps + gain) * self._settings.horizon_s
 
 
 class _Candidate(Protocol):
@@ -247,12 +206,12 @@ class _Candidate(Protocol):
         """A number of its own."""
 
 
-AnyCandidate = TypeVar("AnyCandidate", bound=_Candidate)
+_AnyCandidate = TypeVar("_AnyCandidate", bound=_Candidate)
 
 
 def cheapest_first(
-    candidates: Iterable[AnyCandidate], complete: Callable[[Sequence[AnyCandidate]], None], at_once: int
-) -> Iterator[AnyCandidate]:
+    candidates: Iterable[_AnyCandidate], complete: Callable[[Sequence[_AnyCandidate]], None], at_once: int
+) -> Iterator[_AnyCandidate]:
     """Candidates by ascending cost, the rest of their costs computed only as far as candidates are asked for.
 
     The given costs lack expensive terms that are never negative. ``complete`` adds them, to ``at_once`` candidates at a
@@ -260,7 +219,7 @@ def cheapest_first(
     expensive terms is cheaper than all that follow, so the order is the same as if all had been completed before.
     """
     waiting = sorted(candidates, key=_order)
-    completed: list[tuple[Any, Any, AnyCandidate]] = []
+    completed: list[tuple[Any, Any, _AnyCandidate]] = []
     for begin in range(0, len(waiting), at_once):
         while completed and completed[0][0] < waiting[begin].cost:
             yield heapq.heappop(completed)[-1]
@@ -277,8 +236,8 @@ def _order(candidate: _Candidate) -> tuple[Any, Any]:
 
 
 def first_feasible(
-    ordered: Iterable[AnyCandidate], objection: Callable[[AnyCandidate], str | None], rejected: Counter[str]
-) -> AnyCandidate | None:
+    ordered: Iterable[_AnyCandidate], objection: Callable[[_AnyCandidate], str | None], rejected: Counter[str]
+) -> _AnyCandidate | None:
     """The first candidate without an objection; the objections to those before it are counted in ``rejected``."""
     for candidate in ordered:
         reason = objection(candidate)
@@ -310,7 +269,7 @@ class SafetyCheck:
             self._others.add_collision_object(body)
         self._on_edge_now = self._road.touches_edge(rectangle(observation.ego, task.vehicle))
 
-    def objection(self, trajectory: PlannedTrajectory) -> Objection | None:
+    def objection(self, trajectory: PlannedTrajectory) -> Literal["collision", "road_edge"] | None:
         """Why a trajectory is not safe, or None.
 
         An ego that touches the edge of the road now is only asked to stay clear of it once it has left it.

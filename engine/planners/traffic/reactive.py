@@ -19,32 +19,33 @@ from ....schemas.errors import NotPossible
 from ...commonroad import LoadedScenario, Track
 from ...cosimulation import Actor, SimulationSetup, open_simulation
 from ...geometry import oriented_rectangle, rectangles_overlap, wrap_angle
+from ...network import sumo_net
 from ...traffic import LaneHint, Sumo, sumo_pose
 from ...vehicles import VehicleParameters
 from ..goal import select_goal_state
 from ..interface import EgoState
-from .recorded import GrowingTrack, RecordedTraffic, Traffic, rectangle
+from .recorded import GrowingTrack, Traffic, rectangle
 from .roles import EGO, TrafficRoles
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
 
-SUBLANES = ("--lateral-resolution", 0.4)
+_SUBLANES = ("--lateral-resolution", 0.4)
 """Both lanes see a vehicle across their line; without sublanes only the lane of its front centre does."""
-MOST_OBLIQUE_RAD = 0.8
+_MOST_OBLIQUE_RAD = 0.8
 """An ego turned farther across its lane is shown as it stands: no box along the lane would fit it (chosen)."""
-BESIDE_EGO_M = 0.3
+_BESIDE_EGO_M = 0.3
 """How much room beside the ego the others leave: SUMO knows neither how a vehicle turns while it moves to the side, nor
 an overlap with the next lane of less than a sublane."""
-CLEARANCE_M = 1.0
+_CLEARANCE_M = 1.0
 """Room around a vehicle that appears in the middle of a run, at each end and in all across (chosen)."""
-COMFORTABLE_DECELERATION_MPS2 = 4.5
+_COMFORTABLE_DECELERATION_MPS2 = 4.5
 """How a vehicle that appears brakes for those ahead: SUMO's default deceleration of cars."""
 
 
 @contextmanager
 def reactive_traffic(
-    loaded: LoadedScenario, problem: "PlanningProblem", ego: EgoState, vehicle: VehicleParameters, seed: int
+    loaded: LoadedScenario, problem: "PlanningProblem", vehicle: VehicleParameters, seed: int
 ) -> Iterator[Traffic]:
     """The others of a scenario, driven by SUMO from the ego's first step on.
 
@@ -52,17 +53,19 @@ def reactive_traffic(
         NotPossible: no lanelet of the scenario can be driven on.
         WorkerFailure: SUMO refused the network or a vehicle, or stopped.
     """
+    ego = EgoState.of(problem.initial_state)
     with TemporaryDirectory() as name:
         folder = Path(name)
         roles = TrafficRoles.of(loaded, ego.step)
         if not roles.scene.layout.edges:
             raise NotPossible("no lanelet is drivable, so nobody can react", next_step="run with traffic recorded")
-        roles.write_net(folder / "scenario.net.xml")
-        setup = SimulationSetup(folder / "scenario.net.xml", folder, loaded.step_s, 0, seed)
+        net = folder / "scenario.net.xml"
+        net.write_text(sumo_net(roles.scene.layout, roles.scene.lane_speeds_mps), encoding="utf-8")
+        setup = SimulationSetup(net, folder, loaded.step_s, 0, seed)
         types = roles.vehicle_types(vehicle)
-        with open_simulation(setup, types, SUBLANES) as sumo:
+        with open_simulation(setup, types, _SUBLANES) as sumo:
             roles = roles.keeping_to_route(_astray(sumo, roles))
-        with open_simulation(setup, types, SUBLANES) as sumo:
+        with open_simulation(setup, types, _SUBLANES) as sumo:
             goal = select_goal_state(roles.scene.network, problem.goal, ego, vehicle, loaded.step_s)
             yield _ReactiveTraffic(sumo, roles, roles.ego_edges(goal, ego), ego, vehicle)
 
@@ -97,19 +100,10 @@ class _ReactiveTraffic:
         self._shown: dict[str, ShownVehicle] = {}
         self._lost: list[Actor] = []
         self._ego = ShownVehicle(sumo, EGO, ego_edges)
-        self._moving: tuple[Track, ...] = ()
+        self.moving: tuple[Track, ...] = ()
+        self.standing = roles.replayed.standing
         self._first_step = ego.step
         self.advance(ego)
-
-    @property
-    def moving(self) -> tuple[Track, ...]:
-        """Dynamic obstacles by ascending id; the driven ones up to the step that was advanced to."""
-        return self._moving
-
-    @property
-    def standing(self) -> tuple[Track, ...]:
-        """Static obstacles."""
-        return self._roles.replayed.standing
 
     @property
     def driven(self) -> tuple[Track, ...]:
@@ -137,12 +131,11 @@ class _ReactiveTraffic:
         self._read(there)
         self._take_over(starting, ego.step, there)
         tracks = [*self._roles.replayed.moving, *self.driven]
-        self._moving = tuple(sorted(tracks, key=lambda track: track.obstacle_id))
+        self.moving = tuple(sorted(tracks, key=lambda track: track.obstacle_id))
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
-        replayed: RecordedTraffic = self._roles.replayed
-        hit = replayed.hit_by(ego, vehicle)
+        hit = self._roles.replayed.hit_by(ego, vehicle)
         own = rectangle(ego, vehicle)
         for track in self.driven:
             index = track.index_at(ego.step)
@@ -165,11 +158,11 @@ class _ReactiveTraffic:
         """Show SUMO the box around the ego along its lane: to it no vehicle is ever oblique."""
         hint, direction = self._roles.ego_lane(ego.position, ego.heading_rad, ego.speed_mps)
         turned = abs(wrap_angle(ego.heading_rad - direction))
-        if turned > MOST_OBLIQUE_RAD:
+        if turned > _MOST_OBLIQUE_RAD:
             direction, turned = ego.heading_rad, 0.0
         width_m = self._ego_vehicle.width_m * math.cos(turned) + self._ego_vehicle.length_m * math.sin(turned)
         pose = sumo_pose(float(ego.position[0]), float(ego.position[1]), direction, self._ego_vehicle.length_m)
-        self._ego.place(pose, hint, width_m + 2 * BESIDE_EGO_M)
+        self._ego.place(pose, hint, width_m + 2 * _BESIDE_EGO_M)
 
     def _place_shown(self, step: int) -> None:
         for actor in self._roles.shown:
@@ -231,8 +224,8 @@ def is_insertion_safe(track: Track, index: int, traffic: Traffic, ego: EgoState,
     forward = np.array([math.cos(heading), math.sin(heading)])
     for position, angle, size, their_speed in bodies:
         along = their_speed * math.cos(angle - heading)
-        braking = max(speed**2 - max(along, 0.0) ** 2, 0.0) / (2 * COMFORTABLE_DECELERATION_MPS2)
-        own_size = (track.length_m + 2 * CLEARANCE_M + braking, track.width_m + CLEARANCE_M)
+        braking = max(speed**2 - max(along, 0.0) ** 2, 0.0) / (2 * _COMFORTABLE_DECELERATION_MPS2)
+        own_size = (track.length_m + 2 * _CLEARANCE_M + braking, track.width_m + _CLEARANCE_M)
         own = oriented_rectangle(center + forward * braking / 2, heading, own_size)
         if rectangles_overlap(own, oriented_rectangle(position, angle, size)):
             return False

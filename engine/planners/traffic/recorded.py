@@ -1,7 +1,7 @@
 """The others in a run: what the simulation loop asks of them (:class:`Traffic`), and the others as recorded."""
 
 from collections.abc import Set
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -45,13 +45,6 @@ class Traffic(Protocol):
         """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
 
 
-@dataclass(frozen=True)
-class _CollisionBody:
-    obstacle_id: int
-    kind: str
-    shape: "pycrcc.CollisionObject"
-
-
 class RecordedTraffic:
     """Dynamic and static obstacles of a scenario, following their recordings; environment and phantoms are no bodies.
 
@@ -69,14 +62,14 @@ class RecordedTraffic:
         self.moving: tuple[Track, ...] = tuple(t for t in _all_tracks(scenario) if t.obstacle_id not in without)
         self.standing: tuple[Track, ...] = tuple(_static_track(obstacle) for obstacle in scenario.static_obstacles)
         obstacles = [*scenario.dynamic_obstacles, *scenario.static_obstacles]
-        self._bodies = [
-            _CollisionBody(int(o.obstacle_id), str(o.obstacle_type.value), create_collision_object(o))
+        self._bodies = {
+            (int(o.obstacle_id), str(o.obstacle_type.value)): create_collision_object(o)
             for o in sorted(obstacles, key=lambda o: int(o.obstacle_id))
             if int(o.obstacle_id) not in without
-        ]
+        }
         self._checker = pycrcc.CollisionChecker()
-        for body in self._bodies:
-            self._checker.add_collision_object(body.shape)
+        for body in self._bodies.values():
+            self._checker.add_collision_object(body)
 
     def advance(self, ego: EgoState) -> None:
         """Nothing to do: a recording does not depend on the ego."""
@@ -89,7 +82,7 @@ class RecordedTraffic:
         body.append_obstacle(rectangle(ego, vehicle))
         if not self._checker.collide(body):
             return None
-        return next(((o.obstacle_id, o.kind) for o in self._bodies if o.shape.collide(body)), None)
+        return next((who for who, shape in self._bodies.items() if shape.collide(body)), None)
 
 
 def rectangle(ego: EgoState, vehicle: VehicleParameters) -> "pycrcc.RectOBB":
@@ -114,35 +107,29 @@ def _occupancy_track(obstacle: Any) -> Track:
     shapes = [obstacle.occupancy_at_time(first).shape]
     if obstacle.prediction is not None:
         shapes += [occupancy.shape for occupancy in obstacle.prediction.occupancy_set]
-    parts = [_largest(shape) for shape in shapes]
-    sizes = [size_of(part) for part in parts]
     heading = float(getattr(obstacle.initial_state, "orientation", None) or 0.0)
     speed = float(getattr(obstacle.initial_state, "velocity", None) or 0.0)
-    return Track(
-        obstacle_id=int(obstacle.obstacle_id),
-        kind=str(obstacle.obstacle_type.value),
-        length_m=max(size[0] for size in sizes),
-        width_m=max(size[1] for size in sizes),
-        first_step=first,
-        positions=np.array([part.center for part in parts], dtype=float),
-        headings_rad=np.array([getattr(part, "orientation", heading) for part in parts], dtype=float),
-        speeds_mps=np.full(len(parts), speed),
-    )
+    return _track_of_shapes(obstacle, first, shapes, heading, speed)
 
 
 def _static_track(obstacle: Any) -> Track:
-    state = obstacle.initial_state
-    shape = _largest(obstacle.occupancy_at_time(state.time_step).shape)
-    length, width = size_of(shape)
+    shape = obstacle.occupancy_at_time(obstacle.initial_state.time_step).shape
+    return _track_of_shapes(obstacle, 0, [shape], 0.0, 0.0)
+
+
+def _track_of_shapes(obstacle: Any, first_step: int, shapes: list[Any], heading_rad: float, speed_mps: float) -> Track:
+    """``heading_rad``: that of shapes without one of their own."""
+    parts = [_largest(shape) for shape in shapes]
+    sizes = [size_of(part) for part in parts]
     return Track(
         obstacle_id=int(obstacle.obstacle_id),
         kind=str(obstacle.obstacle_type.value),
-        length_m=length,
-        width_m=width,
-        first_step=0,
-        positions=np.array([shape.center], dtype=float),
-        headings_rad=np.array([float(getattr(shape, "orientation", 0.0))]),
-        speeds_mps=np.zeros(1),
+        length_m=max(length for length, _ in sizes),
+        width_m=max(width for _, width in sizes),
+        first_step=first_step,
+        positions=np.array([part.center for part in parts], dtype=float),
+        headings_rad=np.array([getattr(part, "orientation", heading_rad) for part in parts], dtype=float),
+        speeds_mps=np.full(len(parts), speed_mps),
     )
 
 
@@ -151,7 +138,7 @@ def _largest(shape: Any) -> Any:
     return max(parts, key=lambda part: float(part.shapely_object.area)) if parts else shape
 
 
-FIRST_CAPACITY = 64
+_FIRST_CAPACITY = 64
 """States for which there is room at first (chosen); it doubles when full."""
 
 
@@ -160,7 +147,7 @@ class GrowingTrack:
 
     def __init__(self, like: Track, first_step: int) -> None:
         self.like, self.first_step = like, first_step
-        self._rows = np.empty((FIRST_CAPACITY, 4))
+        self._rows = np.empty((_FIRST_CAPACITY, 4))
         self._count = 0
 
     @property
@@ -178,13 +165,6 @@ class GrowingTrack:
     def track(self) -> Track:
         """What has been added, without copying."""
         rows = self._rows[: self._count]
-        return Track(
-            obstacle_id=self.like.obstacle_id,
-            kind=self.like.kind,
-            length_m=self.like.length_m,
-            width_m=self.like.width_m,
-            first_step=self.first_step,
-            positions=rows[:, :2],
-            headings_rad=rows[:, 2],
-            speeds_mps=rows[:, 3],
+        return replace(
+            self.like, first_step=self.first_step, positions=rows[:, :2], headings_rad=rows[:, 2], speeds_mps=rows[:, 3]
         )

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +10,7 @@ from ....schemas.errors import NotPossible
 from ...commonroad import LoadedScenario, recorded_tracks
 from ...cosimulation import Actor, all_actors, lane_hint, not_drivable, recorded_plan
 from ...geometry import Points, point_at, project
-from ...network import NetLayout, sumo_net
+from ...network import NetLayout
 from ...scene import MapMatcher, Scene, find_route
 from ...traffic import NO_LANE, LaneHint, vehicle_type
 from ...vehicles import HARDEST_BRAKING_MPS2, VehicleParameters
@@ -23,11 +22,11 @@ if TYPE_CHECKING:
 
 EGO = "ego"
 """SUMO's id of the ego."""
-REAR_M = 15.0
+_REAR_M = 15.0
 """The ego's route begins at least this far behind its centre (chosen): its longest body is on it."""
-AHEAD_M = 150.0
+_AHEAD_M = 150.0
 """The ego's route goes on this far behind its goal (chosen)."""
-MERGING_COST = 0.5
+_MERGING_COST = 0.5
 """Lanelets under the ego whose matching costs differ by less lie on one another: they merge (chosen)."""
 
 
@@ -63,10 +62,6 @@ class TrafficRoles:
             replayed=RecordedTraffic(loaded.scenario, without=frozenset(keys)),
         )
 
-    def write_net(self, path: Path) -> None:
-        """Write SUMO's network, fast enough for the recorded speeds."""
-        path.write_text(sumo_net(self.scene.layout, self.scene.lane_speeds_mps), encoding="utf-8")
-
     def keeping_to_route(self, keys: frozenset[str]) -> "TrafficRoles":
         """The roles with some driven vehicles put onto their route's lanes when they begin."""
         kept = tuple(replace(actor, keep_to_route=True) if actor.key in keys else actor for actor in self.driven)
@@ -83,7 +78,7 @@ class TrafficRoles:
         """
         network, graph = self.scene.network, self.scene.edge_graph
         try:
-            lanelets = find_route(network, goal, ego.position, ego.heading_rad, ahead_m=AHEAD_M).lanelets
+            lanelets = find_route(network, goal, ego.position, ego.heading_rad, ahead_m=_AHEAD_M).lanelets
         except NotPossible:
             lanelets = ()
         lanelets = tuple(key for key in lanelets if key in self.scene.layout.table.lanes)
@@ -108,7 +103,7 @@ class TrafficRoles:
         best = min(under_ego, key=lambda key: (under_ego[key], key), default=route[0])
         if len(route) > 1 and route[1] in table.successors[best]:
             route[0] = best
-        while length_m < REAR_M and (before := [k for k in table.predecessors[route[0]] if k not in route]):
+        while length_m < _REAR_M and (before := [k for k in table.predecessors[route[0]] if k not in route]):
             route.insert(0, self._most_likely_before(before, under_ego, ego))
             length_m += table.lanes[route[0]].length_m
         return tuple(route)
@@ -119,7 +114,7 @@ class TrafficRoles:
         A follower on a lane that the ego's rear does not stand on sees the ego as crossing traffic, and far too late.
         """
         costs = {key: under_ego.get(key, math.inf) for key in lanelets}
-        fitting = [key for key in lanelets if costs[key] <= min(costs.values()) + MERGING_COST]
+        fitting = [key for key in lanelets if costs[key] <= min(costs.values()) + _MERGING_COST]
         return min(fitting, key=lambda key: (self._nearest_driven_m(key, ego), costs[key], key))
 
     def _nearest_driven_m(self, lanelet: int, ego: EgoState) -> float:

@@ -48,7 +48,7 @@ async def wait_for_good(progress: JobProgress) -> None:
 
 
 def test_job_is_recorded_with_what_it_says(store: JobStore) -> None:
-    job = store.start("batch", RECIPE)
+    job = store.start("batch", RECIPE)[0]
     assert job.job_id == f"job_{RECIPE.digest}"
     assert (job.state, job.share, job.ended, job.remaining_s) == ("running", 0, False, None)
     store.update(job.job_id, share=0.5, message="half", results=("run_1",))
@@ -59,7 +59,7 @@ def test_job_is_recorded_with_what_it_says(store: JobStore) -> None:
 
 
 def test_job_that_ended_stays_as_it_is(store: JobStore) -> None:
-    job = store.start("batch", RECIPE)
+    job = store.start("batch", RECIPE)[0]
     store.end(job.job_id, "done", results=("run_1",))
     store.end(job.job_id, "failed", results=(), error="late")
     store.update(job.job_id, share=0.1, message="late", results=())
@@ -69,9 +69,9 @@ def test_job_that_ended_stays_as_it_is(store: JobStore) -> None:
 
 
 def test_attempts_of_one_recipe_have_ids_of_their_own(store: JobStore) -> None:
-    first = store.start("batch", RECIPE)
+    first = store.start("batch", RECIPE)[0]
     store.end(first.job_id, "failed", results=(), error="x")
-    second = store.start("batch", RECIPE)
+    second = store.start("batch", RECIPE)[0]
     assert second.job_id == f"{first.job_id}_2"
     assert store.running(RECIPE) == second
     assert store.running(OTHER) is None
@@ -82,7 +82,7 @@ def test_attempts_of_one_recipe_have_ids_of_their_own(store: JobStore) -> None:
 def test_unknown_job_names_the_nearest(store: JobStore) -> None:
     with pytest.raises(UnknownName, match="no job yet"):
         store.get("latest")
-    job = store.start("batch", RECIPE)
+    job = store.start("batch", RECIPE)[0]
     with pytest.raises(UnknownName) as caught:
         store.get(job.job_id[:-1] + "x")
     assert caught.value.valid == (job.job_id,)
@@ -96,7 +96,7 @@ def test_job_of_a_server_that_is_gone_is_interrupted_and_may_start_again(store: 
         "from plannerforge.engine.workspace.artifacts import Workspace\n"
         "from plannerforge.engine.workspace.recipe import Recipe\n"
         "store = JobStore(Workspace(Path(sys.argv[1])).database)\n"
-        "job = store.start('batch', Recipe.model_validate_json(sys.argv[2]))\n"
+        "job = store.start('batch', Recipe.model_validate_json(sys.argv[2]))[0]\n"
         "store.update(job.job_id, share=0.5, message='half', results=('run_1',))\n"
         "print(job.job_id)\n"
     )
@@ -105,7 +105,7 @@ def test_job_of_a_server_that_is_gone_is_interrupted_and_may_start_again(store: 
     found = store.get(job_id)
     assert (found.state, found.ended, found.results) == ("interrupted", True, ("run_1",))
     assert store.running(RECIPE) is None
-    assert store.start("batch", RECIPE).job_id == f"{job_id}_2"
+    assert store.start("batch", RECIPE)[0].job_id == f"{job_id}_2"
 
 
 async def test_work_that_succeeds_is_done_with_its_results(store: JobStore) -> None:

@@ -40,8 +40,8 @@ class Keeping(Frenetix):
 
     stored: tuple[Stored, ...] = ()
 
-    def _ranked(self, feasible: Any, inputs: Any, step: Any) -> Any:
-        found = list(super()._ranked(feasible, inputs, step))
+    def _ranked(self, feasible: Any, step: Any) -> Any:
+        found = list(super()._ranked(feasible, step))
         if not self.stored:
             check = SafetyCheck(self._task, step.observation)
             self.stored = tuple(self._copied(sample, step, check) for sample in found)

@@ -16,9 +16,9 @@ from support.planning import configuration
 from plannerforge.engine.commonroad.reader import LoadedScenario, read_scenario
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.interface import EgoState
+from plannerforge.engine.planners.registry import check_modes, open_traffic
 from plannerforge.engine.planners.runs import run_planner
 from plannerforge.engine.planners.simulation import DrivenRun, simulate
-from plannerforge.engine.planners.traffic.modes import check_modes, open_traffic
 from plannerforge.engine.planners.traffic.reactive import is_insertion_safe
 from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
 from plannerforge.engine.planners.traffic.roles import TrafficRoles
