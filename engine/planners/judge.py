@@ -30,10 +30,10 @@ class Verdict:
     collision: CollisionRecord | None = None
     invalid_reason: InvalidReason | None = None
 
-
-def invalid(code: InvalidReason, reason: str) -> Verdict:
-    """The verdict on a problem that no planner can solve."""
-    return Verdict("invalid", reason, invalid_reason=code)
+    @classmethod
+    def invalid(cls, code: InvalidReason, reason: str) -> "Verdict":
+        """The verdict on a problem that no planner can solve."""
+        return cls("invalid", reason, invalid_reason=code)
 
 
 class Judge:
@@ -55,15 +55,17 @@ class Judge:
         """Why no planner can solve the problem, or None."""
         hit = self._traffic.hit_by(initial, self._vehicle)
         if hit:
-            return invalid("initial_collision", f"the ego overlaps obstacle {hit[0]} ({hit[1]}) in its initial state")
+            return Verdict.invalid(
+                "initial_collision", f"the ego overlaps obstacle {hit[0]} ({hit[1]}) in its initial state"
+            )
         if not self._road.holds(initial.position):
-            return invalid("ego_off_road", "the ego starts off the road")
+            return Verdict.invalid("ego_off_road", "the ego starts off the road")
         turned_rad = self._off_route_rad(initial)
         if turned_rad > pi / 2:
             turned = f"the ego heads {degrees(turned_rad):.0f}° off the way to its goal, and nobody drives backwards"
-            return invalid("ego_against_route", turned)
+            return Verdict.invalid("ego_against_route", turned)
         too_far = out_of_reach(self._goal, initial, self._vehicle, self._step_s)
-        return invalid("goal_out_of_time", too_far) if too_far else None
+        return Verdict.invalid("goal_out_of_time", too_far) if too_far else None
 
     def _off_route_rad(self, ego: EgoState) -> float:
         """The angle between the ego's heading and the reference path beside it."""

@@ -15,7 +15,7 @@ from ..scene import start_lanelets
 from ..vehicles import rear_axle, vehicle_of
 from .goal import SPEED_BAND_MPS, Goal, path_to, select_goal_state
 from .interface import EgoState, Observation, Plan, Planner, PlanningTask
-from .judge import Judge, Verdict, invalid
+from .judge import Judge, Verdict
 from .lanes import Road, build_road
 from .prediction import Predictor, observe, off_the_lanes, predictor
 from .reference_path import BEYOND_GOAL_M, BLENDED_OVER_M, FASTEST_MPS, ReferencePath, blended_start
@@ -108,11 +108,11 @@ def _task(
     """The task, or why there is none."""
     network, step_s = scenario.lanelet_network, float(scenario.dt)
     if not problem.goal.state_list:
-        return invalid("no_goal_state", "the planning problem has no goal state")
+        return Verdict.invalid("no_goal_state", "the planning problem has no goal state")
     try:
         start_lanelets(network, ego.position, ego.heading_rad)
     except NotPossible as nowhere:
-        return invalid("ego_off_road", nowhere.message)
+        return Verdict.invalid("ego_off_road", nowhere.message)
     vehicle = vehicle_of(configuration.settings)
     aim = select_goal_state(network, problem.goal, ego, vehicle, step_s)
     goal = Goal(aim)
@@ -123,7 +123,7 @@ def _task(
     try:
         reference = path_to(goal, aim, network, ego, ahead_m=ahead_m, beyond_m=beyond_m)
     except NotPossible as no_way:
-        return invalid("goal_unreachable", no_way.message)
+        return Verdict.invalid("goal_unreachable", no_way.message)
     road = build_road(network, reference, beyond_m=beyond_m)
     return PlanningTask(scenario, problem, configuration, reference, road, vehicle, step_s, aim)
 

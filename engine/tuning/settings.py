@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Assignment, parse_assignment
 from ...schemas.planning import PlannerSettings
-from ..vehicles import PARAMETER_NAMES, VEHICLES
+from ..vehicles import VEHICLES
 from .tunings import LARGEST_WEIGHT
 
 
@@ -139,21 +139,20 @@ def changed_settings(settings: PlannerSettings, changes: Iterable[str]) -> tuple
         UnknownName: a setting that does not exist.
         InvalidRequest: malformed, out of its range, or a vehicle whose parameters do not fit together.
     """
-    values, notes = setting_values(settings), list[str]()
+    values, notes, known = setting_values(settings), list[str](), known_settings()
+    limits = {name: (setting.lowest, setting.highest) for name, setting in known.items()}
     for text in changes:
-        changed = apply_assignments(values, [text], limits=_limits(), kind="setting")
+        changed = apply_assignments(values, [text], limits=limits, kind="setting")
         values, notes = changed.values, [*notes, *changed.notes]
         name = parse_assignment(text).name.lower()
-        if known_settings()[name].whole and values[name] != int(values[name]):
-            raise InvalidRequest(f"'{text}': {name} is a whole number", valid=[known_settings()[name].range_text])
+        if known[name].whole and values[name] != int(values[name]):
+            raise InvalidRequest(f"'{text}': {name} is a whole number", valid=[known[name].range_text])
         if name == "vehicle":
             values |= asdict(VEHICLES[int(values[name])])
     _fits_together(values)
-    return _settings_of(values), tuple(notes)
-
-
-def _limits() -> dict[str, tuple[float, float]]:
-    return {name: (setting.lowest, setting.highest) for name, setting in known_settings().items()}
+    own = asdict(VEHICLES[int(values["vehicle"])])
+    stated = {name: value for name, value in values.items() if name not in own or value != own[name]}
+    return PlannerSettings.model_validate(stated), tuple(notes)
 
 
 def _fits_together(values: dict[str, float]) -> None:
@@ -164,10 +163,3 @@ def _fits_together(values: dict[str, float]) -> None:
             valid=["wheelbase_m <= length_m", "rear_axle_behind_center_m <= length_m / 2 and <= wheelbase_m"],
             next_step="set the three together",
         )
-
-
-def _settings_of(values: dict[str, float]) -> PlannerSettings:
-    """The settings with only those parameters stated that differ from the vehicle's."""
-    own = asdict(VEHICLES[int(values["vehicle"])])
-    kept = {name: value for name, value in values.items() if name not in PARAMETER_NAMES or value != own[name]}
-    return PlannerSettings.model_validate(kept)

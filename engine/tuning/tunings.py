@@ -65,10 +65,8 @@ class PlannerTuning:
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
         """Ranges of the weights that do not go from 0 to 1e6."""
-        narrow = (
-            weight for weight in self.weights.values() if (weight.lowest, weight.highest) != (0.0, LARGEST_WEIGHT)
-        )
-        return {weight.name: (weight.lowest, weight.highest) for weight in narrow}
+        ranges = {name: (weight.lowest, weight.highest) for name, weight in self.weights.items()}
+        return {name: limits for name, limits in ranges.items() if limits != (0.0, LARGEST_WEIGHT)}
 
     def preset(self, word: str) -> Preset:
         """The preset of a name or short name, whatever the case.

@@ -234,6 +234,12 @@ class EndState:
     speed_mps: float
     offset_m: float
 
+    @classmethod
+    def of(cls, sample: "frenetix.TrajectorySample") -> "EndState":
+        """The end that a sample was made for."""
+        row = sample.sampling_parameters
+        return cls(duration_s=float(row[1]), speed_mps=float(row[FINAL_SPEED]), offset_m=float(row[10]))
+
 
 def sampling_matrix(
     state: CurvilinearState,
@@ -451,20 +457,3 @@ def copied_curvilinear(sample: "frenetix.TrajectorySample") -> Points:
     states = np.array([np.array(row, dtype=float) for row in rows])
     states[[2, 5]] *= _SECOND_DERIVATIVE_FACTOR
     return states
-
-
-def end_state(sample: "frenetix.TrajectorySample") -> EndState:
-    """The end that a sample was made for."""
-    row = sample.sampling_parameters
-    return EndState(duration_s=float(row[1]), speed_mps=float(row[FINAL_SPEED]), offset_m=float(row[10]))
-
-
-def standstill(ego: EgoState, steps: int) -> PlannedTrajectory:
-    """Staying where the ego is for a number of steps."""
-    values: Values = np.zeros(steps + 1)
-    return PlannedTrajectory(
-        positions=np.repeat(ego.position[None, :], steps + 1, axis=0),
-        headings_rad=np.full(steps + 1, ego.heading_rad),
-        speeds_mps=values,
-        accelerations_mps2=values.copy(),
-    )

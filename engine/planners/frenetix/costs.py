@@ -78,19 +78,19 @@ class CandidateBatch:
     corridors: LaneCorridors
 
 
-def path_length(batch: CandidateBatch) -> Values:
+def _path_length(batch: CandidateBatch) -> Values:
     """Length of the candidate in m: the integral of its speed (trapezoids)."""
     return np.asarray(np.trapezoid(batch.speed_mps, dx=batch.step_s, axis=1))
 
 
-def velocity(batch: CandidateBatch) -> Values:
+def _velocity(batch: CandidateBatch) -> Values:
     """|mean speed − speed that reaches the goal in the time left| in m/s; 0 where the goal has no place."""
     if batch.target_speed_mps is None:
         return np.zeros(len(batch.speed_mps))
     return np.asarray(np.abs(batch.speed_mps.mean(axis=1) - batch.target_speed_mps))
 
 
-def lane_center_offset(batch: CandidateBatch) -> Values:
+def _lane_center_offset(batch: CandidateBatch) -> Values:
     """Mean distance in m to the centre line of the lanelet under each point; 5 m where there is none."""
     points = np.stack([batch.x_m.ravel(), batch.y_m.ravel()], axis=1)
     return np.asarray(batch.lanes.offsets(points).reshape(batch.x_m.shape).mean(axis=1))
@@ -246,12 +246,10 @@ def _reach_m(speed_mps: float, horizon_s: float) -> float:
     return speed_mps * horizon_s + _ACCELERATION_MPS2 / 2 * horizon_s**2
 
 
-CostTerm = Callable[[CandidateBatch], Values]
-
-OWN_TERMS: dict[str, CostTerm] = {
-    "path_length": path_length,
-    "lane_center_offset": lane_center_offset,
-    "velocity": velocity,
+OWN_TERMS: dict[str, Callable[[CandidateBatch], Values]] = {
+    "path_length": _path_length,
+    "lane_center_offset": _lane_center_offset,
+    "velocity": _velocity,
     "responsibility": responsibility,
 }
 """The terms that are computed here, by weight."""

@@ -18,13 +18,14 @@ import numpy as np
 from ...geometry import Points, project
 from ..drivability import Limit, violated_limit
 from ..goal import DesiredSpeed, Goal
-from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask
+from ..interface import Observation, Plan, PlanKind, PlannedTrajectory, PlanningTask, PredictedObstacle
 from ..lanes import LaneCenters, LaneCorridors
 from ..traffic.recorded import rectangle
 from .core import (
     CONSTRAINTS,
     FINAL_SPEED,
     DrivenPlan,
+    EndState,
     FrameKeeper,
     PlanningStep,
     SamplingSettings,
@@ -33,10 +34,8 @@ from .core import (
     collision_probability,
     copied_curvilinear,
     copied_trajectory,
-    end_state,
     initial_state,
     sampling_matrix,
-    standstill,
 )
 from .costs import OWN_TERMS, CandidateBatch
 
@@ -167,11 +166,14 @@ class Frenetix:
     def _fallback(self, feasible: list["frenetix.TrajectorySample"], offset_m: float, step: PlanningStep) -> Plan:
         if step.ego.speed_mps <= _STANDSTILL_MPS:
             self._driven = None
-            still = standstill(step.ego, round(self._settings.horizon_s / self._task.step_s))
+            count = round(self._settings.horizon_s / self._task.step_s) + 1
+            positions = np.repeat(step.ego.position[None, :], count, axis=0)
+            headings = np.full(count, step.ego.heading_rad)
+            still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))
             return Plan(still, {}, dict(step.rejected), step.candidates, "standstill", step.core_s)
 
         def how_soon(sample: "frenetix.TrajectorySample") -> tuple[float, float, float, float]:
-            end = end_state(sample)
+            end = EndState.of(sample)
             return end.speed_mps, end.duration_s, abs(end.offset_m - offset_m), end.offset_m
 
         soonest = (sample for sample in sorted(feasible, key=how_soon) if self._limit(sample, step) is None)
@@ -188,7 +190,7 @@ class Frenetix:
     def _drive(self, sample: "frenetix.TrajectorySample", kind: PlanKind, step: PlanningStep) -> Plan:
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
         self._driven = DrivenPlan(
-            step.ego.step, trajectory, copied_curvilinear(sample), step.low_speed, end_state(sample)
+            step.ego.step, trajectory, copied_curvilinear(sample), step.low_speed, EndState.of(sample)
         )
         weighted = {name: float(pair[1]) for name, pair in sorted(sample.costMap.items())}
         return Plan(trajectory, weighted, dict(step.rejected), step.candidates, kind, step.core_s)
@@ -253,20 +255,12 @@ class SafetyCheck:
     def __init__(self, task: PlanningTask, observation: Observation) -> None:
         from commonroad_dc import pycrcc
 
-        self._pycrcc = pycrcc
-        self._vehicle = task.vehicle
-        self._road = task.road
+        self._vehicle, self._road = task.vehicle, task.road
         self._others = pycrcc.CollisionChecker()
         for obstacle in observation.obstacles:
-            if len(obstacle.positions) < 2:
-                continue
-            body = pycrcc.TimeVariantCollisionObject(1)
-            half_length, half_width = obstacle.length_m / 2, obstacle.width_m / 2
-            for (x, y), heading in zip(
-                obstacle.positions[1:].tolist(), obstacle.headings_rad[1:].tolist(), strict=True
-            ):
-                body.append_obstacle(pycrcc.RectOBB(half_length, half_width, heading, x, y))
-            self._others.add_collision_object(body)
+            if len(obstacle.positions) > 1:
+                bodies = _rectangles(obstacle, obstacle.length_m, obstacle.width_m)
+                self._others.add_collision_object(_motion(bodies))
         self._on_edge_now = self._road.touches_edge(rectangle(observation.ego, task.vehicle))
 
     def objection(self, trajectory: PlannedTrajectory) -> Literal["collision", "road_edge"] | None:
@@ -274,23 +268,31 @@ class SafetyCheck:
 
         An ego that touches the edge of the road now is only asked to stay clear of it once it has left it.
         """
-        rectangles = self._rectangles(trajectory)
-        if self._others.collide(self._motion(rectangles)):
+        rectangles = _rectangles(trajectory, self._vehicle.length_m, self._vehicle.width_m)
+        if self._others.collide(_motion(rectangles)):
             return "collision"
         if self._on_edge_now:
             clear = (i for i, body in enumerate(rectangles) if not self._road.touches_edge(body))
             rectangles = rectangles[next(clear, len(rectangles)) :]
-        if rectangles and self._road.touches_edge(self._motion(rectangles)):
+        if rectangles and self._road.touches_edge(_motion(rectangles)):
             return "road_edge"
         return None
 
-    def _rectangles(self, trajectory: PlannedTrajectory) -> list["pycrcc.RectOBB"]:
-        half_length, half_width = self._vehicle.length_m / 2, self._vehicle.width_m / 2
-        states = zip(trajectory.positions[1:].tolist(), trajectory.headings_rad[1:].tolist(), strict=True)
-        return [self._pycrcc.RectOBB(half_length, half_width, heading, x, y) for (x, y), heading in states]
 
-    def _motion(self, rectangles: list["pycrcc.RectOBB"]) -> "pycrcc.TimeVariantCollisionObject":
-        motion = self._pycrcc.TimeVariantCollisionObject(1)
-        for body in rectangles:
-            motion.append_obstacle(body)
-        return motion
+def _rectangles(
+    driven: PlannedTrajectory | PredictedObstacle, length_m: float, width_m: float
+) -> list["pycrcc.RectOBB"]:
+    """The body at each step but the present one."""
+    from commonroad_dc import pycrcc
+
+    states = zip(driven.positions[1:].tolist(), driven.headings_rad[1:].tolist(), strict=True)
+    return [pycrcc.RectOBB(length_m / 2, width_m / 2, heading, x, y) for (x, y), heading in states]
+
+
+def _motion(rectangles: list["pycrcc.RectOBB"]) -> "pycrcc.TimeVariantCollisionObject":
+    from commonroad_dc import pycrcc
+
+    motion = pycrcc.TimeVariantCollisionObject(1)
+    for body in rectangles:
+        motion.append_obstacle(body)
+    return motion

@@ -13,13 +13,7 @@ from support.planning import (
     straight_road,
 )
 
-from plannerforge.engine.planners.frenetix.costs import (
-    OWN_TERMS,
-    CandidateBatch,
-    lane_center_offset,
-    path_length,
-    velocity,
-)
+from plannerforge.engine.planners.frenetix.costs import OWN_TERMS, CandidateBatch
 from plannerforge.engine.planners.lanes import OUTSIDE_M, LaneCenters, LaneCorridors
 from plannerforge.engine.tuning import tuning_of
 
@@ -47,18 +41,18 @@ def straight(speed: float, offset: float = 0.0, target: float | None = 8.0) -> C
 
 @pytest.mark.parametrize(("speed", "length"), [(0.0, 0.0), (5.0, 15.0), (12.0, 36.0)])
 def test_path_length_is_the_way_in_three_seconds(speed: float, length: float) -> None:
-    assert path_length(straight(speed)) == pytest.approx([length])
+    assert OWN_TERMS["path_length"](straight(speed)) == pytest.approx([length])
 
 
 @pytest.mark.parametrize(("speed", "cost"), [(8.0, 0.0), (5.0, 3.0), (12.0, 4.0)])
 def test_velocity_is_the_distance_to_the_speed_that_arrives(speed: float, cost: float) -> None:
-    assert velocity(straight(speed)) == pytest.approx([cost])
-    assert velocity(straight(speed, target=None)) == pytest.approx([0.0])
+    assert OWN_TERMS["velocity"](straight(speed)) == pytest.approx([cost])
+    assert OWN_TERMS["velocity"](straight(speed, target=None)) == pytest.approx([0.0])
 
 
 @pytest.mark.parametrize(("offset", "cost"), [(0.0, 0.0), (1.0, 1.0), (2.5, 1.0), (3.5, 0.0), (-4.0, OUTSIDE_M)])
 def test_lane_center_offset_is_that_of_the_lane_under_the_point(offset: float, cost: float) -> None:
-    assert lane_center_offset(straight(5.0, offset)) == pytest.approx([cost])
+    assert OWN_TERMS["lane_center_offset"](straight(5.0, offset)) == pytest.approx([cost])
 
 
 def test_all_thirteen_weights_act_and_the_three_external_ones_do_not() -> None:

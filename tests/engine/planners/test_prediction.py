@@ -156,8 +156,8 @@ def test_an_unknown_prediction_is_refused_with_those_there_are() -> None:
 class Listening(Frenetix):
     """Keeps the raw prediction costs of all feasible candidates by their sampled ends."""
 
-    def _ranked(self, feasible: Any, inputs: Any, step: Any) -> Any:
-        ranked = list(super()._ranked(feasible, inputs, step))
+    def _ranked(self, feasible: Any, step: Any) -> Any:
+        ranked = list(super()._ranked(feasible, step))
         ends = [tuple(np.round(sample.sampling_parameters[[1, 5, 10]], 3) + 0.0) for sample in ranked]
         costs = [sample.costMap["prediction"][0] for sample in ranked]
         self.heard = dict(zip(ends, costs, strict=True))
