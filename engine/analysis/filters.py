@@ -6,7 +6,7 @@ from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, parse_condition
 from ...schemas.runs import RunRecord
 from ..commonroad import parse_benchmark_id
-from .run_set import METRICS, RunSet
+from .run_set import METRICS, MetricSpec, RunSet
 
 _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
     "outcome": lambda record: [record.outcome],
@@ -21,11 +21,15 @@ _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
 }
 
 
+def _number_of(spec: MetricSpec) -> Callable[[RunSet, RunRecord], float | None]:
+    return lambda _, record: spec.value(record)
+
+
 _NUMBERS: dict[str, Callable[[RunSet, RunRecord], float | None]] = {
     "seed": lambda _, record: record.seed,
     "problem": lambda _, record: record.problem_id,
     "obstacles": RunSet.obstacle_count,
-    **{spec.name: lambda _, record, spec=spec: spec.value(record) for spec in METRICS},
+    **{spec.name: _number_of(spec) for spec in METRICS},
 }
 
 
