@@ -10,7 +10,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Awaitable, Callable
-from functools import partial
+from dataclasses import dataclass
 
 import anyio
 import anyio.abc
@@ -171,7 +171,7 @@ class JobRunner:
         self._tasks = tasks
         self._scopes: dict[str, anyio.CancelScope] = {}
         self._changed = anyio.Event()
-        self._unrecorded: dict[str, partial[None]] = {}
+        self._unrecorded: dict[str, _JobEnd] = {}
 
     def start(self, kind: str, recipe: Recipe, work: JobWork) -> Job:
         """Start the work, or join the job that already makes this recipe."""
@@ -222,24 +222,33 @@ class JobRunner:
         finally:
             if scope.cancel_called and state == "interrupted":
                 state = "cancelled"
-            self._unrecorded[job_id] = partial(self.store.end, job_id, state, results=progress.results, error=error)
+            self._unrecorded[job_id] = _JobEnd(state, progress.results, error)
             self._record_missed_ends()
             self._scopes.pop(job_id, None)
             self._announce()
 
     def _record_missed_ends(self) -> None:
         """Record how jobs ended; what a full disk refuses is tried again later, or the job would seem to run on."""
-        for job_id, record_end in list(self._unrecorded.items()):
+        for job_id, end in list(self._unrecorded.items()):
             try:
-                record_end()
+                self.store.end(job_id, end.state, results=end.results, error=end.error)
             except ResourceFailure:
-                logger.exception("the end of %s (%s) could not be recorded", job_id, record_end.args[1])
+                logger.exception("the end of %s (%s) could not be recorded", job_id, end.state)
             else:
                 del self._unrecorded[job_id]
 
     def _announce(self) -> None:
         self._changed.set()
         self._changed = anyio.Event()
+
+
+@dataclass(frozen=True)
+class _JobEnd:
+    """How a job ended."""
+
+    state: JobState
+    results: tuple[str, ...]
+    error: str
 
 
 async def _ignore(job: Job) -> None:
