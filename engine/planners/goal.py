@@ -129,7 +129,7 @@ class Goal:
 
         areas = [state.area for state in self.states if state.area is not None]
         inside = [shapely.intersects_xy(area, path[:, 0], path[:, 1]) for area in areas]
-        within = np.flatnonzero(np.any(inside, axis=0)) if inside else ()
+        within = np.flatnonzero(np.any(inside, axis=0)) if inside else np.empty(0, dtype=int)
         stations = arc_length(path)
         return (float(stations[within[0]]), float(stations[within[-1]])) if len(within) else None
 
