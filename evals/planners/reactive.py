@@ -6,16 +6,27 @@ by a vehicle that followed the ego in its lane when it began to brake. A vehicle
 because its reference path changes the lane, makes none. Keys: ``scenarios`` (with a follower), ``runs`` (with one
 traffic), ``recorded_rear_hits``, ``reactive_rear_hits``, ``reactive_step_ms`` (median duration of a step of the
 reactive traffic).
+
+``--fresh SEED`` measures on approaches that are drawn just then: any recorded car with a follower becomes the ego, at
+any step of its recording, in place of the planning problem's. Keys: ``fresh_approaches``, ``fresh_recorded_rear_hits``,
+``fresh_rear_hits`` (reactive), and of those ``fresh_avoidable_rear_hits`` by followers who could have stopped behind
+the ego with 8 m/s² after one step.
 """
 
+import random
 import statistics
-import sys
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from argparse import ArgumentParser
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from commonroad.common.util import Interval
+from commonroad.geometry.shape import Rectangle
+from commonroad.planning.goal import GoalRegion
+from commonroad.planning.planning_problem import PlanningProblem, PlanningProblemSet
+from commonroad.scenario.state import CustomState, InitialState
 
 from ...engine.commonroad import LoadedScenario, Track, read_scenario, recorded_tracks
 from ...engine.execution import silent
@@ -41,8 +52,12 @@ from ..tracks import ahead_and_left_m
 _PROCESSES = 2
 _BRAKING_MPS2 = 6.0
 """Hard braking (chosen)."""
+_HARDEST_MPS2 = 8.0
+"""How hard a follower can brake (dry road)."""
 _HORIZON_S = 3.0
 """Length of the braking plan (chosen)."""
+_TRIES, _LEAST_STEPS = 8, 20
+"""Draws for each approach that is wanted, and steps that a recording goes on after the ego's start; chosen."""
 _MODES: tuple[Traffic, ...] = ("recorded", "reactive")
 _BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
 """The planner that drives before the ego brakes, and for how long."""
@@ -61,12 +76,29 @@ class _BrakedRun:
     outcome: str
     hit: str | None
     step_ms: float
+    avoidable: bool = True
 
 
 def braked_runs(files: Sequence[Path], processes: int) -> list[_BrakedRun]:
     """The runs of all planners in all traffic modes on the scenarios that have a follower."""
     with process_pool(processes) as pool:
         return [run for runs in pool.map(_braked_runs_of, files) for run in runs]
+
+
+def fresh_runs(files: Sequence[Path], seed: int, count: int, processes: int) -> list[_BrakedRun]:
+    """The runs of the braking planner on ``count`` approaches drawn from these files, in both traffic modes.
+
+    Several times as many are tried: in a draw nobody may follow.
+    """
+    draws = random.Random(seed)  # noqa: S311 - a sample, no secret
+    tries = [(draws.choice(files), draws.randrange(2**32)) for _ in range(_TRIES * count)]
+    runs: list[_BrakedRun] = []
+    with process_pool(processes) as pool:
+        for begin in range(0, len(tries), count):
+            runs += [run for found in pool.map(_fresh_runs_of, tries[begin : begin + count]) for run in found]
+            if len(runs) >= len(_MODES) * count:
+                break
+    return runs[: len(_MODES) * count]
 
 
 def rear_hits(runs: Sequence[_BrakedRun], traffic: str, planner: str | None = None) -> int:
@@ -88,16 +120,56 @@ def rows(runs: Sequence[_BrakedRun]) -> list[tuple[str, str]]:
 def _braked_runs_of(file: Path) -> list[_BrakedRun]:
     """The runs on one scenario; none where no vehicle follows the ego."""
     loaded = read_scenario(file)
-    if not _has_follower(loaded, EgoState.of(loaded.problem().initial_state)):
+    others = recorded_tracks(loaded.scenario).values()
+    if not _has_follower(others, EgoState.of(loaded.problem().initial_state)):
         return []
     return [_braked(loaded, planner, traffic) for planner in _BRAKES_AFTER_S for traffic in _MODES]
 
 
-def _has_follower(loaded: LoadedScenario, ego: EgoState) -> bool:
-    """Whether a vehicle drives behind a moving ego in its lane at its first step."""
-    return ego.speed_mps >= _SLOWEST_MPS and any(
-        _follows(other, ego) for other in recorded_tracks(loaded.scenario).values()
+def _fresh_runs_of(draw: tuple[Path, int]) -> list[_BrakedRun]:
+    file, seed = draw
+    loaded = _approach(read_scenario(file), random.Random(seed))  # noqa: S311 - a sample, no secret
+    return [] if loaded is None else [_braked(loaded, "at once", traffic) for traffic in _MODES]
+
+
+def _approach(loaded: LoadedScenario, draws: random.Random) -> LoadedScenario | None:
+    """The scenario with one of its cars as the ego, at a step at which another vehicle follows it; None without one."""
+    tracks = recorded_tracks(loaded.scenario)
+    cars = [track for track in tracks.values() if track.kind == "car" and len(track.positions) > _LEAST_STEPS]
+    draws.shuffle(cars)
+    for car in cars:
+        start = _initial_state(car, draws.randrange(len(car.positions) - _LEAST_STEPS))
+        others = [track for track in tracks.values() if track is not car]
+        if _has_follower(others, EgoState.of(start)):
+            loaded.scenario.remove_obstacle(loaded.scenario.obstacle_by_id(car.obstacle_id))
+            return replace(loaded, planning_problems=_problem_on(car, start))
+    return None
+
+
+def _initial_state(car: Track, index: int) -> InitialState:
+    return InitialState(
+        time_step=car.first_step + index,
+        position=np.array(car.positions[index], dtype=float),
+        orientation=float(car.headings_rad[index]),
+        velocity=float(car.speeds_mps[index]),
+        acceleration=0.0,
+        yaw_rate=0.0,
+        slip_angle=0.0,
     )
+
+
+def _problem_on(car: Track, start: InitialState) -> PlanningProblemSet:
+    """To drive from there to where the car was last recorded, at any of the steps until then."""
+    end = Rectangle(
+        car.length_m, car.width_m, center=np.array(car.positions[-1]), orientation=float(car.headings_rad[-1])
+    )
+    goal = CustomState(time_step=Interval(start.time_step + 1, car.last_step), position=end)
+    return PlanningProblemSet([PlanningProblem(car.obstacle_id, start, GoalRegion([goal]))])
+
+
+def _has_follower(others: Iterable[Track], ego: EgoState) -> bool:
+    """Whether a vehicle drives behind a moving ego in its lane at its first step."""
+    return ego.speed_mps >= _SLOWEST_MPS and any(_follows(other, ego) for other in others)
 
 
 def _follows(other: Track, ego: EgoState) -> bool:
@@ -117,26 +189,39 @@ def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> _BrakedRun:
     with open_traffic(traffic, loaded, problem, BMW_320I, seed=0) as others:
         run = simulate(loaded.scenario, problem, configuration, planner, "constant_velocity", silent, others)
     step_ms = 1000 * (time.perf_counter() - began - sum(run.plan_s)) / len(run.states)
-    hit = _rear_hit(run, planner.brake_step)
-    return _BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, hit, step_ms)
+    hit, avoidable = _rear_hit(run, planner.brake_step)
+    return _BrakedRun(str(loaded.scenario.scenario_id), name, traffic, run.final.outcome, hit, step_ms, avoidable)
 
 
-def _rear_hit(run: DrivenRun, brake_step: int) -> str | None:
-    """What ran into the ego from behind, if it followed the ego when that began to brake."""
+def _rear_hit(run: DrivenRun, brake_step: int) -> tuple[str | None, bool]:
+    """What ran into the ego from behind, if it followed the ego when that began to brake; whether it could have not."""
     hit = run.final.collision
     begin = next((state for state in run.states if state.step in run.plan_steps and state.step >= brake_step), None)
     if hit is None or hit.obstacle_id is None or begin is None:
-        return None
+        return None, False
     ego = run.states[-1]
     tracks = (*run.traffic.moving, *run.traffic.standing)
     other = next(track for track in tracks if track.obstacle_id == hit.obstacle_id)
     there = other.positions[other.index_at(ego.step) or 0]
     if not _follows(other, begin) or ahead_and_left_m(there, ego.position, ego.heading_rad)[0] >= 0.0:
-        return None
+        return None, False
     driven = (
         "driven" if any(track.obstacle_id == hit.obstacle_id for track in run.traffic.driven) else "on its recording"
     )
-    return f"{hit.kind} {hit.obstacle_id} ({driven}) at {hit.time_s:.1f} s, ego {ego.speed_mps:.1f} m/s"
+    what = f"{hit.kind} {hit.obstacle_id} ({driven}) at {hit.time_s:.1f} s, ego {ego.speed_mps:.1f} m/s"
+    return what, _can_stop_behind(other, begin, float(hit.time_s) / max(ego.step - run.states[0].step, 1))
+
+
+def _can_stop_behind(follower: Track, ego: EgoState, step_s: float) -> bool:
+    """Whether a vehicle that brakes as hard as it can, a step after the ego did, stands before it touches the ego."""
+    index = follower.index_at(ego.step)
+    if index is None:
+        return False
+    speed_mps = float(follower.speeds_mps[index])
+    apart_m = float(np.linalg.norm(follower.positions[index] - ego.position))
+    gap_m = apart_m - (follower.length_m + BMW_320I.length_m) / 2
+    own_m = speed_mps * step_s + speed_mps**2 / (2 * _HARDEST_MPS2)
+    return own_m < gap_m + ego.speed_mps**2 / (2 * _BRAKING_MPS2)
 
 
 class BrakingPlanner:
@@ -211,5 +296,28 @@ def _measure(files: Sequence[Path]) -> None:
     print_figures("The ego brakes to a stand", figures, rows(runs))
 
 
+def _measure_fresh(files: Sequence[Path], seed: int, count: int) -> None:
+    runs = fresh_runs(files, seed, count, _PROCESSES)
+    figures = {
+        "seed": seed,
+        "fresh_approaches": sum(run.traffic == "reactive" for run in runs),
+        "fresh_recorded_rear_hits": rear_hits(runs, "recorded"),
+        "fresh_rear_hits": rear_hits(runs, "reactive"),
+        "fresh_avoidable_rear_hits": sum(
+            run.hit is not None and run.avoidable for run in runs if run.traffic == "reactive"
+        ),
+    }
+    print_figures("The ego, one of the recorded cars, brakes to a stand", figures, rows(runs))
+
+
 if __name__ == "__main__":
-    _measure([Path(text) for text in sys.argv[1:]] or scenario_files(shared_scenarios(), None))
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="*", type=Path, help="default: all of the shared folder")
+    parser.add_argument("--fresh", type=int, metavar="SEED", help="draw approaches from these files")
+    parser.add_argument("--count", type=int, default=100, help="approaches to draw")
+    arguments = parser.parse_args()
+    chosen = arguments.files or scenario_files(shared_scenarios(), None)
+    if arguments.fresh is None:
+        _measure(chosen)
+    else:
+        _measure_fresh(chosen, arguments.fresh, arguments.count)
