@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from mcp.types import GetPromptResult, Prompt, PromptArgument, PromptMessage, TextContent
 
 from ..schemas.errors import InvalidRequest, UnknownName, closest
+from ..schemas.text import one_line, quoted
+
+_LONGEST = 1000
+"""Characters of an argument that a prompt holds; chosen."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +81,14 @@ def prompt_text(name: str, given: dict[str, str]) -> GetPromptResult:
     by_name = {prompt.name: prompt for prompt in PROMPTS}
     prompt = by_name.get(name)
     if prompt is None:
-        raise UnknownName(f"there is no prompt '{name}'", valid=closest(name, by_name))
+        raise UnknownName(f"there is no prompt {quoted(name)}", valid=closest(name, by_name))
     for argument in given:
         if argument not in prompt.arguments:
-            raise UnknownName(f"the prompt {name} has no argument '{argument}'", valid=prompt.arguments)
-    values = {argument: given.get(argument) or default for argument, (_, default) in prompt.arguments.items()}
+            raise UnknownName(f"the prompt {name} has no argument {quoted(argument)}", valid=prompt.arguments)
+    values = {
+        argument: one_line(given.get(argument, ""), _LONGEST) or default
+        for argument, (_, default) in prompt.arguments.items()
+    }
     missing = [argument for argument, value in values.items() if not value]
     if missing:
         raise InvalidRequest(f"the prompt {name} needs {', '.join(missing)}", valid=prompt.arguments)

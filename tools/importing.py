@@ -3,6 +3,7 @@
 Many files are a job: it goes on when the call has answered, and the same call takes up what a crash left.
 """
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,7 @@ from ..engine.catalog import open_catalogue
 from ..engine.execution import JobProgress, OnProgress
 from ..engine.maps import MAP_ENDINGS, is_net
 from ..engine.workspace import Recipe
-from ..schemas.errors import InvalidRequest, PlannerForgeError, as_told
+from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told
 from ..schemas.importing import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
 from ..schemas.jobs import JobState
 from ..schemas.text import one_line, quoted
@@ -23,6 +24,7 @@ from .configurations import import_configuration
 from .maps import import_map, known_country
 from .scenario_storage import import_scenarios
 
+logger = logging.getLogger(__name__)
 _ImportKind = Literal["scenario", "map", "config"]
 _SHOWN = 20
 """Items that an answer lists; its model says so."""
@@ -56,6 +58,8 @@ class _Tally:
         if isinstance(outcome, ImportedItem):
             self.items.append(outcome)
         else:
+            if isinstance(outcome, UnexpectedFailure) and self.total > 1:  # of a single file it is the call's error
+                logger.error("incident %s:\n%s", outcome.incident, outcome.details)
             self.failures.append(outcome)
             self.refusals.append(RefusedItem(file=one_line(path.name), reason=outcome.text))
 

@@ -19,6 +19,7 @@ _LARGEST_BYTES = 50_000
 _MOST_ENTRIES = 200
 """Weights and settings of one file; chosen: no planner has half as many."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}")
+_NUMBER = re.compile(r"[+-]?(\d{1,30}(\.\d{0,30})?|\.\d{1,30})([eE][+-]?\d{1,3})?")
 _SECTIONS = ("cost_weights", "external_cost_weights")
 
 
@@ -72,23 +73,18 @@ def _assignments(path: Path, content: dict[str, Any], section: str) -> list[str]
     file = one_line(path.name)
     if not isinstance(part, dict) or len(part) > _MOST_ENTRIES:
         raise UnsafeInput(f"{file}: {section} is no list of at most {_MOST_ENTRIES} name: number lines")
-    for name, value in part.items():
+    assignments = []
+    for name, text in part.items():
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             raise UnsafeInput(f"{file}: {section} has {quoted(name)}, which is no name of a weight or setting")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
-            raise UnsafeInput(f"{file}: {section}.{name} is {quoted(value)}, which is no finite number")
-    return [f"{name}={value!r}" for name, value in part.items()]
-
-
-def _is_finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond the range of floating-point numbers
-        return False
+        if not isinstance(text, str) or not _NUMBER.fullmatch(text) or not math.isfinite(float(text)):
+            raise UnsafeInput(f"{file}: {section}.{name} is {quoted(text)}, which is no finite number")
+        assignments.append(f"{name}={text}")
+    return assignments
 
 
 def _content(path: Path) -> Any:
-    """The file as YAML's plain types.
+    """The file as mappings, lists and texts: no tag of YAML's makes anything else of them.
 
     An alias stands for the whole of what it names, and twelve levels of them make thousands of millions of values from
     a thousand bytes: no weight file has one.
@@ -99,8 +95,8 @@ def _content(path: Path) -> Any:
         text = path.read_text(encoding="utf-8")
         if any(isinstance(token, yaml.AliasToken | yaml.AnchorToken) for token in yaml.scan(text)):
             raise UnsafeInput(f"{one_line(path.name)} has YAML aliases", next_step="write the values out")
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, or a number of 5,000 digits
+        return yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - it makes nothing but texts, lists and mappings
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         what = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise UnsafeInput(f"{one_line(path.name)} is not readable as YAML: {one_line(what)}") from error
 

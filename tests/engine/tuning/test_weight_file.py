@@ -18,8 +18,11 @@ _NESTED = "\n".join(
     [
         (f"{_NESTED}\ncost_weights: {{a: *a11}}", "aliases"),
         ("cost_weights: &all {a: 1, b: *all}", "aliases"),
-        ("cost_weights: {a: " + "9" * 5000 + "}", "not readable"),
-        ("cost_weights: {a: " + "9" * 4000 + "}", "too many digits"),
+        ("cost_weights: {a: " + "9" * 5000 + "}", "no finite number"),
+        ("cost_weights: {a: 1e999}", "no finite number"),
+        ("cost_weights: {a: !!timestamp x}", "no finite number"),
+        ("cost_weights: {a: !!python/object:os.system 1x}", "no finite number"),
+        ("cost_weights: {? {b: 1} : 1}", "not readable"),
         ("cost_weights: {a: " + "[" * 5000 + "}", "not readable"),
         ("cost_weights: {a: [1, 2]}", "a list of 2"),
         ("cost_weights: {a: {b: 1}}", "a mapping of 1"),
