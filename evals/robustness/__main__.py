@@ -21,7 +21,7 @@ from pathlib import Path
 import anyio
 
 from ..harness import print_figures
-from .campaign import Campaign
+from .campaign import Campaign, Tally
 from .inputs import HostileInput, keep, read_kept
 from .preparation import prepared
 from .server_process import plannerforge_server
@@ -57,11 +57,11 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
     campaign = Campaign(ready.folders, base, plannerforge_server)
     chance = random.Random(arguments.seed)  # noqa: S311 - hostile inputs, no secret
     inputs = itertools.islice(ready.inputs(arguments.kind, chance), arguments.inputs)
-    await campaign.send(_told(inputs))
-    await campaign.replay_suspects()
     tally = campaign.tally
-    for number, finding in enumerate(tally.findings if arguments.keep else ()):
-        keep(arguments.keep, number, finding.hostile, finding.fault.law, finding.fault.details)
+    await campaign.send(_told(inputs))
+    _keep_findings(arguments.keep, tally)
+    await campaign.replay_suspects()
+    _keep_findings(arguments.keep, tally)
     for (law, cause), count in sorted(Counter((each.fault.law, each.hostile.cause) for each in tally.findings).items()):
         sys.stderr.write(f"{law}: {cause}: {count}\n")
     figures = {
@@ -88,6 +88,13 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
         *(("written outside", text) for text in tally.outside_writes[:10]),
     ]
     print_figures("Robustness", figures, rows)
+
+
+def _keep_findings(folder: Path | None, tally: Tally) -> None:
+    if folder is None:
+        return
+    for number, finding in enumerate(tally.findings):
+        keep(folder, number, finding.hostile, finding.fault.law, finding.fault.details)
 
 
 def _told(inputs: Iterator[HostileInput]) -> Iterator[HostileInput]:
