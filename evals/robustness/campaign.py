@@ -126,7 +126,8 @@ class Campaign:
             tasks.cancel_scope.cancel()
         if not running.is_alive:
             self.tally.deaths.append(running.death or "the process ended")
-            sys.stderr.write(f"the server is gone: {self.tally.deaths[-1]}\n")
+            causes = ", ".join(hostile.cause for hostile in under_way.values())
+            sys.stderr.write(f"the server is gone: {self.tally.deaths[-1]}; under way: {causes}\n")
             self._suspect(under_way.values(), "death")
         return is_over
 
