@@ -313,6 +313,6 @@ def _explained(fault: Fault, call: Call, folders: Folders) -> Fault:
             r'File "[^"]*/((?:engine|tools|server|schemas|resources|prompts)/[^"]+)", line (\d+)', trace
         )
         errors = [line.strip(" |") for line in trace.splitlines() if re.match(r"[\s|]*[A-Za-z_.]+: ", line)]
-        where = ":".join(places[-1]) if places else "nowhere in the log"
-        said = f"{call.name[:60]}: {where}: {errors[-1][:200] if errors else trace[-200:]}"
+        if places and errors:
+            said = f"{call.name[:60]}: {':'.join(places[-1])}: {errors[-1][:200]}"
     return replace(fault, details=said)
