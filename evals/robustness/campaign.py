@@ -99,7 +99,7 @@ class Campaign:
     async def _send_to(self, running: Session, folders: Folders, inputs: Iterator[HostileInput]) -> bool:
         """Send until there is no input left (True) or the server is gone (False)."""
         under_way: dict[int, HostileInput] = {}
-        canary, is_over = Canary(folders.outside, folders.home), False
+        canary, is_over = Canary(folders.outside), False
 
         async def consume(number: int) -> None:
             nonlocal is_over
@@ -251,7 +251,7 @@ class Campaign:
         return faults
 
     async def _alone(self, running: Session, folders: Folders, hostile: HostileInput, idle_ms: float) -> list[Fault]:
-        canary, answers, began = Canary(folders.outside, folders.home), _Answers(), time.monotonic()
+        canary, answers, began = Canary(folders.outside), _Answers(), time.monotonic()
         running.forget_peak()
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(_cancel_when_dead, running, tasks.cancel_scope)
