@@ -174,7 +174,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
     first = _asked_step(edit, scene)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
-            f"departure at {edit.time_s} s is not before the scenario's end",
+            f"departure at {first * scene.step_s:.1f} s is not before the scenario's end",
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
             next_step="choose an earlier time_s",
         )
@@ -186,7 +186,10 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
 
 
 def _asked_step(edit: Edit, scene: Scene) -> int:
-    return round((edit.time_s or 0.0) / scene.step_s)
+    """The step of the named departure; without one that of the ego's start, where relative places are."""
+    if edit.time_s is None:
+        return scene.ego.step if scene.ego else 0
+    return round(edit.time_s / scene.step_s)
 
 
 def _start(key: int, vehicle_class: VehicleClass, scene: Scene, place: Place, step: int, speed_mps: float) -> Track:
@@ -219,10 +222,10 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         )
     speed = _WALKING_MPS if edit.speed is None else parse_quantity(edit.speed, "m/s")
     check_speed(speed, _RUNNING_MPS, f"a pedestrian does not walk {edit.speed}", "choose a slower speed")
-    first = round((edit.time_s or 0.0) / scene.step_s)
+    first = _asked_step(edit, scene)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
-            f"departure at {edit.time_s} s is not within the scenario",
+            f"departure at {first * scene.step_s:.1f} s is not within the scenario",
             valid=[f"0 … {(scene.last_step - 1) * scene.step_s:.1f} s"],
             next_step="choose another time_s",
         )

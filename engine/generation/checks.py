@@ -88,7 +88,8 @@ def _goal_reachable(loaded: LoadedScenario) -> bool:
 def _collisions_at_start(loaded: LoadedScenario, tracks: dict[int, Track]) -> int:
     state = loaded.problem().initial_state
     boxes = [oriented_rectangle(np.asarray(state.position), float(state.orientation), EGO_SIZE_M)]
-    boxes += [track.corners_at(0) for track in tracks.values() if track.first_step == 0]
+    places = [(track, track.index_at(int(state.time_step))) for track in tracks.values()]
+    boxes += [track.corners_at(index) for track, index in places if index is not None]
     return sum(rectangles_overlap(one, other) for one, other in combinations(boxes, 2))
 
 

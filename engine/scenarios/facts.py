@@ -94,7 +94,7 @@ def _facts_of(read: RecordedScenario) -> ScenarioFacts:
             dynamic=_counts(scenario.dynamic_obstacles), static=_counts(scenario.static_obstacles)
         ),
         egos=egos,
-        density_per_km=_density_per_km(graph, tracks.values(), last_step),
+        density_per_km=_density_per_km(graph, tracks.values(), _first_step(problems, tracks.values()), last_step),
     )
 
 
@@ -136,16 +136,23 @@ def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
         traffic_light=has_light(network, lanelets),
         limits_kmh=limits_kmh(signs),
     )
-    computed = features(network, recording.graph, recording.tracks, ego, route)
-    conflict_s = _time_to_conflict_s(recording, ego, int(state.time_step))
+    start_step = int(state.time_step)
+    computed = features(network, recording.graph, recording.tracks, ego, route, start_step)
+    conflict_s = _time_to_conflict_s(recording, ego, start_step)
     return ego.model_copy(update={"features": computed, "time_to_conflict_s": conflict_s})
 
 
-def _density_per_km(graph: LaneletGraph, tracks: Iterable[Track], last_step: int) -> float:
-    """Recorded vehicles per kilometre of lanelets: the mean over the recording, rounded to 0.1."""
+def _first_step(problems: Iterable["PlanningProblem"], tracks: Iterable[Track]) -> int:
+    """When the scenario begins: with the first ego or the first recorded state, whatever its number; 0 without any."""
+    starts = [int(problem.initial_state.time_step) for problem in problems]
+    return min([*starts, *(track.first_step for track in tracks)], default=0)
+
+
+def _density_per_km(graph: LaneletGraph, tracks: Iterable[Track], first_step: int, last_step: int) -> float:
+    """Recorded vehicles per kilometre of lanelets: the mean from the first to the last step, rounded to 0.1."""
     length_km = sum(graph.length_m.values()) / 1000.0
     steps = sum(len(track.positions) for track in tracks)
-    return round(steps / (last_step + 1) / length_km, 1) if length_km > 0 else 0.0
+    return round(steps / max(last_step - first_step + 1, 1) / length_km, 1) if length_km > 0 else 0.0
 
 
 LONGEST_LOOK_M = 1000.0

@@ -37,9 +37,14 @@ SAMPLED_EVERY = 5
 
 
 def features(
-    network: "LaneletNetwork", graph: LaneletGraph, tracks: dict[int, Track], ego: EgoFacts, route: EgoRoute | None
+    network: "LaneletNetwork",
+    graph: LaneletGraph,
+    tracks: dict[int, Track],
+    ego: EgoFacts,
+    route: EgoRoute | None,
+    start_step: int,
 ) -> tuple[str, ...]:
-    """The features of the vocabulary that hold for this ego, sorted."""
+    """The features of the vocabulary that hold for this ego, which starts at a step; sorted."""
     start_point = np.array([ego.x_m, ego.y_m])
     crossing, circle = _has_crossing(network, graph, start_point, ego.route), has_roundabout(network, graph)
     holding = {
@@ -61,7 +66,7 @@ def features(
         if len(line) > 1:
             here = project(line, start_point)[0]
             holding["oncoming_traffic"] = _has_oncoming(line, here, tracks)
-            holding["lead_vehicle"] = _has_lead(line, here, tracks)
+            holding["lead_vehicle"] = _has_lead(line, here, tracks, start_step)
     return tuple(sorted(name for name, holds in holding.items() if holds))
 
 
@@ -115,10 +120,10 @@ def along_line(line: Points, positions: Points, headings_rad: Values) -> tuple[P
     return stations, beside, headings_rad - directions[segments]
 
 
-def _has_lead(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
-    """Whether a vehicle is on the line within 50 m ahead of the ego at step 0."""
+def _has_lead(line: Points, here_m: float, tracks: dict[int, Track], start_step: int) -> bool:
+    """Whether a vehicle is on the line within 50 m ahead of the ego when the ego starts."""
     for track in tracks.values():
-        index = track.index_at(0)
+        index = track.index_at(start_step)
         if index is None:
             continue
         station, beside = project(line, track.positions[index])

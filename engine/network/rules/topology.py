@@ -170,7 +170,7 @@ def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
     from shapely import area, intersection
 
     lanelets = [lanelet for lanelet in document.drawn if length_m(lanelet.center) >= _SHORTEST_OVERLAP_M]
-    areas = np.array([lanelet.polygon for lanelet in lanelets])
+    areas = np.array([lanelet.polygon for lanelet in lanelets], dtype=np.object_)
     pairs = _unrelated_pairs(lanelets, areas)
     if not len(pairs):
         return

@@ -174,7 +174,7 @@ def test_a_scenario_without_vehicles_takes_one(apply: Apply) -> None:
 
 def test_the_ego_of_a_later_start_is_no_obstacle_before(apply: Apply) -> None:
     late = replace(town_road(), problems=(Problem(start_step=50),))
-    assert apply(CAR | {"at": "ego"}, builder=late).outcome.edits[0].done
+    assert apply(CAR | {"at": "ego", "time_s": 0.0}, builder=late).outcome.edits[0].done
 
 
 @pytest.mark.parametrize(
@@ -287,3 +287,9 @@ def test_entering_where_the_ego_may_be_then_is_told(apply: Apply) -> None:
     assert told.ego_after is not None
     assert told.ego_after.minimum_distance_m == 0.0
     assert not any("just where" in note for note in apply(ahead | {"time_s": 1}, builder=alone).outcome.warnings)
+
+
+def test_a_vehicle_without_departure_enters_when_the_ego_starts(apply: Apply) -> None:
+    later = replace(SHORT, problems=(Problem(start_step=12, steps=(60, 150)),))
+    applied = apply(CAR | {"at": "ego", "offset_m": 25}, builder=later)
+    assert applied.tracks()[101].first_step == 12

@@ -110,3 +110,15 @@ def test_a_phantom_obstacle_has_no_size_to_refuse(tmp_path: Path) -> None:
     path.write_text(town_road().xml().replace("  <planningProblem", phantom + "  <planningProblem", 1), "utf-8")
     found = read_facts(ReadFactsRequest(path=path), silent)
     assert found.participants.total == 5
+
+
+def test_a_scenario_that_begins_later_has_the_same_traffic(tmp_path: Path) -> None:
+    road = town_road()
+    later = replace(
+        road.with_vehicles(*(replace(vehicle, first_step=vehicle.first_step + 20) for vehicle in road.vehicles)),
+        problems=(Problem(start_step=20, steps=(80, 170)),),
+    )
+    found, expected = facts_of(later, tmp_path), facts_of(road, tmp_path)
+    assert found.features == expected.features
+    assert "lead_vehicle" in found.features
+    assert found.density_per_km == expected.density_per_km

@@ -25,6 +25,12 @@ def test_a_good_road_is_silent(tmp_path: Path) -> None:
     assert broken_rules(good_road(), tmp_path) == set()
 
 
+def test_a_file_of_nothing_but_short_lanelets_is_judged(tmp_path: Path) -> None:
+    root = etree.Element("commonRoad", {"benchmarkID": "DEU_Short-1_1_T-1"})
+    add_lanelet(root, 1, [(0, 0), (0.5, 0), (1, 0)])
+    assert broken_rules(root, tmp_path) == set()
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_rule_catches_its_defect_and_no_other_rule_does(name: str, tmp_path: Path) -> None:
     root = good_road()
