@@ -10,7 +10,7 @@ WORKERS ?= 2
 RECORD ?= same-bytes.json
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
-	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-same-bytes \
+	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust \
 	starter house format clean
 
@@ -63,7 +63,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-import-crashes bench-robust
+	bench-selection bench-drivable bench-import-crashes bench-robust
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -94,6 +94,9 @@ bench-generation: $(DEV_STAMP)
 
 bench-modification: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.modification --workers $(WORKERS)
+
+bench-drivable: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.drivable
 
 bench-import-crashes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.faults.imports

@@ -86,8 +86,8 @@ def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -
     if edges is None:
         raise NotPossible(
             why,
-            valid=[key for key in scene.tracks if not not_drivable(scene, key)],
-            next_step="remove_vehicle works for it, driving it does not",
+            valid=[key for key in _by_distance(scene, vehicle_id) if not not_drivable(scene, key)],
+            next_step="remove_vehicle works for it, driving it does not; the valid ones can be driven, nearest first",
         )
     track, lanelets = scene.tracks[vehicle_id], scene.matches[vehicle_id].sequence
     vehicle_class = class_of(track.kind)
@@ -112,9 +112,28 @@ def not_drivable(scene: Scene, vehicle_id: int) -> str:
         return f"{track.kind} {vehicle_id} cannot be driven as a vehicle"
     if vehicle_id not in scene.matches:
         return f"{track.kind} {vehicle_id} is recorded off the lanelets"
-    if scene.edge_graph.route(scene.matches[vehicle_id].sequence) is None:
-        return f"the recorded way of {track.kind} {vehicle_id} leaves the lanelet graph"
+    gap = scene.edge_graph.first_gap(scene.matches[vehicle_id].sequence)
+    if gap is not None:
+        before, after = gap
+        way = f"the recorded way of {track.kind} {vehicle_id}"
+        return f"{way} leaves the lanelet graph: no lane joins {before} and {after}"
     return ""
+
+
+def _by_distance(scene: Scene, vehicle_id: int) -> list[int]:
+    """The other recorded vehicles by how near they are when both are first there."""
+    if vehicle_id not in scene.tracks:
+        return list(scene.tracks)
+    own = scene.tracks[vehicle_id]
+
+    def distance_m(key: int) -> float:
+        other = scene.tracks[key]
+        step = max(own.first_step, other.first_step)
+        return float(
+            np.linalg.norm(own.positions[own.index_at(step) or 0] - other.positions[other.index_at(step) or 0])
+        )
+
+    return sorted((key for key in scene.tracks if key != vehicle_id), key=distance_m)
 
 
 def class_of(kind: str) -> VehicleClass:

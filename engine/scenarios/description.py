@@ -12,10 +12,12 @@ import numpy as np
 from ...schemas.errors import UnknownName, closest
 from ...schemas.scenarios import DescribedEgo, DescribedLanelet, DescribedVehicle, DescribeRequest, Description, Detail
 from ..commonroad import Track, limits_kmh, schema_errors, signs_of
+from ..cosimulation import not_drivable
 from ..edits import Changes, scene_of, select
 from ..execution import ProgressReporter
 from ..geometry import Points, arc_length, oriented_rectangle, point_at, rectangles_overlap, wrap_angle
 from ..scene import (
+    NOT_DRIVEN,
     TURN_RAD,
     EgoLane,
     Scene,
@@ -100,14 +102,21 @@ def _vehicles(scene: Scene, center: Points) -> list[DescribedVehicle]:
 
 
 def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
-    """The vehicle with its role: the ego's own recording, or ``lead`` or ``follow`` outside the ego's lane."""
+    """The vehicle with its role: the ego's own recording, ``lead`` or ``follow`` outside its lane, not drivable."""
     track = scene.tracks.get(vehicle.vehicle_id)
     if track is not None and scene.ego is not None and is_own_recording(track, scene.ego):
         return vehicle.model_copy(update={"where": OWN_RECORDING, "gap_m": None})
-    role = roles.get(vehicle.vehicle_id)
-    if role is None or vehicle.gap_m is not None:
-        return vehicle
-    return vehicle.model_copy(update={"where": f"{vehicle.where}, {role}"})
+    role = roles.get(vehicle.vehicle_id) if vehicle.gap_m is None else None
+    undrivable = _UNDRIVABLE if track is not None and _is_undrivable(scene, track) else None
+    return vehicle.model_copy(update={"where": ", ".join(filter(None, [vehicle.where, role, undrivable]))})
+
+
+_UNDRIVABLE = "its way leaves the lanes: edits cannot drive it"
+
+
+def _is_undrivable(scene: Scene, track: Track) -> bool:
+    """Whether no edit can drive a vehicle of a kind that is driven elsewhere."""
+    return track.kind not in NOT_DRIVEN and bool(not_drivable(scene, track.obstacle_id))
 
 
 def _roles(scene: Scene) -> dict[int, str]:

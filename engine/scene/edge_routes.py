@@ -7,6 +7,7 @@ a junction, from the lanelet before it to the one after it (``NetLayout.paths``)
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 from ..network import Digraph, NetLayout
 from .map_matching import straightness
@@ -58,6 +59,13 @@ class EdgeGraph:
                 return None
             edges += between[1:]
         return tuple(edges) or None
+
+    def first_gap(self, lanelets: Sequence[int]) -> tuple[int, int] | None:
+        """The first two lanelets of a drive between which there is no way; None where there is a route for all."""
+        if self.route(lanelets) is not None:
+            return None
+        broken = (pair for pair in pairwise(lanelets) if self.route(pair) is None)
+        return next(broken, (lanelets[0], lanelets[-1]))
 
     def extended(self, edges: Sequence[str], last_lanelet: int | None = None) -> tuple[str, ...]:
         """The route led on straight ahead, so that a vehicle does not end with its recording.

@@ -5,11 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support.builders import Lane, Problem, ScenarioBuilder, arc, driving, line, town_road
+from support.builders import Lane, Problem, ScenarioBuilder, Vehicle, arc, driving, line, town_road
 
+from plannerforge.engine.commonroad import read_scenario
+from plannerforge.engine.cosimulation import recorded_plan
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.scenarios.description import OWN_RECORDING, describe
-from plannerforge.schemas.errors import UnknownName
+from plannerforge.engine.scene import Scene
+from plannerforge.schemas.errors import NotPossible, UnknownName
 from plannerforge.schemas.scenarios import DescribeRequest, Description, Detail, ego_text
 
 
@@ -136,3 +139,15 @@ def test_the_checks_name_problems(tmp_path: Path) -> None:
 
 def test_a_second_description_is_the_same(town: Path) -> None:
     assert described(town) == described(town)
+
+
+def test_a_vehicle_whose_way_leaves_the_lanes_is_marked_and_refused_with_the_nearest(tmp_path: Path) -> None:
+    lanes = (Lane(1, line((0, 0), (100, 0))), Lane(2, line((0, 40), (100, 40))))
+    jumps = Vehicle(36, tuple((5.0 + 4 * step, 0.0 if step < 12 else 40.0, 0.0, 10.0) for step in range(20)))
+    near, far = driving(37, (20, 0), 8.0, 20), driving(38, (60, 40), 8.0, 20)
+    path = ScenarioBuilder(lanes, (jumps, far, near)).write(tmp_path / "jump.xml")
+    marked = {vehicle.vehicle_id: "edits cannot drive it" in vehicle.where for vehicle in described(path).vehicles}
+    assert marked == {36: True, 37: False, 38: False}
+    with pytest.raises(NotPossible, match="no lane joins 1 and 2") as caught:
+        recorded_plan(Scene.of(read_scenario(path)), 36, "edited", 0)
+    assert caught.value.valid == ("37", "38")
