@@ -14,8 +14,11 @@ from ...schemas.errors import UnsafeInput
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.text import one_line, quoted
 
-_LARGEST_BYTES = 50_000
+_LARGEST_BYTES = 20_000
 """Chosen: a file of all weights and settings has about a thousand bytes."""
+_MOST_BRACKETS = 50
+_NESTED_IN_A_LINE = re.compile(r"(?:[-?:]\s+){6}")
+"""Lists and mappings in each other, whose depth costs PyYAML its square; a weight file has three levels."""
 _MOST_ENTRIES = 200
 """Weights and settings of one file; chosen: no planner has half as many."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}")
@@ -93,6 +96,8 @@ def _content(path: Path) -> Any:
 
     try:
         text = path.read_text(encoding="utf-8")
+        if text.count("[") + text.count("{") > _MOST_BRACKETS or _NESTED_IN_A_LINE.search(text):
+            raise UnsafeInput(f"{one_line(path.name)} has lists and mappings deep in each other; a weight file has not")
         if any(isinstance(token, yaml.AliasToken | yaml.AnchorToken) for token in yaml.scan(text)):
             raise UnsafeInput(f"{one_line(path.name)} has YAML aliases", next_step="write the values out")
         return yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - it makes nothing but texts, lists and mappings
