@@ -18,6 +18,8 @@ import anyio
 from mcp import MCPError
 from mcp.types import CONNECTION_CLOSED
 
+from ...engine.catalog import unpack
+from ...schemas.errors import PlannerForgeError
 from .inputs import Call, HostileInput, filled
 from .judges import Canary, Fault, faults_of
 from .server_process import Folders, Program, Session, session
@@ -287,6 +289,8 @@ async def _cancel_when_dead(running: Session, scope: anyio.CancelScope) -> None:
 
 async def _ask(running: Session, call: Call) -> str:
     """The text of an answer, as a model reads it."""
+    if call.method == "archive":
+        return await anyio.to_thread.run_sync(_unpacked, Path(call.name))
     if call.method == "resource":
         read = await running.client.read_resource(call.name)
         return "\n".join(getattr(content, "text", "") for content in read.contents)
@@ -295,6 +299,17 @@ async def _ask(running: Session, call: Call) -> str:
         return "\n".join(getattr(message.content, "text", "") for message in prompt.messages)
     result = await running.client.call_tool(call.name, dict(call.arguments))
     return "\n".join(getattr(block, "text", "") for block in result.content)
+
+
+def _unpacked(path: Path) -> str:
+    """What the command line says of an archive; whatever is no refusal of ours is a defect."""
+    try:
+        with unpack(path) as folder:
+            return f"{sum(1 for _ in folder.iterdir())} files"
+    except PlannerForgeError as error:
+        return error.text
+    except Exception as error:  # noqa: BLE001 - the bench is here to see it
+        return f"[unexpected] {type(error).__name__}: {error}"
 
 
 def _code(text: str) -> str:

@@ -7,6 +7,8 @@ folders. Others never were sound: bombs, links, FIFOs and names that forge lines
 import bz2
 import copy
 import gzip
+import io
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -77,6 +79,10 @@ def hostile_files(seeds: Mapping[str, list[Seed]], chance: Chance) -> Iterator[H
         content, how = mutated(seed, chance)
         folder = f"in{number}"
         name = f"f{number}{ending}" if chance.random() < 0.95 else _hostile_name(chance, ending)
+        if ending == ".zip":
+            calls: tuple[Call, ...] = (Call(f"{ROOT}/{folder}/{name}", {}, "archive"),)
+            yield HostileInput("files", f"{ending}: {how}", calls, (PlacedFile(f"{folder}/{name}", content),))
+            continue
         arguments: dict[str, object] = {"path": f"{ROOT}/{folder}/{name}"}
         if chance.random() < 0.1:
             arguments["name"] = texts.any_text(chance)
@@ -92,6 +98,8 @@ def mutated(seed: Seed, chance: Chance) -> tuple[bytes, str]:
             return _by_bytes(packed(seed.content), chance)
         content, how = mutated(Seed(seed.ending.rpartition(".")[0], seed.content), chance)
         return packed(content), f"packed {how}"
+    if seed.ending == ".zip":
+        return _by_members(seed.content, chance) if chance.random() < 0.5 else _by_bytes(seed.content, chance)
     if seed.ending.endswith((".yaml", ".yml")):
         ways = (_by_bytes, _by_lines, _by_lines, _by_lines)
         return chance.choice(ways)(seed.content, chance)
@@ -131,7 +139,7 @@ def _together(seeds: Mapping[str, list[Seed]], chance: Chance, number: int) -> H
     """A folder of mutants, one of which may not keep the others out."""
     files = []
     for place in range(_FOLDER_OF):
-        seed = chance.choice(seeds[chance.choice(list(seeds))])
+        seed = chance.choice(seeds[chance.choice([ending for ending in seeds if ending != ".zip"])])
         content, _ = mutated(seed, chance)
         files.append(PlacedFile(f"in{number}/d{place % 3}/f{place}{seed.ending}", content[:_MOST_BYTES]))
     return HostileInput("files", "folder", (Call("import_files", {"path": f"{ROOT}/in{number}"}),), tuple(files))
@@ -172,6 +180,52 @@ def _by_bytes(content: bytes, chance: Chance) -> tuple[bytes, str]:
         at = chance.randrange(len(data))
         data = data[:at] + bytearray(chance.choice((100, 100_000))) + data[at:]
     return bytes(data), f"bytes {way}"
+
+
+_MEMBERS = (
+    *(
+        "../a.xml",
+        "/etc/a.xml",
+        "..\\a.xml",
+        "a/../../a.xml",
+        "C:\\a.xml",
+        "~/a.xml",
+        "x" * 300 + ".xml",
+        ".xml",
+        "..xml",
+    ),
+    *("a\x00.xml", f"a\n{INJECTED}.xml", "con.xml", "a.xml/", "a.xml", "a.xml", "\u202ea.xml", "é" * 200 + ".xml"),
+)
+
+
+def _by_members(content: bytes, chance: Chance) -> tuple[bytes, str]:
+    """An archive with other members: paths that lead outside, links, bombs, locked ones, many."""
+    packed = io.BytesIO()
+    way = chance.choice(("names", "link", "bomb", "locked", "method", "many", "sizes"))
+    with zipfile.ZipFile(io.BytesIO(content)) as old:
+        sound = old.read(old.namelist()[0])
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        member = zipfile.ZipInfo("a.xml")
+        if way == "names":
+            for name in {chance.choice(_MEMBERS) for _ in range(4)}:
+                archive.writestr(zipfile.ZipInfo(name), sound)
+        elif way == "link":
+            member.external_attr = 0o120777 << 16
+            archive.writestr(member, chance.choice(("/etc/passwd", "../../outside/secret.xml", "/dev/zero")))
+        elif way == "bomb":
+            archive.writestr(member, bytes(chance.choice((1_000_000, 30_000_000))), zipfile.ZIP_DEFLATED)
+        elif way == "many":
+            for number in range(chance.choice((10, 2000))):
+                archive.writestr(f"d{number}/a.xml", b"<a/>")
+        else:
+            archive.writestr(member, sound)
+    data = bytearray(packed.getvalue())
+    if way in ("locked", "method", "sizes"):  # in the central directory: flags, method, sizes
+        at = data.rfind(b"PK\x01\x02") + {"locked": 8, "method": 10, "sizes": 20}[way]
+        data[at] = {"locked": 1, "method": chance.choice((1, 6, 9, 12, 14, 95, 99)), "sizes": chance.randrange(256)}[
+            way
+        ]
+    return bytes(data), f"zip {way}"
 
 
 def _by_lines(content: bytes, chance: Chance) -> tuple[bytes, str]:

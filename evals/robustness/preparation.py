@@ -1,8 +1,10 @@
 """What a campaign begins with: a workspace that holds a little of everything, and sound files to be mutated."""
 
+import io
 import subprocess
 import sys
-from collections.abc import Iterator
+import zipfile
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,9 +70,18 @@ async def prepared(base: Path) -> Prepared:
         ".yaml": [Seed(".yaml", weights)],
         ".osm.gz": [Seed(".osm.gz", maps[0].content)],
         ".osm.bz2": [Seed(".osm.bz2", maps[0].content)],
+        ".zip": [Seed(".zip", _small_archive(small))],
         ".osm.pbf": [Seed(".osm.pbf", (shared / "osm" / _BINARY_MAP).read_bytes())],
     }
     return Prepared(folders, Surface(tools, templates, prompts), scenario_id, seeds)
+
+
+def _small_archive(paths: Sequence[Path]) -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in paths[:2]:
+            archive.writestr(zipfile.ZipInfo(path.name), path.read_bytes())
+    return packed.getvalue()
 
 
 def _small_net(path: Path) -> bytes:

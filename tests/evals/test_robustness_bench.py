@@ -1,8 +1,10 @@
 """The robustness bench sees what it is there to see: shown on answers, files and a server that misbehave."""
 
+import io
 import random
 import subprocess
 import sys
+import zipfile
 from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
@@ -24,6 +26,15 @@ SCENARIO = b"""<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" benchmar
 </commonRoad>"""
 MAP = b"""<osm version="0.6"><node id="1" lat="48.0" lon="11.0"/><node id="2" lat="48.1" lon="11.0"/>
 <way id="3"><nd ref="1"/><nd ref="2"/><tag k="highway" v="primary"/></way></osm>"""
+
+
+def _archive() -> bytes:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr(zipfile.ZipInfo("a.xml"), SCENARIO)
+    return packed.getvalue()
+
+
 SEEDS = {
     ending: [Seed(ending, content)]
     for ending, content in (
@@ -33,6 +44,7 @@ SEEDS = {
         (".yaml", b"cost_weights:\n  jerk: 1.0\nplanner: frenetix\n"),
         (".osm.gz", MAP),
         (".osm.bz2", MAP),
+        (".zip", _archive()),
         (".osm.pbf", b"\x00\x00\x00\x0dOSMHeader" * 9),
     )
 }
