@@ -24,6 +24,8 @@ _RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
 """Steps of the risk score; their source is that of :func:`risk_scores`."""
 _STANDING_MPS = 0.1
 """An ego slower than this has no time headway."""
+_BESIDE_M = 1e-6
+"""Of two whose centres are beside each other up to rounding, none is ahead."""
 _PAIRS_AT_ONCE = 2000
 """Chosen for memory: pairs whose nearest points on a path are looked for in one array."""
 
@@ -180,7 +182,7 @@ def _time_headways_s(ego: Track, met: _Encounters) -> Values:
     ahead_m = station - stations[met.state] + (met.other.sizes_m[:, 0] - met.ego.sizes_m[:, 0]) / 2
     on_it = distance < (met.ego.sizes_m[:, 1] + met.other.sizes_m[:, 1]) / 2
     along = np.abs(wrap_angles(met.other.headings_rad - heading)) < SAME_DIRECTION_RAD
-    in_front = (station > stations[met.state]) & on_it & along & (met.ego.speeds_mps > _STANDING_MPS)
+    in_front = (station - stations[met.state] > _BESIDE_M) & on_it & along & (met.ego.speeds_mps > _STANDING_MPS)
     return np.where(in_front, np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, _STANDING_MPS), np.inf)
 
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 _BEHIND_M = 0.5
 """Chosen: a goal ends behind the ego when it does so by more than this."""
+_EDGE_M = 1e-6
+"""Chosen, far above what rounding does to coordinates: what lies so near to a goal's area lies on its edge."""
 _AHEAD_M = 120.0
 """Chosen: how far the paths that are compared go on beyond the goal."""
 SPEED_BAND_MPS = 5.0
@@ -124,11 +126,15 @@ class Goal:
         return np.array([chosen.x, chosen.y])
 
     def stations_on(self, path: Points) -> tuple[float, float] | None:
-        """Where a path is inside the goal's area: first and last arc length in m; None where it never is."""
+        """Where a path is inside the goal's area: first and last arc length in m; None where it never is.
+
+        Points of the path on the edge of the area are inside. Goals and paths that begin where a lanelet does meet
+        there, and rounding, which depends on where the map lies, must not choose the next point instead.
+        """
         import shapely
 
         areas = [state.area for state in self.states if state.area is not None]
-        inside = [shapely.intersects_xy(area, path[:, 0], path[:, 1]) for area in areas]
+        inside = [shapely.dwithin(area, shapely.points(path), _EDGE_M) for area in areas]
         within = np.flatnonzero(np.any(inside, axis=0)) if inside else np.empty(0, dtype=int)
         stations = arc_length(path)
         return (float(stations[within[0]]), float(stations[within[-1]])) if len(within) else None

@@ -92,3 +92,10 @@ def test_an_ego_that_stands_has_no_headway() -> None:
 )
 def test_risk_is_the_mean_of_a_distance_and_a_time_level(gap: float, time: float, score: int) -> None:
     assert risk_scores(np.array([gap]), np.array([time]))[0] == score
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 1])
+def test_a_vehicle_at_the_same_place_is_not_ahead_whatever_rounding_says(turns: int) -> None:
+    ego = straight()
+    ego = driven(ego.positions, ego.headings_rad + turns * 2 * math.pi, 10.0)
+    assert measured(ego, track(1e-9, 0.5, 10.0))[2] is None

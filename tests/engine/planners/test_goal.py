@@ -88,3 +88,10 @@ def test_where_a_path_is_inside() -> None:
     region = goal(goal_state((5, 20), rectangle_at(50.0, 0.0)))
     assert region.stations_on(path) == (44.0, 56.0)
     assert goal(goal_state((5, 20), rectangle_at(50.0, 30.0))).stations_on(path) is None
+
+
+def test_a_path_point_on_the_edge_of_the_goal_is_inside_wherever_the_map_lies() -> None:
+    path = np.stack([np.arange(0.0, 100.0), np.zeros(100)], axis=1)
+    for rounding in (-1e-10, 0.0, 1e-10):
+        region = goal(goal_state((5, 20), rectangle_at(50.0 + rounding, 0.0)))
+        assert region.stations_on(path) == (44.0, 56.0)
