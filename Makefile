@@ -11,7 +11,7 @@ RECORD ?= same-bytes.json
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust \
+	bench-robust bench-symmetries \
 	starter house format clean
 
 help:
@@ -63,7 +63,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-robust
+	bench-selection bench-drivable bench-import-crashes bench-robust bench-symmetries
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -103,6 +103,9 @@ bench-import-crashes: $(DEV_STAMP)
 
 bench-robust: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.robustness --keep robust-findings
+
+bench-symmetries: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.symmetries --workers $(WORKERS)
 
 bench-same-bytes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.same_bytes record $(RECORD)
