@@ -5,7 +5,8 @@ ended for its memory), ``loop_blocked_ms_max`` (the longest wait for a cheap cal
 same call's on the idle server; the time in which the machine gave the server no core is left out),
 ``server_memory_mb_max`` (VmHWM of the server's process), ``outside_writes``, ``slowest_s`` (the slowest refusal),
 ``late_refusals`` (after more than 5 s, or none within 30 s), ``forged_lines`` (an injected text on a line of its own),
-``oversized_answers`` (more than 20,000 characters), ``outside_reads``, ``minutes``.
+``oversized_answers`` (more than 20,000 characters), ``outside_reads``, ``journal_faults`` (texts of callers in
+the journal longer than 200 characters or with control characters, or a journal that others may read), ``minutes``.
 """
 
 import argparse
@@ -76,6 +77,7 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
         "forged_lines": tally.count("forged"),
         "oversized_answers": tally.count("oversized"),
         "outside_reads": tally.count("outside_read"),
+        "journal_faults": len(tally.journal_faults),
         "minutes": round((time.monotonic() - began) / 60, 1),
     }
     rows = [(name, str(value)) for name, value in figures.items()]
@@ -85,6 +87,7 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
         ("a cheap call on the idle server", f"{tally.idle_ping_ms:.1f} ms"),
         ("calls that blocked", str(tally.count("blocked"))),
         ("suspects that were not sent again", str(tally.left_out)),
+        *(("in the journal", text) for text in tally.journal_faults[:10]),
         *(("written outside", text) for text in tally.outside_writes[:10]),
     ]
     print_figures("Robustness", figures, rows)

@@ -21,7 +21,7 @@ from mcp.types import CONNECTION_CLOSED
 from ...engine.catalog import unpack
 from ...schemas.errors import PlannerForgeError
 from .inputs import Call, HostileInput, filled
-from .judges import Canary, Fault, faults_of
+from .judges import Canary, Fault, faults_of, journal_faults
 from .server_process import Folders, Program, Session, session
 
 SLOW_S, BLOCKED_MS, MEMORY_MB = 5.0, 100.0, 400.0
@@ -61,6 +61,7 @@ class Tally:
     slowest_s: float = 0.0
     deaths: list[str] = field(default_factory=list)
     outside_writes: list[str] = field(default_factory=list)
+    journal_faults: list[str] = field(default_factory=list)
     left_out: int = 0
 
     def count(self, law: str) -> int:
@@ -96,6 +97,7 @@ class Campaign:
                 self.tally.idle_ping_ms = running.idle_ms()
                 is_over = await self._send_to(running, folders, inputs)
             self.tally.memory_mb = max(self.tally.memory_mb, running.peak_mb)
+            self.tally.journal_faults += journal_faults(folders.workspace)
             shutil.rmtree(folders.base, ignore_errors=True)
 
     async def _send_to(self, running: Session, folders: Folders, inputs: Iterator[HostileInput]) -> bool:

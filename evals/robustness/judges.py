@@ -1,12 +1,15 @@
 """What an answer, the server's process and the files around it say about an input; nothing here asks the server."""
 
 import hashlib
+import json
 import os
 import re
 import stat
+import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from .inputs import INJECTED
 
@@ -14,6 +17,9 @@ LONGEST_ANSWER = 20_000
 """Characters; a longer answer fills a model's context."""
 CANARY_TEXT = "4f1c-canary-of-the-bench"
 """Stands in the files outside the roots and in no answer."""
+_LONGEST_KEPT = 201
+"""Characters of a caller's text in the journal: 200, and the sign that there was more."""
+_CONTROLS = ("Cc", "Cf", "Co", "Cs", "Zl", "Zp")
 _LINE_ENDS = re.compile(r"[\n\r\x0b\x0c\x1c-\x1e\x85\u2028\u2029]")
 
 
@@ -68,6 +74,26 @@ def _looks(folder: Path) -> Iterator[tuple[str, str]]:
             status = path.lstat()
             content = path.read_bytes() if stat.S_ISREG(status.st_mode) else b""
             yield str(path), f"{stat.filemode(status.st_mode)} {hashlib.sha256(content).hexdigest()}"
+
+
+def journal_faults(workspace: Path) -> Iterator[str]:
+    """What is wrong with the journal that a server kept: who may read it, and what of the callers' texts is in it."""
+    for path in sorted((workspace / "journal").glob("*")):
+        if path.stat().st_mode & 0o077:
+            yield f"{path.name} may be read by others: {stat.filemode(path.stat().st_mode)}"
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            for text in _texts(json.loads(line).get("arguments")):
+                if len(text) > _LONGEST_KEPT or any(unicodedata.category(c) in _CONTROLS for c in text):
+                    yield f"{path.name}:{number}: {len(text):,} characters: {text[:80]!r}"
+
+
+def _texts(value: Any) -> Iterator[str]:
+    if isinstance(value, str | int):
+        yield str(value)
+    elif isinstance(value, dict):
+        yield from (text for key, part in value.items() for text in (key, *_texts(part)))
+    elif isinstance(value, list):
+        yield from (text for part in value for text in _texts(part))
 
 
 def peak_memory_mb(pid: int) -> float:

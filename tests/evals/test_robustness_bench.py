@@ -1,6 +1,7 @@
 """The robustness bench sees what it is there to see: shown on answers, files and a server that misbehave."""
 
 import io
+import json
 import random
 import subprocess
 import sys
@@ -16,7 +17,7 @@ from plannerforge.evals.robustness.campaign import Campaign, Tally
 from plannerforge.evals.robustness.files import Seed, alias_bomb, hostile_files
 from plannerforge.evals.robustness.holes import hostile_holes
 from plannerforge.evals.robustness.inputs import INJECTED, Call, HostileInput, PlacedFile, keep, read_kept
-from plannerforge.evals.robustness.judges import CANARY_TEXT, Canary, faults_of, peak_memory_mb
+from plannerforge.evals.robustness.judges import CANARY_TEXT, Canary, faults_of, journal_faults, peak_memory_mb
 from plannerforge.evals.robustness.server_process import Folders
 
 SERVER = Path(__file__).resolve().parent.parent / "support" / "misbehaving_server.py"
@@ -99,6 +100,20 @@ def test_the_canary_tells_whatever_becomes_of_its_tree(tmp_path: Path) -> None:
     told = sorted(text.replace(str(tmp_path), "") for text in canary.changes())
     assert told == ["changed /a", "changed /c", "made /deep", "made /link", "removed /b"]
     assert canary.changes() == []
+
+
+def test_a_journal_that_keeps_too_much_or_is_open_is_told(tmp_path: Path) -> None:
+    journal = tmp_path / "journal" / "calls.jsonl"
+    journal.parent.mkdir()
+    sound = {"arguments": {"text": "a" * 200 + "…", "list": [1, None]}, "error": "x" * 900}
+    journal.write_text(json.dumps(sound) + "\n")
+    journal.chmod(0o600)
+    assert list(journal_faults(tmp_path)) == []
+    bad = [{"arguments": {"a": ["b" * 300]}}, {"arguments": {"a\u2028b": 1}}, {"arguments": {"a": 10**300}}]
+    journal.write_text("\n".join(json.dumps(line) for line in [sound, *bad]))
+    assert [text.partition(": ")[0] for text in journal_faults(tmp_path)] == [f"calls.jsonl:{n}" for n in (2, 3, 4)]
+    journal.chmod(0o644)
+    assert next(journal_faults(tmp_path)).startswith("calls.jsonl may be read by others")
 
 
 def test_peak_memory_is_that_of_the_process_alone() -> None:
