@@ -16,7 +16,9 @@ from urllib.error import URLError
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
-from ...schemas.errors import InvalidRequest, ResourceFailure, UnsafeInput
+from ...schemas.errors import InvalidRequest, PlannerForgeError, ResourceFailure, UnsafeInput
+from ...schemas.text import one_line, quoted
+from ..workspace import disk_failure
 
 LARGEST_DOWNLOAD_BYTES = 4 * 1024**3
 """Of the file at an address (chosen)."""
@@ -26,6 +28,10 @@ LARGEST_WHOLE_BYTES = 20 * 1024**3
 """Of all files of an archive: a few bytes of a zip can hold gigabytes (chosen)."""
 TIMEOUT_S = 30.0
 """Without a byte from the server (chosen)."""
+MOST_MEMBERS = 100_000
+"""Files of an archive (chosen)."""
+_LONGEST_NAME_BYTES, _KEPT_CHARACTERS = 200, 40
+"""A file system takes 255 bytes; of a longer name its end is kept, behind its number (chosen)."""
 _BLOCK = 1 << 20
 """Bytes that are in memory at a time."""
 OnProgress = Callable[[int, int | None], None]
@@ -45,9 +51,9 @@ def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Pa
     """
     wanted, parts = sha256.strip().lower(), urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.netloc:
-        raise InvalidRequest(f"'{url}' is no address to fetch from", valid=["https://…", "http://…"])
+        raise InvalidRequest(f"{quoted(url)} is no address to fetch from", valid=["https://…", "http://…"])
     if not re.fullmatch(r"[0-9a-f]{64}", wanted):
-        raise InvalidRequest(f"'{sha256}' is no SHA-256", valid=["64 hexadecimal digits"])
+        raise InvalidRequest(f"{quoted(sha256)} is no SHA-256", valid=["64 hexadecimal digits"])
     ending = ".xml" if parts.path.endswith(".xml") else ".zip"
     target = folder / f"{wanted}{ending}"
     if target.is_file():
@@ -78,12 +84,25 @@ def unpack(file: Path) -> Iterator[Path]:
         if file.suffix == ".xml":
             shutil.copyfile(file, folder / file.name)
         else:
-            try:
-                with zipfile.ZipFile(file) as archive:
-                    _extract(archive, folder)
-            except zipfile.BadZipFile as error:
-                raise UnsafeInput(f"{file.name} is no zip archive: {error}") from error
+            with _readable(one_line(file.name)), zipfile.ZipFile(file) as archive:
+                _extract(archive, folder)
         yield folder
+
+
+@contextmanager
+def _readable(name: str) -> Iterator[None]:
+    """Refuse an archive that Python's zipfile cannot read: it raises whatever its decoders do.
+
+    Raises:
+        UnsafeInput: the archive, or a member, is broken, encrypted or compressed in an unknown way.
+    """
+    try:
+        yield
+    except PlannerForgeError:
+        raise
+    except Exception as error:
+        what = one_line(str(error)) or type(error).__name__
+        raise UnsafeInput(f"{name} is no zip archive that can be read: {what}") from error
 
 
 def _stream(url: str, part: Path, on_progress: OnProgress) -> str:
@@ -105,18 +124,45 @@ def _stream(url: str, part: Path, on_progress: OnProgress) -> str:
 def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
     """Write every XML member under its bare name, so that no path of the archive leads outside."""
     whole = 0
-    for number, member in enumerate(archive.infolist()):
+    members = [member for member in archive.infolist() if not member.is_dir()]
+    if len(members) > MOST_MEMBERS:
+        raise UnsafeInput(f"the archive has {len(members):,} files; at most {MOST_MEMBERS:,} are unpacked")
+    for number, member in enumerate(members):
         name = PurePosixPath(member.filename).name
-        if member.is_dir() or not name.lower().endswith(".xml"):
+        if not name.lower().endswith(".xml"):
             continue
         target = folder / name
-        if target.exists():
-            target = folder / f"{number}-{name}"
-        with archive.open(member) as source, target.open("wb") as stream:
-            written = 0
+        if len(name.encode()) > _LONGEST_NAME_BYTES or target.exists():
+            target = folder / f"{number}-{name[-_KEPT_CHARACTERS:]}"
+        written = 0
+        with archive.open(member) as source, _writing(target) as write:
             while block := source.read(_BLOCK):
                 written += len(block)
                 whole += len(block)
                 if written > LARGEST_MEMBER_BYTES or whole > LARGEST_WHOLE_BYTES:
-                    raise UnsafeInput(f"{name} unpacks to more than {LARGEST_MEMBER_BYTES:,} bytes, or all to too many")
-                stream.write(block)
+                    raise UnsafeInput(
+                        f"{one_line(name)} unpacks to more than {LARGEST_MEMBER_BYTES:,} bytes, or all to too many"
+                    )
+                write(block)
+
+
+@contextmanager
+def _writing(target: Path) -> Iterator[Callable[[bytes], None]]:
+    """What writes blocks into a new file; a full disk is no fault of the archive's.
+
+    Raises:
+        ResourceFailure: the disk cannot be written.
+    """
+
+    def write(block: bytes) -> None:
+        try:
+            stream.write(block)
+        except OSError as error:
+            raise disk_failure(target.parent, error) from error
+
+    try:
+        stream = target.open("wb", buffering=0)
+    except OSError as error:
+        raise disk_failure(target.parent, error) from error
+    with stream:
+        yield write
