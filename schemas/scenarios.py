@@ -115,24 +115,28 @@ class ScenarioFacts(Model):
         return round(self.horizon_steps * self.step_s, 3)
 
     def entries(self) -> "tuple[ScenarioFacts, ...]":
-        """One per planning problem, that problem's ego first: the first under the id, the others as ``ID#problem``."""
-        return (self, *(self._seen_from(ego) for ego in self.egos[1:]))
+        """One per planning problem, with its ego alone: the first under the id, the others as ``ID#problem``.
+
+        Each would hold the egos of all others otherwise, and a catalogue of them grow with the square of their number.
+        """
+        first = self if len(self.egos) < 2 else self.model_copy(update={"egos": self.egos[:1]})
+        return (first, *(self._seen_from(ego) for ego in self.egos[1:]))
 
     def seen_by(self, problem_id: int) -> "ScenarioFacts":
         """The entry of this planning problem."""
-        return next(entry for entry in self.entries() if entry.egos[0].problem_id == problem_id)
+        wanted = next(ego for ego in self.egos if ego.problem_id == problem_id)
+        return self if wanted is self.egos[0] else self._seen_from(wanted)
 
     def _seen_from(self, ego: EgoFacts) -> "ScenarioFacts":
         roads = self.roads.model_copy(
             update={"signs_ego": ego.signs, "traffic_light_ego": ego.traffic_light, "limits_ego_kmh": ego.limits_kmh}
         )
-        others = tuple(other for other in self.egos if other is not ego)
         return self.model_copy(
             update={
                 "scenario_id": f"{self.scenario_id}#{ego.problem_id}",
                 "features": ego.features,
                 "roads": roads,
-                "egos": (ego, *others),
+                "egos": (ego,),
             }
         )
 
@@ -154,9 +158,10 @@ class ScenarioRecord(Model):
 
 
 class ReadFactsRequest(Model):
-    """Which file to read the facts from, and how large it may be."""
+    """Which file to read the facts from, the SUMO network beside it where it comes in too, and their largest size."""
 
     path: Path
+    net: Path | None = None
     file_bytes: int = 100_000_000
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import anyio
 from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStream
 
-from ..engine.catalog import ReadFile, ScenarioIntake, put_scenario
+from ..engine.catalog import ReadFile, ScenarioIntake, net_beside, put_scenario
 from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.errors import PlannerForgeError, WorkerFailure, WorkerTimeout, as_told
 from ..schemas.importing import ImportedItem
@@ -71,14 +71,17 @@ async def _read(call: ToolCall, intake: ScenarioIntake, path: Path) -> ReadFile 
         checked = call.allowed_path(str(path))
         call.limits.check_size(checked)
         content = await anyio.to_thread.run_sync(content_digest, checked)
-        return ReadFile(path, content, None if intake.knows(content) else await _facts(call, checked))
+        if intake.knows(content):
+            return ReadFile(path, content, None)
+        net = net_beside(path)
+        return ReadFile(path, content, await _facts(call, checked, call.allowed_path(str(net)) if net else None))
     except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
         return as_told(raised, f"import of scenario {path.name}")
 
 
-async def _facts(call: ToolCall, path: Path) -> ScenarioFacts:
+async def _facts(call: ToolCall, path: Path, net: Path | None) -> ScenarioFacts:
     """The facts of a file; a worker that died is no fault of the file's, so a second one tries again."""
-    request = ReadFactsRequest(path=path, file_bytes=call.limits.file_bytes)
+    request = ReadFactsRequest(path=path, net=net, file_bytes=call.limits.file_bytes)
     try:
         return await call.services.workers.run(READ_FACTS, request)
     except WorkerTimeout:

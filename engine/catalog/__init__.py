@@ -5,6 +5,7 @@
 ``scenario_facets``: The number of scenarios, and counts of places, tags, features, signs and obstacles.
 ``ReadFile``: A file with its SHA-256 and, where its content is new, its facts.
 ``ScenarioIntake``: Decides on the files of an import and stores them: new, known, or new versions of a scenario.
+``net_beside``: The SUMO network that lies beside a scenario file; None where there is none.
 ``put_scenario``: The stored artifact of a scenario whose facts are known.
 ``build_index``: An operation: load the embedding model and build the text index.
 ``rank``: An operation: scenario ids by likeness of their descriptions to a text, with scores.
@@ -36,7 +37,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .archives import download, unpack
     from .facets import scenario_facets
-    from .intake import ReadFile, ScenarioIntake, put_scenario
+    from .intake import ReadFile, ScenarioIntake, net_beside, put_scenario
     from .ranking import build_index, rank
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue

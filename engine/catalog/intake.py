@@ -16,6 +16,7 @@ import anyio
 from ...schemas.errors import NotPossible, PlannerForgeError, as_told
 from ...schemas.importing import ImportedItem
 from ...schemas.scenarios import Origin, ScenarioFacts, ScenarioRecord
+from ...schemas.text import one_line, quoted
 from ..commonroad import derived_benchmark_id
 from ..workspace import Artifact, NewArtifact, Recipe, Workspace, content_digest, stage
 from .tables import family, list_again, listed_version, refresh
@@ -87,7 +88,7 @@ class ReadFile:
             NotPossible: they were not read, because the content was known then.
         """
         if self.facts is None:
-            raise NotPossible(f"{self.path.name} was imported before, and is not there any more")
+            raise NotPossible(f"{quoted(self.path.name)} was imported before, and is not there any more")
         return self.facts
 
 
@@ -122,7 +123,10 @@ class ScenarioIntake:
             if any(isinstance(decision, _New) for decision in decided):  # another server was faster with the same id
                 again = [self._decide(new.file, folder) if isinstance(new, _New) else new for new in decided]
                 decided = await self._put(again, folder)
-        return [NotPossible(f"{new.file.path.name} lost its id") if isinstance(new, _New) else new for new in decided]
+        return [
+            NotPossible(f"{quoted(new.file.path.name)} lost its id") if isinstance(new, _New) else new
+            for new in decided
+        ]
 
     def _first_decision(self, file: ReadFile | PlannerForgeError, folder: Path) -> _Decision:
         if not isinstance(file, ReadFile):
@@ -136,20 +140,21 @@ class ScenarioIntake:
     def _refuse_duplicates(self, file: ReadFile) -> None:
         first = self._first_with_content.setdefault(file.content, file.path)
         if first != file.path:
-            raise NotPossible(f"a duplicate: the same content as {first.name}")
+            raise NotPossible(f"a duplicate: the same content as {quoted(first.name)}")
         known = self._known(file)
         declared = self._versions(known.artifact_id)[0] if known else file.known_facts.scenario_id
         first = self._first_with_id.setdefault(declared, file.path)
         if first != file.path:
             raise NotPossible(
-                f"a duplicate: {first.name} has the id {declared} too", next_step="give one of them another benchmarkID"
+                f"a duplicate: {quoted(first.name)} has the id {declared} too",
+                next_step="give one of them another benchmarkID",
             )
 
     def _decide(self, file: ReadFile, folder: Path) -> _Decision:
         known = self._known(file)
         if known is not None:
             return self._known_item(file, known)
-        facts, net = file.known_facts, _net_beside(file.path)
+        facts, net = file.known_facts, net_beside(file.path)
         beside = {"scenario.net.xml": net} if net is not None else {}
         if self._workspace.find("scenario", facts.scenario_id) is None:
             record = ScenarioRecord(facts=facts, origin="imported", content=file.content)
@@ -246,7 +251,7 @@ def _artifact(file: ReadFile, record: ScenarioRecord, files: dict[str, Path]) ->
 def _item(file: ReadFile, artifact: Artifact, *, reused: bool = False, note: str = "") -> ImportedItem:
     text = summary(artifact.read(ScenarioRecord).facts)
     return ImportedItem(
-        file=file.path.name,
+        file=one_line(file.path.name),
         kind="scenario",
         artifact_id=artifact.artifact_id,
         summary=f"{note}: {text}" if note else text,
@@ -254,7 +259,7 @@ def _item(file: ReadFile, artifact: Artifact, *, reused: bool = False, note: str
     )
 
 
-def _net_beside(path: Path) -> Path | None:
-    """SUMO's network that was exported with the scenario, where it lies beside it."""
+def net_beside(path: Path) -> Path | None:
+    """SUMO's network that was exported with a scenario file, where it lies beside it; it is read with the facts."""
     net = path.with_suffix(".net.xml")
     return net if net.is_file() and not net.is_symlink() else None

@@ -29,7 +29,9 @@
 ``sign_keys``: The keys of all signs in the vocabulary, sorted, each once.
 ``signs_of``: The signs that these lanelets refer to.
 ``speed_limit_number``: The number to write for a speed limit in a country; None where CommonRoad has none.
-``refuse_values_beyond_limits``: Refuse a scenario with a time step, coordinate, size, state or time that none has.
+``MOST_CHILDREN``: How many elements stand directly below one of a name at most.
+``MOST_OF_A_KIND``: How many elements of a name a file holds at most.
+``NUMBER_RANGES``: What the numbers of a scenario file may be, by the name of their element or attribute.
 """
 
 from typing import TYPE_CHECKING
@@ -52,6 +54,6 @@ if TYPE_CHECKING:
         signs_of,
         speed_limit_number,
     )
-    from .value_limits import refuse_values_beyond_limits
+    from .value_limits import MOST_CHILDREN, MOST_OF_A_KIND, NUMBER_RANGES
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -8,6 +8,7 @@ drops whatever does not fit its pattern (older files have leading zeros and othe
 import re
 
 from ...schemas.errors import UnsafeInput
+from ...schemas.text import quoted
 
 _VALID_ID = re.compile(r"[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
 _USUAL_ID = re.compile(r"^(?P<head>(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+)(_(?P<config>\d+)(_(?P<kind>[A-Z])-[\d-]+)?)?$")
@@ -44,7 +45,7 @@ def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
     match = _READABLE_ID.fullmatch(benchmark_id)
     if match is None:
         raise UnsafeInput(
-            f"the benchmark id '{benchmark_id[:80]}' does not follow CommonRoad's naming",
+            f"the benchmark id {quoted(benchmark_id, 80)} does not follow CommonRoad's naming",
             valid=["COUNTRY_Place-1_1_T-1"],
             next_step="correct benchmarkID in the file's root element",
         )

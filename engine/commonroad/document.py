@@ -11,6 +11,7 @@ from typing import Any, cast
 from lxml import etree
 
 from ...schemas.errors import ResourceFailure
+from ...schemas.text import one_line, quoted
 from .benchmark_id import is_benchmark_id
 
 _AFTER_OBSTACLES = ("phantomObstacle", "environmentObstacle", "planningProblem")
@@ -42,7 +43,7 @@ class ScenarioDocument:
     def highest_id(self) -> int:
         """The highest id of anything in the file."""
         ids = cast("list[str]", self.tree.xpath("//@id"))
-        return max((int(text) for text in ids if text.isdigit()), default=0)
+        return max((int(text) for text in ids if text.strip().isdecimal()), default=0)
 
     def obstacle(self, obstacle_id: int) -> "etree._Element":
         """The element of an obstacle of any kind.
@@ -52,7 +53,7 @@ class ScenarioDocument:
         """
         for element in self.root:
             is_obstacle = isinstance(element.tag, str) and element.tag.lower().endswith("obstacle")
-            if is_obstacle and element.get("id") == str(obstacle_id):
+            if is_obstacle and _id_of(element) == obstacle_id:
                 return element
         raise ResourceFailure(f"the file holds no obstacle element {obstacle_id}")
 
@@ -63,7 +64,7 @@ class ScenarioDocument:
             ResourceFailure: there is none.
         """
         for element in self.root.iter("planningProblem"):
-            if element.get("id") == str(problem_id):
+            if _id_of(element) == problem_id:
                 return element
         raise ResourceFailure(f"the file holds no planning problem {problem_id}")
 
@@ -116,8 +117,17 @@ class ScenarioDocument:
         return text if text.strip() == "" else ""
 
 
+def _id_of(element: "etree._Element") -> int | None:
+    """The id as a number: the schema allows zeros and spaces before it."""
+    text = element.get("id", "").strip()
+    return int(text) if text.isdecimal() else None
+
+
 def schema_errors(document: "Path | etree._ElementTree") -> list[str]:
-    """What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file or its tree."""
+    """What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file or its tree.
+
+    Each on one line of 200 characters at most: the schema repeats what stands in the file.
+    """
     import commonroad
 
     tree = etree.parse(document) if isinstance(document, Path) else document
@@ -125,8 +135,8 @@ def schema_errors(document: "Path | etree._ElementTree") -> list[str]:
     schema = etree.XMLSchema(etree.parse(folder / "XML_commonRoad_XSD.xsd"))
     schema.validate(tree)
     log: Any = schema.error_log
-    errors = [str(error.message) for error in log]
+    errors = [one_line(str(error.message)) for error in log]
     benchmark_id = tree.getroot().get("benchmarkID", "")
     if not is_benchmark_id(benchmark_id):
-        errors.append(f"{benchmark_id!r} is no benchmark id of 2020a")
+        errors.append(f"{quoted(benchmark_id)} is no benchmark id of 2020a")
     return errors

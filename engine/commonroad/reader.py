@@ -5,17 +5,17 @@ So a file passes three gates before anything is computed from it:
 
 1. Its bytes are within ``XmlLimits`` and declare no document type, by a scan with expat that keeps nothing, or by
    counting bytes where that is enough (``parse_document``).
-2. commonroad-io reads it. Whatever it raises becomes one ``UnsafeInput``.
-3. Its numbers are within what scenarios have: ``value_limits``, called by those who take files in.
+2. Every number, count and text is within what scenarios have (``value_limits``), in the parsed document.
+3. commonroad-io reads that document. Whatever it raises becomes one ``UnsafeInput``.
 
 ``read_scenario`` gives the scenario as commonroad-io makes it; ``read_recorded`` takes half of the time, since it
-parses the file once and reads the recorded motion straight into arrays (``tracks``).
+reads the recorded motion straight into arrays (``tracks``).
 """
 
 import logging
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
@@ -27,7 +27,9 @@ from xml.parsers import expat
 from commonroad.common.reader.file_reader_xml import XMLFileReader
 
 from ...schemas.errors import UnknownName, UnsafeInput
+from ...schemas.text import quoted
 from .tracks import Track, recorded_tracks, take_plain_states
+from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem, PlanningProblemSet
@@ -51,7 +53,7 @@ class XmlLimits:
     depth: int = 64
     elements: int = 1_500_000
     tag_bytes: int = 1_000_000
-    lanelets: int = 50_000
+    lanelets: int = MOST_OF_A_KIND["lanelet"]
 
 
 @dataclass(frozen=True)
@@ -101,41 +103,87 @@ class RecordedScenario:
 
 
 def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario:
-    """Scan and read a CommonRoad file.
+    """Check and read a CommonRoad file.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, not a CommonRoad file, or has no lanelets.
+        UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or an id twice, or a
+            number is beyond its limits.
     """
-    from commonroad.common.file_reader import CommonRoadFileReader
-
-    root = scan_xml(path, limits)
-    _refuse_without_road(path, root.name, root.lanelets)
-    return _open(path, lambda: CommonRoadFileReader(path), root.attributes.get("benchmarkID", ""))
+    root = _road_document(path, limits)
+    _check(path, root, limits)
+    return _open(path, root)
 
 
 def read_recorded(path: Path, limits: XmlLimits | None = None) -> RecordedScenario:
     """Read a CommonRoad file as ``read_scenario`` does, in half of its time, with its recording as arrays.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or an id twice.
+        UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or an id twice, or a
+            number is beyond its limits.
     """
-    root = parse_document(path, limits)
-    _refuse_without_road(path, root.tag, len(root.findall("lanelet")))
-    _refuse_duplicate_ids(path, root)
+    root = _road_document(path, limits)
     states = take_plain_states(root)
-    loaded = _open(path, lambda: _ParsedReader(path, root), root.get("benchmarkID", ""))
+    _check(path, root, limits)
+    loaded = _open(path, root)
     return RecordedScenario(loaded, recorded_tracks(loaded.scenario, states))
 
 
-def _refuse_without_road(path: Path, root_name: str, lanelets: int) -> None:
+def _road_document(path: Path, limits: XmlLimits | None) -> Element:
     """commonroad-io fails on a scenario without lanelets, and its error does not say why."""
-    if root_name != "commonRoad":
-        raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{root_name}>, not <commonRoad>")
-    if not lanelets:
+    root = parse_document(path, limits)
+    refuse_another_root(path, root.tag)
+    if root.find("lanelet") is None:
         raise UnsafeInput(
-            f"{path.name} has no lanelets, so there is no road to drive on",
+            f"{quoted(path.name)} has no lanelets, so there is no road to drive on",
             next_step="export the scenario again with its lanelet network, or choose another file",
         )
+    return root
+
+
+def _check(path: Path, root: Element, limits: XmlLimits | None) -> None:
+    """Refuse what is beyond the limits; its line is looked for in the whole document, of which states may be taken."""
+    try:
+        check_document(root)
+    except BeyondLimits as error:
+        _refuse_with_line(path, parse_document(path, limits))
+        raise error.refusal(path.name, None) from None
+    _refuse_duplicate_ids(path, root)
+
+
+def _refuse_with_line(path: Path, whole: Element) -> None:
+    try:
+        check_document(whole)
+    except BeyondLimits as error:
+        number = next(number for number, element in enumerate(whole.iter()) if element is error.element)
+        raise error.refusal(path.name, _line_of(path, number)) from None
+
+
+def refuse_another_root(path: Path, root_name: str) -> None:
+    """Refuse an XML file that is no CommonRoad file.
+
+    Raises:
+        UnsafeInput: naming its root element.
+    """
+    if root_name != "commonRoad":
+        raise UnsafeInput(
+            f"{quoted(path.name)} is no CommonRoad file: its root element is {quoted(root_name)}, not 'commonRoad'"
+        )
+
+
+def _line_of(path: Path, number: int) -> int | None:
+    """The line on which an element begins, by its number in the order of the file; ElementTree does not keep it."""
+    lines: list[int] = []
+    parser = expat.ParserCreate()
+
+    def start(*_: Any) -> None:
+        if len(lines) <= number:
+            lines.append(parser.CurrentLineNumber)
+
+    parser.StartElementHandler = start
+    with path.open("rb") as stream:
+        while len(lines) <= number and (block := stream.read(_BLOCK_BYTES)):
+            parser.Parse(block, False)
+    return lines[number] if number < len(lines) else None
 
 
 def _refuse_duplicate_ids(path: Path, root: Element) -> None:
@@ -144,17 +192,21 @@ def _refuse_duplicate_ids(path: Path, root: Element) -> None:
     for element in root:
         key = element.tag == "planningProblem", element.get("id", "")
         if key[1] and key in seen:
-            raise UnsafeInput(f"{path.name} has two elements with the id {key[1][:40]}, the second a {element.tag}")
+            raise UnsafeInput(
+                f"{quoted(path.name)} has two elements with the id {key[1]}, the second is {quoted(element.tag)}",
+                next_step="give one of them another id",
+            )
         seen.add(key)
 
 
-def _open(path: Path, reader: Callable[[], Any], declared_id: str) -> LoadedScenario:
+def _open(path: Path, root: Element) -> LoadedScenario:
     try:
         with _silence_commonroad_warnings():
-            scenario, problems = reader().open()
+            scenario, problems = _ParsedReader(path, root).open()
     except Exception as error:
-        raise UnsafeInput(f"{path.name} is not readable as CommonRoad: {type(error).__name__}: {error}") from error
-    return LoadedScenario(scenario, problems, path, declared_id)
+        reason = f"{type(error).__name__}: {quoted(str(error))}"
+        raise UnsafeInput(f"{quoted(path.name)} is not readable as CommonRoad: {reason}") from error
+    return LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""))
 
 
 @contextmanager
@@ -210,11 +262,11 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> Element:
             content = path.read_bytes()
         root = fromstring(content)  # noqa: S314 - entities and size were looked at
     except OSError as error:
-        raise UnsafeInput(f"{path.name} cannot be read: {error.strerror}") from error
+        raise UnsafeInput(f"{quoted(path.name)} cannot be read: {error.strerror}") from error
     except (ParseError, ValueError, LookupError) as error:
-        raise UnsafeInput(f"{path.name} is not well-formed XML: {error}") from error
+        raise UnsafeInput(f"{quoted(path.name)} is not well-formed XML: {error}") from error
     if _is_deeper(root, limits.depth):
-        raise UnsafeInput(f"{path.name} nests elements deeper than {limits.depth} levels")
+        raise UnsafeInput(f"{quoted(path.name)} nests elements deeper than {limits.depth} levels")
     return root
 
 
@@ -263,9 +315,9 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
     try:
         size = path.stat().st_size
     except OSError as error:
-        raise UnsafeInput(f"{path.name} cannot be read: {error.strerror}") from error
+        raise UnsafeInput(f"{quoted(path.name)} cannot be read: {error.strerror}") from error
     if size > limits.size_bytes:
-        raise UnsafeInput(f"{path.name} has {size:,} bytes; at most {limits.size_bytes:,} are read")
+        raise UnsafeInput(f"{quoted(path.name)} has {size:,} bytes; at most {limits.size_bytes:,} are read")
     scan = _Scan(path.name, limits)
     try:
         with path.open("rb") as stream:
@@ -273,7 +325,7 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
                 scan.feed(block)
             scan.parser.Parse(b"", True)
     except (expat.ExpatError, ValueError, LookupError) as error:
-        raise UnsafeInput(f"{path.name} is not well-formed XML: {error}") from error
+        raise UnsafeInput(f"{quoted(path.name)} is not well-formed XML: {error}") from error
     return _XmlRoot(scan.root, scan.attributes, scan.lanelets)
 
 
@@ -294,7 +346,9 @@ class _Scan:
         self.parser.Parse(block, False)
         self.fed_bytes += len(block)
         if self.fed_bytes - self.parser.CurrentByteIndex > self.limits.tag_bytes + _BLOCK_BYTES:
-            raise UnsafeInput(f"{self.name} holds a tag or comment of more than {self.limits.tag_bytes:,} bytes")
+            raise UnsafeInput(
+                f"{quoted(self.name)} holds a tag or comment of more than {self.limits.tag_bytes:,} bytes"
+            )
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         if not self.root:
@@ -303,11 +357,11 @@ class _Scan:
         self.elements += 1
         self.lanelets += tag == "lanelet"
         if self.depth > self.limits.depth:
-            raise UnsafeInput(f"{self.name} nests elements deeper than {self.limits.depth} levels")
+            raise UnsafeInput(f"{quoted(self.name)} nests elements deeper than {self.limits.depth} levels")
         if self.elements > self.limits.elements:
-            raise UnsafeInput(f"{self.name} holds more than {self.limits.elements:,} elements")
+            raise UnsafeInput(f"{quoted(self.name)} holds more than {self.limits.elements:,} elements")
         if self.lanelets > self.limits.lanelets:
-            raise UnsafeInput(f"{self.name} holds more than {self.limits.lanelets:,} lanelets")
+            raise UnsafeInput(f"{quoted(self.name)} holds more than {self.limits.lanelets:,} lanelets")
 
     def _end(self, tag: str) -> None:
         del tag
@@ -315,4 +369,6 @@ class _Scan:
 
     def _doctype(self, *declaration: Any) -> None:
         del declaration
-        raise UnsafeInput(f"{self.name} declares a document type; entities are not read", next_step="remove <!DOCTYPE")
+        raise UnsafeInput(
+            f"{quoted(self.name)} declares a document type; entities are not read", next_step="remove <!DOCTYPE"
+        )

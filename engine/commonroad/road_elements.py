@@ -15,8 +15,10 @@ import numpy as np
 from lxml import etree
 
 from ...schemas.errors import UnsafeInput
+from ...schemas.text import one_line, quoted
 from ..geometry import Points, without_repeats
-from .reader import XmlLimits, scan_xml
+from .reader import XmlLimits, refuse_another_root, scan_xml
+from .value_limits import NUMBER_RANGES, SMALLEST, BeyondLimits, check_counts_and_ids
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -175,19 +177,21 @@ _EXITS = ("successorsRight", "successorsStraight", "successorsLeft")
 def read_road_document(path: Path, limits: XmlLimits | None = None) -> RoadDocument:
     """Scan a CommonRoad file and read its network.
 
-    A coordinate that is no number becomes NaN, for a rule to find.
+    A coordinate that is no number or beyond its limits becomes NaN, for a rule to find.
 
     Raises:
-        UnsafeInput: the file is hostile, broken or not a CommonRoad file, or an id or a duration is no number.
+        UnsafeInput: the file is hostile, broken or not a CommonRoad file, an id or a duration is no number, or there
+            are more elements than ``value_limits`` allows.
     """
-    name = scan_xml(path, limits).name
-    if name != "commonRoad":
-        raise UnsafeInput(f"{path.name} is no CommonRoad file: its root element is <{name}>, not <commonRoad>")
+    refuse_another_root(path, scan_xml(path, limits).name)
     try:
         root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
+        check_counts_and_ids(root)
         return road_document(root)
+    except BeyondLimits as error:
+        raise error.refusal(path.name, error.element.sourceline) from None
     except (etree.LxmlError, ValueError) as error:
-        raise UnsafeInput(f"{path.name} is not readable as CommonRoad: {error}") from error
+        raise UnsafeInput(f"{quoted(path.name)} is not readable as CommonRoad: {one_line(str(error))}") from error
 
 
 def road_document(root: etree._Element) -> RoadDocument:
@@ -255,11 +259,18 @@ def _sign(element: etree._Element) -> _SignElement:
 
 def _light(element: etree._Element) -> _LightElement:
     phases = tuple(
-        (int(phase.findtext("duration", "0")), phase.findtext("color", "").strip())
+        (_steps(phase.findtext("duration", "0")), phase.findtext("color", "").strip())
         for phase in element.iterfind("cycle/cycleElement")
     )
     active = element.findtext("active", "true").strip() in ("true", "1")
     return _LightElement(_number(element, "id"), phases, _position(element), active)
+
+
+def _steps(text: str) -> int:
+    steps = int(text)
+    if steps > NUMBER_RANGES["duration"].highest:
+        raise ValueError(f"a phase of a traffic light lasts more than {NUMBER_RANGES['duration'].highest:,.0f} steps")
+    return steps
 
 
 def _intersection(element: etree._Element) -> _IntersectionElement:
@@ -282,7 +293,10 @@ def _position(element: etree._Element) -> Points | None:
 
 def _points(elements: Iterable[etree._Element]) -> Points:
     numbers = [(_coordinate(element.findtext("x")), _coordinate(element.findtext("y"))) for element in elements]
-    return np.array(numbers, dtype=float).reshape(-1, 2)
+    points = np.array(numbers, dtype=float).reshape(-1, 2)
+    points[~(np.abs(points) <= NUMBER_RANGES["x"].highest)] = np.nan
+    points[(points != 0) & (np.abs(points) < SMALLEST)] = 0.0
+    return points
 
 
 def _coordinate(text: str | None) -> float:

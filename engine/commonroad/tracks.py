@@ -15,6 +15,7 @@ import numpy as np
 
 from ...schemas.errors import UnsafeInput
 from ..geometry import Points, Values, oriented_rectangle, segment_lengths
+from .value_limits import LAST_STEP, is_within
 
 if TYPE_CHECKING:
     from commonroad.scenario.obstacle import DynamicObstacle
@@ -92,12 +93,19 @@ def recorded_tracks(scenario: "Scenario", states: "Mapping[int, _PlainStates] | 
 
 
 def static_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
-    """Static obstacles as tracks that stand still up to a step, by id in ascending order; regions by their middle."""
+    """Static obstacles as tracks that stand still up to a step, by id in ascending order; regions by their middle.
+
+    Each holds its one pose in memory, however many steps it stands there; its arrays cannot be written to.
+    """
     tracks = {}
     for obstacle in sorted(scenario.static_obstacles, key=lambda obstacle: int(obstacle.obstacle_id)):
         state, count = _states([obstacle.initial_state]), last_step + 1
-        positions, headings_rad = np.repeat(state.positions, count, axis=0), np.repeat(state.headings_rad, count)
-        tracks[int(obstacle.obstacle_id)] = _track_of(obstacle, 0, positions, headings_rad, np.zeros(count))
+        positions, headings_rad = (
+            np.broadcast_to(state.positions, (count, 2)),
+            np.broadcast_to(state.headings_rad, count),
+        )
+        standing = np.broadcast_to(np.zeros(1), count)
+        tracks[int(obstacle.obstacle_id)] = _track_of(obstacle, 0, positions, headings_rad, standing)
     return tracks
 
 
@@ -185,13 +193,14 @@ def take_plain_states(document: Element) -> dict[int, _PlainStates]:
 
     The first and the last state of each stay, so that commonroad-io reads a trajectory of the same duration. A
     trajectory is left whole where one of its states differs from the others in its fields, gives an interval or a
-    region, or holds a text that is no number, or none that is finite.
+    region, or holds a text that is no number, none that is finite or one beyond its limits: who checks the document
+    finds it there.
     """
     taken = {}
     for obstacle in document:
         trajectory = obstacle.find("trajectory") if obstacle.tag in ("dynamicObstacle", "obstacle") else None
         number = obstacle.get("id", "")
-        if trajectory is not None and number.isdecimal() and len(trajectory) > 2:
+        if trajectory is not None and number.isdecimal() and 2 < len(trajectory) <= LAST_STEP:
             states = _plain_states(trajectory)
             if states is not None:
                 taken[int(number)] = states
@@ -212,13 +221,31 @@ def _plain_states(trajectory: Element) -> _PlainStates | None:
         positions = [_point(row["position"]) for row in rows]
     except ValueError:
         return None
-    if min(times) < 0 or not np.isfinite([*columns.values()]).all():
+    if not np.isfinite([*columns.values()]).all():
+        return None
+    if not _are_near_the_ends(positions) or not all(is_within(field, columns[field]) for field in columns):
+        return None
+    if not is_within("time", times):
         return None
     return _PlainStates(
         positions=np.array(positions, dtype=float),
         headings_rad=np.array(columns["orientation"], dtype=float),
         speeds_mps=np.array(columns.get("velocity", [np.nan] * len(rows)), dtype=float),
     )
+
+
+_FARTHEST_FROM_ENDS_M = 10_000.0
+"""Chosen: beyond the box around a trajectory's first and last position."""
+
+
+def _are_near_the_ends(positions: list[tuple[float, float]]) -> bool:
+    """Whether the box around the first and the last position, which stay in the document, tells where all are."""
+    for values in zip(*positions, strict=True):
+        low, high = sorted((values[0], values[-1]))
+        near = low - _FARTHEST_FROM_ENDS_M <= min(values) and max(values) <= high + _FARTHEST_FROM_ENDS_M
+        if not (near and is_within("x", values)):
+            return False
+    return bool(np.isfinite(positions).all())
 
 
 def _values(state: Element) -> dict[str, Element]:

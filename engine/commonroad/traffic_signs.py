@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
     from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement
 
+_SLOWEST_MPS, _FASTEST_MPS = 0.1, 1000.0
+"""Chosen: slower than anybody walks, and faster than any vehicle on land (341 m/s)."""
 _GERMAN_LIMIT = "274"
 SPEED_LIMITS = frozenset({_GERMAN_LIMIT, "274.1", "R2-1", "r301", "3.24", "R15", "C43", "B14", "Ρ-32", "B31"})
 """A speed limit, or the beginning of a zone with one, in the countries whose signs CommonRoad knows."""
@@ -69,12 +71,12 @@ def sign_keys(signs: Iterable["TrafficSign"]) -> tuple[str, ...]:
 
 
 def limits_mps(element: "TrafficSignElement") -> list[float]:
-    """The limits in m/s that a sign posts, of its own or for a zone; values that are no positive number are left out.
+    """The limits in m/s that a sign posts, of its own or for a zone; values that are no speed of traffic are left out.
 
     Empty for all other signs.
     """
     texts = element.additional_values if _sign_key(element) == "speed_limit" else []
-    return [speed for text in texts if 0.0 < (speed := _number(text)) < math.inf]
+    return [speed for text in texts if _SLOWEST_MPS <= (speed := _number(text)) <= _FASTEST_MPS]
 
 
 def limits_kmh(signs: Iterable["TrafficSign"]) -> tuple[float, ...]:

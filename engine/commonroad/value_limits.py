@@ -1,94 +1,389 @@
-"""Limits of the numbers in a scenario: values beyond them fill the memory or break the geometry of later steps.
+"""What the numbers, counts and texts of a scenario file may be: one table with sources, held before anything reads on.
 
-Called once for a file that is taken in, after it was read: commonroad-io accepts any number.
+commonroad-io takes any number: an angle of 1e300 turns its loops for ever, vertices at 1e7 m fill the memory of
+whatever samples them, a step of 1e-30 s ends in SUMO. So every number of a file is looked at once, in the parsed
+document, and refused by the name of its element, the id of what it belongs to and its line. ``docs/limits.md`` shows
+the table to users.
 """
 
 import math
-from collections.abc import Iterable
-from itertools import chain
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ...schemas.errors import UnsafeInput
-from .reader import RecordedScenario
-from .tracks import last_recorded_step, middle_of
+from ...schemas.text import quoted
 
-_LONGEST_COORDINATE_M = 1e8
-"""Physics: more than twice around the earth. Headings and speeds are held to it too, as numbers without a unit."""
-_LARGEST_OBSTACLE_M = 1000.0
-"""Chosen: longer than any train or ship."""
-_LONGEST_STEP_S = 10.0
-"""Chosen: recordings of traffic have 0.04 s to 1 s; between longer steps no motion can be told."""
-_LAST_STEP = 1_000_000
-"""More than a day at 0.1 s; longer scenarios would fill the memory of whatever goes through their steps."""
+_EXACT_IN_JSON = 2**53 - 1
+_PRINTED = 10**30
 
 
-def refuse_values_beyond_limits(recorded: RecordedScenario) -> None:
-    """Check the time step, coordinates, sizes, states and times of a scenario.
+@dataclass(frozen=True)
+class NumberRange:
+    """What a number may be, both ends included; ``source`` says whose limit it is."""
+
+    lowest: float
+    highest: float
+    unit: str
+    source: str
+    is_whole: bool = False
+
+    @property
+    def text(self) -> str:
+        """The range in words: ``0.001 to 10 s``."""
+        whole = "whole numbers " if self.is_whole else ""
+        return f"{whole}{_digits(self.lowest)} to {_digits(self.highest)} {self.unit}".rstrip()
+
+
+LAST_STEP = 100_000
+_TIME = NumberRange(0, LAST_STEP, "steps", "schema: not negative; chosen: 2.8 hours at 0.1 s", is_whole=True)
+_FARTHEST_M = 25e6
+_COORDINATE = NumberRange(
+    -_FARTHEST_M, _FARTHEST_M, "m", "beyond the edge of Web Mercator (20,037,508 m) and of UTM (10,000,000 m)"
+)
+_HEIGHT = NumberRange(-1e5, 1e5, "m", "physics: road traffic is on the ground")
+_ANGLE = NumberRange(-1000, 1000, "rad", "159 turns, for headings that are not wrapped; commonroad-io unwinds by loops")
+_SPEED = NumberRange(-1000, 1000, "m/s", "physics: the fastest vehicle on land had 341 m/s")
+_ACCELERATION = NumberRange(-1e4, 1e4, "m/s²", "physics: a crash has about 1,000 m/s²")
+_OTHER = NumberRange(-1e6, 1e6, "", "chosen: a number of a state that nothing here reads")
+_OBSTACLE_SIZE = NumberRange(0.001, 1000, "m", "schema: above 0; chosen: longer than any train or ship")
+_REGION_SIZE = NumberRange(0.001, 1e5, "m", "schema: above 0; no larger than a road network may be")
+_STEP_SIZE = NumberRange(0.001, 10, "s", "SUMO counts time in whole milliseconds; beyond 10 s no motion can be told")
+_ID = NumberRange(
+    0, _EXACT_IN_JSON, "", "schema: whole; exact in JSON, whose numbers many clients hold as doubles", True
+)
+_VALUE_OF_SIGN = NumberRange(-1e6, 1e6, "", "chosen: where the value of a sign is a number, it is a finite one")
+
+NUMBER_RANGES: Mapping[str, NumberRange] = {
+    "timeStepSize": _STEP_SIZE,
+    "id": _ID,
+    "ref": _ID,
+    "x": _COORDINATE,
+    "y": _COORDINATE,
+    "z": _HEIGHT,
+    "positionZ": _HEIGHT,
+    "positionZFront": _HEIGHT,
+    "positionZRear": _HEIGHT,
+    "length": _REGION_SIZE,
+    "width": _REGION_SIZE,
+    "radius": _REGION_SIZE,
+    "time": _TIME,
+    "orientation": _ANGLE,
+    "steeringAngle": _ANGLE,
+    "slipAngle": _ANGLE,
+    "velocity": _SPEED,
+    "velocityY": _SPEED,
+    "velocityZ": _SPEED,
+    "acceleration": _ACCELERATION,
+    "accelerationY": _ACCELERATION,
+    "speedLimit": NumberRange(0, 1000, "m/s", "schema 2018b: not negative; physics, as all speeds"),
+    "additionalValue": _VALUE_OF_SIGN,
+    "duration": NumberRange(0, LAST_STEP, "steps", "schema: not negative; no longer than a recording", is_whole=True),
+    "timeOffset": NumberRange(
+        0, 1e6, "steps", "schema: not negative; chosen: more than any cycle lasts", is_whole=True
+    ),
+    "geoNameId": NumberRange(-(2**31), 2**31 - 1, "", "GeoNames: 32 bits; -999 is not known", is_whole=True),
+    "gpsLatitude": NumberRange(-1000, 1000, "°", "CommonRoad: 999 is not known"),
+    "gpsLongitude": NumberRange(-1000, 1000, "°", "CommonRoad: 999 is not known"),
+    "xTranslation": NumberRange(-1e8, 1e8, "m", "more than twice around the earth"),
+    "yTranslation": NumberRange(-1e8, 1e8, "m", "more than twice around the earth"),
+    "zRotation": _ANGLE,
+    "scaling": NumberRange(1e-6, 1e6, "", "schema: above 0"),
+}
+"""By the name of an attribute, of an element that holds a number, or of a value of a state; sizes are those of regions.
+
+Of the 195 files of CommonRoad measured, coordinates reach 12,761 m, speeds 50 m/s, angles 11 rad, accelerations 10.5
+m/s², steps 200, ids 136,389, and all have steps of 0.1 s.
+"""
+
+MOST_CHILDREN: Mapping[str, int] = {
+    "commonRoad": 100_000,
+    "lanelet": 128,
+    "leftBound": 5_000,
+    "rightBound": 5_000,
+    "polygon": 5_000,
+    "trajectory": LAST_STEP,
+    "occupancySet": 10_000,
+    "signalSeries": LAST_STEP,
+}
+"""Elements directly below one of this name; all others have ``MOST_OTHER_CHILDREN`` at most.
+
+Measured: 464 below the root, 1,998 points in a bound, 200 states in a trajectory.
+"""
+MOST_OTHER_CHILDREN = 1000
+MOST_OF_A_KIND: Mapping[str, int] = {"lanelet": 50_000, "planningProblem": 100}
+"""Elements of this name in a file: commonroad-io makes a polygon of each lanelet, and each planning problem is an entry
+of the catalogue. Measured: 368 lanelets, 8 planning problems."""
+MOST_OCCUPIED_STEPS = LAST_STEP
+"""Steps that the occupancies of one obstacle cover, each as often as its shape has parts."""
+LONGEST_TEXT = 2000
+"""Characters of an attribute or element; chosen: coordinate reference systems have a few hundred."""
+WIDEST_M = 100_000.0
+"""Chosen: sides of the box around a road network, and how far beyond it anything may be; measured: 12,448 m."""
+
+SMALLEST = 1e-150
+"""What is smaller and not 0 has a square that is 0, by which geometry would divide."""
+SHORTEST_M = 0.001
+"""Lengths and widths of what is drawn, as near as files with three digits tell points apart."""
+_PLANE = ("x", "y")
+_INTERVAL = ("intervalStart", "intervalEnd")
+_VALUES = ("exact", *_INTERVAL)
+_NOT_LEAVES = ("time", "id", "ref", "timeStepSize")
+_NUMBERS = {name: allowed for name, allowed in NUMBER_RANGES.items() if name not in _NOT_LEAVES}
+"""Of elements that hold a number as their text; a time of a state holds elements, that of a day is no number."""
+_FOREIGN = "<location>"
+"""Holds what other programs write there, with ids of their own."""
+_OBSTACLES = ("obstacle", "staticObstacle", "dynamicObstacle", "environmentObstacle", "phantomObstacle")
+_PLACED = ("lanelet", "planningProblem", *_OBSTACLES)
+"""Elements whose points are places in the network; signs and lights may have a placeholder as theirs."""
+
+
+class BeyondLimits(Exception):
+    """A number, count or text that is refused, with its element, of which the reader tells the line."""
+
+    def __init__(self, element: Any, what: str, valid: str, next_step: str = "correct it in the file") -> None:
+        self.element, self.what, self.valid, self.next_step = element, what, valid, next_step
+        super().__init__(what)
+
+    def refusal(self, file: str, line: int | None) -> UnsafeInput:
+        """What a caller is told."""
+        place = f"{quoted(file)}, line {line:,}" if line else quoted(file)
+        return UnsafeInput(f"{place}: {self.what}", valid=[self.valid], next_step=self.next_step)
+
+
+def check_document(root: Any) -> None:
+    """Look at every number, count and text of a parsed CommonRoad document (ElementTree).
 
     Raises:
-        UnsafeInput: one is not finite or far beyond what occurs, naming where it stands.
+        BeyondLimits: one is no number or beyond its limit.
     """
-    scenario, step_s = recorded.loaded.scenario, recorded.loaded.step_s
-    if not 0.0 < step_s <= _LONGEST_STEP_S:
-        raise UnsafeInput(f"timeStepSize is {step_s:g} s", valid=[f"more than 0 and at most {_LONGEST_STEP_S:g} s"])
-    for lanelet in scenario.lanelet_network.lanelets:
-        if not _within(lanelet.left_vertices) or not _within(lanelet.right_vertices):
-            raise UnsafeInput(f"lanelet {lanelet.lanelet_id} has coordinates that are not finite or beyond 1e8 m")
-    for obstacle in scenario.obstacles:
-        if not _has_possible_size(getattr(obstacle, "obstacle_shape", None)):  # phantom obstacles have none
-            raise UnsafeInput(
-                f"obstacle {obstacle.obstacle_id} has a size that is not above 0 and at most {_LARGEST_OBSTACLE_M:g} m"
+    _check_attributes(root, "commonRoad")
+    if "timeStepSize" in root.attrib:
+        _number(root, root.get("timeStepSize"), NUMBER_RANGES["timeStepSize"], "timeStepSize", "commonRoad")
+    _check_kinds(root)
+    boxes = []
+    for top in root:
+        owner = f"{top.tag} {quoted(top.get('id'))[1:-1]}" if top.get("id") else f"<{top.tag}>"
+        own_shape = top.find("shape") if top.tag in _OBSTACLES else None
+        _check_attributes(top, owner)
+        relative = () if own_shape is None else _check_own_shape(own_shape, owner)
+        places = _check_below(top, owner, relative)
+        _check_occupancies(top, owner)
+        _check_drawn(top, owner)
+        if top.tag in _PLACED and places:
+            boxes.append((top, owner, places))
+    _check_extent(boxes)
+
+
+def _check_kinds(root: Any) -> None:
+    kinds = Counter(child.tag for child in root)
+    for kind, most in MOST_OF_A_KIND.items():
+        if kinds[kind] > most:
+            what = f"it holds {kinds[kind]:,} elements <{kind}>"
+            raise BeyondLimits(root, what, f"at most {most:,}", "split the file, or take some of them out")
+    _check_count(root)
+
+
+def _check_count(element: Any) -> None:
+    most = MOST_CHILDREN.get(element.tag, MOST_OTHER_CHILDREN)
+    if len(element) > most:
+        what = f"an element <{quoted(element.tag)[1:-1]}> holds {len(element):,} elements"
+        raise BeyondLimits(element, what, f"at most {most:,}", "split the file, or take some of them out")
+
+
+def is_within(name: str, values: Sequence[float]) -> bool:
+    """Whether finite values of states are all within the limits of the one with this name."""
+    allowed = NUMBER_RANGES.get(name, _OTHER)
+    return (
+        allowed.lowest <= min(values)
+        and max(values) <= allowed.highest
+        and not any(0 < abs(value) < SMALLEST for value in values)
+    )
+
+
+def check_counts_and_ids(root: Any) -> None:
+    """Look at how many elements a document (of lxml) has, and at its ids and references.
+
+    Raises:
+        BeyondLimits: there are more elements than the limits, or an id is no whole number within its own.
+    """
+    _check_kinds(root)
+    for element in root.iter("*"):
+        _check_count(element)
+        _check_attributes(element, f"<{element.tag}>")
+
+
+_Places = list[tuple[float, float]]
+
+
+def _check_below(top: Any, owner: str, relative: Iterable[Any]) -> _Places:
+    """Check all elements below one of the first level; returns the x and y of its points in m."""
+    skipped = frozenset(map(id, relative))
+    places: _Places = []
+    for parent in top.iter():
+        if not len(parent):
+            continue
+        _check_count(parent)
+        values = {}
+        for leaf in parent:
+            tag, text = leaf.tag, leaf.text
+            if tag in _PLANE and text and (value := _usual_coordinate(text)) is not None:  # most of a file
+                values[tag] = value
+                continue
+            if leaf.attrib:
+                _check_attributes(leaf, owner)
+            if len(leaf):
+                continue
+            if text is not None and len(text) > LONGEST_TEXT:
+                raise _too_long(leaf, f"<{tag}>", owner, len(text))
+            if tag in _VALUES:
+                values[tag] = _number(leaf, text, NUMBER_RANGES.get(parent.tag, _OTHER), parent.tag, owner)
+            elif tag in _NUMBERS and (tag != "additionalValue" or _is_number(text)):
+                values[tag] = _number(leaf, text, _NUMBERS[tag], tag, owner)
+        if "intervalEnd" in values and values.get("intervalStart", -math.inf) > values["intervalEnd"]:
+            what = f"the interval of <{parent.tag}> of {owner} ends before it begins"
+            raise BeyondLimits(parent, what, "intervalStart at most as large as intervalEnd")
+        if "x" in values and "y" in values and id(parent) not in skipped:
+            places.append((values["x"], values["y"]))
+    return places
+
+
+def _check_own_shape(shape: Any, owner: str) -> list[Any]:
+    """Check the sizes of an obstacle's shape; returns its elements: their points are beside the obstacle's place."""
+    elements = list(shape.iter())
+    for element in elements:
+        if element.tag in ("length", "width", "radius"):
+            _number(element, element.text, _OBSTACLE_SIZE, element.tag, owner)
+    return elements
+
+
+def _check_occupancies(top: Any, owner: str) -> None:
+    """Check how many steps the occupancies of an obstacle cover in all, each as often as it has parts."""
+    covered = 0
+    for occupancy in top.iterfind("occupancySet/occupancy"):
+        begin, end = (occupancy.findtext(f"time/{name}") for name in _INTERVAL)
+        steps = int(end) - int(begin) + 1 if begin and end else 1
+        covered += steps * max(1, len(occupancy.findall("shape/*")))
+    if covered > MOST_OCCUPIED_STEPS:
+        what = f"the occupancies of {owner} cover {covered:,} steps, each counted once for every part of its shape"
+        raise BeyondLimits(top, what, f"at most {MOST_OCCUPIED_STEPS:,}")
+
+
+def _check_drawn(top: Any, owner: str) -> None:
+    """Check that a lanelet and all polygons cover an area, and that a lanelet's centre line leads somewhere."""
+    next_step = "correct its points in the file"
+    if top.tag == "lanelet":
+        left, right = (_points_of(top.find(bound)) for bound in ("leftBound", "rightBound"))
+        centers = [((x + u) / 2, (y + v) / 2) for (x, y), (u, v) in zip(left, right, strict=False)]
+        if not _is_apart(centers):
+            raise BeyondLimits(
+                top, f"the centre line of {owner} has no length", f"{SHORTEST_M:g} m and more", next_step
             )
-    for obstacle in scenario.dynamic_obstacles:
-        _refuse_not_finite(obstacle)
-    for track in recorded.tracks.values():
-        if not (_within(track.positions) and _within(track.headings_rad) and _within(track.speeds_mps)):
-            raise UnsafeInput(f"obstacle {track.obstacle_id} has states that are not finite or beyond 1e8")
-        _refuse_late(f"obstacle {track.obstacle_id}", [track.first_step, track.last_step])
-    _refuse_late("the recording", [last_recorded_step(scenario)])
-    for key, problem in sorted(recorded.loaded.planning_problems.planning_problem_dict.items()):
-        state = problem.initial_state
-        values = np.array([*np.asarray(state.position, dtype=float), float(state.velocity), float(state.orientation)])
-        if not _within(values):
-            raise UnsafeInput(f"planning problem {key} has an initial state that is not finite or beyond 1e8")
-        _refuse_late(f"planning problem {key}", chain([int(state.time_step)], _goal_steps(problem)))
+        if _is_on_a_line(left + right):
+            raise BeyondLimits(top, f"{owner} covers no area", f"{SHORTEST_M:g} m wide and more", next_step)
+    for polygon in top.iter("polygon"):
+        if _is_on_a_line(_points_of(polygon)):
+            what = f"a polygon of {owner} covers no area"
+            raise BeyondLimits(polygon, what, f"{SHORTEST_M:g} m wide and more", next_step)
 
 
-def _refuse_not_finite(obstacle: Any) -> None:
-    """A value that is no number is not one that was left out: every file made from this one would keep it.
-
-    Of plain trajectories, which are read apart, the first and the last state are here; the others were found finite.
-    """
-    trajectory = getattr(obstacle.prediction, "trajectory", None)
-    for state in (obstacle.initial_state, *(trajectory.state_list if trajectory else ())):
-        for name in state.used_attributes:
-            value = getattr(state, name)
-            if name != "position" and value is not None and not math.isfinite(middle_of(value)):
-                raise UnsafeInput(
-                    f"obstacle {obstacle.obstacle_id} has a {name} that is not finite at step {state.time_step}",
-                    next_step=f"correct the {name} in the file, or leave it out of all states of the obstacle",
-                )
+def _points_of(element: Any) -> _Places:
+    if element is None:
+        return []
+    points = ((point.findtext("x"), point.findtext("y")) for point in element.iterfind("point"))
+    return [(float(x), float(y)) for x, y in points if x and y]
 
 
-def _goal_steps(problem: Any) -> Iterable[int]:
-    steps = [goal.time_step for goal in problem.goal.state_list if getattr(goal, "time_step", None) is not None]
-    return [int(end) for step in steps for end in (getattr(step, "start", step), getattr(step, "end", step))]
+def _is_apart(points: _Places) -> bool:
+    return any(math.dist(points[0], point) >= SHORTEST_M for point in points)
 
 
-def _refuse_late(what: str, steps: Iterable[int]) -> None:
-    for step in steps:
-        if not 0 <= step <= _LAST_STEP:
-            raise UnsafeInput(f"{what} has the time step {step:,}", valid=[f"0 to {_LAST_STEP:,}"])
+def _is_on_a_line(points: _Places) -> bool:
+    """Whether all points are within a millimetre of the line from the first to the one farthest from it."""
+    if not points:
+        return True
+    (x, y), far = points[0], max(points, key=lambda point: math.dist(points[0], point))
+    length, along_x, along_y = math.dist(points[0], far), far[0] - x, far[1] - y
+    return all(abs(along_x * (v - y) - along_y * (u - x)) < SHORTEST_M * length for u, v in points) or length == 0.0
 
 
-def _has_possible_size(shape: Any) -> bool:
-    """Whether length, width and radius, those that the shape has, are above 0 and not beyond the limit."""
-    sizes = [getattr(shape, name, None) for name in ("length", "width", "radius")]
-    return all(0.0 < float(size) <= _LARGEST_OBSTACLE_M for size in sizes if size is not None)
+def _check_extent(boxes: list[tuple[Any, str, _Places]]) -> None:
+    """Check that the network is no wider than the limit, and that everything else is no farther away."""
+    spans = [(top, owner, *_span(places)) for top, owner, places in boxes]
+    road = [(low, high) for top, _, low, high in spans if top.tag == "lanelet"]
+    if not road:
+        return
+    lowest = [min(low[axis] for low, _ in road) for axis in (0, 1)]
+    highest = [max(high[axis] for _, high in road) for axis in (0, 1)]
+    for axis, name in ((0, "x"), (1, "y")):
+        if highest[axis] - lowest[axis] > WIDEST_M:
+            top, owner = _farthest(spans, axis)
+            what = f"the lanelets reach over {highest[axis] - lowest[axis]:,.0f} m along {name}, as far as {owner}"
+            raise BeyondLimits(top, what, f"at most {WIDEST_M:,.0f} m", "cut the network to the place that matters")
+        for top, owner, low, high in spans:
+            if low[axis] < lowest[axis] - WIDEST_M or high[axis] > highest[axis] + WIDEST_M:
+                what = f"{owner} is more than {WIDEST_M:,.0f} m away from all lanelets along {name}"
+                raise BeyondLimits(top, what, f"at most {WIDEST_M:,.0f} m from the lanelets")
 
 
-def _within(values: Any) -> bool:
-    array = np.asarray(values, dtype=float)
-    return bool(np.all(np.isfinite(array)) and np.all(np.abs(array) < _LONGEST_COORDINATE_M))
+def _farthest(spans: list[tuple[Any, str, list[float], list[float]]], axis: int) -> tuple[Any, str]:
+    """The lanelet whose middle is farthest from the middle one."""
+    lanelets = [(low[axis] + high[axis], top, owner) for top, owner, low, high in spans if top.tag == "lanelet"]
+    middle = sorted(place for place, _, _ in lanelets)[len(lanelets) // 2]
+    _, top, owner = max(lanelets, key=lambda lanelet: abs(lanelet[0] - middle))
+    return top, owner
+
+
+def _span(places: _Places) -> tuple[list[float], list[float]]:
+    xs, ys = zip(*places, strict=True)
+    return [min(xs), min(ys)], [max(xs), max(ys)]
+
+
+def _check_attributes(element: Any, owner: str) -> None:
+    for name, text in element.attrib.items():
+        if name in ("id", "ref") and owner != _FOREIGN:
+            _number(element, text, NUMBER_RANGES[name], f"{name} of <{element.tag}>", owner)
+        elif len(text) > LONGEST_TEXT:
+            raise _too_long(element, quoted(name), owner, len(text))
+
+
+def _too_long(element: Any, name: str, owner: str, length: int) -> BeyondLimits:
+    return BeyondLimits(element, f"{name} of {owner} has {length:,} characters", f"at most {LONGEST_TEXT:,}")
+
+
+def _number(element: Any, text: str | None, allowed: NumberRange, name: str, owner: str) -> float:
+    try:
+        value = int(text or "") if allowed.is_whole else float(text or "")
+        if allowed.lowest <= value <= allowed.highest and not 0 < abs(value) < SMALLEST:  # not NaN
+            return value
+    except ValueError:
+        kind = "whole number" if allowed.is_whole else "number"
+        raise BeyondLimits(
+            element, f"{name} of {owner} is {quoted(text or '', 40)}, which is no {kind}", allowed.text
+        ) from None
+    if allowed.is_whole:
+        given = f"{value:,}" if abs(value) < _PRINTED else "a number of too many digits"
+    else:
+        given = f"{value:g}"
+    raise BeyondLimits(element, f"{name} of {owner} is {given} {allowed.unit}".rstrip(), allowed.text)
+
+
+def _usual_coordinate(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if -_FARTHEST_M <= value <= _FARTHEST_M and not 0 < abs(value) < SMALLEST else None
+
+
+def _is_number(text: str | None) -> bool:
+    try:
+        float(text or "")
+    except ValueError:
+        return False
+    return True
+
+
+def _digits(value: float) -> str:
+    return f"{int(value):,}" if value == int(value) else f"{value:g}"

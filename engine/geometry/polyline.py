@@ -82,8 +82,16 @@ def project(points: Points, point: Points) -> tuple[float, float]:
     return station, float(math.copysign(distance[index], cross))
 
 
+_MOST_PAIRS = 2_000_000
+"""Chosen: pairs of a point and a vertex that are held at once, about 150 MB."""
+
+
 def project_all(points: Points, others: Points) -> tuple[Values, Values]:
     """As :func:`project` for many points of shape (m, 2) at once: stations (m,) and signed offsets (m,) in metres."""
+    at_once = max(1, _MOST_PAIRS // len(points))
+    if len(others) > at_once:
+        parts = [project_all(points, others[begin : begin + at_once]) for begin in range(0, len(others), at_once)]
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
     start, step = points[:-1], np.diff(points, axis=0)
     squared = np.maximum((step**2).sum(axis=1), _LEAST_SQUARED_M2)
     away = others[:, None, :] - start

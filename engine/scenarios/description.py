@@ -154,8 +154,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     if scene.ego is None:
         return None
     problem = scene.loaded.problem(scene.ego.problem_id)
-    network, state = scene.network, problem.initial_state
-    point = np.asarray(state.position, dtype=float)
+    network, point = scene.network, scene.ego.position
     under = lanelets_at(network, point)
     route = ego_route(network, scene.lanelet_graph, problem)
     goals = goal_center_lanelets(network, problem)
@@ -165,8 +164,8 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         way += ", with a lane change" if route.changes_lane else ""
     return DescribedEgo(
         problem_id=scene.ego.problem_id,
-        speed_mps=round(float(state.velocity), 3),
-        lanelets=aligned_lanelets(network, under, point, float(state.orientation)) or under,
+        speed_mps=round(scene.ego.speed_mps, 3),
+        lanelets=aligned_lanelets(network, under, point, scene.ego.heading_rad) or under,
         lanes=max((len(scene.lanelet_graph.beside([key])) for key in under), default=0),
         goal=_goal_words(problem, scene.step_s, point, goals),
         goal_lanelets=goals,

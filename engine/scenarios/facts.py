@@ -8,29 +8,34 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from ...schemas.errors import UnsafeInput
 from ...schemas.scenarios import EgoFacts, LocationFacts, ParticipantFacts, ReadFactsRequest, RoadFacts, ScenarioFacts
+from ...schemas.text import quoted
 from ...schemas.vocabulary import GoalForm
 from ..commonroad import (
     RecordedScenario,
     Track,
     XmlLimits,
+    center_of,
     has_light,
     last_recorded_step,
     limits_kmh,
+    middle_of,
     parse_benchmark_id,
     read_recorded,
-    refuse_values_beyond_limits,
+    scan_xml,
     sign_keys,
     signs_of,
     static_tracks,
 )
 from ..execution import ProgressReporter
 from ..geometry import arc_length, project
-from ..network import LaneletGraph
+from ..network import LaneletGraph, read_net
 from ..scene import aligned_lanelets, ego_route, lanelets_at, path_ahead
 from ..vehicles import EGO_SIZE_M
 from .features import along_line, features
@@ -44,12 +49,27 @@ def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioF
     """The facts of one CommonRoad file.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, no CommonRoad file, or holds numbers that no scenario has.
+        UnsafeInput: the file is hostile, broken, no CommonRoad file, or holds numbers that no scenario has; or the SUMO
+            network beside it is no such network.
     """
-    report(0.0, f"reading {request.path.name}")
+    report(0.0, f"reading {quoted(request.path.name)}")
+    if request.net is not None:
+        _check_net(request.net, request.file_bytes)
     recorded = read_recorded(request.path, XmlLimits(size_bytes=request.file_bytes))
     report(0.6, "looking at the geometry")
     return _facts_of(recorded)
+
+
+def _check_net(path: Path, file_bytes: int) -> None:
+    """It is stored beside the scenario for whoever exports it, so it must be what its name says."""
+    try:
+        scan_xml(path, XmlLimits(size_bytes=file_bytes))
+        read_net(path)
+    except UnsafeInput as error:
+        raise UnsafeInput(
+            f"the network beside the scenario cannot be taken in: {error.message}",
+            next_step=f"correct {quoted(path.name)}, or move it away: a scenario is imported without it too",
+        ) from error
 
 
 _TAG_NAMES = {"illegal_cutin": "illegal_cut_in"}
@@ -60,12 +80,11 @@ def _facts_of(read: RecordedScenario) -> ScenarioFacts:
     """The facts of a scenario in memory.
 
     Raises:
-        UnsafeInput: an id outside the naming rules, or numbers that no scenario has.
+        UnsafeInput: an id outside the naming rules.
     """
     loaded, tracks = read.loaded, read.tracks
     scenario, network = loaded.scenario, loaded.scenario.lanelet_network
     country, place = parse_benchmark_id(loaded.benchmark_id)
-    refuse_values_beyond_limits(read)
     graph = LaneletGraph.of(network)
     problems = [problem for _, problem in sorted(loaded.planning_problems.planning_problem_dict.items())]
     last_step = last_recorded_step(scenario)
@@ -112,9 +131,9 @@ class _Recording:
 def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
     network, state = recording.scenario.lanelet_network, problem.initial_state
     route = ego_route(network, recording.graph, problem)
-    point = np.asarray(state.position, dtype=float)
+    point, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
     under = lanelets_at(network, point)
-    ahead = aligned_lanelets(network, under, point, float(state.orientation))
+    ahead = aligned_lanelets(network, under, point, heading)
     steps = [goal.time_step for goal in problem.goal.state_list if getattr(goal, "time_step", None) is not None]
     first = [int(getattr(step, "start", step)) for step in steps]
     last = [int(getattr(step, "end", step)) for step in steps]
@@ -122,10 +141,10 @@ def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
     signs = signs_of(network, lanelets)
     ego = EgoFacts(
         problem_id=int(problem.planning_problem_id),
-        speed_mps=float(state.velocity),
+        speed_mps=middle_of(state.velocity),
         x_m=float(point[0]),
         y_m=float(point[1]),
-        heading_rad=float(state.orientation),
+        heading_rad=heading,
         lanes=max((len(recording.graph.beside([key])) for key in under), default=0),
         lanelets=lanelets,
         goal_forms=_goal_forms(problem),
@@ -182,12 +201,13 @@ def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -
     here = project(line, np.array([ego.x_m, ego.y_m]))[0]
     length = arc_length(line)[-1]
     times_s: list[float] = []
-    for track in recording.bodies.values():
+    for key, track in recording.bodies.items():
         if track.last_step < start_step:
             continue
         skipped = max(start_step - track.first_step, 0)
         steps = np.arange(track.first_step + skipped, track.last_step + 1) - start_step
-        stations, beside, turn = along_line(line, track.positions[skipped:], track.headings_rad[skipped:])
+        looked_at = slice(skipped, None if key in recording.tracks else skipped + 1)  # one pose of what stands still
+        stations, beside, turn = along_line(line, track.positions[looked_at], track.headings_rad[looked_at])
         along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
         reach = (along * track.length_m + across * track.width_m + EGO_SIZE_M[0]) / 2
         room = (across * track.length_m + along * track.width_m + EGO_SIZE_M[1]) / 2

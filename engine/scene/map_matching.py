@@ -9,6 +9,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -83,7 +84,11 @@ class MapMatcher:
 
     def area(self, lanelet_id: int) -> Any:
         """Shapely's polygon of a drivable lanelet, valid whatever its bounds."""
-        return self.polygons[self.keys.index(lanelet_id)]
+        return self.polygons[self._place_of[lanelet_id]]
+
+    @cached_property
+    def _place_of(self) -> dict[int, int]:
+        return {key: place for place, key in enumerate(self.keys)}
 
     def match(self, track: Track) -> LaneMatch | None:
         """The most likely lanelets of a track; None where it is never near a lanelet of its direction."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...schemas.errors import NotPossible
-from ..commonroad import center_of
+from ..commonroad import center_of, middle_of
 from ..geometry import Points, arc_length, point_at, project, without_repeats, wrap_angle
 from ..network import LaneletGraph
 
@@ -117,14 +117,15 @@ def straight_on(
     network: "LaneletNetwork", graph: LaneletGraph, route: tuple[int, ...], ahead_m: float
 ) -> tuple[int, ...]:
     """The route with the straightest successors behind it, until they are ``ahead_m`` long or the network ends."""
-    longer, length = list(route), 0.0
+    longer, passed, length = list(route), set(route), 0.0
     while length < ahead_m:
-        following = [key for key in graph.successors.get(longer[-1], ()) if key not in longer]
+        following = [key for key in graph.successors.get(longer[-1], ()) if key not in passed]
         if not following:
             break
         current = network.find_lanelet_by_id(longer[-1])
         nearest = min(following, key=lambda key: (_turn(current, network.find_lanelet_by_id(key)), key))
         longer.append(nearest)
+        passed.add(nearest)
         length += graph.length_m[nearest]
     return tuple(longer)
 
@@ -209,7 +210,8 @@ def goal_centers(problem: "PlanningProblem") -> list[Points]:
 
 def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "PlanningProblem") -> EgoRoute | None:
     """The ego's route to its goal; None where the goal has no place or cannot be reached from the start."""
-    point, heading = np.asarray(problem.initial_state.position), float(problem.initial_state.orientation)
+    state = problem.initial_state
+    point, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
     under = lanelets_at(network, point)
     starts = aligned_lanelets(network, under, point, heading) or under
     goals = goal_center_lanelets(network, problem)

@@ -12,7 +12,8 @@ def unknown_lanelet_at_intersection(document: RoadDocument) -> Iterator[Defect]:
     for intersection in document.intersections:
         arms = {incoming.incoming_id for incoming in intersection.incomings}
         for incoming in intersection.incomings:
-            for key in sorted({*incoming.lanelet_ids, *incoming.exit_ids} - set(document.by_id)):
+            named = {*incoming.lanelet_ids, *incoming.exit_ids}
+            for key in sorted(key for key in named if key not in document.by_id):
                 message = f"lanelet {key} of arm {incoming.incoming_id} is not in the file"
                 yield Defect(message, (intersection.intersection_id, key))
             if incoming.left_of is not None and incoming.left_of not in arms:
@@ -55,7 +56,7 @@ def exit_not_behind_incoming(document: RoadDocument) -> Iterator[Defect]:
     for intersection in document.intersections:
         for incoming in intersection.incomings:
             behind = {key for own in incoming.lanelet_ids if own in known for key in known[own].successors}
-            for key in sorted(set(incoming.exit_ids) & set(known) - behind):
+            for key in sorted(key for key in set(incoming.exit_ids) - behind if key in known):
                 message = f"lanelet {key} follows no lanelet of arm {incoming.incoming_id}"
                 yield Defect(message, (intersection.intersection_id, incoming.incoming_id, key))
 

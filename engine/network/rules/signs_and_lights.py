@@ -6,6 +6,7 @@ import numpy as np
 from commonroad.scenario.traffic_light import TrafficLightState
 from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
 
+from ....schemas.text import quoted
 from ...commonroad import SPEED_LIMITS, LaneletElement, RoadDocument, is_known_number
 from ...geometry import length_m, project
 from .rule import Defect, rule
@@ -74,7 +75,7 @@ def unknown_sign_number(document: RoadDocument) -> Iterator[Defect]:
     for sign in document.signs:
         for number, _ in sign.plates:
             if not is_known_number(number, country):
-                yield Defect(f"{country} has no sign {number!r}", (sign.sign_id,), sign.position)
+                yield Defect(f"{country} has no sign {quoted(number)}", (sign.sign_id,), sign.position)
 
 
 _FASTEST_LIMIT_MPS = 60.0
@@ -88,7 +89,7 @@ def implausible_speed_limit(document: RoadDocument) -> Iterator[Defect]:
         for number, values in sign.plates:
             for text in values if number in SPEED_LIMITS else ():
                 if not 0 < _speed(text) <= _FASTEST_LIMIT_MPS:
-                    yield Defect(f"a limit of {text!r} m/s", (sign.sign_id,), sign.position)
+                    yield Defect(f"a limit of {quoted(text)} m/s", (sign.sign_id,), sign.position)
 
 
 def _speed(text: str) -> float:
@@ -110,9 +111,12 @@ def light_without_cycle(document: RoadDocument) -> Iterator[Defect]:
 def phase_without_duration(document: RoadDocument) -> Iterator[Defect]:
     """A phase of a traffic light lasts 0 steps or fewer."""
     for light in document.lights:
-        for steps, colour in light.phases:
+        for steps, _ in light.phases:
             if steps <= 0:
-                yield Defect(f"{colour or 'a phase'} lasts {steps} steps", (light.light_id,), light.position)
+                yield Defect(f"a phase lasts {steps} steps", (light.light_id,), light.position)
+
+
+_COLOURS_SHOWN = 5
 
 
 @rule("warning", why="Whoever obeys it stands there for ever.")
@@ -121,7 +125,11 @@ def light_never_green(document: RoadDocument) -> Iterator[Defect]:
     for light in document.lights:
         colours = {colour for _, colour in light.phases}
         if light.active and colours and not colours & {"green", "inactive"}:
-            yield Defect(f"shows only {', '.join(sorted(colours))}", (light.light_id,), light.position)
+            yield Defect(
+                f"shows only {', '.join(map(quoted, sorted(colours)[:_COLOURS_SHOWN]))}",
+                (light.light_id,),
+                light.position,
+            )
 
 
 @rule("error", why="The reader refuses the file.")
@@ -130,7 +138,7 @@ def unknown_colour(document: RoadDocument) -> Iterator[Defect]:
     known = {state.value for state in TrafficLightState}
     for light in document.lights:
         for colour in sorted({colour for _, colour in light.phases} - known):
-            yield Defect(f"shows {colour!r}", (light.light_id,), light.position)
+            yield Defect(f"shows {quoted(colour)}", (light.light_id,), light.position)
 
 
 _FARTHEST_SIGN_M = 50.0
@@ -142,10 +150,14 @@ def sign_far_away(document: RoadDocument) -> Iterator[Defect]:
     """A traffic sign (but a speed limit, which holds on) stands more than 50 m from all its lanelets."""
     from shapely import Point
 
+    holders_of: dict[int, list[LaneletElement]] = {}
+    for lanelet in document.drawn:
+        for key in dict.fromkeys(lanelet.sign_ids):
+            holders_of.setdefault(key, []).append(lanelet)
     for sign in document.signs:
         if any(number in SPEED_LIMITS for number, _ in sign.plates):
             continue
-        holders = [lanelet for lanelet in document.drawn if sign.sign_id in lanelet.sign_ids]
+        holders = holders_of.get(sign.sign_id, [])
         if sign.position is None or not holders or not np.isfinite(sign.position).all():
             continue
         distance = min(float(lanelet.polygon.distance(Point(*sign.position))) for lanelet in holders)

@@ -13,9 +13,10 @@ from .rule import Defect, rule
 @rule("error", why="Routes end in nothing, or the reader silently drops the connection.")
 def unknown_successor(document: RoadDocument) -> Iterator[Defect]:
     """A predecessor or successor is not in the file."""
+    known = document.by_id.keys()
     for lanelet in document.lanelets:
         for role, keys in (("successor", lanelet.successors), ("predecessor", lanelet.predecessors)):
-            for key in sorted(set(keys) - set(document.by_id)):
+            for key in sorted(key for key in set(keys) if key not in known):
                 yield Defect(f"{role} {key} is not in the file", (lanelet.lanelet_id, key))
 
 

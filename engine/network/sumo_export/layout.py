@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....schemas.errors import NotPossible
 from ...geometry import Points, arc_length, length_m, unit, without_repeats
 
 if TYPE_CHECKING:
@@ -188,6 +189,8 @@ _LONGEST_INTERNAL_LANE_M = 90.0
 """Chosen: longer than the largest crossing; a longer lanelet that crosses another (a bridge) stays a road."""
 _LONGEST_PATH_LANELETS = 12
 """Chosen: ends the search for paths through junctions whose lanelets fork again and again."""
+_MOST_FOLLOWED = 200_000
+"""Chosen: forks on forks multiply, so the search ends here; a network of 370 lanelets takes a few hundred steps."""
 _JOINT_TOLERANCE_M = 0.3
 """Chosen: lanelets that meet this near to the ends of both split, merge or follow each other there."""
 _SMALLEST_CROSSING_ANGLE_RAD = math.radians(4.0)
@@ -212,12 +215,23 @@ def _find_interior(table: _LaneTable, network: "LaneletNetwork") -> _JunctionInt
 
 
 def _find_paths(table: _LaneTable, interior: frozenset[int]) -> tuple[JunctionPath, ...]:
-    """All paths from a lane outside junctions to the next lane outside, in ascending order of the lanelets."""
+    """All paths from a lane outside junctions to the next lane outside, in ascending order of the lanelets.
+
+    Raises:
+        NotPossible: forks on forks make too many.
+    """
     paths: list[JunctionPath] = []
+    followed = 0
     for entry in (key for key in table.lanes if key not in interior):
         waiting: list[tuple[int, tuple[int, ...]]] = [(after, ()) for after in table.successors[entry]]
         while waiting:
             current, through = waiting.pop()
+            followed += 1
+            if followed > _MOST_FOLLOWED:
+                raise NotPossible(
+                    "the lanelets of a junction fork so often that its paths cannot be told apart",
+                    next_step="correct the successors of the lanelets, or use another scenario",
+                )
             if current not in interior:
                 paths.append(JunctionPath(entry, through, current))
             elif current not in through and len(through) < _LONGEST_PATH_LANELETS:
@@ -340,9 +354,11 @@ def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, i
 
 def _chain(start: int, beside: dict[int, int]) -> tuple[int, ...]:
     """A lanelet, the one beside it, the one beside that, and so on to the last, or until they come round."""
-    chain = [start]
-    while chain[-1] in beside and beside[chain[-1]] not in chain:
-        chain.append(beside[chain[-1]])
+    chain = dict.fromkeys([start])
+    last = start
+    while last in beside and beside[last] not in chain:
+        last = beside[last]
+        chain[last] = None
     return tuple(chain)
 
 

@@ -349,11 +349,15 @@ class _Signalling:
     @classmethod
     def of(cls, signals: tuple[Signal, ...], layout: NetLayout, links: Mapping[int, Link]) -> "_Signalling":
         """Give every path its light: where several hold, the one for the fewest directions."""
+        standing: dict[int, list[Signal]] = {}
+        for signal in signals:
+            for key in signal.lanelets:
+                standing.setdefault(key, []).append(signal)
         places: dict[int, tuple[Signal, int]] = {}
         taken: dict[int, int] = {}
         for index, path in enumerate(layout.paths):
             turn = links[index].direction if path.through else _direction_letter(layout.table.lanes[path.exit].center)
-            holding = [signal for signal in signals if path.entry in signal.lanelets and turn in signal.turns]
+            holding = [signal for signal in standing.get(path.entry, ()) if turn in signal.turns]
             if holding:
                 light = min(holding, key=lambda signal: (len(signal.turns), signal.key))
                 places[index] = light, taken.get(light.key, 0)
@@ -368,8 +372,11 @@ class _Signalling:
 
     def add_programmes(self, net: Element, yielding: Mapping[int, bool]) -> None:
         """Append the ``tlLogic`` elements; a path that yields to others has a green that says so."""
+        paths_of: dict[int, list[tuple[int, int]]] = {}
+        for path, (signal, place) in self.places.items():
+            paths_of.setdefault(signal.key, []).append((place, path))
         for light in self.signals:
-            paths = sorted((place, path) for path, (signal, place) in self.places.items() if signal.key == light.key)
+            paths = sorted(paths_of[light.key])
             logic = _add(net, "tlLogic", id=light.program, type="static", programID="0", offset="0")
             for seconds, letter in light.phases:
                 states = "".join("g" if letter == "G" and yielding[path] else letter for _, path in paths)

@@ -37,18 +37,18 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "a null byte": (GOOD.replace("nobody", "no\0body"), "well-formed"),
     "a packed file": (b"\x1f\x8b\x08\x00" + b"\x00" * 1000, "well-formed"),
     "a path as id": (GOOD.replace("ZAM_Builder-1_1_T-1", "../../../tmp/evil"), "naming"),
-    "coordinates that are no numbers": (GOOD.replace("<x>10.0000", "<x>NaN"), "finite|readable"),
+    "coordinates that are no numbers": (GOOD.replace("<x>10.0000", "<x>NaN"), "line 7: x of lanelet 1 is nan m"),
     "a speed that is no number": (
         GOOD.replace("<velocity><exact>10.0000", "<velocity><exact>NaN", 1),
-        "velocity .*step 0",
+        "velocity of dynamicObstacle 31 is nan",
     ),
     "a later speed that is no number": (
         re.sub("(3</exact></time><velocity><exact>)10.0000", r"\1NaN", GOOD),
-        "velocity .*step 3",
+        "velocity of dynamicObstacle 31 is nan",
     ),
     "an endless acceleration": (GOOD.replace("<acceleration><exact>0.0", "<acceleration><exact>INF"), "acceleration"),
-    "infinite coordinates": (GOOD.replace("<x>10.0000", "<x>1e999"), "finite|readable"),
-    "coordinates beyond the earth": (GOOD.replace("<x>10.0000", "<x>1e300"), "finite|beyond"),
+    "infinite coordinates": (GOOD.replace("<x>10.0000", "<x>1e999"), "is inf m"),
+    "coordinates beyond the earth": (GOOD.replace("<x>10.0000", "<x>1e300"), "is 1e.300 m"),
     "two lanelets with one id": (GOOD.replace('<lanelet id="2"', '<lanelet id="1"'), "two elements with the id 1"),
     "two vehicles with one id": (re.sub('(Obstacle id=")32"', '\\g<1>31"', GOOD), "two elements with the id 31"),
     "no lanelets": (HEAD + '<commonRoad timeStepSize="0.1" commonRoadVersion="2020a" benchmarkID="A"/>', "no lanelets"),
@@ -57,8 +57,8 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "time that is no number": (GOOD.replace('StepSize="0.1"', 'StepSize="nan"'), "timeStepSize"),
     "a recording of years": (GOOD.replace("<exact>19</exact>", "<exact>2000000000</exact>"), "2,000,000,000"),
     "a goal in years": (GOOD.replace(">150</interval", ">1000000000000</interval"), "1,000,000,000,000"),
-    "a vehicle as large as a town": (GOOD.replace("<length>4.5", "<length>1e12"), "size"),
-    "a vehicle turned inside out": (GOOD.replace("<length>4.5", "<length>-4.5"), "size"),
+    "a vehicle as large as a town": (GOOD.replace("<length>4.5", "<length>1e12"), "length of dynamicObstacle 31"),
+    "a vehicle turned inside out": (GOOD.replace("<length>4.5", "<length>-4.5"), "length of dynamicObstacle 31"),
 }
 
 
@@ -97,7 +97,7 @@ LARGE: dict[str, tuple[Callable[[Path], None], str]] = {
     "zeros": (zeros, "bytes"),
     "a million lanelets": (million_lanelets, "lanelets"),
     "a tag of 60 MB": (endless_tag, "tag"),
-    "a number of 60 MB": (endless_number, "finite|beyond|readable"),
+    "a number of 60 MB": (endless_number, "at most 2,000|characters"),
 }
 
 READS_A_FOLDER = """
@@ -131,7 +131,7 @@ def test_a_hostile_file_is_refused(tmp_path: Path, name: str) -> None:
 def test_a_file_without_a_road_says_so_and_what_to_do(tmp_path: Path, read: Callable[[Path], object]) -> None:
     path = tmp_path / "empty.xml"
     path.write_text(re.sub("<lanelet .*?</lanelet>", "", GOOD, flags=re.DOTALL), encoding="utf-8")
-    with pytest.raises(UnsafeInput, match=r"empty\.xml has no lanelets") as caught:
+    with pytest.raises(UnsafeInput, match=r"'empty\.xml' has no lanelets") as caught:
         read(path)
     assert "lanelet network" in caught.value.next_step
 
