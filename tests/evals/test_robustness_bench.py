@@ -202,11 +202,11 @@ def _found(tally: Tally) -> set[tuple[str, str]]:
 
 @pytest.mark.anyio
 async def test_a_server_that_behaves_is_not_accused(tmp_path: Path) -> None:
-    tally = await _campaign(tmp_path, Call("wait", {"seconds": 0.5}), Call("eat", {"megabytes": 100}))
+    tally = await _campaign(tmp_path, Call("wait", {"seconds": 0.5}), Call("eat", {"megabytes": 40}))
     assert _found(tally) == set()
     assert (tally.inputs, tally.deaths, tally.outside_writes) == (18, [], [])
     assert tally.blocked_ms < 100
-    assert tally.memory_mb > 100
+    assert tally.memory_mb > 40
 
 
 @pytest.mark.anyio
@@ -223,8 +223,8 @@ async def test_a_server_that_misbehaves_is_caught(tmp_path: Path) -> None:
     expected = {("block", "blocked"), ("wait", "late"), ("eat", "memory"), ("say", "forged"), ("defect", "unexpected")}
     expected |= {("write", "outside_write")}
     assert _found(tally) - {("eat", "blocked")} == expected  # to take so much memory may take more than 100 ms
-    assert 400 < tally.blocked_ms < 600
-    assert 5.2 < tally.slowest_s < 7
+    assert 400 < tally.blocked_ms < 900
+    assert 5.2 < tally.slowest_s < 15
     assert tally.memory_mb > 450
     assert [text.rpartition("/")[2] for text in tally.outside_writes] == ["new"]
     unexpected = next(finding.fault for finding in tally.findings if finding.fault.law == "unexpected")
