@@ -93,7 +93,7 @@ def _facts(asked: Asked) -> Answer:
         "density_per_km": facts.density_per_km,
     }
     for ego in facts.egos:
-        answer |= {f"ego {frame.problem(ego.problem_id)}: {key}": value for key, value in _ego(frame, ego).items()}
+        answer |= {f"ego {frame.element(ego.problem_id)}: {key}": value for key, value in _ego(frame, ego).items()}
     return answer
 
 
@@ -116,7 +116,7 @@ def _ego(frame: Frame, ego: EgoFacts) -> Answer:
 def _features(asked: Asked) -> Answer:
     """The computed features of every planning problem; left and right are the original's."""
     return {
-        f"ego {asked.frame.problem(ego.problem_id)}": tuple(sorted(map(asked.frame.sided, ego.features)))
+        f"ego {asked.frame.element(ego.problem_id)}": tuple(sorted(map(asked.frame.sided, ego.features)))
         for ego in _read_facts(asked.path).egos
     }
 
@@ -221,8 +221,16 @@ def _description(asked: Asked) -> Answer:
 
 
 def _checks(asked: Asked) -> Answer:
-    """What generation's own checks say about the file, for an ego that drives on as it starts."""
+    """What generation's own checks say about the file, for an ego that drives on as it starts.
+
+    Nothing where the goal is no region, as those that are generated are.
+    """
     recorded = read_recorded(asked.path)
+    problems = recorded.loaded.planning_problems.planning_problem_dict.values()
+    if not problems or not all(
+        hasattr(getattr(goal, "position", None), "center") for one in problems for goal in one.goal.state_list
+    ):
+        return {}
     state, step_s = recorded.loaded.problem().initial_state, recorded.loaded.step_s
     heading = float(state.orientation)
     ahead_m = np.arange(20)[:, None] * step_s * float(state.velocity)

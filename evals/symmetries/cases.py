@@ -69,6 +69,8 @@ def measure(task: Task) -> list[Case]:
                     continue
                 if judge not in before:
                     before[judge] = _answer(judge, Asked(original, Frame(), edit))
+                if not before[judge]:  # the judge has nothing to say about this file
+                    continue
                 after = _answer(judge, Asked(path, frame, edit))
                 cases.append(_case(task.path.name, relation, frame, judge, before[judge], after))
     return cases
@@ -79,7 +81,7 @@ def _asks_edit(task: Task) -> bool:
 
 
 def _answer(judge: str, asked: Asked) -> Answer:
-    """What a judge says; a refusal is an answer, and so is a defect."""
+    """What a judge says; a refusal is an answer, and a defect, which is a failure on either side."""
     try:
         return {**CHEAP, **DEAR}[judge](asked)
     except PlannerForgeError as error:
@@ -102,7 +104,7 @@ def _case(file: str, relation: Relation, frame: Frame, judge: str, before: Answe
     differences, stated = list[str](), list[str]()
     for key in sorted({*before, *after}):
         one, other = before.get(key), after.get(key)
-        if not alike(one, other, _within(relation, judge)):
+        if key == "raised" or not alike(one, other, _within(relation, judge)):
             reason = _stated(relation.name, frame, judge, key, before, after)
             (stated if reason else differences).append(f"{key}: {_short(one)} → {_short(other)}")
     return Case(file, relation.name, judge, tuple(differences[:SHOWN]), tuple(stated[:SHOWN]))
@@ -210,10 +212,10 @@ def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, a
             return "2018b has no words for it"
         if judge == "rules" and _OF_SIGNS_AND_JUNCTIONS.match(key):
             return "2018b has no signs, lights and junctions"
-    if relation == "split" and name == "route":
-        one, other = before.get(key) or (0,), after.get(key) or (0,)
-        ends = (one[0], one[-1], len(one)) == (other[0], other[-1], len(other))
-        return "it changes to the lane beside on another lanelet" if ends else ""
+    if relation == "split" and (name == "route" or (judge == "description" and _other_route(before, after))):
+        route = "ego route" if judge == "description" else key
+        one, other = before.get(route) or (0,), after.get(route) or (0,)
+        return "lengths of lanelets choose between equal ways" if (len(one), one[-1]) == (len(other), other[-1]) else ""
     if relation == "split" and judge == "features":
         other = {*before.get(key, ())} ^ {*after.get(key, ())}
         return "a turn is told from the lanelet that leaves a fork" if other <= _OF_TURNS else ""
@@ -228,6 +230,10 @@ def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, a
         ):
             return "the rule is about a whole lanelet, of which there are two"
     return ""
+
+
+def _other_route(before: Answer, after: Answer) -> bool:
+    return bool(before.get("ego route") != after.get("ego route"))
 
 
 def tasks(files: Sequence[Path], cases: int, seed: int, *, dear: bool = True) -> Iterator[Task]:

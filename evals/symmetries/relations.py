@@ -32,15 +32,14 @@ MOST_CUTS = 3
 class Frame:
     """How a changed file is to be read: each method translates something of it back to the original.
 
-    A point was mirrored first (y to −y), then turned, then moved. ``ids`` and ``problems``: old id by new one, where it
-    changed; ``cut``: lanelets that are two now, ``added`` how many there are more. ``steps``: how much later all is.
+    A point was mirrored first (y to −y), then turned, then moved. ``ids``: old id by new one, where it changed;
+    ``cut``: lanelets that are two now, ``added`` how many there are more. ``steps``: how much later all is.
     """
 
     moved_m: tuple[float, float] = (0.0, 0.0)
     turned_rad: float = 0.0
     mirrored: bool = False
     ids: Mapping[int, int] = field(default_factory=dict)
-    problems: Mapping[int, int] = field(default_factory=dict)
     steps: int = 0
     cut: frozenset[int] = frozenset()
     added: int = 0
@@ -58,12 +57,8 @@ class Frame:
         return np.stack([np.cos(back), np.sin(back) * (-1.0 if self.mirrored else 1.0)], axis=-1)
 
     def element(self, new_id: int) -> int:
-        """The id that a lanelet, obstacle, sign, light or intersection has in the original."""
+        """The id that an element has in the original."""
         return self.ids.get(new_id, new_id)
-
-    def problem(self, new_id: int) -> int:
-        """The id that a planning problem has in the original."""
-        return self.problems.get(new_id, new_id)
 
     def way(self, lanelets: Iterable[int]) -> tuple[int, ...]:
         """Lanelets in driving order; two parts of one are one."""
@@ -169,6 +164,7 @@ def _mirrored(root: Element, _draw: random.Random) -> Frame:
             line[0].addprevious(line[1])
     for incoming in root.iterfind("intersection/incoming"):
         _swap(incoming, "successorsRight", "successorsLeft")
+        incoming[:] = sorted(incoming, key=lambda child: _IN_AN_ARM.index(str(child.tag)))
     for intersection in root.iterfind("intersection"):
         _swap_left_of(intersection)
     for direction in root.iterfind("trafficLight/direction"):
@@ -178,6 +174,8 @@ def _mirrored(root: Element, _draw: random.Random) -> Frame:
     return frame
 
 
+_IN_AN_ARM: Final = ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft", "isLeftOf")
+"""The schema's order."""
 _OTHER_DIRECTION: Final = {
     "right": "left",
     "left": "right",
@@ -306,39 +304,33 @@ _OBSTACLES: Final = ("obstacle", "staticObstacle", "dynamicObstacle", "phantomOb
 
 
 def _ids(root: Element) -> list[int]:
-    own = [element for element in root.iter() if element.get("id") is not None and element.tag != "planningProblem"]
-    return sorted({int(str(element.get("id"))) for element in own})
+    return sorted({int(text) for text in root.xpath("//@id")})
 
 
 def _next_id(root: Element) -> int:
-    return max((int(text) for text in root.xpath("//@id")), default=0) + 1
+    return max(_ids(root), default=0) + 1
 
 
-def _renumber(root: Element, new: Mapping[int, int], problems: Mapping[int, int]) -> Frame:
+def _renumber(root: Element, new: Mapping[int, int]) -> Frame:
     for element in root.iter():
-        table = problems if element.tag == "planningProblem" else new
-        for name, numbers in (("id", table), ("ref", new)):
+        for name in ("id", "ref"):
             text = element.get(name)
             if text is not None:
-                element.set(name, str(numbers.get(int(text), int(text))))
-    return Frame(ids={there: old for old, there in new.items()}, problems={new: old for old, new in problems.items()})
+                element.set(name, str(new.get(int(text), int(text))))
+    return Frame(ids={there: old for old, there in new.items()})
 
 
 def _renumbered(root: Element, draw: random.Random) -> Frame:
     """Other numbers in the same order, wherever they are referred to."""
     start, factor = draw.randrange(1, 5000), draw.randrange(2, 9)
-    problems = sorted(int(problem.get("id", "0")) for problem in root.iterfind("planningProblem"))
-    return _renumber(
-        root,
-        {old: start + factor * rank for rank, old in enumerate(_ids(root))},
-        {old: start + factor * rank + 1 for rank, old in enumerate(problems)},
-    )
+    return _renumber(root, {old: start + factor * rank for rank, old in enumerate(_ids(root))})
 
 
 def _shuffled_ids(root: Element, draw: random.Random) -> Frame:
     """The numbers of the file, dealt out anew; those of planning problems stay, because the lowest is the first."""
-    old = _ids(root)
-    return _renumber(root, dict(zip(old, draw.sample(old, len(old)), strict=True)), {})
+    problems = {int(problem.get("id", "0")) for problem in root.iterfind("planningProblem")}
+    old = [key for key in _ids(root) if key not in problems]
+    return _renumber(root, dict(zip(old, draw.sample(old, len(old)), strict=True)))
 
 
 _ALIKE_REFERENCES: Final = (

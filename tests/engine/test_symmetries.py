@@ -7,6 +7,7 @@ import pytest
 from lxml import etree
 from support.builders import town_road
 
+from plannerforge.engine.commonroad.document import schema_errors
 from plannerforge.evals.symmetries.answers import CHEAP, Asked
 from plannerforge.evals.symmetries.cases import DOCUMENT, Task, alike, measure
 from plannerforge.evals.symmetries.relations import RELATIONS, Frame, read_root, write_root
@@ -62,3 +63,12 @@ def test_figures_are_alike_within_the_law_and_words_exactly() -> None:
     assert not alike((1, 2), (1, 3), 10.0)
     assert not alike(None, 0.0, 10.0)
     assert alike(np.array([1.0, np.nan]), np.array([1.0, np.nan]), 0.0)
+
+
+def test_what_is_written_otherwise_is_still_valid(shared_data: Path, tmp_path: Path) -> None:
+    root = read_root(shared_data / "data" / "commonroad" / "DEU_Moelln-7_1_T-1.xml")
+    write_root(root, tmp_path / "first.xml")
+    known = set(schema_errors(tmp_path / "first.xml"))
+    for relation in set(RELATIONS) - {"later", "other_format"}:
+        write_root(RELATIONS[relation].applied(root, "any")[0], tmp_path / "changed.xml")
+        assert set(schema_errors(tmp_path / "changed.xml")) <= known, relation
