@@ -15,6 +15,7 @@
 ``Replay``: A road user that moves by a given track and not by SUMO.
 ``class_of``: The vehicle class that stands for a CommonRoad obstacle type.
 ``not_drivable``: Why a recorded vehicle cannot be driven by SUMO; empty if it can.
+``next_speed_mps``: The next step's speed of a vehicle that shall be slow within some room; None while it may drive.
 ``LANE_CHANGE_S``: How long a change of lane takes, in s.
 ``PROGRESS_ACROSS``: The share of a junction lane change's distance after which the vehicle is on the other lanelet.
 ``first_curve_too_tight``: Why a vehicle cannot brake enough for the first too tight curve of a route, or None.
@@ -43,6 +44,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .actors import Actor, all_actors, driven_actor, lane_hint, pedestrian_of, replayed_actor
+    from .controllers import next_speed_mps
     from .curve_speeds import first_curve_too_tight, highest_entry_speed
     from .driver import (
         Behaviour,

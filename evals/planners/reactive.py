@@ -128,11 +128,11 @@ def _braked_runs_of(file: Path) -> list[_BrakedRun]:
 
 def _fresh_runs_of(draw: tuple[Path, int]) -> list[_BrakedRun]:
     file, seed = draw
-    loaded = _approach(read_scenario(file), random.Random(seed))  # noqa: S311 - a sample, no secret
+    loaded = drawn_approach(read_scenario(file), random.Random(seed))  # noqa: S311 - a sample, no secret
     return [] if loaded is None else [_braked(loaded, "at once", traffic) for traffic in _MODES]
 
 
-def _approach(loaded: LoadedScenario, draws: random.Random) -> LoadedScenario | None:
+def drawn_approach(loaded: LoadedScenario, draws: random.Random) -> LoadedScenario | None:
     """The scenario with one of its cars as the ego, at a step at which another vehicle follows it; None without one."""
     tracks = recorded_tracks(loaded.scenario)
     cars = [track for track in tracks.values() if track.kind == "car" and len(track.positions) > _LEAST_STEPS]

@@ -17,11 +17,11 @@ import numpy as np
 
 from ....schemas.errors import NotPossible
 from ...commonroad import LoadedScenario, Track
-from ...cosimulation import Actor, SimulationSetup, open_simulation
-from ...geometry import oriented_rectangle, rectangles_overlap, wrap_angle
+from ...cosimulation import Actor, SimulationSetup, next_speed_mps, open_simulation
+from ...geometry import Points, oriented_rectangle, rectangles_overlap, wrap_angle
 from ...network import sumo_net
 from ...traffic import LaneHint, Sumo, sumo_pose
-from ...vehicles import VehicleParameters
+from ...vehicles import HARDEST_BRAKING_MPS2, VehicleParameters
 from ..goal import select_goal_state
 from ..interface import EgoState
 from .recorded import GrowingTrack, Traffic, rectangle
@@ -37,6 +37,11 @@ _MOST_OBLIQUE_RAD = 0.8
 _BESIDE_EGO_M = 0.3
 """How much room beside the ego the others leave: SUMO knows neither how a vehicle turns while it moves to the side, nor
 an overlap with the next lane of less than a sublane."""
+_NEXT_LANE_M = 1.8
+"""Farther beside the ego's body a vehicle is in the next lane, whatever its heading (chosen): on concentric lanes 3 m
+apart, one that is headed for the ego's rear at some distance is then 2 m or more beside its body."""
+_BEHIND_EGO_M, _LEAST_BEHIND_EGO_M = 1.0, 0.4
+"""Room that followers leave behind a standing ego, and that those who brake hard leave at least (chosen)."""
 _CLEARANCE_M = 1.0
 """Room around a vehicle that appears in the middle of a run, at each end and in all across (chosen)."""
 _COMFORTABLE_DECELERATION_MPS2 = 4.5
@@ -102,6 +107,7 @@ class _ReactiveTraffic:
         self._ego = ShownVehicle(sumo, EGO, ego_edges)
         self.moving: tuple[Track, ...] = ()
         self.standing = roles.replayed.standing
+        self._braking: set[str] = set()
         self._first_step = ego.step
         self.advance(ego)
 
@@ -130,6 +136,7 @@ class _ReactiveTraffic:
         self._settle_shown(ego.step, there)
         self._read(there)
         self._take_over(starting, ego.step, there)
+        self._brake_for_ego(ego)
         tracks = [*self._roles.replayed.moving, *self.driven]
         self.moving = tuple(sorted(tracks, key=lambda track: track.obstacle_id))
 
@@ -196,6 +203,29 @@ class _ReactiveTraffic:
             if index is not None:
                 grown.add(*_recorded_state(actor.track, index))
 
+    def _brake_for_ego(self, ego: EgoState) -> None:
+        """Have those that would drive into the ego's rear brake, as hard as they can where it comes to that.
+
+        SUMO sees the ego by lanes: behind it on one that merges, or askew in a junction, a follower would not.
+        """
+        for actor in self._under_way:
+            track = self._tracks[actor.track.obstacle_id].track()
+            room_m = _room_behind_m(track, ego, self._ego_vehicle)
+            usual_mps2, speed_mps = self._sumo.decel_mps2(actor.key), float(track.speeds_mps[-1])
+            highest_mps = None
+            if room_m is not None:
+                own_way_m = ego.speed_mps**2 / (2 * HARDEST_BRAKING_MPS2)
+                room_m += own_way_m
+                highest_mps = next_speed_mps(
+                    speed_mps, usual_mps2, self._sumo.step_s(), room_m - _BEHIND_EGO_M, room_m - _LEAST_BEHIND_EGO_M
+                )
+            if highest_mps is not None:
+                self._sumo.slow_down(actor.key, highest_mps)
+                self._braking.add(actor.key)
+            elif actor.key in self._braking:
+                self._sumo.release_speed(actor.key)
+                self._braking.discard(actor.key)
+
     def _take_over(self, starting: list[Actor], step: int, there: frozenset[str]) -> None:
         for actor in starting:
             state = _recorded_state(actor.track, actor.handover_index)
@@ -207,6 +237,28 @@ class _ReactiveTraffic:
                 self._under_way.append(actor)
             else:
                 self._lost.append(actor)
+
+
+def _room_behind_m(track: Track, ego: EgoState, vehicle: VehicleParameters) -> float | None:
+    """From a follower's front to the ego's rear, along the follower's heading, at the last state of its track.
+
+    None for one that does not drive towards the ego's rear: straight on it would pass beside the ego, or it is farther
+    to the ego's side than a lane is from the next one, or turned much against it.
+    """
+    apart, heading = ego.position - track.positions[-1], float(track.headings_rad[-1])
+    ahead_m, left_m = _turned(apart, -heading)
+    behind_m, aside_m = _turned(-apart, -ego.heading_rad)
+    half_widths_m = (track.width_m + vehicle.width_m) / 2
+    if ahead_m <= 0.0 or behind_m >= 0.0 or abs(wrap_angle(ego.heading_rad - heading)) > _MOST_OBLIQUE_RAD:
+        return None
+    if abs(left_m) > half_widths_m + _BESIDE_EGO_M or abs(aside_m) > half_widths_m + _NEXT_LANE_M:
+        return None
+    return max(ahead_m - (track.length_m + vehicle.length_m) / 2, 0.0)
+
+
+def _turned(vector: Points, angle_rad: float) -> tuple[float, float]:
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return float(vector[0] * cos - vector[1] * sin), float(vector[0] * sin + vector[1] * cos)
 
 
 def is_insertion_safe(track: Track, index: int, traffic: Traffic, ego: EgoState, vehicle: VehicleParameters) -> bool:

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import os
+import random
 import subprocess
 import sys
 from dataclasses import replace
@@ -23,7 +24,7 @@ from plannerforge.engine.planners.traffic.reactive import is_insertion_safe
 from plannerforge.engine.planners.traffic.recorded import RecordedTraffic
 from plannerforge.engine.planners.traffic.roles import TrafficRoles
 from plannerforge.engine.vehicles.models import BMW_320I
-from plannerforge.evals.planners.reactive import BrakingPlanner
+from plannerforge.evals.planners.reactive import BrakingPlanner, drawn_approach
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.runs import Traffic
@@ -147,6 +148,16 @@ def test_an_ego_where_lanes_merge_stands_on_the_lane_of_its_follower(follower: V
     ego = EgoState.of(scenario.problem().initial_state)
     cast = TrafficRoles.of(scenario, ego.step)
     assert cast.ego_edges(scenario.problem().goal, ego)[0] == cast.driven[0].edges[0]
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(("name", "seed"), [("DEU_Backnang-5_1_T-1", 1173584164), ("ZAM_Zip-1_56_T-1", 2730695510)])
+def test_followers_brake_by_sight_where_lanes_hide_the_ego(name: str, seed: int, shared_data: Path) -> None:
+    scenario = drawn_approach(read_scenario(shared_data / "data/commonroad" / f"{name}.xml"), random.Random(seed))
+    assert scenario is not None
+    run = braked(scenario, "reactive")
+    assert run.final.collision is None
+    assert run.states[-1].speed_mps == 0.0
 
 
 def test_a_driven_vehicle_begins_at_its_recorded_state(tmp_path: Path) -> None:
