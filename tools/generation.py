@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import anyio
+
 from ..engine.catalog import open_catalogue
 from ..engine.maps import MapMatch
 from ..engine.tuning import DEFAULT_CONFIGURATION
@@ -38,7 +40,7 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     """
     open_catalogue(call.workspace, with_starter=call.services.with_starter)  # first, or a starter would be the latest
     at_hand = await maps_at_hand(call)
-    plan = plan_maps(arguments, at_hand.entries)
+    plan = await anyio.to_thread.run_sync(plan_maps, arguments, at_hand.entries)  # compares thousands of names
     sites = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, sites)
     notes = [*plan.notes, *at_hand.notes, *failures]

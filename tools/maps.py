@@ -20,6 +20,7 @@ from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.importing import ImportedItem
+from ..schemas.text import one_line
 from .call import ToolCall
 from .operations import CONVERT_MAP, READ_MAP
 
@@ -80,15 +81,14 @@ def _files(folder: Path) -> tuple[list[Path], list[str]]:
     try:
         paths = sorted(entry for entry in folder.iterdir() if is_map(entry) and entry.is_file())
     except OSError as error:
-        return [], [f"the map folder {folder.name} cannot be read: {error.strerror}"]
-    surplus = [
-        f"{len(paths) - _MOST_FILES} files of the map folder {folder.name} were left out: {_MOST_FILES} are read"
-    ]
-    return paths[:_MOST_FILES], surplus if len(paths) > _MOST_FILES else []
+        return [], [f"the map folder {one_line(folder.name)} cannot be read: {error.strerror}"]
+    surplus = len(paths) - _MOST_FILES
+    left_out = f"{surplus} files of the map folder {one_line(folder.name)} were left out: {_MOST_FILES} are read"
+    return paths[:_MOST_FILES], [left_out] if surplus > 0 else []
 
 
 def _left_out(path: Path, file: SeenFile) -> str:
-    return f"the map {path.name} was left out: {file.refusal}"
+    return f"the map {one_line(path.name)} was left out: {file.refusal}"
 
 
 async def _taken_in(call: ToolCall, seen: SeenFiles, folder: Path) -> list[str]:
@@ -123,7 +123,7 @@ async def import_map(call: ToolCall, path: Path, name: str | None, country: str 
     facts = artifact.read(MapFacts)
     sites = ", ".join(f"{count} {kind}" for kind, count in sorted(facts.sites.items()) if count) or "no sites"
     return ImportedItem(
-        file=path.name,
+        file=one_line(path.name),
         kind="map",
         artifact_id=artifact.artifact_id,
         summary=f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}",

@@ -6,7 +6,7 @@ on the net, before traffic is made for it. Distances in m.
 """
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Set
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,11 +24,11 @@ from ..maps import (
     RAMP_LINKS,
     ROADS,
     RURAL_CLASSES,
+    Gathering,
     OsmMap,
     Site,
     SiteFinder,
     fold,
-    ground_distance_m,
     read_map_file,
 )
 from ..network import NetEdge, RoadLanelet, RoadNetwork, SumoNet
@@ -93,8 +93,10 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
         choice.shuffle(sites)
     choice.shuffle(kinds)
     different: list[Site] = []
+    taken = Gathering(SAME_PLACE_M)
     for site in (site for turn in zip_longest(*kinds) for site in turn if site is not None):
-        if all(ground_distance_m(site.position, other.position) > SAME_PLACE_M for other in different):
+        if taken.near(site.position) is None:
+            taken.add(site.position)
             different.append(site)
     return different
 
@@ -175,7 +177,7 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
     """The reason why the net does not show the site's type near its middle; None where it does."""
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
-        "roundabout": lambda: any(_is_ring_at(net, middle, ring) for ring in net.roundabout_edges),
+        "roundabout": lambda: bool(_ring_edges_at(net, middle)),
         "signalised_intersection": lambda: any(_is_lit(net, key) for key in _junctions_near(net, middle)),
         "intersection": lambda: bool(_junctions_near(net, middle)),
         "ramp": lambda: _ramp_near(net, middle),
@@ -215,14 +217,23 @@ def _dense(line: Points) -> Points:
     return ((1 - steps) * line[None, :-1] + steps * line[None, 1:]).reshape(-1, 2) if len(line) > 1 else line
 
 
-def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...]) -> bool:
-    """Whether a ring is closed, has roads that lead into it, and surrounds the middle or passes near it."""
-    inside = frozenset(ring) & frozenset(net.edges)
-    onward = {turn.from_edge for turn in net.connections if turn.from_edge in inside and turn.to_edge in inside}
-    entries = {
-        turn.from_edge for turn in net.connections if turn.to_edge in inside and turn.from_edge not in inside
-    } & {edge.edge_id for edge in net.edges.values() if not edge.internal}
-    if onward != frozenset(ring) or len(entries) < LEAST_ENTRIES:
+def _ring_edges_at(net: SumoNet, middle: Points) -> frozenset[str]:
+    """The edges of all roundabouts of the net that are closed, entered by roads, and at the middle."""
+    before: dict[str, set[str]] = {}
+    for turn in net.connections:
+        before.setdefault(turn.to_edge, set()).add(turn.from_edge)
+    return frozenset(edge for ring in net.roundabout_edges if _is_ring_at(net, middle, ring, before) for edge in ring)
+
+
+def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Mapping[str, Set[str]]) -> bool:
+    """Whether a ring is closed, has roads that lead into it, and surrounds the middle or passes near it.
+
+    ``before``: by edge, those that lead into it.
+    """
+    inside = frozenset(ring)
+    leading = {edge for follower in inside for edge in before.get(follower, ())}
+    entries = {edge for edge in leading - inside if edge in net.edges and not net.edges[edge].internal}
+    if not inside <= leading & frozenset(net.edges) or len(entries) < LEAST_ENTRIES:
         return False
     line = np.vstack([net.lanes[net.edges[edge].lane_ids[0]].shape for edge in ring])
     center = (line.min(axis=0) + line.max(axis=0)) / 2
@@ -311,7 +322,7 @@ class SiteFocus:
 def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
     """For each area, the most important first, whether a lanelet belongs to it."""
     if site.kind == "roundabout":
-        edges = {edge for ring in net.roundabout_edges if _is_ring_at(net, middle, ring) for edge in ring}
+        edges = _ring_edges_at(net, middle)
         return [lambda lanelet: lanelet.edge_id in edges]
     if site.kind in ("signalised_intersection", "intersection", "urban"):
         lit = site.kind == "signalised_intersection"

@@ -15,6 +15,8 @@
 ``OsmMap``: An OpenStreetMap extract as nodes, ways and relations.
 ``ground_distance_m``: Distance in m of two (latitude, longitude) pairs in degrees.
 ``write_as_xml``: An operation: write a binary extract (.osm.pbf) as XML into a folder.
+``Sketch``: A map being drawn road by road, in metres; written as OpenStreetMap XML.
+``Gathering``: Positions of which no two lie closer together than a reach.
 ``country_code``: ISO 3166-1 alpha-3 of a code or a name in several languages; None for anything else.
 ``fold``: A text in lower case, without accents, and only letters and digits.
 ``place_keys``: All keys of a spelling of a place; two spellings mean the same place where they share one.
@@ -41,9 +43,11 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .cut import cut_map, cut_net
+    from .drawn_library import Sketch
     from .facts import read_map
     from .index import Box, MapEntry, MapMatch, SeenFile, SeenFiles, built_in_maps, find_maps
     from .map_file import NetMap, read_map_file
+    from .nearness import Gathering
     from .osm import OsmMap, ground_distance_m, write_as_xml
     from .places import country_code, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes

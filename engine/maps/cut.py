@@ -4,7 +4,10 @@ Of an OpenStreetMap extract, roads are followed to the circle and end on it, so 
 else is left out. Of a user's SUMO network, roads stay whole, as the user made them.
 """
 
-from collections.abc import Iterable, Iterator
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -14,7 +17,17 @@ from lxml import etree
 from ...schemas.errors import NotPossible
 from ..network import run_netconvert
 from .map_file import NetMap
-from .osm import OsmMap, OsmNode, OsmWay, append_node, append_object, ground_distance_m
+from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, append_node, append_object, ground_distance_m
+
+MOST_ARMS = 32
+"""Roads at one junction (chosen): SUMO's take 256 connections, and netconvert's time grows with their square."""
+MOST_NODES = 20_000
+"""Of what is cut out (chosen): in the densest town a site has a tenth; netconvert takes seconds then."""
+MOST_LANES, WIDEST_M, FASTEST = 32, 100.0, 1000.0
+"""Numbers in tags beyond which netconvert is not told of them (chosen): it would build what they say."""
+LONGEST_NUMBER = 12
+"""Characters of a number in a tag; longer ones count as beyond (chosen)."""
+BOUNDED_TAGS: Mapping[str, float] = {"lanes": MOST_LANES, "width": WIDEST_M, "est_width": WIDEST_M, "maxspeed": FASTEST}
 
 
 @dataclass(frozen=True)
@@ -34,11 +47,15 @@ def cut_map(
 
     Returns:
         The ways that were written (parts of a way count once).
+
+    Raises:
+        NotPossible: so many roads, or so many at one node, that no junction can be built of them.
     """
     new_nodes = count(max(osm.nodes, default=0) + 1)
     new_ways = count(max((way.way_id for way in osm.ways), default=0) + 1)
     roads = osm.roads(frozenset(classes))
     pieces = [piece for way in roads for piece in _pieces(osm, way, center, radius_m, new_nodes)]
+    _refuse_crowds(pieces, center)
     root = etree.Element("osm", {"version": "0.6", "generator": "PlannerForge"})
     nodes = {node.node_id: node for piece in pieces for node in piece.nodes}
     for key in sorted(nodes):
@@ -50,10 +67,37 @@ def cut_map(
         (whole.discard if piece.way.way_id in used else whole.add)(piece.way.way_id)
         used.add(piece.way.way_id)
         references = [("nd", {"ref": str(node.node_id)}) for node in piece.nodes]
-        append_object(root, "way", way_id, piece.way.tags, parts=references)
+        append_object(root, "way", way_id, _buildable(piece.way.tags), parts=references)
     _write_restrictions(root, osm, nodes, whole)
     target.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
     return tuple({piece.way.way_id: piece.way for piece in pieces}.values())
+
+
+def _refuse_crowds(pieces: Sequence[_Piece], center: tuple[float, float]) -> None:
+    where = f"at {center[0]:.5f}, {center[1]:.5f}"
+    if (size := sum(len(piece.nodes) for piece in pieces)) > MOST_NODES:
+        raise NotPossible(
+            f"the roads {where} have {size:,} nodes; a site has at most {MOST_NODES:,}",
+            next_step="choose another place",
+        )
+    arms = Counter(node.node_id for piece in pieces for node in (*piece.nodes, *piece.nodes[1:-1]))
+    if (most := max(arms.values(), default=0)) > MOST_ARMS:
+        raise NotPossible(
+            f"{most:,} roads meet {where}; a junction has at most {MOST_ARMS}", next_step="choose another place"
+        )
+
+
+def _buildable(tags: Mapping[str, str]) -> dict[str, str]:
+    """Tags without those that ask for more lanes, more width or more speed than any road has."""
+    return {key: value for key, value in tags.items() if not _is_beyond(key, value)}
+
+
+def _is_beyond(key: str, value: str) -> bool:
+    if value.count("|") >= MOST_LANES:
+        return True
+    most = BOUNDED_TAGS.get(key.partition(":")[0])
+    numbers = [] if most is None else re.findall(r"\d+(?:\.\d*)?(?:e\d+)?", value.lower())
+    return most is not None and any(len(number) > LONGEST_NUMBER or float(number) > most for number in numbers)
 
 
 def _pieces(
@@ -80,7 +124,8 @@ def _pieces(
 def _on_circle(start: OsmNode, end: OsmNode, center: tuple[float, float], radius_m: float) -> list[tuple[float, float]]:
     """Points (latitude, longitude) at which a straight segment crosses the circle, in its direction."""
     scale, scale_east = _metres_per_degree(center)
-    y, x = (start.latitude - center[0]) * scale, (start.longitude - center[1]) * scale_east
+    y = (start.latitude - center[0]) * scale
+    x = math.remainder(start.longitude - center[1], 2 * HALF_TURN_DEG) * scale_east
     dy, dx = (end.latitude - start.latitude) * scale, (end.longitude - start.longitude) * scale_east
     a, b, c = dx * dx + dy * dy, 2 * (x * dx + y * dy), x * x + y * y - radius_m * radius_m
     inner = b * b - 4 * a * c
@@ -110,11 +155,12 @@ def cut_net(
     Coordinates, junctions and traffic lights stay those of the whole network.
 
     Raises:
-        NotPossible: no such road, or netconvert refuses the network.
+        NotPossible: no such road, too many of them, or netconvert refuses the network.
     """
     near = [way for way in net.roads(frozenset(classes)) if _distance_m(net, way, center) <= radius_m]
     if not near:
         raise NotPossible("no road here is of the road_classes that were asked for", next_step="leave road_classes out")
+    _refuse_crowds([_Piece(way, tuple(net.nodes[key] for key in way.node_ids)) for way in near], center)
     kept = scratch / "kept_edges.txt"
     kept.write_text("".join(f"{edge}\n" for way in near for edge in net.edges[way.way_id]), encoding="utf-8")
     options = ["--sumo-net-file", str(net.path), "--keep-edges.input-file", str(kept)]
@@ -127,7 +173,10 @@ def _distance_m(net: NetMap, way: OsmWay, center: tuple[float, float]) -> float:
 
     scale, scale_east = _metres_per_degree(center)
     nodes = [net.nodes[key] for key in way.node_ids]
-    line = [((node.longitude - center[1]) * scale_east, (node.latitude - center[0]) * scale) for node in nodes]
+    eastwards = [math.remainder(node.longitude - center[1], 2 * HALF_TURN_DEG) for node in nodes]
+    line = [
+        (east * scale_east, (node.latitude - center[0]) * scale) for east, node in zip(eastwards, nodes, strict=True)
+    ]
     return float(LineString(line).distance(Point(0.0, 0.0)))
 
 

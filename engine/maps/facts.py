@@ -15,11 +15,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...schemas.generation import MapFacts, ReadMapRequest
+from ...schemas.text import LONGEST_TEXT, one_line
 from ..execution import ProgressReporter
 from .map_file import read_map_file
 from .osm import OSM_ATTRIBUTION, OsmMap, ground_distance_m, length_m
 from .places import country_code, fold
 from .sites import SiteFinder
+from .unpacking import MAP_ENDINGS
 
 if TYPE_CHECKING:
     from shapely import Polygon, STRtree
@@ -28,6 +30,8 @@ PLACE_KINDS = ("city", "town", "village", "suburb", "borough", "quarter", "neigh
 """OSM's values of ``place`` for settlements and their parts, the larger first."""
 MOST_PLACES = 40
 """Names of places that the facts of a map hold: those of a large city would fill a page (chosen)."""
+MOST_STREETS = 10_000
+"""Names of streets, and numbers of roads, that the facts of a map hold, those with most road first (chosen)."""
 
 
 def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
@@ -43,15 +47,16 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     report(0.0, "reading the map")
     osm = read_map_file(path)
     report(0.6, "looking for sites")
-    names = list(dict.fromkeys(([request.place] if request.place else []) + _places(osm)))
+    given = one_line(request.place or "")
+    names = list(dict.fromkeys(([given] if given else []) + _places(osm)))
     roads = osm.roads()
     south, west, north, east = osm.bounds
     near = countries_near(osm.bounds)
     country = request.country or _country(osm) or (near[0] if len(near) == 1 else None)
     return MapFacts(
         map_id=request.map_id or _map_id_of(path),
-        file_name=path.name,
-        place=names[0] if names else path.name.split(".")[0],
+        file_name=_shown_name(path),
+        place=names[0] if names else _shown_name(path).split(".")[0],
         places=tuple(names[:MOST_PLACES]),
         country=country,
         countries_near=() if country else near,
@@ -59,12 +64,21 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
         west=west,
         north=north,
         east=east,
-        streets=(*_by_length(osm, "name"), *_junction_names(osm)),
-        refs=_by_length(osm, "ref"),
+        streets=(*_by_length(osm, "name"), *_junction_names(osm))[:MOST_STREETS],
+        refs=_by_length(osm, "ref")[:MOST_STREETS],
         sites=SiteFinder(osm).kinds(),
         road_km=round(sum(length_m(osm, way) for way in roads) / 1000, 2),
         attribution=request.attribution or osm.attribution or OSM_ATTRIBUTION,
     )
+
+
+def _shown_name(path: Path) -> str:
+    """A file's name on one line, with its endings, which say what is in it."""
+    stem, ending = next(
+        ((path.name[: -len(end)], path.name[-len(end) :]) for end in MAP_ENDINGS if path.name.lower().endswith(end)),
+        (path.stem, path.suffix),
+    )
+    return one_line(stem, LONGEST_TEXT - len(ending)) + one_line(ending)
 
 
 def _map_id_of(path: Path) -> str:

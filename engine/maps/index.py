@@ -7,10 +7,12 @@ every call.
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from ...schemas.errors import UnknownName, closest
 from ...schemas.generation import MapFacts, MapList, ScenarioType
+from ...schemas.text import LONGEST_TEXT
 from ..workspace import Database, versions_of
 from .places import country_code, fold, place_keys
 
@@ -37,6 +39,8 @@ ABBREVIATIONS = {
     "&": "and",
 }
 """Words of street names that are spelled in several ways."""
+MOST_KEPT = 50_000
+"""Names whose spellings are kept, because every call compares all of them (chosen)."""
 Box = tuple[float, float, float, float]
 """(south, west, north, east) in degrees."""
 
@@ -187,7 +191,8 @@ def _not_shown(
         )
     names = {name for match in matches for name in _names(match.entry.facts)}
     shown = sorted({match.entry.facts.place for match in matches})
-    near = closest(place, sorted(names), 4)
+    words = _words(place[:LONGEST_TEXT])
+    near = closest(place[:LONGEST_TEXT], sorted(names, key=lambda name: (words.isdisjoint(_words(name)), name)), 4)
     return UnknownName(
         f"no map shows {place!r}",
         valid=[*near, *(name for name in shown if name not in near)],
@@ -205,7 +210,7 @@ def _match(entry: MapEntry, parts: list[str], country: str | None) -> MapMatch |
     facts = entry.facts
     streets: list[tuple[str, ...]] = []
     unnamed: list[str] = []
-    for part in parts:
+    for part in (part[:LONGEST_TEXT] for part in parts):
         if _names_map(part, facts):
             continue
         roads = _roads_called(part, facts)
@@ -238,6 +243,7 @@ def _roads_called(part: str, facts: MapFacts) -> tuple[str, ...]:
     return same or tuple(name for name in known if len(words) > 1 and words <= _words(name))
 
 
+@lru_cache(maxsize=MOST_KEPT)
 def _words(name: str) -> frozenset[str]:
     return frozenset(fold(word) for word in name.replace("-", " ").split()) - {""}
 
@@ -246,6 +252,7 @@ def _names(facts: MapFacts) -> list[str]:
     return [facts.place, *facts.places, *facts.streets, *facts.refs]
 
 
+@lru_cache(maxsize=MOST_KEPT)
 def _street_keys(name: str) -> frozenset[str]:
     words = re.sub(r"str\.(?=\s|$)", "strasse", name.casefold()).replace(".", " ").replace("-", " ").split()
     spelled = "".join(ABBREVIATIONS.get(word, word) for word in words)

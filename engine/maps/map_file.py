@@ -5,6 +5,7 @@ are numbers made here, because a network has names for its roads and no OSM ids.
 made from one map, so a process keeps the one that it read last.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
@@ -13,14 +14,17 @@ from pathlib import Path
 import numpy as np
 
 from ...schemas.errors import UnsafeInput
+from ...schemas.text import one_line, quoted
 from ..geometry import Points
 from ..network import MOTOR_CLASSES, NetEdge, SumoNet, read_net
-from .osm import NO_TAGS, OSM_ATTRIBUTION, OsmMap, OsmNode, OsmWay, read_osm
+from .osm import HALF_TURN_DEG, NO_TAGS, OSM_ATTRIBUTION, OsmMap, OsmNode, OsmWay, read_osm
 from .road_classes import ALL_ROADS
 from .unpacking import NET_ENDING
 
 OSM_TYPE = "highway."
 """Before the ``highway`` value, in the types that netconvert gives to edges from OSM."""
+PROJECTION = re.compile(r"\+proj=[\w.+-]{1,20}( \+\w{1,20}(=[\w.,:+-]{0,60})?){0,30} ?")
+"""A PROJ string that names no file and is no pipeline: netconvert writes none other."""
 FAST_KMH = 60
 """Above it, a road whose type says nothing is taken for one outside towns (chosen)."""
 FileState = tuple[Path, int, int, int]
@@ -102,7 +106,7 @@ def read_net_map(path: Path) -> NetMap:
         if not edges:
             raise UnsafeInput(f"{path.name} holds no road for vehicles", next_step="use a network with streets in it")
         return _as_map(net, edges, path)
-    except (ValueError, KeyError, IndexError) as error:
+    except (ValueError, KeyError, IndexError, ArithmeticError) as error:
         raise UnsafeInput(f"{path.name} is not readable as a SUMO network: {error}") from error
 
 
@@ -131,7 +135,7 @@ def _as_map(net: SumoNet, edges: list[NetEdge], path: Path) -> NetMap:
         tags_here = {"highway": "traffic_signals"} if key in lit else NO_TAGS
         nodes[key] = OsmNode(key, latitude, longitude, tags_here)
     from_osm = any(edge.road_type.startswith(OSM_TYPE) for edge in edges)
-    attribution = OSM_ATTRIBUTION if from_osm else f"SUMO network {path.name}"
+    attribution = OSM_ATTRIBUTION if from_osm else f"SUMO network {one_line(path.name)}"
     return NetMap(nodes, tuple(ways), (), None, attribution, path, edges_of)
 
 
@@ -192,12 +196,14 @@ def _degrees(points: Points, net: SumoNet) -> list[tuple[float, float]]:
     from pyproj import Proj
     from pyproj.exceptions import ProjError
 
+    if PROJECTION.fullmatch(net.projection) is None:
+        raise ValueError(f"its projection {quoted(net.projection)} is none that is read")
     x, y = points[:, 0] - net.offset_m[0], points[:, 1] - net.offset_m[1]
     try:
         longitudes, latitudes = Proj(net.projection)(x, y, inverse=True)
     except ProjError as error:
         raise ValueError(f"the projection {net.projection!r} is unknown") from error
-    if not (np.isfinite(latitudes).all() and np.isfinite(longitudes).all()):
+    if not ((np.abs(latitudes) <= 90.0).all() and (np.abs(longitudes) <= HALF_TURN_DEG).all()):
         raise ValueError(f"its coordinates lie outside the projection {net.projection!r}")
     return list(zip(np.round(latitudes, 7).tolist(), np.round(longitudes, 7).tolist(), strict=True))
 

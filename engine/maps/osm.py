@@ -3,13 +3,16 @@
 XML (.osm) is read element by element; the binary format (.osm.pbf) is first written as XML, as far as roads, their
 names and surroundings need it. Positions in degrees (WGS 84), distances in m on the ground (equirectangular, good for
 the size of an extract).
+
+Whatever is read of a file is whole: every node of a way exists, no two ways have one id, no way runs over the
+antimeridian, and every tag is short and on one line. A file whose numbers are none is refused.
 """
 
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,6 +21,7 @@ from lxml import etree
 
 from ...schemas.errors import UnsafeInput
 from ...schemas.generation import ConvertedMap, ConvertMapRequest
+from ...schemas.text import LONGEST_TEXT, one_line
 from ..commonroad import XmlLimits, scan_xml
 from ..execution import ProgressReporter
 from .road_classes import ALL_ROADS
@@ -30,6 +34,10 @@ SHOWN_CLASSES = 5
 """Values of ``highway`` that a refusal names, at most."""
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius of the Earth (IUGG)."""
+HALF_TURN_DEG = 180.0
+"""Of longitude: neighbouring nodes of a way that differ by more lie on either side of the antimeridian."""
+LARGEST_ID = 2**63
+"""OpenStreetMap's ids are whole numbers of 64 bits."""
 MOST_EMPTY = 10.0
 """Ratio of a declared box's longer side to that of the box around all nodes, beyond which it is not believed."""
 NO_TAGS: Mapping[str, str] = MappingProxyType({})
@@ -68,7 +76,7 @@ class OsmWay:
     def maxspeed_kmh(self) -> float | None:
         """The signed limit in km/h; None where none is signed or it is not a number."""
         parts = self.tags.get("maxspeed", "").split()
-        if not parts or not parts[0].isdigit():
+        if not parts or not parts[0].isdecimal():
             return None
         return int(parts[0]) * (1.609344 if parts[-1] == "mph" else 1.0)
 
@@ -112,7 +120,8 @@ class OsmMap:
 def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     """Scan and read an extract; references to nodes that it does not hold are left out.
 
-    The document is read element by element: of a million nodes only the values stay in memory.
+    Of nodes or ways with one id the last counts. A way over the antimeridian is parted there. The document is read
+    element by element: of a million nodes only the values stay in memory.
 
     Raises:
         UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or holds no road.
@@ -122,7 +131,9 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
         raise UnsafeInput(f"{path.name} is no OpenStreetMap extract: its root element is <{root_name}>, not <osm>")
     try:
         extract = _read(path)
-    except (etree.LxmlError, ValueError, KeyError) as error:
+    except KeyError as error:
+        raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: something there has no {error}") from error
+    except (etree.LxmlError, ValueError) as error:
         raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: {error}") from error
     if not extract.roads():
         others = sorted({way.road_class for way in extract.ways if way.road_class})[:SHOWN_CLASSES]
@@ -135,7 +146,7 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
 
 def _read(path: Path) -> OsmMap:
     nodes: dict[int, OsmNode] = {}
-    ways: list[OsmWay] = []
+    ways: dict[int, OsmWay] = {}
     relations: list[_OsmRelation] = []
     bounds: tuple[float, float, float, float] | None = None
     with path.open("rb") as stream:
@@ -144,18 +155,41 @@ def _read(path: Path) -> OsmMap:
         )
         for _, element in document:
             if element.tag == "node":
-                node = _node(element)
-                nodes[node.node_id] = node
+                if "lat" in element.attrib and "lon" in element.attrib:  # deleted and unknown nodes have no position
+                    node = _node(element)
+                    nodes[node.node_id] = node
             elif element.tag == "way":
-                ways.append(_way(element))
+                way = _way(element)
+                ways[way.way_id] = way
             elif element.tag == "relation":
                 relations.append(_relation(element))
             else:
                 bounds = bounds or _bounds(element)
             _forget(element)
-    whole = (replace(way, node_ids=tuple(key for key in way.node_ids if key in nodes)) for way in ways)
-    ways = [way for way in whole if len(way.node_ids) > 1]
-    return OsmMap(nodes, tuple(ways), tuple(relations), bounds, _own_attribution(document.root))
+    whole = [replace(way, node_ids=tuple(key for key in way.node_ids if key in nodes)) for way in ways.values()]
+    parted = _parted_at_antimeridian(whole, nodes)
+    lines = tuple(way for way in parted if len(set(way.node_ids)) > 1)
+    return OsmMap(nodes, lines, tuple(relations), bounds, _own_attribution(document.root))
+
+
+def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) -> list[OsmWay]:
+    """Ways that stay on one side of the antimeridian; the further parts of one that does not have new ids.
+
+    Longitudes jump there by 360 degrees: what measures, cuts or draws a way would lead it round the world.
+    """
+    new_ids = count(max((way.way_id for way in ways), default=0) + 1)
+    parted: list[OsmWay] = []
+    for way in ways:
+        longitudes = [nodes[key].longitude for key in way.node_ids]
+        jumps = [
+            index
+            for index, (one, other) in enumerate(pairwise(longitudes), start=1)
+            if abs(other - one) > HALF_TURN_DEG
+        ]
+        for begin, end in pairwise([0, *jumps, len(longitudes)]):
+            way_id = way.way_id if begin == 0 else next(new_ids)
+            parted.append(replace(way, way_id=way_id, node_ids=way.node_ids[begin:end]) if jumps else way)
+    return parted
 
 
 def _forget(element: Any) -> None:
@@ -169,7 +203,7 @@ def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -
     """Distance in m of two (latitude, longitude) pairs in degrees (equirectangular: good for the size of a map)."""
     middle = math.radians((first[0] + second[0]) / 2)
     north = math.radians(second[0] - first[0])
-    east = math.radians(second[1] - first[1]) * math.cos(middle)
+    east = math.radians(math.remainder(second[1] - first[1], 2 * HALF_TURN_DEG)) * math.cos(middle)
     return EARTH_RADIUS_M * math.hypot(north, east)
 
 
@@ -221,24 +255,38 @@ def _fits(declared: tuple[float, float, float, float], nodes: Collection[OsmNode
 
 
 def _tags(element: Any) -> Mapping[str, str]:
-    return {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")} if len(element) else NO_TAGS
+    if not len(element):
+        return NO_TAGS
+    return {tag_text(tag.get("k", "")): tag_text(tag.get("v", "")) for tag in element.iterfind("tag")}
+
+
+def tag_text(text: str) -> str:
+    """A tag as it is, where it is short and on one line; otherwise made so: it will stand in answers and in files."""
+    return text if len(text) <= LONGEST_TEXT and text.isprintable() else one_line(text)
 
 
 def _node(element: Any) -> OsmNode:
     latitude, longitude = float(element.attrib["lat"]), float(element.attrib["lon"])
-    if not (-90 <= latitude <= 90 and -180 <= longitude <= 180):
+    if not (-90 <= latitude <= 90 and -HALF_TURN_DEG <= longitude <= HALF_TURN_DEG):
         raise ValueError(f"node {element.get('id')} lies at {latitude}, {longitude}")
-    return OsmNode(int(element.attrib["id"]), latitude, longitude, _tags(element))
+    return OsmNode(_id(element), latitude, longitude, _tags(element))
 
 
 def _way(element: Any) -> OsmWay:
     references = tuple(int(member.attrib["ref"]) for member in element.iterfind("nd"))
-    return OsmWay(int(element.attrib["id"]), references, _tags(element))
+    return OsmWay(_id(element), references, _tags(element))
 
 
 def _relation(element: Any) -> _OsmRelation:
     members = tuple((m.get("type", ""), int(m.get("ref", "0")), m.get("role", "")) for m in element.iterfind("member"))
-    return _OsmRelation(int(element.attrib["id"]), members, _tags(element))
+    return _OsmRelation(_id(element), members, _tags(element))
+
+
+def _id(element: Any) -> int:
+    number = int(element.attrib["id"])
+    if abs(number) >= LARGEST_ID:
+        raise ValueError(f"the id of a {element.tag} has more than 64 bits")
+    return number
 
 
 def _bounds(element: Any) -> tuple[float, float, float, float]:
@@ -248,7 +296,7 @@ def _bounds(element: Any) -> tuple[float, float, float, float]:
 
 def _own_attribution(root: Any) -> str:
     """The attribution of a map that PlannerForge drew; other files are OpenStreetMap's, whatever they say."""
-    return str(root.get("attribution", ""))[:200] if root.get("generator") == "PlannerForge" else ""
+    return one_line(str(root.get("attribution", ""))) if root.get("generator") == "PlannerForge" else ""
 
 
 KEPT_KEYS = (

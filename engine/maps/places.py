@@ -5,6 +5,7 @@ have to be searched one by one, and not the short forms that users write (``uk``
 """
 
 import unicodedata
+from functools import cache
 
 _CITY_NAMES = (
     "aachen aixlachapelle aken",
@@ -93,6 +94,23 @@ def fold(text: str) -> str:
     return "".join(letter for letter in plain if letter.isalnum())
 
 
+@cache
+def _city_keys() -> tuple[frozenset[str], ...]:
+    """The keys of every city that has several names."""
+    return tuple(frozenset(fold(name) for name in names.split()) for names in _CITY_NAMES)
+
+
+@cache
+def _codes() -> dict[str, str]:
+    """ISO 3166-1 alpha-3 by the key of a code or name."""
+    codes: dict[str, str] = {}
+    for line in _COUNTRY_NAMES.split("\n"):
+        code, *names = line.split() or [""]
+        for key in (code.casefold(), *(fold(name) for name in names)):
+            codes.setdefault(key, code)
+    return codes
+
+
 def place_keys(text: str) -> frozenset[str]:
     """All keys that a place may be known by; two spellings mean the same place where they share one.
 
@@ -101,9 +119,8 @@ def place_keys(text: str) -> frozenset[str]:
     lowered = unicodedata.normalize("NFC", text).casefold()
     spellings = {fold(lowered), fold(lowered.translate(_UMLAUTS))}
     spellings |= {_without_digraphs(spelling) for spelling in spellings}
-    for names in _CITY_NAMES:
-        keys = {fold(name) for name in names.split()}
-        if spellings & keys:
+    for keys in _city_keys():
+        if not spellings.isdisjoint(keys):
             spellings |= keys
     return frozenset(spelling for spelling in spellings if spelling)
 
@@ -111,10 +128,9 @@ def place_keys(text: str) -> frozenset[str]:
 def country_code(text: str) -> str | None:
     """ISO 3166-1 alpha-3 of a code or a name; a word of three letters is taken as a code; None for anything else."""
     wanted = {fold(text), fold(text.casefold().translate(_UMLAUTS))}
-    for line in _COUNTRY_NAMES.split("\n"):
-        code, *names = line.split() or [""]
-        if wanted & {code.casefold(), *(fold(name) for name in names)} - {""}:
-            return code
+    known = sorted(code for key in wanted - {""} if (code := _codes().get(key)) is not None)
+    if known:
+        return known[0]
     stripped = text.strip()
     return stripped.upper() if len(stripped) == 3 and stripped.isascii() and stripped.isalpha() else None
 

@@ -1,18 +1,19 @@
-"""Finding sites in a map: where in it there is a roundabout, a signalised crossing, a ramp, a motorway …"""
+"""Finding sites in a map: where in it there is a roundabout, a signalised crossing, a ramp, a motorway …
+
+A map of any kind and size is searched in a time of at most n log n: what lies near is found by ``nearness``, and where
+hundreds of roads meet or hundreds of sites lie at one place, the names of the first of them are enough.
+"""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
-from typing import TYPE_CHECKING
+from functools import cached_property, partial
+from itertools import islice, pairwise
 
 from ...schemas.generation import SiteType
-from .osm import OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
+from .nearness import Gathering, Surroundings
+from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
-
-if TYPE_CHECKING:
-    from shapely import STRtree
 
 SIGNAL_REACH_M = 45.0
 """From a junction to its traffic signals: on wide roads they are mapped at the stop lines (chosen)."""
@@ -24,6 +25,10 @@ TOWN_JUNCTIONS_PER_KM = 5.0
 """More junctions on a kilometre of road make the map of a town (chosen)."""
 MOST_BEHIND = 30
 """Roads behind the links of a ramp that are followed for their names, at most (chosen)."""
+MOST_NAMED = 50
+"""Merged sites, and roads at one node, after which a site is called, at most (chosen); no real place has as many."""
+MOST_ON_SEGMENT = 25
+"""Sites between two nodes of a way, at most (chosen): 10 km without a bend are no road that anybody mapped."""
 NEAR_RAMP_M, AT_MOTORWAY_M = 200.0, 100.0
 """From a ramp to the roads that it is called after; from a motorway to junctions that are not urban (chosen)."""
 SHORTEST_STRETCH_M, SHORTEST_RURAL_M = 40.0, 60.0
@@ -60,29 +65,57 @@ class Site:
         return f"{'node' if self.kind in MARKED_BY_NODES else 'way'}/{self.mark}"
 
 
+@dataclass(frozen=True)
+class _Spot:
+    """A site without its streets yet; ``roads`` gives those that it is called after, once it is known to be one."""
+
+    kind: SiteType
+    node: OsmNode
+    mark: int
+    roads: Callable[[], Iterable[OsmWay]]
+
+    @property
+    def position(self) -> tuple[float, float]:
+        return self.node.position
+
+    def streets(self) -> Iterator[str]:
+        """Names and numbers of its roads, and its own name."""
+        for way in self.roads():
+            yield from (name for name in (way.tags.get("name"), way.tags.get("ref")) if name)
+        if "name" in self.node.tags:
+            yield self.node.tags["name"]
+
+
 class _Crossings:
     """Where roads meet: the roads by node, and the nodes at which at least three arms do."""
 
     def __init__(self, roads: list[OsmWay]) -> None:
-        self.ways_at: dict[int, list[OsmWay]] = {}
+        self._ways_at: dict[int, list[OsmWay]] = {}
         arms: dict[int, int] = {}
         for way in roads:
             for key in dict.fromkeys(way.node_ids):
-                self.ways_at.setdefault(key, []).append(way)
+                self._ways_at.setdefault(key, []).append(way)
             for index, key in enumerate(way.node_ids):
                 arms[key] = arms.get(key, 0) + (index > 0) + (index < len(way.node_ids) - 1)
         self.junctions = [key for key, count in arms.items() if count >= 3]
+
+    def __contains__(self, key: int) -> bool:
+        return key in self._ways_at
+
+    def ways_at(self, key: int) -> Sequence[OsmWay]:
+        """The roads at a node; none at a node of other roads than these."""
+        return self._ways_at.get(key, ())
 
     def of_streets(self) -> list[int]:
         """Junctions of different streets: not one road that parts in two, and not only motorways."""
         return [key for key in self.junctions if self._crosses(key) and not self._only_motorway(key)]
 
     def _crosses(self, key: int) -> bool:
-        names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at[key]}
-        return len(names) > 1 or len(self.ways_at[key]) > 3
+        names = {way.tags.get("name") or way.tags.get("ref") or str(way.way_id) for way in self.ways_at(key)}
+        return len(names) > 1 or len(self.ways_at(key)) > 3
 
     def _only_motorway(self, key: int) -> bool:
-        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at[key])
+        return all(way.road_class.startswith(("motorway", "trunk")) for way in self.ways_at(key))
 
 
 class SiteFinder:
@@ -94,7 +127,8 @@ class SiteFinder:
     def __init__(self, osm: OsmMap, classes: Iterable[str] = ()) -> None:
         self.osm = osm
         self._classes = frozenset(classes) or ALL_ROADS
-        self._kinds: dict[SiteType, Callable[[], list[Site]]] = {
+        self._met: dict[int, tuple[OsmWay, ...]] = {}
+        self._kinds: dict[SiteType, Callable[[], list[_Spot]]] = {
             "roundabout": self._roundabouts,
             "signalised_intersection": self._signalised,
             "ramp": self._ramps,
@@ -121,7 +155,8 @@ class SiteFinder:
         nodes = [self.osm.nodes[key] for key in way.node_ids]
         middle = nodes[len(nodes) // 2]
         kind: SiteType = "rural" if self._far_from_houses(middle) else "urban"
-        return self._site(kind, middle, [way], middle.node_id if kind == "urban" else way.way_id)
+        spot = self._spot(kind, middle, [way], middle.node_id if kind == "urban" else way.way_id)
+        return _merged([spot])[0]
 
     @cached_property
     def _roads(self) -> list[OsmWay]:
@@ -149,93 +184,114 @@ class SiteFinder:
         """The class of the roads that highways and ramps are made of: trunk roads only where no motorway lies."""
         return "motorway" if self.osm.roads(frozenset({"motorway"})) else "trunk"
 
-    def _site(self, kind: SiteType, node: OsmNode, ways: list[OsmWay], mark: int) -> Site:
-        streets = {name for way in ways for name in (way.tags.get("name"), way.tags.get("ref")) if name}
-        streets |= {node.tags["name"]} if "name" in node.tags else set()
-        return Site(kind, node.latitude, node.longitude, tuple(sorted(streets)), mark)
+    @staticmethod
+    def _spot(kind: SiteType, node: OsmNode, ways: Sequence[OsmWay], mark: int) -> _Spot:
+        return _Spot(kind, node, mark, partial(islice, ways, MOST_NAMED))
 
-    def _roundabouts(self) -> list[Site]:
-        sites = []
+    def _roundabouts(self) -> list[_Spot]:
+        spots = []
         for way in self._roads:
             if way.tags.get("junction") in ("roundabout", "circular"):
                 middle = OsmNode(0, *_mean([self.osm.nodes[key] for key in way.node_ids]), {})
-                arms = [other for key in way.node_ids for other in self._streets.ways_at[key]]
-                sites.append(self._site("roundabout", middle, arms, way.way_id))
-        return sites
+                spots.append(_Spot("roundabout", middle, way.way_id, partial(self._arms, way)))
+        return spots
 
-    def _signalised(self) -> list[Site]:
+    def _arms(self, ring: OsmWay) -> Iterator[OsmWay]:
+        for key in ring.node_ids:
+            yield from islice(self._streets.ways_at(key), MOST_NAMED)
+
+    def _signalised(self) -> list[_Spot]:
         """Junctions with a traffic signal at them or within reach; a signal alone may be a pedestrian crossing."""
         return self._lit(self._streets) or self._lit(self._everywhere)
 
-    def _lit(self, crossings: _Crossings) -> list[Site]:
+    def _lit(self, crossings: _Crossings) -> list[_Spot]:
         signals = [
-            node
+            [self._metres(node)]
             for key, node in self.osm.nodes.items()
-            if node.tags.get("highway") == "traffic_signals" and key in crossings.ways_at
+            if node.tags.get("highway") == "traffic_signals" and key in crossings
         ]
-        sites = []
+        near = Surroundings(signals)
+        spots = []
         for key in crossings.of_streets() if signals else ():
             node = self.osm.nodes[key]
-            if any(ground_distance_m(node.position, signal.position) < SIGNAL_REACH_M for signal in signals):
-                sites.append(self._site("signalised_intersection", node, crossings.ways_at[key], key))
-        return sites
+            if near.any_within(self._metres(node), SIGNAL_REACH_M):
+                spots.append(self._spot("signalised_intersection", node, crossings.ways_at(key), key))
+        return spots
 
-    def _crossings(self) -> list[Site]:
+    def _crossings(self) -> list[_Spot]:
         """Junctions of streets; those with driveways and tracks only where there is no other."""
         crossings = self._streets if self._streets.of_streets() else self._everywhere
         return [
-            self._site("intersection", self.osm.nodes[key], crossings.ways_at[key], key)
+            self._spot("intersection", self.osm.nodes[key], crossings.ways_at(key), key)
             for key in crossings.of_streets()
         ]
 
-    def _ramps(self) -> list[Site]:
+    def _ramps(self) -> list[_Spot]:
         """Where a link leaves or joins a motorway, or a trunk road where there is no motorway."""
-        sites = []
+        spots = []
         for key in self._with_links.junctions:
-            ways = self._with_links.ways_at[key]
-            classes = {way.road_class for way in ways}
+            classes = {way.road_class for way in self._with_links.ways_at(key)}
             if self._fast in classes and classes & RAMP_LINKS:
-                node = self.osm.nodes[key]
-                named = [*ways, *self._roads_behind(ways), *self._passing(node, NEAR_RAMP_M)]
-                sites.append(self._site("ramp", node, named, key))
-        return sites
+                spots.append(_Spot("ramp", self.osm.nodes[key], key, partial(self._roads_of_ramp, key)))
+        return spots
 
-    def _roads_behind(self, ways: list[OsmWay]) -> list[OsmWay]:
-        """The roads to which the links among the ways lead: a ramp is called after them too."""
+    def _roads_of_ramp(self, key: int) -> Iterator[OsmWay]:
+        """What a ramp is called after: the roads at its node, those that its links lead to, and those that pass."""
+        ways = list(islice(self._with_links.ways_at(key), MOST_NAMED))
+        yield from ways
+        yield from self._roads_behind(ways)
+        yield from self._passing(self.osm.nodes[key])
+
+    def _roads_behind(self, ways: Sequence[OsmWay]) -> Iterable[OsmWay]:
+        """The roads to which the links among the ways lead, ``MOST_BEHIND`` at most."""
         roads: dict[int, OsmWay] = {}
         waiting = [way for way in ways if way.road_class in LINKS]
-        while waiting:
-            for key in waiting.pop().node_ids:
-                for way in self._with_links.ways_at[key]:
-                    if way.way_id not in roads and len(roads) < MOST_BEHIND:
-                        roads[way.way_id] = way
-                        waiting += [way] if way.road_class in LINKS else []
-        return list(roads.values())
+        while waiting and len(roads) < MOST_BEHIND:
+            for way in self._meeting(waiting.pop()):
+                if way.way_id not in roads and len(roads) < MOST_BEHIND:
+                    roads[way.way_id] = way
+                    waiting += [way] if way.road_class in LINKS else []
+        return roads.values()
 
-    def _passing(self, node: OsmNode, within_m: float) -> list[OsmWay]:
-        """The roads that pass within a distance: an exit is called after the road that it lies at, too."""
-        from shapely import Point
+    def _meeting(self, way: OsmWay) -> tuple[OsmWay, ...]:
+        """The first roads that meet a way, itself among them; more than ``MOST_BEHIND`` are never asked for."""
+        if way.way_id not in self._met:
+            at_nodes = (other for key in way.node_ids for other in islice(self._with_links.ways_at(key), MOST_BEHIND))
+            found: dict[int, OsmWay] = {}
+            for other in at_nodes:
+                found.setdefault(other.way_id, other)
+                if len(found) == MOST_BEHIND:
+                    break
+            self._met[way.way_id] = tuple(found.values())
+        return self._met[way.way_id]
 
-        return [self._roads[index] for index in self._lines.query(Point(*self._metres(node)), "dwithin", within_m)]
+    def _passing(self, node: OsmNode) -> list[OsmWay]:
+        """The roads that pass near a ramp: an exit is called after the road that it lies at, too."""
+        return [self._roads[index] for index in self._lines.lines_within(self._metres(node), NEAR_RAMP_M)]
 
     @cached_property
-    def _lines(self) -> "STRtree":
-        """The roads that lead somewhere, in metres around the middle of the map."""
-        from shapely import LineString, STRtree
+    def _lines(self) -> Surroundings:
+        """The roads that lead somewhere."""
+        return Surroundings([self._line_of(way) for way in self._roads])
 
-        return STRtree([LineString([self._metres(self.osm.nodes[key]) for key in way.node_ids]) for way in self._roads])
+    @cached_property
+    def _motorway_lines(self) -> Surroundings:
+        return Surroundings([self._line_of(way) for way in self._roads if way.road_class == "motorway"])
 
-    def _motorways(self) -> list[Site]:
+    def _line_of(self, way: OsmWay) -> list[tuple[float, float]]:
+        return [self._metres(self.osm.nodes[key]) for key in way.node_ids]
+
+    def _motorways(self) -> list[_Spot]:
         fast = [way for way in self._roads if way.road_class == self._fast]
         fast = [way for way in fast if self._fast == "motorway" or _is_expressway(way)]
         ways = [way for way in fast if length_m(self.osm, way) > SHORTEST_STRETCH_M]
         return [
-            self._site("highway", point, [way], way.way_id) for way in ways for point in _spaced_points(self.osm, way)
+            self._spot("highway", point, [way], way.way_id) for way in ways for point in _spaced_points(self.osm, way)
         ]
 
-    def _rural(self) -> list[Site]:
+    def _rural(self) -> list[_Spot]:
         """Stretches of main roads away from houses; pavements, and limits below 60 km/h, tell of a town."""
-        sites = []
+        spots: list[_Spot] = []
         for way in self._roads:
             if way.road_class not in RURAL_CLASSES or way.tags.get("junction"):
                 continue
@@ -244,8 +300,8 @@ class SiteFinder:
                 points = [
                     point for point in _spaced_points(self.osm, way) if self._far_from_houses(point, self._clear_m)
                 ]
-                sites += [self._site("rural", point, [way], way.way_id) for point in points]
-        return sites
+                spots += [self._spot("rural", point, [way], way.way_id) for point in points]
+        return spots
 
     @cached_property
     def _clear_m(self) -> float:
@@ -255,50 +311,55 @@ class SiteFinder:
         lit = any(node.tags.get("highway") == "traffic_signals" for node in self.osm.nodes.values())
         return TOWN_CLEAR_M if dense or lit else RURAL_CLEAR_M
 
-    def _urban(self) -> list[Site]:
+    def _urban(self) -> list[_Spot]:
         """Junctions of streets among houses, off motorways; where there are none, the middles of streets."""
-        crossings = [site for site in self._crossings() if not self._far_from_houses(self.osm.nodes[site.mark])]
-        sites = [replace(site, kind="urban") for site in crossings]
-        off = [site for site in sites if not self._at_motorway(self.osm.nodes[site.mark])]
-        return off or self._middles_of_streets() or sites
+        crossings = [spot for spot in self._crossings() if not self._far_from_houses(spot.node)]
+        spots = [replace(spot, kind="urban") for spot in crossings]
+        off = [spot for spot in spots if not self._at_motorway(spot.node)]
+        return off or self._middles_of_streets() or spots
 
-    def _middles_of_streets(self) -> list[Site]:
-        sites = []
+    def _middles_of_streets(self) -> list[_Spot]:
+        spots = []
         for way in self._roads:
             node = self.osm.nodes[way.node_ids[len(way.node_ids) // 2]]
             is_street = way.road_class not in LINKS and way.road_class not in FAST_ROADS
             if is_street and not self._far_from_houses(node) and not self._at_motorway(node):
-                sites.append(self._site("urban", node, [way], node.node_id))
-        return sites
+                spots.append(self._spot("urban", node, [way], node.node_id))
+        return spots
 
     def _at_motorway(self, node: OsmNode) -> bool:
-        return any(way.road_class == "motorway" for way in self._passing(node, AT_MOTORWAY_M))
+        return self._motorway_lines.any_within(self._metres(node), AT_MOTORWAY_M)
 
     def _far_from_houses(self, node: OsmNode, clear_m: float = RURAL_CLEAR_M) -> bool:
-        from shapely import Point
-
-        return len(self._built_up.query(Point(*self._metres(node)), "dwithin", clear_m)) == 0
+        return not self._built_up.any_within(self._metres(node), clear_m)
 
     @cached_property
-    def _built_up(self) -> "STRtree":
-        """Houses, residential streets and areas in metres around the middle of the map."""
-        from shapely import LineString, Point, Polygon, STRtree
-
+    def _built_up(self) -> Surroundings:
+        """Houses, residential streets and areas."""
         houses = [node for node in self.osm.nodes.values() if "addr:housenumber" in node.tags or "shop" in node.tags]
-        shapes: list[Point | LineString | Polygon] = [Point(*self._metres(node)) for node in houses]
+        lines = [[self._metres(node)] for node in houses]
+        areas: list[list[tuple[float, float]]] = []
         for way in self.osm.ways:
-            line = [self._metres(self.osm.nodes[key]) for key in way.node_ids]
-            if way.tags.get("landuse") in BUILT_UP_LANDUSE and len(line) > 3:
-                shapes.append(Polygon(line).buffer(0))
+            if way.tags.get("landuse") in BUILT_UP_LANDUSE and len(way.node_ids) > 3:
+                areas.append(self._line_of(way))
             elif way.road_class in BUILT_UP_ROADS or "building" in way.tags:
-                shapes.append(LineString(line))
-        return STRtree(shapes)
+                lines.append(self._line_of(way))
+        return Surroundings(lines, areas)
 
     def _metres(self, node: OsmNode) -> tuple[float, float]:
-        south, west, _, _ = self.osm.bounds
+        """Eastwards and northwards of a corner of the map; a map round the world is measured from its first road."""
+        south, west = self._origin
         north = ground_distance_m((south, west), (node.latitude, west))
         east = ground_distance_m((node.latitude, west), (node.latitude, node.longitude))
-        return math.copysign(east, node.longitude - west), math.copysign(north, node.latitude - south)
+        eastwards = math.remainder(node.longitude - west, 2 * HALF_TURN_DEG)
+        return math.copysign(east, eastwards), math.copysign(north, node.latitude - south)
+
+    @cached_property
+    def _origin(self) -> tuple[float, float]:
+        south, west, _, east = self.osm.bounds
+        if east - west <= HALF_TURN_DEG or not self._roads:
+            return south, west
+        return south, self.osm.nodes[self._roads[0].node_ids[0]].longitude
 
 
 def _is_expressway(way: OsmWay) -> bool:
@@ -307,33 +368,40 @@ def _is_expressway(way: OsmWay) -> bool:
     return fast or way.tags.get("motorroad") == "yes"
 
 
-def _mean(places: Sequence[OsmNode | Site]) -> tuple[float, float]:
-    """The mean latitude and longitude in degrees."""
+def _mean(places: Sequence[OsmNode | _Spot]) -> tuple[float, float]:
+    """The mean latitude and longitude in degrees, on either side of the antimeridian too."""
     latitudes, longitudes = zip(*(place.position for place in places), strict=True)
-    return math.fsum(latitudes) / len(places), math.fsum(longitudes) / len(places)
+    if max(longitudes) - min(longitudes) > HALF_TURN_DEG:
+        longitudes = tuple(longitude % (2 * HALF_TURN_DEG) for longitude in longitudes)
+    latitude, longitude = math.fsum(latitudes) / len(places), math.fsum(longitudes) / len(places)
+    return latitude, longitude - 2 * HALF_TURN_DEG if longitude > HALF_TURN_DEG else longitude
 
 
-def _merged(sites: list[Site]) -> list[Site]:
-    """Sites of one kind that lie close together as one, with the streets of all."""
-    groups: list[list[Site]] = []
-    for site in sites:
-        near = (group for group in groups if ground_distance_m(site.position, group[0].position) < MERGE_M)
-        if (group := next(near, None)) is not None:
-            group.append(site)
+def _merged(spots: list[_Spot]) -> list[Site]:
+    """Spots of one kind that lie close together as one site, with the streets of all."""
+    groups: list[list[_Spot]] = []
+    firsts = Gathering(MERGE_M)
+    for spot in spots:
+        if (number := firsts.near(spot.position)) is not None:
+            groups[number].append(spot)
         else:
-            groups.append([site])
+            firsts.add(spot.position)
+            groups.append([spot])
     merged = []
     for group in groups:
-        streets = tuple(sorted({street for site in group for street in site.streets}))
+        streets = tuple(sorted({street for spot in group[:MOST_NAMED] for street in spot.streets()}))
         merged.append(Site(group[0].kind, *_mean(group), streets, group[0].mark))
     return merged
 
 
 def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
-    """Points evenly spaced along a way, one for every ``SPACING_M`` and at least one, the ends left out."""
+    """Points evenly spaced along a way, the ends left out: one for every ``SPACING_M``, and at least one.
+
+    No more than its nodes allow: a way of few nodes round the world would have a hundred thousand.
+    """
     nodes = [osm.nodes[key] for key in way.node_ids]
     total = length_m(osm, way)
-    count = max(1, round(total / SPACING_M))
+    count = max(1, min(round(total / SPACING_M), MOST_ON_SEGMENT * (len(nodes) - 1)))
     points: list[OsmNode] = []
     gone = 0.0
     for one, other in pairwise(nodes):

@@ -1,6 +1,7 @@
 """SUMO's .net.xml as plain values: lanes, edges, connections, signal programs; and which lane follows which.
 
-Pedestrian crossings, walking areas and connectors are left out. Coordinates are those of the net, in metres.
+Pedestrian crossings, walking areas and connectors are left out. Coordinates are those of the net, in metres. A net
+whose numbers are none, or beyond what roads have, is refused here.
 """
 
 from collections.abc import Iterable
@@ -11,6 +12,7 @@ import numpy as np
 from lxml import etree
 
 from ...schemas.errors import UnsafeInput
+from ...schemas.text import one_line, quoted
 from ..commonroad import XmlLimits, scan_xml
 from ..geometry import Points, length_m, without_repeats
 
@@ -29,6 +31,12 @@ ROAD_CLASSES = MOTOR_CLASSES | {"bicycle"}
 _DEFAULT_LANE_WIDTH_M, _DEFAULT_SPEED_MPS = 3.2, 13.89
 """SUMO's own, where the net gives none."""
 
+_FARTHEST_M = 1e8
+"""Chosen: coordinates of a projection reach 2e7 m, with an offset twice as far."""
+_FASTEST_MPS, _WIDEST_M, _LONGEST_PHASE_S = 500.0, 100.0, 1e6
+"""Chosen: no lane is faster or wider, and no phase of a light longer."""
+_LONGEST_ID = 2_000
+"""Characters; chosen: netconvert joins the ids of the junctions that it joins."""
 _LARGEST_NET_BYTES = 200_000_000
 """Chosen: nets have more text than the maps that they are made of."""
 
@@ -118,12 +126,18 @@ def read_net(path: Path) -> SumoNet:
     """
     if scan_xml(path, XmlLimits(size_bytes=_LARGEST_NET_BYTES)).name != "net":
         raise UnsafeInput(f"{path.name} is no SUMO net: its root element is not <net>")
-    root = etree.parse(path).getroot()
+    try:
+        return _net(etree.parse(path).getroot())
+    except (ValueError, ArithmeticError, etree.LxmlError) as error:
+        raise UnsafeInput(f"{path.name} is not readable as a SUMO network: {error}") from error
+
+
+def _net(root: etree._Element) -> SumoNet:
     edges, lanes = _edges_and_lanes(root)
     location = root.find("location")
     projection = "" if location is None else location.get("projParameter", "")
     offset = "0,0" if location is None else location.get("netOffset", "0,0")
-    offset_x, offset_y = (float(part) for part in offset.split(","))
+    offset_x, offset_y = (_number(part, "netOffset", -_FARTHEST_M, _FARTHEST_M) for part in offset.split(","))
     return SumoNet(
         lanes=lanes,
         edges=edges,
@@ -144,7 +158,7 @@ def _edges_and_lanes(root: etree._Element) -> tuple[dict[str, NetEdge], dict[str
         function = element.get("function", "normal")
         if function in ("crossing", "walkingarea", "connector"):
             continue
-        edge_id, internal = element.get("id", ""), function == "internal"
+        edge_id, internal = _id(element), function == "internal"
         own = [_lane(lane, edge_id, internal) for lane in element.iterfind("lane")]
         lanes.update({lane.lane_id: lane for lane in own})
         edges[edge_id] = NetEdge(
@@ -153,7 +167,7 @@ def _edges_and_lanes(root: etree._Element) -> tuple[dict[str, NetEdge], dict[str
             to_junction=element.get("to", ""),
             internal=internal,
             road_type=element.get("type", ""),
-            name=element.get("name", ""),
+            name=one_line(element.get("name", "")),
             lane_ids=tuple(lane.lane_id for lane in own),
         )
     return edges, lanes
@@ -166,16 +180,33 @@ def shape_of(lane: etree._Element) -> Points:
 
 
 def _lane(element: etree._Element, edge_id: str, internal: bool) -> NetLane:
+    shape = shape_of(element)
+    if not bool(np.all(np.abs(shape) <= _FARTHEST_M)):
+        raise ValueError(f"lane {_id(element)} has a coordinate that is none or beyond {_FARTHEST_M:g} m")
     return NetLane(
-        lane_id=element.get("id", ""),
+        lane_id=_id(element),
         edge_id=edge_id,
         index=int(element.get("index", "0")),
-        speed_mps=float(element.get("speed", str(_DEFAULT_SPEED_MPS))),
-        width_m=float(element.get("width", str(_DEFAULT_LANE_WIDTH_M))),
+        speed_mps=_number(element.get("speed", str(_DEFAULT_SPEED_MPS)), "speed", 0.0, _FASTEST_MPS),
+        width_m=_number(element.get("width", str(_DEFAULT_LANE_WIDTH_M)), "width", 0.0, _WIDEST_M),
         allowed=_permissions(element.get("allow"), element.get("disallow")),
-        shape=shape_of(element),
+        shape=shape,
         internal=internal,
     )
+
+
+def _id(element: etree._Element) -> str:
+    text = element.get("id", "")
+    if len(text) > _LONGEST_ID or not text.isprintable():
+        raise ValueError(f"the id {quoted(text)} of a {element.tag} is too long or not on one line")
+    return text
+
+
+def _number(text: str, name: str, least: float, most: float) -> float:
+    value = float(text)
+    if not least <= value <= most:
+        raise ValueError(f"{name} is {quoted(text)}; valid: {least:g} to {most:g}")
+    return value
 
 
 def _permissions(allow: str | None, disallow: str | None) -> frozenset[str]:
@@ -201,8 +232,11 @@ def _connection(element: etree._Element) -> Connection:
 
 
 def _signal(element: etree._Element) -> SignalProgram:
-    phases = tuple((float(p.get("duration", "0")), p.get("state", "")) for p in element.iterfind("phase"))
-    return SignalProgram(element.get("id", ""), float(element.get("offset", "0")), phases)
+    durations = (
+        (_number(p.get("duration", "0"), "duration", 0.0, _LONGEST_PHASE_S), p) for p in element.iterfind("phase")
+    )
+    offset_s = _number(element.get("offset", "0"), "offset", -_LONGEST_PHASE_S, _LONGEST_PHASE_S)
+    return SignalProgram(_id(element), offset_s, tuple((duration, p.get("state", "")) for duration, p in durations))
 
 
 _SHORTEST_LANE_M = 0.05

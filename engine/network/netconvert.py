@@ -19,6 +19,7 @@ import numpy as np
 from lxml import etree
 
 from ...schemas.errors import NotPossible, WorkerTimeout
+from ...schemas.text import one_line
 from ..execution import end_with_parent
 from ..geometry import (
     Points,
@@ -38,6 +39,8 @@ from .net_parser import shape_of
 
 _TIME_LIMIT_S = 120.0
 """Chosen: maps within the limits of size take seconds."""
+_MOST_WARNINGS = 1_000
+"""That are kept; chosen: a site has a few, and they name what the map's file says."""
 _GEOMETRY_OPTIONS = """
 --no-turnarounds true --junctions.internal-link-detail 10 --junctions.corner-detail 5 --junctions.small-radius 4
 --junctions.scurve-stretch 1 --geometry.max-angle.fix true --precision 3
@@ -97,7 +100,7 @@ def run_netconvert(options: Sequence[str], net: Path) -> tuple[str, ...]:
     """Run netconvert with the options and those for good geometry inside junctions, and smooth the lanes there.
 
     Returns:
-        Its warnings, in the order in which they came.
+        Its warnings, in the order in which they came, each on one line: they repeat names of the map.
 
     Raises:
         NotPossible: it ended with an error.
@@ -131,7 +134,9 @@ def run_netconvert(options: Sequence[str], net: Path) -> tuple[str, ...]:
             f"no road network can be made from this map: {reason}", next_step="choose another site or map"
         )
     smooth_junction_lanes(net)
-    return tuple(line.removeprefix("Warning:").strip() for line in lines if line.startswith("Warning"))
+    warnings = [one_line(line.removeprefix("Warning:")) for line in lines if line.startswith("Warning")]
+    more = [f"{len(warnings) - _MOST_WARNINGS:,} more warnings"] if len(warnings) > _MOST_WARNINGS else []
+    return (*warnings[:_MOST_WARNINGS], *more)
 
 
 _FOLD_RAD = math.radians(100.0)

@@ -101,3 +101,20 @@ def test_road_classes_are_groups_or_values() -> None:
     with pytest.raises(UnknownName, match="motorwy") as caught:
         resolve_road_classes(["motorwy"])
     assert "motorway" in caught.value.valid
+
+
+def test_long_names_are_compared_by_their_beginnings() -> None:
+    entry = built_in_maps()[0]
+    long_street = replace(entry, facts=entry.facts.model_copy(update={"streets": ("Mill Road " + "x" * 200_000,)}))
+    with pytest.raises(UnknownName) as refusal:
+        find_maps([long_street], place="Hill Road " + "y" * 30_000)
+    assert len(refusal.value.text) < 3000
+
+
+def test_a_refused_place_is_answered_with_the_names_that_share_a_word() -> None:
+    entry = built_in_maps()[0]
+    streets = (*(f"Aaa Street {number}" for number in range(3000)), "Zzz Mill")
+    crowded = replace(entry, facts=entry.facts.model_copy(update={"streets": streets}))
+    with pytest.raises(UnknownName) as refusal:
+        find_maps([crowded], place="Zzzz Mill")
+    assert refusal.value.valid[0] == "Zzz Mill"

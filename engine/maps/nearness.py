@@ -1,0 +1,90 @@
+"""What lies near what on a map, at a cost that grows little faster than the map: n log n, also where it is crowded.
+
+A long line is looked at in short pieces, because its distance to a point costs as much as it has nodes.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+
+from .osm import EARTH_RADIUS_M, ground_distance_m
+
+Place = tuple[float, float]
+"""Latitude and longitude in degrees."""
+_PIECE_NODES = 32
+"""Nodes of a piece of a line (chosen)."""
+
+
+class Gathering:
+    """Positions of which no two lie closer together than a reach: each new one is one of them, or near one of them.
+
+    Positions are sorted into cubes of the reach's side around the Earth's centre. A chord is never longer than the
+    distance on the ground, so that what is within reach lies in the same cube or in one beside it.
+    """
+
+    def __init__(self, reach_m: float) -> None:
+        self._reach_m = reach_m
+        self._cubes: dict[tuple[int, int, int], list[int]] = {}
+        self.positions: list[Place] = []
+
+    def near(self, position: Place) -> int | None:
+        """The number (from 0, in their order) of the first position that lies nearer than the reach; None without."""
+        x, y, z = self._cube(position)
+        around = (
+            self._cubes.get((x + i, y + j, z + k), ()) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)
+        )
+        found = (
+            number
+            for numbers in around
+            for number in numbers
+            if ground_distance_m(position, self.positions[number]) < self._reach_m
+        )
+        return min(found, default=None)
+
+    def add(self, position: Place) -> int:
+        """Take a position in that lies near none; its number."""
+        self.positions.append(position)
+        self._cubes.setdefault(self._cube(position), []).append(len(self.positions) - 1)
+        return len(self.positions) - 1
+
+    def _cube(self, position: Place) -> tuple[int, int, int]:
+        latitude, longitude = (math.radians(angle) for angle in position)
+        aside = EARTH_RADIUS_M * math.cos(latitude)
+        x, y, z = aside * math.cos(longitude), aside * math.sin(longitude), EARTH_RADIUS_M * math.sin(latitude)
+        return math.floor(x / self._reach_m), math.floor(y / self._reach_m), math.floor(z / self._reach_m)
+
+
+class Surroundings:
+    """Points, lines and areas in metres, asked what of them lies near a point.
+
+    Args:
+        lines: each a sequence of (x, y); one of a single vertex is a point.
+        areas: outlines of areas, closed or not.
+    """
+
+    def __init__(
+        self, lines: Sequence[Sequence[tuple[float, float]]], areas: Iterable[Sequence[tuple[float, float]]] = ()
+    ) -> None:
+        from shapely import LineString, Point, Polygon, STRtree
+
+        shapes: list[Point | LineString | Polygon] = []
+        self._owners: list[int] = []
+        for number, line in enumerate(lines):
+            pieces = [line[begin : begin + _PIECE_NODES + 1] for begin in range(0, max(len(line) - 1, 1), _PIECE_NODES)]
+            shapes += [LineString(piece) if len(piece) > 1 else Point(piece[0]) for piece in pieces]
+            self._owners += [number] * len(pieces)
+        shapes += [Polygon(outline) for outline in areas]
+        self._tree = STRtree(shapes)
+
+    def any_within(self, point: tuple[float, float], distance_m: float) -> bool:
+        """Whether anything lies no farther from a point than a distance."""
+        from shapely import Point
+
+        nearest = self._tree.query_nearest(Point(*point), max_distance=distance_m, all_matches=False)
+        return len(nearest) > 0
+
+    def lines_within(self, point: tuple[float, float], distance_m: float) -> list[int]:
+        """The numbers (from 0) of the lines that pass no farther from a point than a distance, in ascending order."""
+        from shapely import Point
+
+        pieces = self._tree.query(Point(*point), "dwithin", distance_m)
+        return sorted({self._owners[piece] for piece in pieces if piece < len(self._owners)})
