@@ -23,7 +23,9 @@ from .unpacking import NET_ENDING
 
 OSM_TYPE = "highway."
 """Before the ``highway`` value, in the types that netconvert gives to edges from OSM."""
-PROJECTION = re.compile(r"\+proj=[\w.+-]{1,20}( \+\w{1,20}(=[\w.,:+-]{0,60})?){0,30} ?")
+PROJECTION = re.compile(
+    r"(?!.*(pipeline|grids|init=|file=))\+proj=[\w.+-]{1,20}( \+\w{1,20}(=[\w.,:+-]{0,60})?){0,30} ?"
+)
 """A PROJ string that names no file and is no pipeline: netconvert writes none other."""
 FAST_KMH = 60
 """Above it, a road whose type says nothing is taken for one outside towns (chosen)."""

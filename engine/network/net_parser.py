@@ -174,15 +174,19 @@ def _edges_and_lanes(root: etree._Element) -> tuple[dict[str, NetEdge], dict[str
 
 
 def shape_of(lane: etree._Element) -> Points:
-    """The centre line of a net's lane without repeated vertices, shape (n, 2), in metres."""
+    """The centre line of a net's lane without repeated vertices, shape (n, 2), in metres.
+
+    Raises:
+        ValueError: a coordinate is none, or beyond what projections have.
+    """
     points = [[float(value) for value in point.split(",")[:2]] for point in lane.get("shape", "").split()]
-    return without_repeats(np.array(points, dtype=float).reshape(-1, 2))
+    shape = np.array(points, dtype=float).reshape(-1, 2)
+    if not bool(np.all(np.abs(shape) <= _FARTHEST_M)):
+        raise ValueError(f"lane {_id(lane)} has a coordinate that is none or beyond {_FARTHEST_M:g} m")
+    return without_repeats(shape)
 
 
 def _lane(element: etree._Element, edge_id: str, internal: bool) -> NetLane:
-    shape = shape_of(element)
-    if not bool(np.all(np.abs(shape) <= _FARTHEST_M)):
-        raise ValueError(f"lane {_id(element)} has a coordinate that is none or beyond {_FARTHEST_M:g} m")
     return NetLane(
         lane_id=_id(element),
         edge_id=edge_id,
@@ -190,7 +194,7 @@ def _lane(element: etree._Element, edge_id: str, internal: bool) -> NetLane:
         speed_mps=_number(element.get("speed", str(_DEFAULT_SPEED_MPS)), "speed", 0.0, _FASTEST_MPS),
         width_m=_number(element.get("width", str(_DEFAULT_LANE_WIDTH_M)), "width", 0.0, _WIDEST_M),
         allowed=_permissions(element.get("allow"), element.get("disallow")),
-        shape=shape,
+        shape=shape_of(element),
         internal=internal,
     )
 
