@@ -13,7 +13,7 @@ from lxml import etree
 
 from ...schemas.generation import GenerationRequest, SiteType
 from ..commonroad import speed_limit_number
-from ..geometry import Points
+from ..geometry import Points, wrap_angle
 from ..maps import Site
 from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, SumoNet, TrafficLight
 from ..traffic import DECIMALS, GeneratedVehicle, sumo_version
@@ -265,7 +265,7 @@ def _write_planning_problem(root: etree._Element, problem_id: int, task: Plannin
     element = etree.SubElement(root, "planningProblem", {"id": str(problem_id)})
     initial = _add(element, "initialState")
     _write_state(initial, task.ego.motion, 0)
-    _exact(initial, "yawRate", 0.0)
+    _exact(initial, "yawRate", first_yaw_rate_radps(task.ego.motion))
     _exact(initial, "slipAngle", 0.0)
     goal = _add(element, "goalState")
     time = _add(goal, "time")
@@ -281,6 +281,15 @@ def _write_planning_problem(root: etree._Element, problem_id: int, task: Plannin
     orientation = _add(goal, "orientation")
     for tag, margin in (("intervalStart", -HEADING_MARGIN_RAD), ("intervalEnd", HEADING_MARGIN_RAD)):
         _add(orientation, tag, f"{task.heading_rad + margin:.{DECIMALS}f}")
+
+
+def first_yaw_rate_radps(motion: Motion) -> float:
+    """How fast a vehicle turns at its first step, 0 where there is none other.
+
+    A planner that is told 0 of an ego in a turn begins with straight wheels, and may leave the road before they turn.
+    """
+    turned = motion.headings_rad[:2]
+    return wrap_angle(float(turned[1] - turned[0])) / STEP_S if len(turned) > 1 else 0.0
 
 
 def _write_state(element: etree._Element, motion: Motion, step: int) -> None:

@@ -65,9 +65,10 @@ def _check_net(path: Path, file_bytes: int) -> None:
     try:
         scan_xml(path, XmlLimits(size_bytes=file_bytes))
         read_net(path)
-    except UnsafeInput as error:
+    except (UnsafeInput, ValueError) as error:
+        reason = error.message if isinstance(error, UnsafeInput) else f"{quoted(path.name)}: {quoted(str(error))}"
         raise UnsafeInput(
-            f"the network beside the scenario cannot be taken in: {error.message}",
+            f"the network beside the scenario cannot be taken in: {reason}",
             next_step=f"correct {quoted(path.name)}, or move it away: a scenario is imported without it too",
         ) from error
 

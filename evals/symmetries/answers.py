@@ -188,7 +188,7 @@ def canonical(root: Any) -> bytes:
         if isinstance(text.tag, str):
             text.text = (text.text or "").strip() or None
             text.tail = None
-    return etree.tostring(root, method="c14n2", with_comments=False)
+    return bytes(etree.tostring(root, method="c14n2", with_comments=False))
 
 
 def rewritten(path: Path, folder: Path) -> Path:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 from lxml import etree
@@ -48,7 +48,7 @@ class Frame:
         """Points (n, 2) in m of the original."""
         cos, sin = math.cos(self.turned_rad), math.sin(self.turned_rad)
         away = np.asarray(points, dtype=float) - np.array(self.moved_m)
-        back = away @ np.array([[cos, -sin], [sin, cos]])
+        back: Array = away @ np.array([[cos, -sin], [sin, cos]])
         return back * np.array([1.0, -1.0]) if self.mirrored else back
 
     def directions(self, headings_rad: Array) -> Array:
@@ -304,7 +304,7 @@ _OBSTACLES: Final = ("obstacle", "staticObstacle", "dynamicObstacle", "phantomOb
 
 
 def _ids(root: Element) -> list[int]:
-    return sorted({int(text) for text in root.xpath("//@id")})
+    return sorted({int(text) for text in cast("list[str]", root.xpath("//@id"))})
 
 
 def _next_id(root: Element) -> int:
@@ -480,8 +480,8 @@ def _cut(lanelet: Element, second_id: int, limits: set[str | None], *, forward: 
     link = etree.Element("predecessor", ref=first_id)
     second.insert(2, link)
     before = lanelet.findall("predecessor")
-    forward = etree.Element("successor", ref=str(second_id))
-    lanelet.insert(lanelet.index(before[-1]) + 1 if before else 2, forward)
+    onward = etree.Element("successor", ref=str(second_id))
+    lanelet.insert(lanelet.index(before[-1]) + 1 if before else 2, onward)
     lanelet.addnext(second)
 
 
@@ -534,7 +534,8 @@ def _other_format(root: Element, _draw: random.Random) -> Frame:
 
 def _to_2020a(root: Element) -> None:
     root.set("commonRoadVersion", "2020a")
-    words = (root.attrib.pop("tags", "") or "").split()
+    words = root.get("tags", "").split()
+    root.attrib.pop("tags", "")
     location, tags = etree.Element("location"), etree.Element("scenarioTags")
     for name, value in (("geoNameId", "-999"), ("gpsLatitude", "999"), ("gpsLongitude", "999")):
         etree.SubElement(location, name).text = value

@@ -141,7 +141,7 @@ def test_a_second_description_is_the_same(town: Path) -> None:
     assert described(town) == described(town)
 
 
-def test_a_vehicle_whose_way_leaves_the_lanes_is_marked_and_refused_with_the_nearest(tmp_path: Path) -> None:
+def test_a_vehicle_off_the_lanes_is_marked_and_refused_with_the_nearest(tmp_path: Path) -> None:
     lanes = (Lane(1, line((0, 0), (100, 0))), Lane(2, line((0, 40), (100, 40))))
     jumps = Vehicle(36, tuple((5.0 + 4 * step, 0.0 if step < 12 else 40.0, 0.0, 10.0) for step in range(20)))
     near, far = driving(37, (20, 0), 8.0, 20), driving(38, (60, 40), 8.0, 20)

@@ -15,6 +15,7 @@ NET = '<net version="1.20"><edge id="a"><lane id="a_0" index="0" speed="13.9" sh
 REFUSED = {
     "no network": ("<osm/>", "no SUMO net"),
     "a document type": ("<!DOCTYPE net [<!ENTITY a 'b'>]><net/>", "document type"),
+    "a speed that is no number": (NET.replace("13.9", "fast"), "fast"),
     "broken": ("<net><edge", "well-formed"),
     "larger than files may be": (NET.replace("</net>", "<!--" + "a" * 5000 + "--></net>"), "at most 4,000"),
 }
