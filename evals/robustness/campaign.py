@@ -49,7 +49,10 @@ class Finding:
 
 @dataclass
 class Tally:
-    """What a campaign saw. Milliseconds, megabytes and seconds are the most that an input brought about by itself."""
+    """What a campaign saw. Milliseconds, megabytes and seconds are the most that an input brought about by itself;
+
+    ``slowest_s`` is that of refusals.
+    """
 
     inputs: int = 0
     calls: int = 0
@@ -71,11 +74,10 @@ class Tally:
 
 @dataclass(frozen=True)
 class _Answers:
-    """What came of one input: certain faults, and the seconds of its slowest refusal and of its slowest call."""
+    """What came of one input: certain faults, and the seconds of its slowest refusal."""
 
     faults: tuple[Fault, ...] = ()
     refused_s: float = 0.0
-    slowest_s: float = 0.0
 
 
 class Campaign:
@@ -140,7 +142,7 @@ class Campaign:
         if answers.refused_s > SLOW_S:
             self._suspect([hostile], "late")
         else:
-            self.tally.slowest_s = max(self.tally.slowest_s, min(answers.slowest_s, SLOW_S))
+            self.tally.slowest_s = max(self.tally.slowest_s, answers.refused_s)
 
     def _look(
         self, running: Session, under_way: Sequence[HostileInput], began: float, peak_mb: float, canary: Canary
@@ -166,7 +168,7 @@ class Campaign:
 
     async def _one(self, running: Session, folders: Folders, hostile: HostileInput) -> _Answers:
         """Send one input's calls one after the other; those after the first only where that one made something."""
-        faults, refused_s, slowest_s, made = list[Fault](), 0.0, 0.0, ""
+        faults, refused_s, made = list[Fault](), 0.0, ""
         hostile.place(folders.root, folders.outside)
         try:
             for call in hostile.calls:
@@ -177,14 +179,13 @@ class Campaign:
                 took = time.monotonic() - began
                 self.tally.calls += 1
                 self.tally.answers[_code(text)] += 1
-                slowest_s = max(slowest_s, took)
                 refused_s = max(refused_s, took) if text.startswith("[") else refused_s
                 faults += [_explained(fault, call, folders) for fault in faults_of(text)]
                 if not made and not text.startswith("["):
                     made = next(iter(_ID.findall(text)), "")
         finally:
             hostile.remove(folders.root)
-        return _Answers(tuple(faults), refused_s, slowest_s)
+        return _Answers(tuple(faults), refused_s)
 
     async def _answer(self, running: Session, call: Call, folders: Folders, made: str) -> str:
         arguments = filled(dict(call.arguments), folders.root, folders.outside, made)
