@@ -18,7 +18,7 @@ from typing import Any
 
 from mcp.types import CallToolResult
 
-from ..schemas.text import LONGEST_TEXT, one_line
+from ..schemas.text import LONGEST_TEXT, one_line, quoted
 from .tokens import count_tokens
 from .tool_calls import answer_text
 
@@ -37,8 +37,8 @@ _SECRETS = (
 )
 """Forms of keys, tokens and passwords; the setting ``journal_redact`` adds others."""
 REDACTED = "[redacted]"
-_SEARCHED, _LONGEST_ERROR = 5000, 2000
-"""Characters of a text that are searched for secrets, and of an error that are kept; chosen."""
+_SEARCHED, _LONGEST_ERROR, _LARGEST_BITS = 5000, 2000, 128
+"""Characters of a text that are searched for secrets, and of an error that are kept; bits of a whole number; chosen."""
 _CLOSE_TIMEOUT_S = 10.0
 """Reading the tables of the token count takes about a second, which is longer than many a single call."""
 _ID = re.compile(
@@ -129,7 +129,7 @@ class Journal:
             }
         if isinstance(value, list | tuple):
             return [self._fit(part) for part in value[:_MOST_ELEMENTS]]
-        return value
+        return value if not isinstance(value, int) or value.bit_length() <= _LARGEST_BITS else quoted(value)
 
 
 class _Appending(logging.handlers.RotatingFileHandler):

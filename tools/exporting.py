@@ -24,6 +24,7 @@ from ..schemas.rendering import PictureKind, ReportImage, ReportRequest, ReportS
 from ..schemas.results import AnalyzeResultsArguments, RunSource
 from ..schemas.runs import BatchRecord, RunRecord
 from ..schemas.scenarios import ScenarioRecord
+from ..schemas.text import printable
 from .call import ToolCall
 from .operations import WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
 from .rendering import draw
@@ -52,7 +53,7 @@ async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) 
     files = [_written(export.artifact.artifact_id, export.format, export.path) for export in planned]
     if report is not None:
         files.append(_written(", ".join(artifact.artifact_id for artifact in artifacts), "html", report))
-    return ExportArtifactsResult(folder=str(folder), files=tuple(files))
+    return ExportArtifactsResult(folder=_shown(folder), files=tuple(files))
 
 
 async def _write(call: ToolCall, export: Export, made: Path | None) -> None:
@@ -73,8 +74,12 @@ def _runs(artifact: Artifact) -> list[str]:
     return list(artifact.record["runs"]) if artifact.kind == "batch" else []
 
 
+def _shown(path: Path) -> str:
+    return printable(str(path), kept="")
+
+
 def _written(artifact_id: str, form: str, path: Path) -> ExportedFile:
-    return ExportedFile(artifact_id=artifact_id, format=form, path=str(path), size_bytes=path.stat().st_size)
+    return ExportedFile(artifact_id=artifact_id, format=form, path=_shown(path), size_bytes=path.stat().st_size)
 
 
 async def _compute(call: ToolCall, export: Export, target: Path) -> Path:
