@@ -85,6 +85,11 @@ class RepeatWordsResult(Result):
         return f"You said: {self.words}"
 
 
+@pytest.fixture
+def warm_workers() -> None:
+    """Workers of the server's own: those that are kept between tests know no operations of tests."""
+
+
 @pytest.mark.anyio
 async def test_a_tool_has_a_worker_carry_out_an_operation(
     monkeypatch: pytest.MonkeyPatch, importable_tests: None, connect: Connect

@@ -35,10 +35,10 @@ WRONG: dict[str, Callable[[Written], Written]] = {
     "the report names somebody else": lambda one: told(one, vehicles=(31,)),
     "more enter than were asked": lambda one: asked(one, count=0),
     "its states are wrong besides": lambda one: respelt(
-        one, f"dynamicObstacle[@id='{ADDED}']/trajectory/state/velocity/exact", "NaN"
+        one, f"dynamicObstacle[@id='{ADDED}']/trajectory/state/velocity/exact", "1e1"
     ),
     "somebody else's states are wrong": lambda one: respelt(
-        one, "dynamicObstacle[@id='31']/trajectory/state/velocity/exact", "NaN"
+        one, "dynamicObstacle[@id='31']/trajectory/state/velocity/exact", "1e1"
     ),
 }
 
