@@ -17,7 +17,7 @@ import math
 import random
 import subprocess
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 from lxml import etree
@@ -179,7 +179,7 @@ def _town(choice: random.Random, path: Path) -> None:
     parts = choice.sample([_roundabout, _ramp, _lights, _winding], choice.randint(2, 3))
     for number, part in enumerate(parts):
         turn = choice.uniform(0.0, 2 * math.pi)
-        part(choice, sketch, lambda x, y, n=number, t=turn: _turned(x, y, t, (1_500.0 * n, 0.0)))
+        part(choice, sketch, partial(_turned, turn=turn, middle=(1_500.0 * number, 0.0)))
     sketch.write(path)
 
 
@@ -277,7 +277,9 @@ def _without_nodes(choice: random.Random, root: etree._Element) -> None:
 
 def _without_positions(choice: random.Random, root: etree._Element) -> None:
     for node in _few(choice, root, "node"):
-        node.attrib.pop(choice.choice(["lat", "lon"]), None)
+        name = choice.choice(["lat", "lon"])
+        if name in node.attrib:
+            del node.attrib[name]
 
 
 def _one_node(choice: random.Random, root: etree._Element) -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import psutil
 import pytest
+from hypothesis import HealthCheck
+from hypothesis import settings as hypothesis_settings
 from mcp import Client
 from support.server import Connect, KeptWorkers, worker_processes
 
@@ -19,6 +21,8 @@ from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
 CHECKOUT = Path(__file__).resolve().parent.parent
+hypothesis_settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+hypothesis_settings.load_profile("any machine")  # no test depends on how fast or busy the machine is
 
 
 @pytest.fixture(scope="session")
