@@ -5,13 +5,17 @@ Runs and scenarios are not enumerated (a workspace holds thousands); tools find 
 
 import json
 import re
+from pathlib import Path
 
 from mcp.types import ResourceTemplate
 
 from ..engine.workspace import ARTIFACT_KINDS, Workspace
-from ..schemas.errors import UnknownName
+from ..schemas.errors import NotPossible, UnknownName
+from ..schemas.text import quoted
 
 SCHEME = "plannerforge://"
+MOST_BYTES = 16 * 1024**2
+"""Of a resource: its file stands in one message, several times over in memory. Chosen."""
 
 
 TEMPLATES: tuple[ResourceTemplate, ...] = tuple(
@@ -40,6 +44,7 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
 
     Raises:
         UnknownName: nothing is there; the valid forms are named.
+        NotPossible: the file has more than 16 MiB.
     """
     match = re.fullmatch(rf"{re.escape(SCHEME)}([a-z]+)/([\w.\-]+)(?:/([a-z]+))?", uri)
     if match is None:
@@ -56,7 +61,7 @@ def read_resource(uri: str, workspace: Workspace) -> tuple[str | bytes, str]:
         raise _unknown(uri)
     name, mime_type = _FILES[kind, part]
     artifact = workspace.get(identifier, kind)  # type: ignore[arg-type]
-    return workspace.file(artifact.kind, artifact.artifact_id, name).read_text(encoding="utf-8"), mime_type
+    return _content(workspace.file(artifact.kind, artifact.artifact_id, name)).decode(), mime_type
 
 
 def _made_file(uri: str, workspace: Workspace, kind: str, name: str) -> tuple[str | bytes, str]:
@@ -64,8 +69,20 @@ def _made_file(uri: str, workspace: Workspace, kind: str, name: str) -> tuple[st
     mime_type = _MADE.get(path.suffix.removeprefix("."))
     if mime_type is None or name.startswith(".") or path.is_symlink() or not path.is_file():
         raise _unknown(uri)
-    return (path.read_text(encoding="utf-8") if mime_type == "text/html" else path.read_bytes()), mime_type
+    content = _content(path)
+    return (content.decode() if mime_type == "text/html" else content), mime_type
+
+
+def _content(path: Path) -> bytes:
+    with path.open("rb") as stream:
+        content = stream.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise NotPossible(
+            f"{path.name} has more than {MOST_BYTES:,} bytes, too much for one message",
+            next_step="export_artifacts copies it into a folder",
+        )
+    return content
 
 
 def _unknown(uri: str) -> UnknownName:
-    return UnknownName(f"there is no resource {uri}", valid=[template.uri_template for template in TEMPLATES])
+    return UnknownName(f"there is no resource {quoted(uri)}", valid=[template.uri_template for template in TEMPLATES])

@@ -4,6 +4,7 @@ Protocol 2026-07-28 is stateless and has no handshake; the revisions before it b
 both; nothing here keeps state between the requests of one connection.
 """
 
+import asyncio
 import time
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -15,16 +16,20 @@ from mcp import MCPError
 from mcp.server import MCPServer
 from mcp.server.lowlevel.helper_types import ReadResourceContents
 from mcp.server.mcpserver.context import Context
+from mcp.server.stdio import stdio_server
 from mcp.types import INVALID_PARAMS, CallToolResult, GetPromptResult, Prompt, ResourceTemplate, Tool
 from pydantic import AnyUrl
 
 from .. import __version__
+from ..engine.execution import in_own_thread, run_in
 from ..prompts.catalog import PROMPTS, prompt_text
 from ..resources.templates import TEMPLATES, read_resource
 from ..schemas.errors import PlannerForgeError, UnknownName, closest
+from ..schemas.text import one_line
 from ..tools.call import Services, ToolCall
 from ..tools.registry import ToolSpec
 from .journal import Journal
+from .messages import ReadableMessages, standard_input
 from .tool_calls import answer
 from .tool_descriptions import described_tool
 
@@ -39,6 +44,8 @@ words and units on; a refusal names what is valid and the next call. Figures in 
 their ids, and never invent ids or numbers."""
 _PROGRESS_INTERVAL_S = 0.5
 """Reports of progress that follow each other faster are dropped; chosen."""
+_MOST_CALLS = 32
+"""Calls that are carried out at once; others wait for their turn. Chosen: clients send a few, and each has a thread."""
 _ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 
 
@@ -62,6 +69,14 @@ class PlannerForgeServer(MCPServer[Services]):
         )
         self._specs = {spec.name: spec for spec in tools}
         self._journal = journal
+        self._at_once = anyio.Semaphore(_MOST_CALLS)
+
+    async def run_stdio_async(self) -> None:
+        """Serve one client on standard input and output."""
+        with standard_input() as lines:
+            async with stdio_server(stdin=lines) as (incoming, outgoing):
+                options = self._lowlevel_server.create_initialization_options()
+                await self._lowlevel_server.run(ReadableMessages(incoming, outgoing), outgoing, options)
 
     async def list_tools(self) -> list[Tool]:
         """All tools, in the order of the registry."""
@@ -83,7 +98,8 @@ class PlannerForgeServer(MCPServer[Services]):
             raise MCPError(INVALID_PARAMS, "a tool needs the context of a request")
         started, clock = datetime.now(UTC), time.perf_counter()
         call = ToolCall(context.request_context.lifespan_context, _PacedProgress(context).send)
-        result = await answer(spec, arguments, call)
+        async with self._at_once:
+            result = await in_own_thread(answer, spec, arguments, call)
         if self._journal is not None:
             self._journal.add(
                 time=started.isoformat(timespec="milliseconds"),
@@ -109,10 +125,15 @@ class PlannerForgeServer(MCPServer[Services]):
         """
         if context is None:
             raise MCPError(INVALID_PARAMS, "a resource needs the context of a request")
+        workspace = context.request_context.lifespan_context.workspace
+
+        async def read() -> tuple[str | bytes, str]:
+            return read_resource(str(uri), workspace)
+
         try:
-            content, mime_type = read_resource(str(uri), context.request_context.lifespan_context.workspace)
+            content, mime_type = await in_own_thread(read)
         except PlannerForgeError as error:
-            raise MCPError(INVALID_PARAMS, error.text, data={"uri": str(uri)}) from error
+            raise MCPError(INVALID_PARAMS, error.text, data={"uri": one_line(str(uri))}) from error
         return [ReadResourceContents(content=content, mime_type=mime_type)]
 
     async def list_prompts(self) -> list[Prompt]:
@@ -138,11 +159,14 @@ class _PacedProgress:
     """Sends progress to the client: strictly rising, at most twice a second."""
 
     def __init__(self, context: Context[Services, Any]) -> None:
-        self._context = context
+        self._context, self._home = context, asyncio.get_running_loop()
         self._share, self._sent_at = 0.0, -1.0
 
     async def send(self, share: float, message: str) -> None:
-        """Report the share done in [0, 1], if there is news and it is time."""
+        """Report the share done in [0, 1], from whichever thread, if there is news and it is time."""
+        await run_in(self._home, self._send, share, message)
+
+    async def _send(self, share: float, message: str) -> None:
         now = anyio.current_time()
         if share <= self._share or (now - self._sent_at < _PROGRESS_INTERVAL_S and share < 1.0):
             return

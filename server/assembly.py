@@ -8,7 +8,7 @@ from pathlib import Path
 
 import anyio
 
-from ..engine.execution import Claims, JobRunner, JobStore, WorkerPool
+from ..engine.execution import Claims, JobRunner, JobStore, ReachableExecutor, WorkerPool, in_own_thread
 from ..engine.workspace import Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import PlannerForgeError
@@ -55,12 +55,13 @@ async def open_services(settings: Settings, start_folder: Path) -> AsyncIterator
     try:
         log = workspace_root / "logs" / "workers.log"
         async with WorkerPool.open(limits, log) as workers, anyio.create_task_group() as tasks:
-            jobs, claims = JobRunner(JobStore(workspace.database), tasks), Claims(workspace.database)
+            jobs = JobRunner(JobStore(workspace.database), tasks, in_own_thread)
+            claims = Claims(workspace.database)
             if settings.warm_up:
                 tasks.start_soon(warm_up, workers, workspace, settings.embedding_model)
             yield Services(
                 workspace,
-                workers,
+                ReachableExecutor(workers),
                 jobs,
                 claims,
                 limits,

@@ -55,22 +55,21 @@ class _JournalledCall:
     tool: str
     arguments: dict[str, Any]
     duration_s: float
-    text: str
-    structured: dict[str, Any] | None
-    failed: bool
+    result: CallToolResult
 
     def entry(self) -> dict[str, Any]:
         """What the journal holds of it."""
-        said = json.dumps(self.structured, ensure_ascii=False) if self.structured else self.text
+        text, structured, failed = answer_text(self.result), self.result.structured_content, bool(self.result.is_error)
+        said = json.dumps(structured, ensure_ascii=False) if structured else text
         return {
             "time": self.time,
             "client": self.client,
             "tool": self.tool,
             "arguments": self.arguments,
-            "result_ids": [] if self.failed else list(dict.fromkeys(_ID.findall(said)))[:_MOST_IDS],
+            "result_ids": [] if failed else list(dict.fromkeys(_ID.findall(said)))[:_MOST_IDS],
             "duration_s": round(self.duration_s, 4),
-            "result_tokens": count_tokens(self.text),
-            "error": self.text if self.failed else "",
+            "result_tokens": count_tokens(text),
+            "error": text if failed else "",
         }
 
 
@@ -90,10 +89,7 @@ class Journal:
         if self._thread is None:
             self._thread = threading.Thread(target=self._write, name="journal", daemon=True)
             self._thread.start()
-        text, failed = answer_text(result), bool(result.is_error)
-        self._waiting.put(
-            _JournalledCall(time, client, tool, arguments, duration_s, text, result.structured_content, failed)
-        )
+        self._waiting.put(_JournalledCall(time, client, tool, arguments, duration_s, result))
 
     def close(self) -> None:
         """Write what is waiting, and stop."""

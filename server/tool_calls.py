@@ -1,6 +1,7 @@
 """The one place that turns a typed function into a tool: check the arguments, call, shape the answer or the error."""
 
 import base64
+import json
 import logging
 from collections.abc import Mapping
 from typing import Any
@@ -8,13 +9,17 @@ from typing import Any
 from mcp.types import CallToolResult, ContentBlock, ImageContent, ResourceLink, TextContent
 
 from ..schemas.base import Result
-from ..schemas.errors import PlannerForgeError, UnexpectedFailure, as_told
+from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure, as_told
 from ..schemas.text import printable
 from ..tools.call import ImageAnswer, ToolCall
 from ..tools.registry import ToolSpec
 from .argument_errors import read_arguments
 
 logger = logging.getLogger(__name__)
+LONGEST_ANSWER = 400_000
+"""Characters of an answer's text, and of its structure as JSON; chosen: ten times what a model reads with profit."""
+MOST_IMAGE_BYTES = 12 * 1024**2
+"""Of all pictures of an answer; more are only linked. Chosen: clients refuse messages of tens of megabytes."""
 
 
 async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> CallToolResult:
@@ -37,17 +42,48 @@ def answer_text(result: CallToolResult) -> str:
 def _shaped(result: Result | ImageAnswer) -> CallToolResult:
     """The answer as content blocks and structured content, each of which says the whole."""
     if isinstance(result, ImageAnswer):
-        blocks: list[ContentBlock] = [TextContent(type="text", text=printable(result.text))]
-        for image in result.images:
-            data = base64.b64encode(image.path.read_bytes()).decode()
-            blocks.append(ImageContent(type="image", data=data, mime_type=image.mime_type))
+        shown, left_out = _shown_images(result)
+        notes = (
+            [f"Note: pictures too large for this answer, to be opened by their links: {left_out}"] if left_out else []
+        )
+        text = _bounded(printable("\n".join([result.text, *notes])))
+        blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
         blocks.extend(
             ResourceLink(type="resource_link", name=link.rpartition("/")[2], uri=link) for link in result.links
         )
         return CallToolResult(content=blocks)
-    text = printable(result.to_text())
+    text = _bounded(printable(result.to_text()))
     structured = _printable_parts(result.model_dump(mode="json"))
+    _bounded(json.dumps(structured, ensure_ascii=False))
     return CallToolResult(content=[TextContent(type="text", text=text)], structured_content=structured)
+
+
+def _bounded(text: str) -> str:
+    """The text, if it is no longer than an answer may be.
+
+    Raises:
+        NotPossible: it is longer.
+    """
+    if len(text) > LONGEST_ANSWER:
+        raise NotPossible(
+            f"the answer has {len(text):,} characters; at most {LONGEST_ANSWER:,} are given",
+            next_step="ask for less at once (limit, focus, radius_m, fewer ids); what was made is stored and listed by "
+            "list_artifacts",
+        )
+    return text
+
+
+def _shown_images(result: ImageAnswer) -> tuple[list[ImageContent], int]:
+    """The first pictures, as many as an answer holds, and the number of the others."""
+    shown: list[ImageContent] = []
+    size = 0
+    for image in result.images:
+        size += image.path.stat().st_size
+        if size > MOST_IMAGE_BYTES:
+            break
+        data = base64.b64encode(image.path.read_bytes()).decode()
+        shown.append(ImageContent(type="image", data=data, mime_type=image.mime_type))
+    return shown, len(result.images) - len(shown)
 
 
 def _refusal(error: PlannerForgeError) -> CallToolResult:

@@ -1,14 +1,14 @@
 """The tool that draws; what was drawn of the same artifacts before is not drawn again."""
 
 import hashlib
-import os
 import shutil
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
-from ..engine.workspace import Artifact, Workspace, versions_of
+from ..engine.workspace import Artifact, versions_of, write_whole
 from ..resources.templates import SCHEME
-from ..schemas.errors import InvalidRequest, ResourceFailure, UnknownName
+from ..schemas.errors import InvalidRequest, UnknownName
 from ..schemas.rendering import PictureKind, RenderArguments, Rendered, RenderedImage, RenderRequest
 from .call import Image, ImageAnswer, ToolCall
 from .operations import RENDER
@@ -83,7 +83,7 @@ async def draw(
         return Rendered.model_validate_json(note.read_text(encoding="utf-8"))
     with call.workspace.scratch() as folder:
         made = await call.run(RENDER, request.model_copy(update={"folder": str(folder)}))
-        return _kept(made, note, call.workspace)
+        return _kept(made, note)
 
 
 def _digest(request: RenderRequest) -> str:
@@ -91,24 +91,14 @@ def _digest(request: RenderRequest) -> str:
     return hashlib.sha256(content.encode()).hexdigest()[:12]
 
 
-def _kept(made: Rendered, note: Path, workspace: Workspace) -> Rendered:
+def _kept(made: Rendered, note: Path) -> Rendered:
     """Move the images into the workspace, whole; the note that says so comes last."""
     images: list[RenderedImage] = []
-    try:
-        note.parent.mkdir(parents=True, exist_ok=True)
-        for image in made.images:
-            source = Path(image.path)
-            target = note.with_name(f"{source.stem}_{note.stem}{source.suffix}")
-            whole = target.with_name(f".{target.name}.{os.getpid()}")
-            shutil.copyfile(source, whole)
-            whole.replace(target)
-            images.append(image.model_copy(update={"path": str(target)}))
-        kept = made.model_copy(update={"images": tuple(images)})
-        whole = note.with_name(f".{note.name}.{os.getpid()}")
-        whole.write_text(kept.model_dump_json(), encoding="utf-8")
-        whole.replace(note)
-    except OSError as error:
-        raise ResourceFailure(
-            f"{workspace.root / FOLDER} cannot be written: {error.strerror or error}", next_step="free disk space"
-        ) from error
+    for image in made.images:
+        source = Path(image.path)
+        target = note.with_name(f"{source.stem}_{note.stem}{source.suffix}")
+        write_whole(target, partial(shutil.copyfile, source))
+        images.append(image.model_copy(update={"path": str(target)}))
+    kept = made.model_copy(update={"images": tuple(images)})
+    write_whole(note, lambda path: path.write_text(kept.model_dump_json(), encoding="utf-8"))
     return kept

@@ -1,6 +1,7 @@
 """Claims on work, so that servers and batches on one workspace do not make the same thing at the same time."""
 
 import os
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ class Claims:
     def __init__(self, database: Database) -> None:
         self._database = database
         self._held: set[str] = set()
+        self._taking = threading.Lock()
 
     @contextmanager
     def claimed(self, digest: str) -> Iterator[bool]:
@@ -22,20 +24,33 @@ class Claims:
         Raises:
             ResourceFailure: the database cannot be written.
         """
-        if not self._claim(digest):
+        if not self._take(digest):
             yield False
             return
-        self._held.add(digest)
         try:
             yield True
         finally:
-            self._held.discard(digest)  # first: a claim that cannot be released must not block its own process
-            with self._database.writing() as connection:
-                connection.execute("DELETE FROM claims WHERE digest = ? AND owner_pid = ?", (digest, os.getpid()))
+            try:
+                with self._database.writing() as connection:
+                    connection.execute("DELETE FROM claims WHERE digest = ? AND owner_pid = ?", (digest, os.getpid()))
+            finally:
+                self._held.discard(digest)  # a claim that cannot be released must not block its own process
+
+    def _take(self, digest: str) -> bool:
+        """Claim against the other threads of this process, then against other processes."""
+        with self._taking:
+            if digest in self._held:
+                return False
+            self._held.add(digest)
+        is_ours = False
+        try:
+            is_ours = self._claim(digest)
+        finally:
+            if not is_ours:
+                self._held.discard(digest)
+        return is_ours
 
     def _claim(self, digest: str) -> bool:
-        if digest in self._held:
-            return False
         with self._database.writing() as connection:
             row = connection.execute("SELECT owner_pid, made_at FROM claims WHERE digest = ?", (digest,)).fetchone()
             if row is not None and row["owner_pid"] != os.getpid() and still_runs(row["owner_pid"], row["made_at"]):

@@ -4,12 +4,15 @@ The record lives in the workspace's database, so that any server on the workspac
 a server that went away is shown as interrupted; asking for the same again takes up what was finished.
 """
 
+import asyncio
+import contextlib
 import json
 import logging
 import os
 import sqlite3
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import anyio
@@ -161,16 +164,28 @@ class JobProgress:
 
 
 JobWork = Callable[[JobProgress], Awaitable[None]]
+RunApart = Callable[..., Awaitable[None]]
+"""Runs an async function with its arguments, such as ``in_own_thread``."""
+
+
+async def _in_place(function: Callable[..., Awaitable[None]], *arguments: object) -> None:
+    await function(*arguments)
 
 
 class JobRunner:
-    """Starts, waits for and cancels jobs."""
+    """Starts, waits for and cancels jobs; may be asked from the event loop of any thread.
 
-    def __init__(self, store: JobStore, tasks: anyio.abc.TaskGroup) -> None:
+    Args:
+        tasks: of the loop that this is made in; jobs are interrupted with it.
+        run_apart: how a job is run, by default among the tasks of that loop.
+    """
+
+    def __init__(self, store: JobStore, tasks: anyio.abc.TaskGroup, run_apart: RunApart = _in_place) -> None:
         self.store = store
-        self._tasks = tasks
-        self._scopes: dict[str, anyio.CancelScope] = {}
-        self._changed = anyio.Event()
+        self._tasks, self._home, self._run_apart = tasks, asyncio.get_running_loop(), run_apart
+        self._own: dict[str, _Running | None] = {}
+        self._to_cancel: set[str] = set()
+        self._listeners: set[_Listener] = set()
         self._unrecorded: dict[str, _JobEnd] = {}
 
     def start(self, kind: str, recipe: Recipe, work: JobWork) -> Job:
@@ -179,9 +194,12 @@ class JobRunner:
         job, is_new = self.store.start(kind, recipe)
         if not is_new:
             return job
-        scope = anyio.CancelScope()
-        self._scopes[job.job_id] = scope
-        self._tasks.start_soon(self._carry_out, job.job_id, scope, work)
+        self._own[job.job_id] = None
+        begin = (self._tasks.start_soon, self._run_apart, self._carry_out, job.job_id, work)
+        if asyncio.get_running_loop() is self._home:
+            self._tasks.start_soon(*begin[1:])
+        else:
+            self._home.call_soon_threadsafe(*begin)
         return job
 
     async def wait(self, job_id: str, wait_s: float, on_news: Callable[[Job], Awaitable[None]]) -> Job:
@@ -190,9 +208,11 @@ class JobRunner:
         job = self.store.get(job_id)
         with anyio.move_on_after(wait_s):
             while not job.ended:
-                changed = self._changed
-                with anyio.move_on_after(_POLL_S):
-                    await changed.wait()
+                with self._listening() as news:
+                    job = self.store.get(job_id)  # what happened before there was a listener
+                    if not job.ended:
+                        with anyio.move_on_after(_POLL_S):
+                            await news.wait()
                 self._record_missed_ends()
                 job = self.store.get(job_id)
                 await on_news(job)
@@ -200,14 +220,19 @@ class JobRunner:
 
     async def cancel(self, job_id: str) -> Job:
         """Stop a job; what is finished stays. A job that has ended, or runs in another server, is left as it is."""
-        scope = self._scopes.get(job_id)
-        if scope is not None:
-            scope.cancel()
+        if job_id in self._own:
+            self._to_cancel.add(job_id)  # first: one that has not begun looks here when it does
+            running = self._own.get(job_id)
+            if running is not None:
+                running.loop.call_soon_threadsafe(running.scope.cancel)
             await self.wait(job_id, 10.0, _ignore)
         return self.store.get(job_id)
 
-    async def _carry_out(self, job_id: str, scope: anyio.CancelScope, work: JobWork) -> None:
-        progress = JobProgress(self.store, job_id, self._announce)
+    async def _carry_out(self, job_id: str, work: JobWork) -> None:
+        progress, scope = JobProgress(self.store, job_id, self._announce), anyio.CancelScope()
+        self._own[job_id] = _Running(asyncio.get_running_loop(), scope)
+        if job_id in self._to_cancel:
+            scope.cancel()
         error = ""
         state: JobState = "interrupted"
         try:
@@ -224,7 +249,8 @@ class JobRunner:
                 state = "cancelled"
             self._unrecorded[job_id] = _JobEnd(state, progress.results, error)
             self._record_missed_ends()
-            self._scopes.pop(job_id, None)
+            self._own.pop(job_id, None)
+            self._to_cancel.discard(job_id)
             self._announce()
 
     def _record_missed_ends(self) -> None:
@@ -235,11 +261,38 @@ class JobRunner:
             except ResourceFailure:
                 logger.exception("the end of %s (%s) could not be recorded", job_id, end.state)
             else:
-                del self._unrecorded[job_id]
+                self._unrecorded.pop(job_id, None)  # another thread may have recorded it too
+
+    @contextmanager
+    def _listening(self) -> Iterator[anyio.Event]:
+        """An event of the caller's loop that is set by the next news of any job."""
+        listener = _Listener(asyncio.get_running_loop(), anyio.Event())
+        self._listeners.add(listener)
+        try:
+            yield listener.news
+        finally:
+            self._listeners.discard(listener)
 
     def _announce(self) -> None:
-        self._changed.set()
-        self._changed = anyio.Event()
+        for listener in list(self._listeners):
+            with contextlib.suppress(RuntimeError):  # its loop has ended
+                listener.loop.call_soon_threadsafe(listener.news.set)
+
+
+@dataclass(frozen=True)
+class _Running:
+    """A job that has begun: the loop it runs in, and what ends it there."""
+
+    loop: asyncio.AbstractEventLoop
+    scope: anyio.CancelScope
+
+
+@dataclass(frozen=True, eq=False)
+class _Listener:
+    """Somebody who waits for news of jobs, in the loop of a thread."""
+
+    loop: asyncio.AbstractEventLoop
+    news: anyio.Event
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,8 @@ _RETRIEVAL_MEMORY_BYTES = 8 * 1024**3
 """Data memory of the retrieval worker; chosen: PyTorch reserves far more than the model uses."""
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """More threads would make sums depend on their order, and the cores are shared by the workers anyway."""
+_SHORT_BYTES = 20_000
+"""Reports to this length are read in less time than a thread takes; longer ones would hold up the server. Chosen."""
 logger = logging.getLogger(__name__)
 
 
@@ -76,9 +78,9 @@ class WorkerPool:
             worker = await self._take(lane)
             finished = False
             try:
-                order = Order(operation.entry_point, request.model_dump_json())
+                order = await anyio.to_thread.run_sync(_order_line, operation, request)
                 with anyio.fail_after(limit_s):
-                    report = await worker.carry_out(order, on_progress)
+                    report = await worker.carry_out(operation.name, order, on_progress)
                 finished = True
             except TimeoutError as error:
                 raise WorkerTimeout(
@@ -91,7 +93,7 @@ class WorkerPool:
                     self._idle[lane].append(worker)
                 else:
                     await worker.kill()
-        return self._response(operation, report)
+        return await anyio.to_thread.run_sync(self._response, operation, report)
 
     async def warm_up(self, lane: Lane = "compute") -> None:
         """Have one idle worker with its heavy imports done, before the first operation needs it."""
@@ -186,28 +188,31 @@ class _WorkerProcess:
         """Whether the process still runs."""
         return self._process.returncode is None
 
-    async def carry_out(self, order: Order, on_progress: OnProgress) -> Answer | Failure:
-        """Send an order and wait for its end.
+    async def carry_out(self, name: str, order: bytes, on_progress: OnProgress) -> Answer | Failure:
+        """Send the order of an operation of this name and wait for its end.
 
         Raises:
             WorkerFailure: the process died.
         """
-        report = await self._exchanged(order, line_of(order))
+        report = await self._exchanged(name, order)
         while isinstance(report, Progress):
             await on_progress(report.share, report.message)
-            report = await self._exchanged(order)
+            report = await self._exchanged(name)
         return report
 
-    async def _exchanged(self, order: Order, line: bytes = b"") -> Progress | Answer | Failure:
+    async def _exchanged(self, name: str, line: bytes = b"") -> Progress | Answer | Failure:
         try:
             if line:
                 await self._orders.send(line)
-            return read_report(await self._reports.receive_until(b"\n", LONGEST_LINE_BYTES))
+            reported = await self._reports.receive_until(b"\n", LONGEST_LINE_BYTES)
+            if len(reported) <= _SHORT_BYTES:
+                return read_report(reported)
+            return await anyio.to_thread.run_sync(read_report, reported)
         except (anyio.IncompleteRead, anyio.EndOfStream, anyio.BrokenResourceError, anyio.ClosedResourceError) as error:
             status = await self.kill()
             cause = f"signal {-status}" if status < 0 else f"exit status {status}"
             raise WorkerFailure(
-                f"the worker process died ({cause}) in {order.entry_point.rpartition(':')[2]}",
+                f"the worker process died ({cause}) in {name}",
                 next_step="call again: a fresh worker takes over; if it happens again, ask for less at once",
             ) from error
 
@@ -222,3 +227,8 @@ class _WorkerProcess:
             status = await self._process.wait()
             await self._process.aclose()
         return status
+
+
+def _order_line(operation: Operation[Request, Response], request: Request) -> bytes:
+    """The order as one line, made in a thread: requests may hold the records of a thousand runs."""
+    return line_of(Order(operation.entry_point, request.model_dump_json()))

@@ -1,10 +1,12 @@
-"""The SQLite file of a workspace: one connection a server, write-ahead log, a schema with a version.
+"""The SQLite file of a workspace: one connection a thread, write-ahead log, a schema with a version.
 
-Several servers work on one workspace at once (every IDE window starts its own), so writers wait for each other.
+Several servers work on one workspace at once (every IDE window starts its own), and the calls of one server in threads
+of their own: writers wait for each other, and nobody's transaction holds what another one wrote.
 """
 
 import logging
 import sqlite3
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -74,18 +76,18 @@ class Database:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._connection: sqlite3.Connection | None = None
-        self._refused: Exception | None = None
+        self._opened = _Opened()
 
     def connection(self) -> sqlite3.Connection:
-        """The open connection, with rows by name; made, and its schema checked, when first needed.
+        """The calling thread's connection, with rows by name; made, and its schema checked, when first needed.
 
         Raises:
             ResourceFailure: the file cannot be opened, or a newer version of PlannerForge wrote it.
         """
-        if self._connection is None:
-            self._connection = self._open()
-        return self._connection
+        opened = self._opened
+        if opened.connection is None:
+            opened.connection, opened.refused = self._open()
+        return opened.connection
 
     @contextmanager
     def writing(self, undo: Callable[[], None] = lambda: None) -> Iterator[sqlite3.Connection]:
@@ -97,11 +99,11 @@ class Database:
         Raises:
             ResourceFailure: the disk is full or the file is locked for too long.
         """
-        if self._refused is not None:  # the disk was full when the file was opened; it may have room by now
-            self.close()
+        if self._opened.refused is not None:  # the disk was full when the file was opened; it may have room by now
+            self._opened.close()
         connection = self.connection()
-        if self._refused is not None:
-            raise _failure(self.path, self._refused)
+        if (refused := self._opened.refused) is not None:
+            raise _failure(self.path, refused)
         try:
             connection.execute("BEGIN IMMEDIATE")
         except sqlite3.Error as error:
@@ -119,24 +121,34 @@ class Database:
             raise
 
     def close(self) -> None:
-        """Close the connection."""
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
+        """Close the calling thread's connection, and those of other threads once nothing uses them."""
+        self._opened.close()
+        self._opened = _Opened()
 
-    def _open(self) -> sqlite3.Connection:
-        """A connection for reading and writing; where the disk is full, one that reads what is stored."""
-        self._refused = None
+    def _open(self) -> tuple[sqlite3.Connection, Exception | None]:
+        """A connection for reading and writing; on a full disk one that reads what is stored, and the error."""
         try:
             make_private(self.path.parent)
-            return _prepared(self.path)
+            return _prepared(self.path), None
         except (sqlite3.Error, OSError) as error:
             readable = _read_only(self.path)
             if readable is None:
                 raise _failure(self.path, error) from error
-            self._refused = error
             logger.warning("the workspace database %s can only be read: %s", self.path, error)
-            return readable
+            return readable, error
+
+
+class _Opened(threading.local):
+    """A thread's connection, and why it can only be read where that is so."""
+
+    connection: sqlite3.Connection | None = None
+    refused: Exception | None = None
+
+    def close(self) -> None:
+        """Close this thread's."""
+        if self.connection is not None:
+            self.connection.close()
+        self.connection = self.refused = None
 
 
 def _prepared(path: Path) -> sqlite3.Connection:

@@ -9,6 +9,7 @@ import pytest
 from mcp import Client
 from mcp.types import ImageContent
 from support.contract import CASES, Bad, Prepared, filled
+from support.loop_watch import watched_loop
 
 from plannerforge.server.assembly import create_server
 from plannerforge.server.tokens import count_tokens
@@ -35,7 +36,8 @@ def test_every_tool_has_its_cases() -> None:
 async def test_a_good_call_is_answered(spec: ToolSpec, prepared: Prepared, era: str) -> None:
     async with session(prepared, era) as client:
         offered = {tool.name: tool for tool in (await client.list_tools()).tools}[spec.name]
-        result = await client.call_tool(spec.name, filled(CASES[spec.name].good, prepared))
+        with watched_loop():
+            result = await client.call_tool(spec.name, filled(CASES[spec.name].good, prepared))
     text = result.content[0].text  # type: ignore[union-attr]
     assert not result.is_error, text
     assert text.strip()
@@ -51,7 +53,8 @@ async def test_a_good_call_is_answered(spec: ToolSpec, prepared: Prepared, era: 
 async def test_a_bad_call_is_refused_with_what_is_valid(tool: str, bad: Bad, prepared: Prepared, era: str) -> None:
     async with session(prepared, era) as client:
         before = await _artifacts(client)
-        result = await client.call_tool(tool, filled(bad.arguments, prepared))
+        with watched_loop():
+            result = await client.call_tool(tool, filled(bad.arguments, prepared))
         after = await _artifacts(client)
     text = result.content[0].text  # type: ignore[union-attr]
     assert result.is_error, text

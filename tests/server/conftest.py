@@ -11,6 +11,7 @@ from pydantic import Field
 from plannerforge.schemas.base import Arguments, Model, Result
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.server import assembly
+from plannerforge.server.tool_calls import MOST_IMAGE_BYTES
 from plannerforge.tools.call import Image, ImageAnswer, ToolCall
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
@@ -67,6 +68,17 @@ async def draw(arguments: NoArguments, call: ToolCall) -> ImageAnswer:
     return ImageAnswer("a pic\u200bture", (Image(path, "image/png"),), ("plannerforge://picture/p.png",))
 
 
+async def say_much(arguments: EchoArguments, call: ToolCall) -> EchoResult:
+    return EchoResult(said=EchoArguments(text="a" * int(arguments.text)), note="structure")
+
+
+async def draw_much(arguments: NoArguments, call: ToolCall) -> ImageAnswer:
+    path: Path = call.workspace.root / "pictures" / "p.gif"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(bytes(MOST_IMAGE_BYTES // 2))
+    return ImageAnswer("pictures", (Image(path, "image/gif"),) * 3, ("plannerforge://picture/p.gif",))
+
+
 async def tell_progress(arguments: NoArguments, call: ToolCall) -> EchoResult:
     for share in (0.2, 0.1, 0.2, 0.3, 1.0):
         await call.progress(share, f"at {share}")
@@ -101,7 +113,7 @@ class ProbeSpec(ToolSpec):
 
 PROBES: tuple[ToolSpec, ...] = tuple(
     ProbeSpec(function.__name__, "Probe", "", read_only=True, call=function)
-    for function in (echo, refuse, break_down, draw, tell_progress, start_job)
+    for function in (echo, refuse, break_down, draw, say_much, draw_much, tell_progress, start_job)
 )
 
 

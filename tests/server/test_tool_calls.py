@@ -9,6 +9,8 @@ import pytest
 from mcp import MCPError
 from mcp.types import INVALID_PARAMS, CallToolResult, ImageContent, ResourceLink, TextContent
 
+from plannerforge.server.tool_calls import LONGEST_ANSWER
+
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("probe_tools")]
 
 
@@ -103,6 +105,23 @@ async def test_hostile_nesting_in_json_text_is_a_refusal(connect: Any) -> None:
 
 async def test_json_text_with_a_number_that_is_not_finite_is_refused(connect: Any) -> None:
     assert "vehicle_id" in await refused(connect, text="x", edits='[{"op": "remove", "vehicle_id": NaN}]')
+
+
+async def test_answer_longer_than_any_reads_is_a_refusal_with_its_size(connect: Any) -> None:
+    async with connect() as client:
+        whole = await client.call_tool("say_much", {"text": str(LONGEST_ANSWER - 1000)})
+        assert not whole.is_error
+        refusal = text_of(await client.call_tool("say_much", {"text": str(LONGEST_ANSWER)}))
+    assert refusal.startswith("[not_possible] the answer has 400,")
+    assert len(refusal) < 1000
+
+
+async def test_pictures_too_large_for_an_answer_are_linked_only(connect: Any) -> None:
+    async with connect() as client:
+        result = await client.call_tool("draw_much", {})
+    text, *others = result.content
+    assert [type(block) for block in others] == [ImageContent, ImageContent, ResourceLink]
+    assert "too large for this answer, to be opened by their links: 1" in text.text
 
 
 async def test_text_that_looks_like_a_list_stays_text_where_text_is_asked(connect: Any) -> None:

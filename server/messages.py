@@ -1,0 +1,175 @@
+"""Messages on standard input that the SDK cannot read: of bounded length, and answered instead of dropped.
+
+A number of thousands of digits, lists within lists or half a message are refused by the SDK's parser, which tells
+nobody: a client that waits for the answer of such a request would wait for ever.
+"""
+
+import io
+import json
+import logging
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from types import TracebackType
+from typing import Any, Protocol
+
+import anyio
+from mcp.shared.message import SessionMessage
+from mcp.types import INVALID_REQUEST, PARSE_ERROR, ErrorData, JSONRPCError
+from pydantic import ValidationError
+
+from ..schemas.text import one_line
+
+logger = logging.getLogger(__name__)
+LONGEST_MESSAGE = 4 * 1024**2
+"""Characters of a message; chosen: the longest arguments that tools take have half as many."""
+_SEARCHED = 1_000_000
+"""Characters in which the id of a request is looked for; chosen: parameters rarely come before it."""
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*+"?|[{}\[\]]', re.DOTALL)
+_ID = re.compile(r'"id"\s*:\s*("(?:[^"\\]|\\.){0,200}+"|-?\d{1,18}(?=\s*[,}]))')
+_METHOD = re.compile(r'"method"\s*:')
+
+
+class Incoming(Protocol):
+    """A stream of messages, and of what was raised instead of one."""
+
+    async def receive(self) -> SessionMessage | Exception:
+        """The next one."""
+
+    async def aclose(self) -> None:
+        """End it."""
+
+
+class Outgoing(Protocol):
+    """A stream of messages to the client."""
+
+    async def send(self, item: SessionMessage, /) -> None:
+        """Send one."""
+
+
+class ReadableMessages:
+    """The messages of a stream that could be read; for the others their sender gets an error.
+
+    An error needs the id of the request. Where none can be found, or where it was no request, a line is logged.
+    """
+
+    def __init__(self, incoming: Incoming, outgoing: Outgoing) -> None:
+        self._incoming, self._outgoing = incoming, outgoing
+
+    async def receive(self) -> SessionMessage | Exception:
+        """The next message.
+
+        Raises:
+            anyio.EndOfStream: there is none any more.
+        """
+        while isinstance(item := await self._incoming.receive(), Exception):
+            await self._tell(item)
+        return item
+
+    async def aclose(self) -> None:
+        """End the stream."""
+        await self._incoming.aclose()
+
+    @property
+    def last_context(self) -> Any:
+        """The context of the sender of the last message, which the SDK asks for."""
+        return getattr(self._incoming, "last_context", None)
+
+    def __aiter__(self) -> "ReadableMessages":
+        return self
+
+    async def __anext__(self) -> SessionMessage | Exception:
+        try:
+            return await self.receive()
+        except anyio.EndOfStream:
+            raise StopAsyncIteration from None
+
+    async def __aenter__(self) -> "ReadableMessages":
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.aclose()
+
+    async def _tell(self, raised: Exception) -> None:
+        error = await anyio.to_thread.run_sync(unreadable, raised)
+        if error is None:
+            logger.warning("a message could not be read: %s", one_line(str(raised)))
+            return
+        with suppress(anyio.ClosedResourceError, anyio.BrokenResourceError):
+            await self._outgoing.send(SessionMessage(error))
+
+
+def unreadable(raised: Exception) -> JSONRPCError | None:
+    """The answer to a request that could not be read; None where there is no request to be found."""
+    if not isinstance(raised, ValidationError):
+        return None
+    (problem, *_) = raised.errors(include_url=False)
+    given = problem["input"]
+    if isinstance(given, str) and problem["type"] == "json_invalid":
+        request_id, code = _request_id(given), PARSE_ERROR
+        cause = f"more than {LONGEST_MESSAGE:,} characters" if len(given) >= LONGEST_MESSAGE else problem["msg"]
+    else:
+        request_id = given.get("id") if isinstance(given, dict) and "method" in given else None
+        code, cause = INVALID_REQUEST, "no JSON-RPC 2.0 request"
+    if isinstance(request_id, bool) or not isinstance(request_id, int | str):
+        return None
+    message = f"the message cannot be read: {one_line(cause)}"
+    return JSONRPCError(jsonrpc="2.0", id=request_id, error=ErrorData(code=code, message=message))
+
+
+def _request_id(line: str) -> int | str | None:
+    """The id at the top level of a request that is no JSON, or is JSON beyond what a parser takes."""
+    line, depth = line[:_SEARCHED], 0
+    found: int | str | None = None
+    is_request = False
+    for token in _TOKEN.finditer(line):
+        if token[0] in "{[":
+            depth += 1
+        elif token[0] in "}]":
+            depth -= 1
+        elif depth == 1 and (match := _ID.match(line, token.start())):
+            found = _value(match[1])
+        elif depth == 1:
+            is_request = is_request or _METHOD.match(line, token.start()) is not None
+        if is_request and found is not None:
+            return found
+    return None
+
+
+def _value(text: str) -> int | str | None:
+    try:
+        value: int | str = json.loads(text)
+    except ValueError:  # an escape that is none
+        return None
+    return value
+
+
+class BoundedLines(io.TextIOWrapper):
+    """Text of which no line is kept longer than a message may be: a longer one is cut, and thereby unreadable."""
+
+    def readline(self, size: int | None = -1, /) -> str:
+        """The next line."""
+        most = LONGEST_MESSAGE if size is None or size < 0 else size
+        line = super().readline(most)
+        if len(line) == LONGEST_MESSAGE and not line.endswith("\n"):
+            while (rest := super().readline(LONGEST_MESSAGE)) and not rest.endswith("\n"):
+                pass
+        return line
+
+
+@contextmanager
+def standard_input() -> Iterator["anyio.AsyncFile[str]"]:
+    """Standard input with bounded lines; who else reads it meanwhile, as a library or a child might, reads nothing."""
+    wire = os.dup(0)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    try:
+        # a thread may still wait on it at the end: it is not closed, and nothing else gets its number
+        buffer = os.fdopen(wire, "rb", closefd=False)
+        yield anyio.wrap_file(BoundedLines(buffer, encoding="utf-8", errors="replace"))
+    finally:
+        os.dup2(wire, 0)
