@@ -43,9 +43,7 @@ def _shaped(result: Result | ImageAnswer) -> CallToolResult:
     """The answer as content blocks and structured content, each of which says the whole."""
     if isinstance(result, ImageAnswer):
         shown, left_out = _shown_images(result)
-        notes = (
-            [f"Note: pictures too large for this answer, to be opened by their links: {left_out}"] if left_out else []
-        )
+        notes = [f"Note: too large for this answer, to be opened by their links: {left_out}"] if left_out else []
         text = _bounded(printable("\n".join([result.text, *notes])))
         blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
         blocks.extend(
