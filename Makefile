@@ -11,7 +11,7 @@ RECORD ?= same-bytes.json
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-symmetries \
+	bench-robust bench-symmetries bench-kills \
 	starter house format clean
 
 help:
@@ -63,7 +63,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-robust bench-symmetries
+	bench-selection bench-drivable bench-import-crashes bench-robust bench-symmetries bench-kills
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -106,6 +106,9 @@ bench-robust: $(DEV_STAMP)
 
 bench-symmetries: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.symmetries --workers $(WORKERS)
+
+bench-kills: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.faults.mixed_load
 
 bench-same-bytes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.same_bytes record $(RECORD)

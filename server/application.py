@@ -80,7 +80,11 @@ class PlannerForgeServer(MCPServer[Services]):
 
     async def list_tools(self) -> list[Tool]:
         """All tools, in the order of the registry."""
-        return [described_tool(spec) for spec in self._specs.values()]
+
+        async def read() -> list[Tool]:
+            return [described_tool(spec) for spec in self._specs.values()]
+
+        return await in_own_thread(read)
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Services, Any] | None = None

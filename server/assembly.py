@@ -84,8 +84,12 @@ def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
 
 
 async def warm_up(workers: WorkerPool, workspace: Workspace, model: str, *, delay_s: float = _WARM_UP_DELAY_S) -> None:
-    """Start a worker of each lane and build the text index, before they are asked for; failures are logged."""
+    """Import the tools, start a worker of each lane and build the text index, before they are asked for.
+
+    Failures are logged.
+    """
     await anyio.sleep(delay_s)
+    await in_own_thread(_import_tools)
     from ..tools.operations import BUILD_INDEX  # its models are not needed before the first answers
 
     await workers.warm_up("compute")
@@ -95,3 +99,9 @@ async def warm_up(workers: WorkerPool, workspace: Workspace, model: str, *, dela
         await workers.run(BUILD_INDEX, request)
     except PlannerForgeError as error:  # not asked for yet: a search by text gets the error
         logger.warning("the text index could not be made ready: %s", error.text)
+
+
+async def _import_tools() -> None:
+    """Load what the first calls need; the thread lets others have the processor in between."""
+    for spec in TOOLS:
+        spec.load_function()

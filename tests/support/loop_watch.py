@@ -11,6 +11,9 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
+import jsonschema
+
+jsonschema.validate({}, {})  # the client does so in the same thread in tests: what it loads is there before
 _OFF_THE_LOOP = (
     "plannerforge.tools.",
     "plannerforge.resources.",
