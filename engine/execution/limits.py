@@ -1,5 +1,6 @@
 """What work may use: folders, processes, memory and time."""
 
+import os
 import signal
 import sys
 from dataclasses import dataclass
@@ -71,12 +72,18 @@ _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of Linux's prctl."""
 
 
-def end_with_parent() -> None:
-    """Have the operating system kill this process when the one that started it is gone (on Linux)."""
+def end_with_parent(parent_pid: int | None = None) -> None:
+    """Have the operating system kill this process when the one that started it is gone (on Linux).
+
+    Args:
+        parent_pid: the one that started it, where this one can tell: it may have gone before it could be watched.
+    """
     if sys.platform == "linux":
         import ctypes
 
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+    if parent_pid is not None and os.getppid() != parent_pid:
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 def limit_memory(size_bytes: int) -> None:

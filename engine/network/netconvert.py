@@ -12,6 +12,7 @@ import math
 import os
 import subprocess
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import pairwise, product
 from pathlib import Path
 
@@ -120,7 +121,7 @@ def run_netconvert(options: Sequence[str], net: Path) -> tuple[str, ...]:
             timeout=_TIME_LIMIT_S,
             env=environment,
             check=False,
-            preexec_fn=end_with_parent,
+            preexec_fn=partial(end_with_parent, os.getpid()),
         )
     except subprocess.TimeoutExpired as error:
         raise WorkerTimeout(

@@ -1,5 +1,6 @@
 """Bounds of a call: paths stay inside the allowed roots, whatever way they are written."""
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -66,6 +67,14 @@ def test_bounded_process_gets_a_memory_error_instead_of_the_machine() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="prctl is Linux's")
+def test_program_whose_parent_has_gone_before_it_could_watch_it_ends() -> None:
+    program = "import os\nfrom plannerforge.engine.execution import end_with_parent\nend_with_parent({})\nprint('on')"
+    alive = subprocess.run([sys.executable, "-c", program.format("os.getppid()")], capture_output=True, check=False)
+    assert (alive.returncode, alive.stdout) == (0, b"on\n")
+    orphan = subprocess.run([sys.executable, "-c", program.format("1 << 22")], capture_output=True, check=False)
+    assert (orphan.returncode, orphan.stdout) == (-signal.SIGKILL, b"")
+
+
 def test_program_that_a_killed_process_started_is_gone_with_it() -> None:
     program = (
         "import subprocess, sys, time\n"
