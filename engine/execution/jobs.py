@@ -195,11 +195,14 @@ class JobRunner:
         if not is_new:
             return job
         self._own[job.job_id] = None
-        begin = (self._tasks.start_soon, self._run_apart, self._carry_out, job.job_id, work)
+
+        def begin() -> None:
+            self._tasks.start_soon(self._run_apart, self._carry_out, job.job_id, work)
+
         if asyncio.get_running_loop() is self._home:
-            self._tasks.start_soon(*begin[1:])
+            begin()
         else:
-            self._home.call_soon_threadsafe(*begin)
+            self._home.call_soon_threadsafe(begin)
         return job
 
     async def wait(self, job_id: str, wait_s: float, on_news: Callable[[Job], Awaitable[None]]) -> Job:
