@@ -150,7 +150,7 @@ def _value(text: str) -> int | str | None:
 class BoundedLines(io.TextIOWrapper):
     """Text of which no line is kept longer than a message may be: a longer one is cut, and thereby unreadable."""
 
-    def readline(self, size: int | None = -1, /) -> str:
+    def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]  # as its base class does
         """The next line."""
         most = LONGEST_MESSAGE if size is None or size < 0 else size
         line = super().readline(most)
