@@ -108,8 +108,12 @@ class Journal:
             delay=True,
         )
         while (call := self._waiting.get()) is not None:
-            line = json.dumps(self._fit(call.entry()), ensure_ascii=False)
-            handler.emit(logging.LogRecord("journal", logging.INFO, "", 0, line, None, None))
+            try:
+                line = json.dumps(self._fit(call.entry()), ensure_ascii=False)
+            except Exception:  # the journal goes on: what one call holds must not cost the lines of all others
+                logger.exception("a call of %s could not be written down", call.tool)
+            else:
+                handler.emit(logging.LogRecord("journal", logging.INFO, "", 0, line, None, None))
         handler.close()
 
     def _fit(self, value: Any, longest: int = LONGEST_TEXT) -> Any:

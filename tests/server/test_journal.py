@@ -148,3 +148,19 @@ def test_long_texts_and_lists_are_cut(tmp_path: Path) -> None:
     add(journal, arguments={"text": "x" * 10**5, "ids": ["y" * 300] * 3000, "seed": 10**4000})
     journal.close()
     assert (tmp_path / "calls.jsonl").stat().st_size < 20_000
+
+
+def test_call_that_cannot_be_written_down_costs_no_other_its_line(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    journal = Journal(tmp_path / "calls.jsonl", 1024**2)
+    add(journal, arguments={"what": {1, 2}})
+    add(journal)
+    journal.close()
+    assert len(entries(tmp_path / "calls.jsonl")) == 1
+    assert "a call of echo could not be written down" in caplog.text
+
+
+def test_text_of_any_length_is_counted() -> None:
+    text = "".join(chr(33 + number * 7919 % 90) for number in range(400_000))
+    assert 200_000 < count_tokens(text) < 400_000
