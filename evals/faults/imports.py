@@ -103,9 +103,22 @@ def disagreements(root: Path) -> list[str]:
     """What does not fit in a workspace after a restart: database, files, catalogue and text index."""
     workspace = Workspace(root)
     try:
-        connection = workspace.database.connection()
-        whole = connection.execute("PRAGMA integrity_check").fetchone()[0]
-        refresh(workspace.database)
+        faults, texts = store_disagreements(workspace)
+    finally:
+        workspace.close()
+    return faults + (_index_faults(root / INDEX_FOLDER, texts) if texts else [])
+
+
+def store_disagreements(workspace: Workspace) -> tuple[list[str], dict[str, str]]:
+    """What does not fit between database, files and catalogue, and the catalogue's texts.
+
+    All is read as it was at one moment: another server may be at work.
+    """
+    connection = workspace.database.connection()
+    whole = connection.execute("PRAGMA integrity_check").fetchone()[0]
+    refresh(workspace.database)
+    connection.execute("BEGIN")
+    try:
         artifacts = workspace.newest(kind="scenario", limit=_ALL)
         faults = [] if whole == "ok" else [f"SQLite says {whole}"]
         for artifact in artifacts:
@@ -118,8 +131,8 @@ def disagreements(root: Path) -> list[str]:
         if {key.partition("#")[0] for key in texts} != listed:
             faults.append(f"the catalogue lists {len(texts)} entries of {len(listed)} scenarios")
     finally:
-        workspace.close()
-    return faults + (_index_faults(root / INDEX_FOLDER, texts) if texts else [])
+        connection.execute("ROLLBACK")
+    return faults, texts
 
 
 def _index_faults(index: Path, texts: dict[str, str]) -> list[str]:

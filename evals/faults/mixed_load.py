@@ -1,7 +1,7 @@
 """``make bench-kills``: 50 kills at random moments of two servers on one workspace that import, edit, run and generate.
 
 Keys: ``kills``, ``broken_after_restart`` (what does not fit after a kill, and in the end: records, files, catalogue,
-text index, jobs that seem to run, loads that do not finish when nobody disturbs them, defects), ``orphans`` (processes
+jobs that seem to run, loads that do not finish when nobody disturbs them, defects), ``orphans`` (processes
 that outlived the server or worker that had started them). Needs the real scenarios: ``PLANNERFORGE_SHARED``, else
 ``../shared``.
 
@@ -39,7 +39,7 @@ from ...schemas.runs import BatchRecord
 from ...server.assembly import create_server
 from ...server.tool_calls import answer_text
 from ..harness import drawn, existing, print_figures, settings_for, shared_scenarios
-from .imports import disagreements
+from .imports import store_disagreements
 
 _SEED, _SERVERS, _BASES, _COPIES = 20261122, 2, 3, 4
 """Of the scenarios that a load imports: how many are real, and copies of each under an id of its own (chosen)."""
@@ -218,9 +218,9 @@ def broken(root: Path) -> list[str]:
     """What does not fit in a workspace on which servers were killed, whether or not another one works on it."""
     if not (root / "workspace.sqlite").is_file():
         return []
-    faults = disagreements(root)
     workspace = Workspace(root)
     try:
+        faults, _ = store_disagreements(workspace)
         for artifact in workspace.newest(limit=_ALL):
             faults += _faults_of(workspace, artifact)
         for job in JobStore(workspace.database).newest(_ALL):
