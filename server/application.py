@@ -31,7 +31,7 @@ from ..tools.registry import ToolSpec
 from .journal import Journal
 from .messages import ReadableMessages, standard_input
 from .tool_calls import answer
-from .tool_descriptions import described_tool
+from .tool_schema import described_tool
 
 INSTRUCTIONS = """\
 PlannerForge tests motion planners on CommonRoad scenarios: find or generate a scenario, modify it, run planners, \

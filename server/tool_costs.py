@@ -9,7 +9,7 @@ from ..tools.registry import ToolSpec
 from .assembly import offered_tools
 from .settings import Settings
 from .tokens import count_tokens
-from .tool_descriptions import described_tool
+from .tool_schema import described_tool
 
 
 def tool_cost(spec: ToolSpec) -> int:

@@ -1,6 +1,12 @@
-"""JSON Schemas of the tools, as lean as they can be and still hold."""
+"""JSON Schemas of the tools, as lean as they can be and still hold.
+
+Clients get them from files instead of computed, so that the first answer comes fast. The files are the reviewed
+contract: ``pytest tests/contract --update-snapshots`` writes them from the models, and the contract tests fail where
+the two differ.
+"""
 
 from functools import cache
+from importlib.resources import files
 from typing import Any
 
 from mcp.types import Tool, ToolAnnotations
@@ -10,6 +16,17 @@ from ..tools.registry import ToolSpec
 
 _LENGTHS = ("minItems", "maxItems")
 """Bounds that an input schema leaves out."""
+
+
+def described_tool(spec: ToolSpec) -> Tool:
+    """The tool with its description, schemas and annotations, without importing its models.
+
+    A tool that has no file yet, because it is being developed, is described from its models.
+    """
+    file = files("plannerforge.server").joinpath("descriptions", f"{spec.name}.json")
+    if file.is_file():
+        return Tool.model_validate_json(file.read_text(encoding="utf-8"))
+    return tool_description(spec)
 
 
 @cache

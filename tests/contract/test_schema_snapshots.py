@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from plannerforge.server.tool_descriptions import described_tool
-from plannerforge.server.tool_schema import tool_description
+from plannerforge.server.tool_schema import described_tool, tool_description
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
 SNAPSHOTS = Path(__file__).parents[2] / "server" / "descriptions"
