@@ -11,9 +11,10 @@ import logging
 import os
 import sqlite3
 import time
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import anyio
 import anyio.abc
@@ -164,7 +165,7 @@ class JobProgress:
 
 
 JobWork = Callable[[JobProgress], Awaitable[None]]
-RunApart = Callable[..., Awaitable[None]]
+RunApart = Callable[..., Coroutine[Any, Any, None]]
 """Runs an async function with its arguments, such as ``in_own_thread``."""
 
 
