@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import IO
 
 import anyio
 import anyio.abc
@@ -159,8 +160,7 @@ class _WorkerProcess:
     async def start(cls, *, memory_bytes: int, log: Path, preload: tuple[str, ...] = ()) -> "_WorkerProcess":
         """Spawn a worker that imports ``preload`` before its first order; its stray output goes to ``log``."""
         environment = {**os.environ, **_ONE_THREAD, "PLANNERFORGE_WORKER_MEMORY": str(memory_bytes)}
-        log.parent.mkdir(parents=True, exist_ok=True)
-        with log.open("ab") as stderr:
+        with await anyio.to_thread.run_sync(_opened, log) as stderr:
             process = await anyio.open_process(
                 [sys.executable, "-m", "plannerforge.engine.execution.worker"],
                 stdin=subprocess.PIPE,
@@ -232,3 +232,8 @@ class _WorkerProcess:
 def _order_line(operation: Operation[Request, Response], request: Request) -> bytes:
     """The order as one line, made in a thread: requests may hold the records of a thousand runs."""
     return line_of(Order(operation.entry_point, request.model_dump_json()))
+
+
+def _opened(log: Path) -> IO[bytes]:
+    log.parent.mkdir(parents=True, exist_ok=True)
+    return log.open("ab")

@@ -25,7 +25,6 @@ _OFF_THE_LOOP = (
 _OF_THE_LOOP = ("plannerforge.engine.execution.", "plannerforge.tools.call", "plannerforge.tools.registry")
 """What must not run in the loop's thread, and what of it may: the hand-over itself."""
 _DISK = {"open", "os.listdir", "os.scandir", "os.mkdir", "os.remove", "os.rename", "shutil.rmtree", "sqlite3.connect"}
-_OPENED_FOR_WORKERS = "workers.log"
 
 
 class LoopWatch:
@@ -44,9 +43,9 @@ class LoopWatch:
                 self.held.add(name)
 
     def note_disk(self, event: str, arguments: tuple[Any, ...]) -> None:
-        """Look at what waits for a disk; listens to ``sys.addaudithook``."""
+        """Look at what waits for a disk; listens to ``sys.addaudithook``. A pipe to a worker is a number, no file."""
         is_ours = event in _DISK and threading.get_ident() == self._thread
-        if is_ours and not str(arguments[0]).endswith(_OPENED_FOR_WORKERS):
+        if is_ours and not isinstance(arguments[0], int):
             self.held.add(f"{event} {arguments[0]}")
 
 
