@@ -40,7 +40,7 @@ def read_arguments(model: type[_Arguments], given: Mapping[str, Any]) -> _Argume
     """
     _refuse_oversized(model, given)
     unwrapped = {name: _unwrapped(model, name, value) for name, value in given.items()}
-    _refuse_oversized(model, unwrapped)
+    _refuse_oversized(model, {name: value for name, value in unwrapped.items() if value is not given[name]})
     try:
         return model.model_validate(unwrapped)
     except ValidationError as error:

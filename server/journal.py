@@ -18,6 +18,7 @@ from typing import Any
 
 from mcp.types import CallToolResult
 
+from ..engine.workspace import make_private
 from ..schemas.text import LONGEST_TEXT, one_line, quoted
 from .tokens import count_tokens
 from .tool_calls import answer_text
@@ -137,7 +138,7 @@ class _Appending(logging.handlers.RotatingFileHandler):
 
     def _open(self) -> TextIOWrapper:
         path = Path(self.baseFilename)
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_private(path.parent)
         handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, mode=0o600)
         return os.fdopen(handle, "a", encoding=self.encoding, errors=self.errors)
 

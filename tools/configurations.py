@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import anyio
-
 from ..engine.tuning import (
     DEFAULT_CONFIGURATION,
     changed_configuration,
@@ -83,7 +81,7 @@ def store_configuration(
 
 async def import_configuration(call: ToolCall, path: Path, name: str | None) -> ImportedItem:
     """Store a cost-weight file, as the Frenetix reference has it or as exported here, as a configuration."""
-    content = await anyio.to_thread.run_sync(read_weight_file, path)
+    content = read_weight_file(path)
     base = preset_configuration(content.planner)
     configuration, _ = changed_configuration(base, None, content.weights, content.settings)
     before = call.workspace.find("config", configuration.config_id)

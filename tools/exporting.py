@@ -6,8 +6,6 @@ Stored files are copied; solution files, tables, pictures and the report are mad
 from collections.abc import Sequence
 from pathlib import Path
 
-import anyio
-
 from ..engine.rendering import analysis_section, batch_section, comparison_section, report_image, scenario_section
 from ..engine.workspace import REPORT_NAME, Artifact, Export, plan_exports, refuse_taken, write_export
 from ..schemas.artifacts import (
@@ -45,20 +43,15 @@ async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) 
     for export in planned:
         if export.is_computed:
             with call.workspace.scratch() as scratch:
-                await _write(call, export, await _compute(call, export, scratch / "made"))
+                write_export(call.workspace, export, await _compute(call, export, scratch / "made"))
         else:
-            await _write(call, export, await _drawn(call, export) if export.is_drawn else None)
+            write_export(call.workspace, export, await _drawn(call, export) if export.is_drawn else None)
     if report is not None:
         await _write_report(call, artifacts, report)
     files = [_written(export.artifact.artifact_id, export.format, export.path) for export in planned]
     if report is not None:
         files.append(_written(", ".join(artifact.artifact_id for artifact in artifacts), "html", report))
     return ExportArtifactsResult(folder=_shown(folder), files=tuple(files))
-
-
-async def _write(call: ToolCall, export: Export, made: Path | None) -> None:
-    """Write a file from a thread: a slow or hanging disk holds up this call alone."""
-    await anyio.to_thread.run_sync(write_export, call.workspace, export, made, abandon_on_cancel=True)
 
 
 async def _drawn(call: ToolCall, export: Export) -> Path:

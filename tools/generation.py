@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import anyio
-
 from ..engine.catalog import open_catalogue
 from ..engine.maps import MapMatch
 from ..engine.tuning import DEFAULT_CONFIGURATION
@@ -40,7 +38,7 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     """
     open_catalogue(call.workspace, with_starter=call.services.with_starter)  # first, or a starter would be the latest
     at_hand = await maps_at_hand(call)
-    plan = await anyio.to_thread.run_sync(plan_maps, arguments, at_hand.entries)  # compares thousands of names
+    plan = plan_maps(arguments, at_hand.entries)
     sites = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, sites)
     notes = [*plan.notes, *at_hand.notes, *failures]

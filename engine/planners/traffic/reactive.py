@@ -7,7 +7,7 @@ simulation may run in a process at a time.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -136,8 +136,9 @@ class _ReactiveTraffic:
         self._settle_shown(ego.step, there)
         self._read(there)
         self._take_over(starting, ego.step, there)
-        self._brake_for_ego(ego)
-        tracks = [*self._roles.replayed.moving, *self.driven]
+        driven = self.driven
+        self._brake_for_ego(ego, {track.obstacle_id: track for track in driven})
+        tracks = [*self._roles.replayed.moving, *driven]
         self.moving = tuple(sorted(tracks, key=lambda track: track.obstacle_id))
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
@@ -203,13 +204,13 @@ class _ReactiveTraffic:
             if index is not None:
                 grown.add(*_recorded_state(actor.track, index))
 
-    def _brake_for_ego(self, ego: EgoState) -> None:
+    def _brake_for_ego(self, ego: EgoState, driven: Mapping[int, Track]) -> None:
         """Have those that would drive into the ego's rear brake, as hard as they can where it comes to that.
 
         SUMO sees the ego by lanes: behind it on one that merges, or askew in a junction, a follower would not.
         """
         for actor in self._under_way:
-            track = self._tracks[actor.track.obstacle_id].track()
+            track = driven[actor.track.obstacle_id]
             room_m = _room_behind_m(track, ego, self._ego_vehicle)
             usual_mps2, speed_mps = self._sumo.decel_mps2(actor.key), float(track.speeds_mps[-1])
             highest_mps = None
