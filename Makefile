@@ -8,10 +8,11 @@ STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
 RECORD ?= same-bytes.json
+SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-symmetries bench-kills \
+	bench-robust bench-symmetries bench-kills bench-mutation \
 	starter house format clean
 
 help:
@@ -63,7 +64,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-robust bench-symmetries bench-kills
+	bench-selection bench-drivable bench-import-crashes bench-robust bench-symmetries bench-kills bench-mutation
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -110,6 +111,9 @@ bench-symmetries: $(DEV_STAMP)
 bench-kills: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.faults.mixed_load
 
+bench-mutation: $(DEV_STAMP)
+	@$(PYTHON) scripts/mutation --workers $(WORKERS) --seed $(SEED)
+
 bench-same-bytes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.same_bytes record $(RECORD)
 	@if [ -n "$(BEFORE)" ]; then $(PYTHON) -m plannerforge.evals.same_bytes compare $(BEFORE) $(RECORD); fi
@@ -127,5 +131,5 @@ format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff check --fix .
 
 clean:
-	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output robust-findings
+	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output robust-findings .mutation
 	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +
