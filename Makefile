@@ -12,7 +12,7 @@ SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-symmetries bench-kills bench-mutation \
+	bench-robust bench-symmetries bench-kills bench-mutation bench-growth \
 	starter house format clean
 
 help:
@@ -64,7 +64,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-robust bench-symmetries bench-kills bench-mutation
+	bench-selection bench-drivable bench-import-crashes bench-robust bench-symmetries bench-kills bench-mutation bench-growth
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -113,6 +113,9 @@ bench-kills: $(DEV_STAMP)
 
 bench-mutation: $(DEV_STAMP)
 	@$(PYTHON) scripts/mutation --workers $(WORKERS) --seed $(SEED)
+
+bench-growth: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.growth
 
 bench-same-bytes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.same_bytes record $(RECORD)
