@@ -13,7 +13,18 @@ import numpy as np
 
 from ...schemas.scenarios import EgoFacts
 from ..commonroad import Track
-from ..geometry import Points, Values, arc_length, headings, point_at, project, project_all, wrap_angle, wrap_angles
+from ..geometry import (
+    Points,
+    Values,
+    arc_length,
+    headings,
+    meeting_pairs,
+    point_at,
+    project,
+    project_all,
+    wrap_angle,
+    wrap_angles,
+)
 from ..network import LaneletGraph
 from ..scene import EgoRoute, center_line, path_ahead
 
@@ -75,7 +86,6 @@ def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points,
 
     Lanelets that share an end (a fork, a merge) do not cross. Heights are not known to CommonRoad: a bridge counts.
     """
-    from shapely import STRtree
     from shapely.geometry import LineString
 
     keys = [k for k in graph.length_m if k in route or _is_near(network.find_lanelet_by_id(k).center_vertices, point)]
@@ -84,9 +94,8 @@ def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points,
     if not keys:
         return False
     shapes = [LineString(lines[key]) for key in keys]
-    pairs = STRtree(shapes).query(shapes, predicate="crosses")
-    for one, two in zip(*pairs.tolist(), strict=True):
-        if one < two and not _share_an_end(graph, keys[one], keys[two]):
+    for one, two in meeting_pairs(shapes, "crosses").pairs.tolist():
+        if not _share_an_end(graph, keys[one], keys[two]):
             crossing = np.asarray(shapes[one].intersection(shapes[two]).centroid.coords[0])
             on_route = keys[one] in route or keys[two] in route
             if (on_route or np.linalg.norm(crossing - point) <= NEAR_M) and _cross_at_angle(

@@ -35,6 +35,9 @@ _COST_OF_A_STEP, _COST_OF_A_LEAP = 0.3, 8.0
 _COST_OF_NO_DIFFERENCE = 0.5
 """A pose that fits another lanelet worse by no more (0.8 m beside, or 14° across) lies on that one as well (chosen)."""
 
+_MOST_COMPARED = 64
+"""Lanelets under a pose that are compared with those of the next (chosen): all but where a file stacks lanelets."""
+
 
 @dataclass(frozen=True)
 class LaneMatch:
@@ -105,10 +108,12 @@ class MapMatcher:
         matches = {}
         for key, indices in samples.items():
             of_track = itertools.islice(near, len(indices))
-            candidates = [(index, lanelets) for index, lanelets in zip(indices, of_track, strict=True) if lanelets]
+            candidates = [
+                (at, _likeliest(lanelets)) for at, lanelets in zip(indices, of_track, strict=True) if lanelets
+            ]
             if candidates:
                 best = self._best([lanelets for _, lanelets in candidates])
-                matches[key] = LaneMatch(tuple(index for index, _ in candidates), best)
+                matches[key] = LaneMatch(tuple(at for at, _ in candidates), best)
         return matches
 
     def near(self, position: Points, heading_rad: float, speed_mps: float) -> list[tuple[int, float]]:
@@ -128,9 +133,10 @@ class MapMatcher:
 
         points = shapely.points(positions)
         near: list[list[tuple[int, float]]] = [[] for _ in positions]
-        pairs = self.tree.query(points, predicate="dwithin", distance=_REACH_M)
-        for place in sorted(set(pairs[1].tolist())):
-            samples = np.sort(pairs[0][pairs[1] == place])
+        nearby, places = self.tree.query(points, predicate="dwithin", distance=_REACH_M)
+        order = np.lexsort((nearby, places))
+        reached, begins = np.unique(places[order], return_index=True)
+        for place, samples in zip(reached.tolist(), np.split(nearby[order], begins[1:]), strict=False):
             beside, direction = _offsets(self.layout.table.lanes[self.keys[place]].center, positions[samples])
             turn = np.abs(wrap_angles(direction - headings_rad[samples]))
             outside = shapely.distance(self.polygons[place], points[samples])
@@ -160,6 +166,13 @@ class MapMatcher:
         if old == new:
             return 0.0
         return _COST_OF_A_STEP if new in self.related[old] else _COST_OF_A_LEAP
+
+
+def _likeliest(lanelets: list[tuple[int, float]]) -> list[tuple[int, float]]:
+    """Those of the lanelets under a pose that are compared with those of the next: the cheapest ones, as ordered."""
+    if len(lanelets) <= _MOST_COMPARED:
+        return lanelets
+    return sorted(sorted(lanelets, key=lambda one: (one[1], one[0]))[:_MOST_COMPARED])
 
 
 def _samples(count: int) -> list[int]:

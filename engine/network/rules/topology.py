@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...commonroad import LaneletElement, RoadDocument
-from ...geometry import headings, length_m, wrap_angle
+from ...geometry import headings, length_m, meeting_pairs, wrap_angle
 from .rule import Defect, rule
 
 
@@ -172,9 +172,8 @@ def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
 
     lanelets = [lanelet for lanelet in document.drawn if length_m(lanelet.center) >= _SHORTEST_OVERLAP_M]
     areas = np.array([lanelet.polygon for lanelet in lanelets], dtype=np.object_)
-    pairs = _unrelated_pairs(lanelets, areas)
-    if not len(pairs):
-        return
+    meeting = meeting_pairs(areas, "intersects")
+    pairs = _unrelated(lanelets, meeting.pairs)
     first, second = areas[pairs[:, 0]], areas[pairs[:, 1]]
     shared = intersection(first, second)
     shares = area(shared) / np.maximum(np.minimum(area(first), area(second)), 1e-9)
@@ -183,19 +182,18 @@ def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
         place = shared[index].centroid
         message = f"{shares[index]:.0%} of the smaller one lies on lanelet {other}"
         yield Defect(message, (one, other), np.array([place.x, place.y]))
+    if not meeting.is_whole:
+        message = f"it and those after it were not compared: more than {meeting.most:,} pairs of lanelets meet"
+        yield Defect(message, (lanelets[meeting.pairs[-1, 0]].lanelet_id,))
 
 
-def _unrelated_pairs(lanelets: list[LaneletElement], areas: NDArray[np.object_]) -> NDArray[np.int64]:
-    """Numbers of the lanelets (n, 2) that meet, lead the same way and do not belong together."""
-    from shapely import STRtree
-
-    first, second = STRtree(areas).query(areas, predicate="intersects")
-    pairs = [
-        (i, j)
-        for i, j in sorted(zip(first.tolist(), second.tolist(), strict=True))
-        if i < j and not _belong_together(lanelets[i], lanelets[j]) and _same_direction(lanelets[i], lanelets[j])
+def _unrelated(lanelets: list[LaneletElement], pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Those of the pairs (n, 2) of lanelets, by their numbers, that lead the same way and do not belong together."""
+    unrelated = [
+        not _belong_together(lanelets[i], lanelets[j]) and _same_direction(lanelets[i], lanelets[j])
+        for i, j in pairs.tolist()
     ]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return pairs[np.array(unrelated, dtype=bool)]
 
 
 def _belong_together(lanelet: LaneletElement, other: LaneletElement) -> bool:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....schemas.errors import NotPossible
-from ...geometry import Points, arc_length, length_m, unit, without_repeats
+from ...geometry import Points, arc_length, length_m, meeting_pairs, unit, without_repeats
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
@@ -262,13 +262,24 @@ def crossing_of(first: Points, second: Points) -> tuple[float, float, float] | N
 
 
 def _crossings(table: _LaneTable) -> dict[int, frozenset[int]]:
-    from shapely import LineString, STRtree
+    """The lanelets that each lanelet crosses, for those that cross any.
+
+    Raises:
+        NotPossible: more meet than any road network has.
+    """
+    from shapely import LineString
 
     keys = list(table.lanes)
-    lines = [LineString(table.lanes[key].center) for key in keys]
+    meeting = meeting_pairs([LineString(table.lanes[key].center) for key in keys], "intersects")
+    if not meeting.is_whole:
+        raise NotPossible(
+            f"more than {meeting.most:,} pairs of the {len(keys):,} lanelets for vehicles cross or touch",
+            valid=[f"at most {meeting.most:,} pairs"],
+            next_step="take lanelets that lie over others out of the file, or use another scenario",
+        )
     crossing: dict[int, set[int]] = {}
-    for i, j in STRtree(lines).query(lines, predicate="intersects").T.tolist() if keys else []:
-        if i < j and _cross(table, table.lanes[keys[i]], table.lanes[keys[j]]):
+    for i, j in meeting.pairs.tolist():
+        if _cross(table, table.lanes[keys[i]], table.lanes[keys[j]]):
             crossing.setdefault(keys[i], set()).add(keys[j])
             crossing.setdefault(keys[j], set()).add(keys[i])
     return {key: frozenset(others) for key, others in sorted(crossing.items())}

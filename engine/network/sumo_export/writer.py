@@ -19,6 +19,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
+from ....schemas.errors import NotPossible
 from ...geometry import Points, length_m, wrap_angle
 from .layout import JunctionPath, NetLayout, crossing_of
 from .speeds import curve_speed
@@ -34,8 +35,23 @@ _PATH_SMOOTHING_M = 3.0
 """Chosen: paths through junctions are shorter than roads, and kinks in them nearer to each other."""
 
 
+_MOST_LINKS = 256
+"""Paths through one junction: SUMO_MAX_CONNECTIONS in SUMO's StdDefs.h, bits of the tables of who yields to whom."""
+
+
 def sumo_net(layout: NetLayout, speeds_mps: Mapping[int, float], signals: "tuple[Signal, ...]" = ()) -> str:
-    """The text of the ``.net.xml`` of a layout with its traffic lights; ``speeds_mps``: speed limit by lanelet."""
+    """The text of the ``.net.xml`` of a layout with its traffic lights; ``speeds_mps``: speed limit by lanelet.
+
+    Raises:
+        NotPossible: more paths lead through a junction than SUMO knows.
+    """
+    most = max(layout.links.values(), key=len, default=())
+    if len(most) > _MOST_LINKS:
+        raise NotPossible(
+            f"{len(most):,} paths lead through the junction behind lanelet {layout.paths[most[0]].entry}",
+            valid=[f"at most {_MOST_LINKS} paths, because SUMO knows no more"],
+            next_step="part the junction, or take some of its lanelets out of the file",
+        )
     net = etree.tostring(_NetWriter(layout, speeds_mps, signals).net(), encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{net}\n'
 
