@@ -21,7 +21,7 @@ from mcp.types import INVALID_PARAMS, CallToolResult, GetPromptResult, Prompt, R
 from pydantic import AnyUrl
 
 from .. import __version__
-from ..engine.execution import in_own_thread, run_in
+from ..engine.execution import CallThreads, run_in
 from ..prompts.catalog import PROMPTS, prompt_text
 from ..resources.templates import TEMPLATES, read_resource
 from ..schemas.errors import PlannerForgeError, UnknownName, closest
@@ -52,7 +52,13 @@ _ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 class PlannerForgeServer(MCPServer[Services]):
     """An MCP server whose tools come from the registry and share the services of its lifespan."""
 
-    def __init__(self, tools: tuple[ToolSpec, ...], open_services: _ServicesFactory, journal: Journal | None) -> None:
+    def __init__(
+        self,
+        tools: tuple[ToolSpec, ...],
+        open_services: _ServicesFactory,
+        threads: CallThreads,
+        journal: Journal | None,
+    ) -> None:
         @asynccontextmanager
         async def lifespan(server: MCPServer[Services]) -> AsyncIterator[Services]:
             del server
@@ -68,7 +74,7 @@ class PlannerForgeServer(MCPServer[Services]):
             log_level="ERROR",
         )
         self._specs = {spec.name: spec for spec in tools}
-        self._journal = journal
+        self._threads, self._journal = threads, journal
         self._at_once = anyio.Semaphore(_MOST_CALLS)
 
     async def run_stdio_async(self) -> None:
@@ -84,7 +90,7 @@ class PlannerForgeServer(MCPServer[Services]):
         async def read() -> list[Tool]:
             return [described_tool(spec) for spec in self._specs.values()]
 
-        return await in_own_thread(read)
+        return await self._threads.run(read)
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Services, Any] | None = None
@@ -103,7 +109,7 @@ class PlannerForgeServer(MCPServer[Services]):
         started, clock = datetime.now(UTC), time.perf_counter()
         call = ToolCall(context.request_context.lifespan_context, _PacedProgress(context).send)
         async with self._at_once:
-            result = await in_own_thread(answer, spec, arguments, call)
+            result = await self._threads.run(answer, spec, arguments, call)
         if self._journal is not None:
             self._journal.add(
                 time=started.isoformat(timespec="milliseconds"),
@@ -135,7 +141,7 @@ class PlannerForgeServer(MCPServer[Services]):
             return read_resource(str(uri), workspace)
 
         try:
-            content, mime_type = await in_own_thread(read)
+            content, mime_type = await self._threads.run(read)
         except PlannerForgeError as error:
             raise MCPError(INVALID_PARAMS, error.text, data={"uri": one_line(str(uri))}) from error
         return [ReadResourceContents(content=content, mime_type=mime_type)]

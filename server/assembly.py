@@ -8,7 +8,7 @@ from pathlib import Path
 
 import anyio
 
-from ..engine.execution import Claims, JobRunner, JobStore, ReachableExecutor, WorkerPool, in_own_thread
+from ..engine.execution import CallThreads, Claims, JobRunner, JobStore, ReachableExecutor, WorkerPool
 from ..engine.workspace import Workspace, make_private
 from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import PlannerForgeError
@@ -33,21 +33,24 @@ def create_server(settings: Settings, start_folder: Path | None = None) -> Plann
         Journal(journal_path, settings.journal_mb * 1024**2, settings.journal_redact) if settings.journal else None
     )
 
+    threads = CallThreads()
+
     @asynccontextmanager
     async def services() -> AsyncIterator[Services]:
         try:
-            async with open_services(settings, folder) as opened:
+            async with open_services(settings, folder, threads) as opened:
                 yield opened
         finally:
+            threads.close()
             if journal is not None:
                 journal.close()
 
-    return PlannerForgeServer(offered_tools(settings), services, journal)
+    return PlannerForgeServer(offered_tools(settings), services, threads, journal)
 
 
 @asynccontextmanager
-async def open_services(settings: Settings, start_folder: Path) -> AsyncIterator[Services]:
-    """What tools work with: the workspace, the workers, the jobs and the bounds, closed at the end."""
+async def open_services(settings: Settings, start_folder: Path, threads: CallThreads) -> AsyncIterator[Services]:
+    """What tools work with: workspace, workers, jobs (in these threads) and bounds, closed at the end."""
     workspace_root = settings.workspace.expanduser().resolve()
     limits = settings.limits(start_folder)
     make_private(workspace_root)
@@ -55,10 +58,10 @@ async def open_services(settings: Settings, start_folder: Path) -> AsyncIterator
     try:
         log = workspace_root / "logs" / "workers.log"
         async with WorkerPool.open(limits, log) as workers, anyio.create_task_group() as tasks:
-            jobs = JobRunner(JobStore(workspace.database), tasks, in_own_thread)
+            jobs = JobRunner(JobStore(workspace.database), tasks, threads.run)
             claims = Claims(workspace.database)
             if settings.warm_up:
-                tasks.start_soon(warm_up, workers, workspace, settings.embedding_model)
+                tasks.start_soon(warm_up, workers, workspace, threads, settings.embedding_model)
             yield Services(
                 workspace,
                 ReachableExecutor(workers),
@@ -83,13 +86,15 @@ def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
     )
 
 
-async def warm_up(workers: WorkerPool, workspace: Workspace, model: str, *, delay_s: float = _WARM_UP_DELAY_S) -> None:
+async def warm_up(
+    workers: WorkerPool, workspace: Workspace, threads: CallThreads, model: str, *, delay_s: float = _WARM_UP_DELAY_S
+) -> None:
     """Import the tools, start a worker of each lane and build the text index, before they are asked for.
 
     Failures are logged.
     """
     await anyio.sleep(delay_s)
-    await in_own_thread(_import_tools)
+    await threads.run(_import_tools)
     from ..tools.operations import BUILD_INDEX  # its models are not needed before the first answers
 
     await workers.warm_up("compute")

@@ -18,7 +18,7 @@
 ``end_with_parent``: Have the operating system kill this process when the one that started it is gone.
 ``limit_memory``: Bound the data memory of this process, in bytes.
 ``ReachableExecutor``: An executor of one event loop, for callers in threads with another.
-``in_own_thread``: Run an async function in a thread and event loop of its own.
+``CallThreads``: Threads with event loops of their own, lent to one call after the other.
 ``run_in``: Run an async function in the event loop of another thread.
 ``PRELOAD``: Names of the modules that a worker imports before its first order, by lane.
 ``WorkerPool``: Runs operations in worker processes.
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from .jobs import Job, JobProgress, JobRunner, JobStore
     from .limits import Limits, end_with_parent, limit_memory
     from .pool import PRELOAD, WorkerPool
-    from .threads import ReachableExecutor, in_own_thread, run_in
+    from .threads import CallThreads, ReachableExecutor, run_in
     from .worker import warm_up
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -166,7 +166,7 @@ class JobProgress:
 
 JobWork = Callable[[JobProgress], Awaitable[None]]
 RunApart = Callable[..., Coroutine[Any, Any, None]]
-"""Runs an async function with its arguments, such as ``in_own_thread``."""
+"""Runs an async function with its arguments, such as ``CallThreads.run``."""
 
 
 async def _in_place(function: Callable[..., Awaitable[None]], *arguments: object) -> None:

@@ -1,7 +1,8 @@
 """Calls and jobs in threads of their own, so that nothing they do keeps the server from answering others.
 
-A thread that is *lent* to a call has an event loop, in which the whole call runs: reading of arguments, SQLite, files,
-shaping of the answer. What belongs to the server's own loop (workers, the client's stream) is reached by ``run_in``.
+``CallThreads`` lends a thread with an event loop to a call, in which the whole of it runs: reading of arguments,
+SQLite, files, shaping of the answer. What belongs to the server's own loop (workers, the client's stream) is reached by
+``run_in``.
 Whatever is written as an ordinary async function is thereby off the server's loop, without a word about threads in it.
 """
 
@@ -24,19 +25,42 @@ _PATIENCE_S = 5.0
 """How long a cancelled call is waited for; chosen. One that hangs (a dead network disk) keeps its thread, no more."""
 
 
-async def in_own_thread(function: Callable[..., Awaitable[_Result]], *arguments: object) -> _Result:
-    """Run an async function in a thread and event loop of its own; gives its result.
+class CallThreads:
+    """Threads with event loops, lent to one call after the other; a few are kept for the next ones."""
 
-    A cancelled caller cancels it there and waits for its end, 5 s at most.
+    def __init__(self) -> None:
+        self._idle: list[_LentThread] = []  # taking and adding are atomic
 
-    Raises:
-        Exception: what the function raised.
-    """
-    try:
-        thread = _idle.pop()
-    except IndexError:
-        thread = _LentThread()
-    return await run_in(thread.loop, thread.carry_out, function, arguments, patience_s=_PATIENCE_S)
+    async def run(self, function: Callable[..., Awaitable[_Result]], *arguments: object) -> _Result:
+        """Run an async function in a thread and event loop of its own; gives its result.
+
+        A cancelled caller cancels it there and waits for its end, 5 s at most.
+
+        Raises:
+            Exception: what the function raised.
+        """
+        try:
+            thread = self._idle.pop()
+        except IndexError:
+            thread = _LentThread()
+        return await run_in(thread.loop, self._carry_out, thread, function, arguments, patience_s=_PATIENCE_S)
+
+    def close(self) -> None:
+        """End the threads that wait for a call; a later call gets a new one."""
+        while self._idle:
+            self._idle.pop().end()
+
+    async def _carry_out(
+        self, thread: "_LentThread", function: Callable[..., Awaitable[_Result]], arguments: tuple[object, ...]
+    ) -> _Result:
+        """Run the function, then keep its thread for the next call, whether or not the caller still waits."""
+        try:
+            return await function(*arguments)
+        finally:
+            if len(self._idle) < _MOST_IDLE:
+                self._idle.append(thread)
+            else:
+                thread.end()
 
 
 async def run_in(
@@ -95,21 +119,15 @@ class _Errand(Generic[_Result]):
 
 
 class _LentThread:
-    """A thread with an event loop, lent to one call after the other."""
+    """A thread with an event loop."""
 
     def __init__(self) -> None:
         self.loop = asyncio.new_event_loop()
         threading.Thread(target=self._serve, name="call", daemon=True).start()
 
-    async def carry_out(self, function: Callable[..., Awaitable[_Result]], arguments: tuple[object, ...]) -> _Result:
-        """Run the function, then be there for the next call, whether or not the caller still waits."""
-        try:
-            return await function(*arguments)
-        finally:
-            if len(_idle) < _MOST_IDLE:
-                _idle.append(self)
-            else:
-                self.loop.call_soon(self.loop.stop)
+    def end(self) -> None:
+        """Stop the loop when what it does now is done."""
+        self.loop.call_soon_threadsafe(self.loop.stop)
 
     def _serve(self) -> None:
         asyncio.set_event_loop(self.loop)
@@ -117,10 +135,6 @@ class _LentThread:
             self.loop.run_forever()
         finally:
             self.loop.close()
-
-
-_idle: list[_LentThread] = []
-"""Threads that wait for a call, of all servers of this process; taking and adding are atomic."""
 
 
 class ReachableExecutor:

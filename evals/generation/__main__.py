@@ -11,6 +11,16 @@ lane-kilometre at the start within 25 % of the target, or a note tells why not),
 ``median_low_s`` and ``median_high_s`` (a scenario of 20 s: processor time of its process and of netconvert, without
 the first reading of a map), ``median_low_wall_s`` and ``median_high_wall_s`` (the same on the clock, which other work
 on the machine lengthens).
+
+With ``--fresh SEED`` maps are made just now instead (``evals/fresh_data.py``: two thirds whole, one third broken), and
+a scenario is asked for on each that is read, at a type of site that its index names (``fresh.py``). Keys then:
+``seed``; ``fresh_maps``, of which ``fresh_map_crashes`` broke off with anything else than a refusal by name,
+``fresh_maps_refused`` were refused, and ``fresh_without_site`` name no site; ``fresh_scenarios`` that were asked for,
+and the share ``fresh_executable`` of them: one that is refused, because all sites are lost for instance, is a failure;
+``fresh_off_road`` (runs in which the ego leaves the road); of the scenarios that came ``fresh_road_type`` (a share of
+``fresh_road_type_judged``: a SUMO network has no tags that tell town from country), ``fresh_vehicles``,
+``fresh_inside_lanelets``, ``fresh_feasible``, ``fresh_overlaps``; ``fresh_lost_sites`` (that the index names and the
+built network does not show).
 """
 
 import argparse
@@ -24,6 +34,7 @@ from typing import TypeVar
 from ..harness import existing, process_pool, shared_folder
 from .cases import convert_whole, make_group, refused_right
 from .figures import Made, print_generation
+from .fresh import measure_fresh
 from .maps import BenchMaps, read_maps
 from .requests import (
     BenchRequest,
@@ -44,12 +55,17 @@ SEEDS_APART = 100
 
 def _main() -> None:
     """Read the command line and measure."""
-    parser = argparse.ArgumentParser(description="Measure the generator on real maps.")
+    parser = argparse.ArgumentParser(description="Measure the generator on real or fresh maps.")
+    parser.add_argument("--fresh", type=int, metavar="SEED", help="on maps made just now from this seed")
+    parser.add_argument("--count", type=int, default=100, help="with --fresh: how many maps (default: 100)")
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
     parser.add_argument("--limit", type=int, default=None, help="only this many requests, refusals and maps")
     parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample this many further on")
     parser.add_argument("--workers", type=int, default=2, help="processes that make and judge (default: 2)")
     arguments = parser.parse_args()
+    if arguments.fresh is not None:
+        measure_fresh(arguments.fresh, arguments.count, arguments.workers)
+        return
     maps_folder = existing(arguments.shared / "data" / "osm")
     corpus = arguments.shared / "corpora" / "dev" / "generation.jsonl"
     with tempfile.TemporaryDirectory() as scratch:

@@ -9,7 +9,7 @@ from pathlib import Path
 from ...engine.commonroad import LoadedScenario, read_scenario, schema_errors
 from ...engine.execution import silent
 from ...engine.generation import convert_map, generate_scenario
-from ...engine.maps import MapEntry, MapMatch
+from ...engine.maps import MapEntry, MapMatch, is_net
 from ...engine.network import build_road_network, read_net
 from ...engine.planners import make_planner, simulate
 from ...schemas.errors import NotPossible, PlannerForgeError
@@ -18,10 +18,11 @@ from ...schemas.runs import NO_TRAJECTORY
 from ...server.argument_errors import read_arguments
 from ...tools.generation_plan import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
 from ..harness import built_in, call_in_process
-from .figures import Made, Stages, print_verdict
+from .figures import DEFECT, Made, Stages, print_verdict
 from .judges import (
     EXIT_WITHIN_M,
     STREET_WITHIN_M,
+    TOLD_BY_TAGS,
     MadeFiles,
     holds_vehicles,
     judge_density,
@@ -85,7 +86,9 @@ def make_all(request: BenchRequest, session: Session, seed: int) -> list[Made]:
     try:
         assigned = _assigned_sites(request.arguments, session.maps.entries)
     except PlannerForgeError as error:
-        return [_failed(request, error)]
+        made = [_failed(request, error)]
+        print_verdict(made[0])
+        return made
     if request.arguments.count > 1:  # the sites were counted, for which these maps were read
         for site in assigned.planned:
             session.reads(site.match.entry.path)
@@ -121,7 +124,7 @@ def _make_somewhere(
     except PlannerForgeError as error:
         return _failed(request, error)
     except Exception as error:  # noqa: BLE001 - a defect of ours is the failure of one scenario, not the bench's end
-        return Made(request, fault=f"defect: {error!r}")
+        return Made(request, fault=f"{DEFECT}{error!r}")
 
 
 def _make(request: BenchRequest, asked: GenerationRequest, session: Session, seed: int) -> Made:
@@ -136,7 +139,7 @@ def _make(request: BenchRequest, asked: GenerationRequest, session: Session, see
         stages(1.0)
         faults = schema_errors(folder / "scenario.xml")
         if faults:
-            return Made(request, fault=f"breaks the schema: {faults[0]}")
+            return Made(request, fault=f"breaks the schema: {faults[0]}", notes=report.notes)
         loaded = read_scenario(folder / "scenario.xml")
         files, evidence = MadeFiles.read(folder), session.evidence(asked.map_path)
         executable, outcome = _drive(loaded)
@@ -150,12 +153,20 @@ def _make(request: BenchRequest, asked: GenerationRequest, session: Session, see
             density=judge_density(files, asked.density, report.notes),
             motion=measure_motion(loaded, _CHECKED_TRACKS, seed),
             stages=stages,
+            notes=report.notes,
         )
 
 
-def _is_of_type(asked: GenerationRequest, report: GeneratedScenario, files: MadeFiles, evidence: MapEvidence) -> bool:
-    """Of the type asked for, or, where any would do, of the one that the answer states; the answer states no other."""
+def _is_of_type(
+    asked: GenerationRequest, report: GeneratedScenario, files: MadeFiles, evidence: MapEvidence
+) -> bool | None:
+    """Of the type asked for, or, where any would do, of the one that the answer states; the answer states no other.
+
+    None where only tags tell the type, and the map is a SUMO network, which has none.
+    """
     stated = report.site.scenario_type
+    if stated in TOLD_BY_TAGS and is_net(Path(asked.map_path)):
+        return None
     return asked.scenario_type in (stated, "any") and shows_type(files, stated, evidence)
 
 

@@ -14,6 +14,8 @@ from .motion import MotionFigures
 from .requests import BenchRequest, Refusal
 
 _VERDICTS = ("executable", "road_type", "vehicles", "place")
+DEFECT = "defect: "
+"""Begins the fault of a scenario at which something else than a refusal was raised."""
 READING = "reading the map"
 """The message with which a generation reports that stage."""
 PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
@@ -68,18 +70,22 @@ class Stages:
 
 @dataclass(frozen=True)
 class Made:
-    """One scenario that was asked for and the verdicts on it; ``fault`` where none came."""
+    """One scenario that was asked for and the verdicts on it; ``fault`` where none came.
+
+    ``road_type`` is None where nothing tells it apart from the generator; ``notes`` are those of the answer.
+    """
 
     request: BenchRequest
     fault: str = ""
     executable: bool = False
     outcome: str = ""
-    road_type: bool = False
+    road_type: bool | None = False
     vehicles: bool = False
     place: bool = False
     density: DensityVerdict | None = None
     motion: MotionFigures | None = None
     stages: Stages | None = None
+    notes: tuple[str, ...] = ()
 
 
 def print_generation(
@@ -87,23 +93,19 @@ def print_generation(
 ) -> None:
     """Print every fault, the table and the figures; ``converted`` and ``refusals`` hold faults in words, or empty."""
     whole = [one for one in made if not one.fault]
-    motions = [one.motion for one in whole if one.motion is not None]
     densities = [one.density for one in whole if one.density is not None]
     faults = {f"map {name}": fault for name, fault in converted.items()}
     faults |= {f"to be refused {refusal.name} ({refusal.reason})": fault for refusal, fault in refusals}
     sys.stderr.writelines(f"{what}: {fault}\n" for what, fault in faults.items() if fault)
     outcomes = Counter(one.outcome for one in whole)
-    checked, positions = sum(motion.checked for motion in motions), sum(motion.positions for motion in motions)
     figures: dict[str, float | int | str] = {
         "maps": len(converted),
         "maps_converted": sum(not fault for fault in converted.values()),
         "requests": requests,
         **{key: share(getattr(one, key) for one in made) for key in _VERDICTS},
-        "density": _ratio(sum(verdict.honest for verdict in densities), len(made)),
+        "density": ratio(sum(verdict.honest for verdict in densities), len(made)),
         "refused_right": share(not fault for _, fault in refusals),
-        "feasible": _ratio(sum(motion.feasible for motion in motions), checked),
-        "inside_lanelets": _ratio(sum(motion.inside for motion in motions), positions),
-        "overlaps": sum(motion.overlapping_pairs for motion in motions),
+        **motion_figures(whole),
     }
     for density in ("low", "high"):
         counted = [stages.counted for stages in _timed(whole, density)]
@@ -112,7 +114,7 @@ def print_generation(
     collisions = rate_text(outcomes["collision"], len(whole))
     rows = [
         ("scenarios", str(len(made))),
-        ("tracks checked", str(checked)),
+        ("tracks checked", str(sum(one.motion.checked for one in whole if one.motion is not None))),
         ("density within 25 % of its target", f"{sum(verdict.met for verdict in densities)} of {len(made)}"),
         *((f"refused: {reason}", counts) for reason, counts in _by_reason(refusals)),
         *((f"outcome {name}", str(count)) for name, count in outcomes.most_common()),
@@ -129,9 +131,19 @@ def print_generation(
     print_figures("Generation", figures, more_rows=rows)
 
 
+def motion_figures(made: Sequence[Made]) -> dict[str, float]:
+    """How the traffic of scenarios moves: shares of feasible tracks and of positions on lanelets, overlapping pairs."""
+    motions = [one.motion for one in made if one.motion is not None]
+    return {
+        "feasible": ratio(sum(motion.feasible for motion in motions), sum(motion.checked for motion in motions)),
+        "inside_lanelets": ratio(sum(motion.inside for motion in motions), sum(motion.positions for motion in motions)),
+        "overlaps": sum(motion.overlapping_pairs for motion in motions),
+    }
+
+
 def print_verdict(one: Made) -> None:
     """Print a line on a scenario as soon as it is judged, because a whole run takes long and may be broken off."""
-    wrong = [f"not {key}" for key in _VERDICTS if not getattr(one, key)]
+    wrong = [f"not {key}" for key in _VERDICTS if getattr(one, key) is False]
     if one.density is not None and not one.density.met:
         stated = "told" if one.density.stated else "not told"
         wrong.append(f"{one.density.found:g} vehicles per lane-km instead of {one.density.target:g}, {stated}")
@@ -152,7 +164,8 @@ def _by_reason(refusals: Sequence[tuple[Refusal, str]]) -> list[tuple[str, str]]
     return [(reason, f"{right[reason]} of {count}") for reason, count in sorted(asked.items())]
 
 
-def _ratio(part: int, whole: int) -> float:
+def ratio(part: int, whole: int) -> float:
+    """A share, rounded to four digits; 0 of nothing."""
     return round(part / whole, 4) if whole else 0.0
 
 

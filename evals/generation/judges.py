@@ -92,6 +92,8 @@ TOWN_M = 100.0
 """Around the middle, in which streets with houses or built-up land make a town."""
 FAST_KMH, SLOW_KMH = 80.0, 60.0
 """Limits from which on a road is not in a town, and below which it is, whatever else lies there."""
+TOLD_BY_TAGS = frozenset({"highway", "ramp", "rural", "urban"})
+"""Types of sites that the tags of the map tell; those of junctions are seen on the net alone."""
 STREETS = frozenset({"residential", "living_street", "pedestrian"})
 FAST_CLASSES = frozenset({"motorway", "trunk"})
 LIGHTS = ("traffic_light", "traffic_light_right_on_red", "traffic_light_unregulated")

@@ -108,21 +108,30 @@ class MapEvidence:
 
 
 def read_evidence(path: Path) -> MapEvidence:
-    """Read an .osm file, element by element."""
+    """Read an .osm file, element by element; what has no position that can be read is left out."""
     places: dict[str, tuple[float, float]] = {}
     found: list[Mapped] = []
     for _, element in etree.iterparse(path, tag=("node", "way"), resolve_entities=False):
         tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")}
         if element.tag == "node":
-            place = (float(element.get("lat", "nan")), float(element.get("lon", "nan")))
-            places[element.get("id", "")] = place
-            line = [place]
+            line = _position(element)
+            if line:
+                places[element.get("id", "")] = line[0]
         else:
             line = [places[nd.get("ref", "")] for nd in element.iterfind("nd") if nd.get("ref") in places]
         if tags and line:
             found.append(Mapped(np.array(line), tags))
         element.clear()
     return MapEvidence(tuple(found))
+
+
+def _position(node: etree._Element) -> list[tuple[float, float]]:
+    """Latitude and longitude of a node in degrees; nothing where they are no numbers."""
+    try:
+        latitude, longitude = float(node.get("lat", "nan")), float(node.get("lon", "nan"))
+    except ValueError:
+        return []
+    return [(latitude, longitude)] if math.isfinite(latitude) and math.isfinite(longitude) else []
 
 
 def _names(found: Mapped) -> list[str]:

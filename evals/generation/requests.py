@@ -106,7 +106,7 @@ def seeded_requests(places: Mapping[str, Any], maps: frozenset[str], count: int)
     for number in range(count):
         name, kind = pairs[number % len(pairs)]
         classes = choice.sample(sorted(vehicle_classes()), choice.choice((0, 1, 1, 2)))
-        classes = [known for known in classes if known not in _barred(kind) and known != "car"]
+        classes = [known for known in classes if known not in barred(kind) and known != "car"]
         given = {
             "place": places[name]["places"][0],
             "country": places[name]["country"],
@@ -125,7 +125,7 @@ def _types_of(shown: Mapping[str, Any]) -> list[str]:
     return [*shown["scenario_types"], *signalised]
 
 
-def _barred(kind: str) -> frozenset[str]:
+def barred(kind: str) -> frozenset[str]:
     """Classes that no motorway is open to."""
     return frozenset({"bicycle", "moped"}) if kind in ("highway", "ramp") else frozenset()
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from plannerforge.engine.execution import Operation
+from plannerforge.engine.execution import CallThreads, Operation
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.catalog import BuildIndexRequest, BuildIndexResponse
@@ -36,7 +36,7 @@ class NotedPool:
 
 
 async def warmed(pool: Any, root: Path) -> None:
-    await warm_up(pool, Workspace(root), "own/model", delay_s=0.0)
+    await warm_up(pool, Workspace(root), CallThreads(), "own/model", delay_s=0.0)
 
 
 async def test_both_lanes_and_the_text_index_are_made_ready(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from plannerforge.engine.network.net_parser import ROAD_CLASSES, Connection, NetEdge, NetLane, SumoNet
 from plannerforge.evals.generation.judges import MadeFiles
 from plannerforge.evals.generation.maps import METRES_A_DEGREE, MapEvidence, Mapped
+from plannerforge.schemas.generation import MapFacts, SiteType
 
 NOTHING = MapEvidence(())
 LATITUDE, LONGITUDE = 50.0, 10.0
@@ -58,3 +59,24 @@ def mapped(*offsets_m: tuple[float, float], **tags: str) -> Mapped:
 def around(half_m: float, **tags: str) -> Mapped:
     """A square around the middle."""
     return mapped(*((half_m * a, half_m * b) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))), **tags)
+
+
+def map_facts(sites: dict[SiteType, int]) -> MapFacts:
+    """What reading a map of a square kilometre says, with so many sites by type."""
+    return MapFacts(
+        map_id="map_drawn",
+        file_name="drawn.osm",
+        place="Redfield",
+        places=("Redfield",),
+        country=None,
+        countries_near=(),
+        south=LATITUDE,
+        west=LONGITUDE,
+        north=LATITUDE + 0.01,
+        east=LONGITUDE + 0.01,
+        streets=(),
+        refs=(),
+        sites=sites,
+        road_km=5.0,
+        attribution="drawn",
+    )

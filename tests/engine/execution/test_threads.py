@@ -2,14 +2,22 @@
 
 import asyncio
 import threading
+from collections.abc import Iterator
 
 import anyio
 import pytest
 
-from plannerforge.engine.execution import in_own_thread, run_in
+from plannerforge.engine.execution import CallThreads, run_in
 from plannerforge.schemas.errors import NotPossible
 
 pytestmark = pytest.mark.anyio
+
+
+@pytest.fixture
+def threads() -> Iterator[CallThreads]:
+    lent = CallThreads()
+    yield lent
+    lent.close()
 
 
 async def thread_of_this() -> int:
@@ -21,19 +29,19 @@ async def refuse(word: str) -> None:
     raise NotPossible(word)
 
 
-async def test_function_runs_in_a_thread_and_loop_of_its_own() -> None:
+async def test_function_runs_in_a_thread_and_loop_of_its_own(threads: CallThreads) -> None:
     own = threading.get_ident()
-    first = await in_own_thread(thread_of_this)
+    first = await threads.run(thread_of_this)
     assert first != own
-    assert await in_own_thread(thread_of_this) == first, "the thread is kept for the next call"
+    assert await threads.run(thread_of_this) == first, "the thread is kept for the next call"
 
 
-async def test_what_a_function_raises_comes_back() -> None:
+async def test_what_a_function_raises_comes_back(threads: CallThreads) -> None:
     with pytest.raises(NotPossible, match="the lane ends"):
-        await in_own_thread(refuse, "the lane ends")
+        await threads.run(refuse, "the lane ends")
 
 
-async def test_calls_at_once_have_different_threads() -> None:
+async def test_calls_at_once_have_different_threads(threads: CallThreads) -> None:
     met: set[int] = set()
     both = threading.Barrier(2, timeout=60)
 
@@ -43,11 +51,11 @@ async def test_calls_at_once_have_different_threads() -> None:
 
     async with anyio.create_task_group() as tasks:
         for _ in range(2):
-            tasks.start_soon(in_own_thread, meet)
+            tasks.start_soon(threads.run, meet)
     assert len(met) == 2
 
 
-async def test_loop_serves_others_while_a_call_blocks_its_thread() -> None:
+async def test_loop_serves_others_while_a_call_blocks_its_thread(threads: CallThreads) -> None:
     goes_on = threading.Event()
 
     async def block() -> bool:
@@ -59,20 +67,20 @@ async def test_loop_serves_others_while_a_call_blocks_its_thread() -> None:
             goes_on.set()
 
         tasks.start_soon(release)
-        assert await in_own_thread(block)
+        assert await threads.run(block)
 
 
-async def test_what_belongs_to_the_home_loop_runs_there() -> None:
+async def test_what_belongs_to_the_home_loop_runs_there(threads: CallThreads) -> None:
     home, own = asyncio.get_running_loop(), threading.get_ident()
 
     async def call() -> int:
         return await run_in(home, thread_of_this)
 
-    assert await in_own_thread(call) == own
+    assert await threads.run(call) == own
     assert await run_in(home, thread_of_this) == own, "the caller's own loop needs no detour"
 
 
-async def test_cancelled_call_ends_there_before_its_caller_goes_on() -> None:
+async def test_cancelled_call_ends_there_before_its_caller_goes_on(threads: CallThreads) -> None:
     ended: list[str] = []
     begun = anyio.Event()
     home = asyncio.get_running_loop()
@@ -90,13 +98,13 @@ async def test_cancelled_call_ends_there_before_its_caller_goes_on() -> None:
             ended.append("call")
 
     async with anyio.create_task_group() as tasks:
-        tasks.start_soon(in_own_thread, wait_for_good)
+        tasks.start_soon(threads.run, wait_for_good)
         await begun.wait()
         tasks.cancel_scope.cancel()
     assert ended == ["call"]
 
 
-async def test_cancelled_call_cancels_what_it_waits_for_at_home() -> None:
+async def test_cancelled_call_cancels_what_it_waits_for_at_home(threads: CallThreads) -> None:
     ended: list[str] = []
     begun = anyio.Event()
     home = asyncio.get_running_loop()
@@ -109,13 +117,13 @@ async def test_cancelled_call_cancels_what_it_waits_for_at_home() -> None:
             ended.append("work")
 
     async with anyio.create_task_group() as tasks:
-        tasks.start_soon(in_own_thread, run_in, home, work_at_home)
+        tasks.start_soon(threads.run, run_in, home, work_at_home)
         await begun.wait()
         tasks.cancel_scope.cancel()
     assert ended == ["work"]
 
 
-async def test_call_that_hangs_is_left_behind_after_a_while() -> None:
+async def test_call_that_hangs_is_left_behind_after_a_while(threads: CallThreads) -> None:
     goes_on, begun = threading.Event(), anyio.Event()
     home = asyncio.get_running_loop()
 
@@ -126,13 +134,25 @@ async def test_call_that_hangs_is_left_behind_after_a_while() -> None:
     async def call() -> None:
         await run_in(other, hang, patience_s=0.05)
 
-    other = await in_own_thread(_loop_of_this)
+    other = await threads.run(_loop_of_this)
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(call)
         await begun.wait()
         tasks.cancel_scope.cancel()
     goes_on.set()
     assert await run_in(other, thread_of_this) != threading.get_ident(), "it is there again"
+
+
+async def test_waiting_threads_end_when_closed_and_later_calls_get_new_ones(threads: CallThreads) -> None:
+    first = await threads.run(asyncio_thread)
+    threads.close()
+    first.join(60)
+    assert not first.is_alive()
+    assert await threads.run(asyncio_thread) is not first
+
+
+async def asyncio_thread() -> threading.Thread:
+    return threading.current_thread()
 
 
 async def _loop_of_this() -> asyncio.AbstractEventLoop:
