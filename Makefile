@@ -7,12 +7,13 @@ PYTHON := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
 WORKERS ?= 2
+SEEDS ?= 1001 1002 1003
 RECORD ?= same-bytes.json
 SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-symmetries bench-kills bench-mutation bench-growth \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth \
 	starter house format clean
 
 help:
@@ -64,7 +65,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-robust bench-symmetries bench-kills bench-mutation bench-growth
+	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -103,7 +104,10 @@ bench-import-crashes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.faults.imports
 
 bench-robust: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.robustness --keep robust-findings
+	@$(PYTHON) -m plannerforge.evals.soundness --seeds $(SEEDS)
+
+bench-hostile: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.robustness --keep soundness/findings
 
 bench-symmetries: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.symmetries --workers $(WORKERS)
@@ -134,5 +138,5 @@ format: $(DEV_STAMP)
 	@$(VENV)/bin/ruff check --fix .
 
 clean:
-	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output robust-findings .mutation
+	@rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.* demo-output soundness .mutation
 	@find . -name __pycache__ -type d -not -path './$(VENV)/*' -prune -exec rm -rf {} +

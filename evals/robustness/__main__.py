@@ -1,4 +1,4 @@
-"""``make bench-robust``: hostile inputs against a real server over stdio.
+"""``make bench-hostile``: hostile inputs against a real server over stdio.
 
 Keys: ``hostile_inputs``, ``unexpected`` (answers with ``[unexpected]``), ``server_deaths`` (died, hung or had to be
 ended for its memory), ``loop_blocked_ms_max`` (the longest wait for a cheap call while an input was under way, less the

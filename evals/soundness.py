@@ -1,0 +1,116 @@
+"""``make bench-robust``: what shows that the product is sound on anything, part after part, in one table.
+
+Each part is a benchmark of its own, run in a process of its own: ``hostile`` (``evals.robustness``), ``growth``,
+``symmetries``, ``fresh_generation``, ``fresh_modification`` and ``fresh_traffic`` (the ``--fresh`` of those
+benchmarks, on every seed of ``--seeds``), ``drivable`` and ``kills``. The keys are those of the parts, where they are
+explained, ``fresh_rear_hits`` being hits by followers who could have braked.
+
+What a part said is kept in ``--record FOLDER`` at once, and is not measured again with the same arguments while it lies
+there: a run that was broken off goes on where it stopped. Inputs that broke something are kept there too.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from .harness import print_figures
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A benchmark: its module and arguments, and its keys that count here, by the names that they have here."""
+
+    module: str
+    arguments: tuple[str, ...]
+    keys: Mapping[str, str]
+
+
+def _same(*names: str) -> dict[str, str]:
+    return {name: name for name in names}
+
+
+def parts(seeds: Sequence[int], inputs: int, fresh: int, record: Path) -> dict[str, _Part]:
+    """All parts by name.
+
+    Args:
+        seeds: of fresh data; none that was run while the product was being changed.
+        inputs: hostile ones.
+        fresh: maps, and scenarios to be edited and approaches, of each seed.
+        record: folder in which hostile inputs are kept that broke something.
+    """
+    of_seeds = ("--fresh", *map(str, seeds), "--count", str(fresh))
+    hostile = (
+        "hostile_inputs unexpected server_deaths loop_blocked_ms_max server_memory_mb_max outside_writes slowest_s "
+        "late_refusals forged_lines oversized_answers outside_reads journal_faults"
+    )
+    edits = "fresh_edits fresh_T_ends fresh_physical_min fresh_handovers_smooth"
+    return {
+        "hostile": _Part(
+            "robustness",
+            ("--inputs", str(inputs), "--seed", str(seeds[0]), "--keep", str(record / "findings")),
+            _same(*hostile.split()),
+        ),
+        "growth": _Part("growth", (), _same("growth_exponent_max")),
+        "symmetries": _Part(
+            "symmetries", ("--seed", str(seeds[0])), _same("metamorphic_cases", "metamorphic_failures", "relations")
+        ),
+        "fresh_generation": _Part(
+            "generation", of_seeds, _same("fresh_maps", "fresh_map_crashes", "fresh_scenarios", "fresh_executable")
+        ),
+        "fresh_modification": _Part("modification", of_seeds, _same(*edits.split())),
+        "fresh_traffic": _Part(
+            "planners.reactive",
+            of_seeds,
+            {"fresh_approaches": "fresh_approaches", "fresh_avoidable_rear_hits": "fresh_rear_hits"},
+        ),
+        "drivable": _Part("drivable", (), _same("drivable_share")),
+        "kills": _Part("faults.mixed_load", (), _same("kills", "broken_after_restart", "orphans")),
+    }
+
+
+def _measured(name: str, part: _Part, record: Path) -> dict[str, float | int | str]:
+    """What a part says, measured now or kept; empty where it broke."""
+    kept, arguments = record / f"{name}.json", [part.module, *part.arguments]
+    found = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
+    if found.get("arguments") != arguments:
+        sys.stderr.write(f"{name}: {' '.join(arguments)}\n")
+        command = [sys.executable, "-m", f"{__package__}.{part.module}", *part.arguments]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            told = process.stdout.read() if process.stdout else ""
+        sys.stdout.write(told)
+        last = told.rstrip("\n").rpartition("\n")[2]
+        if not last.startswith("{"):
+            sys.stderr.write(f"{name} broke with {process.returncode} and said no figures\n")
+            return {}
+        found = {"arguments": arguments, "figures": json.loads(last)}
+        kept.write_text(json.dumps(found) + "\n", encoding="utf-8")
+    said = found["figures"]
+    return {here: said[there] for there, here in part.keys.items() if there in said}
+
+
+def _main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, nargs="+", required=True, help="of fresh data: never run before")
+    parser.add_argument("--inputs", type=int, default=20_000, help="hostile ones")
+    parser.add_argument("--fresh", type=int, default=100, help="maps, scenarios, approaches of each seed")
+    parser.add_argument("--parts", nargs="+", metavar="PART", help="only these")
+    parser.add_argument("--record", type=Path, default=Path("soundness"), help="folder for what the parts say")
+    given = parser.parse_args()
+    given.record.mkdir(parents=True, exist_ok=True)
+    known = parts(given.seeds, given.inputs, given.fresh, given.record)
+    wanted = given.parts or list(known)
+    if unknown := [name for name in wanted if name not in known]:
+        parser.error(f"there is no part {', '.join(unknown)}; parts: {', '.join(known)}")
+    said = {name: _measured(name, known[name], given.record) for name in wanted}
+    figures = {key: value for of_part in said.values() for key, value in of_part.items()}
+    print_figures(f"Soundness, fresh data of the seeds {' '.join(map(str, given.seeds))}", figures)
+    if broken := [name for name, of_part in said.items() if len(of_part) < len(known[name].keys)]:
+        sys.exit(f"not measured: {', '.join(broken)}")
+
+
+if __name__ == "__main__":
+    _main()
