@@ -19,6 +19,10 @@ from pathlib import Path
 
 from .harness import print_figures
 
+_MAPS, _SCENARIOS, _APPROACHES = 140, 55, 100
+"""Of each seed: maps to generate from, of which some are refused or name no site; scenarios to be edited, at four edits
+each; approaches of reactive traffic. With three seeds, 300 scenarios, 600 edits and 300 approaches at least."""
+
 
 @dataclass(frozen=True)
 class _Part:
@@ -33,16 +37,15 @@ def _same(*names: str) -> dict[str, str]:
     return {name: name for name in names}
 
 
-def parts(seeds: Sequence[int], inputs: int, fresh: int, record: Path) -> dict[str, _Part]:
+def parts(seeds: Sequence[int], inputs: int, record: Path) -> dict[str, _Part]:
     """All parts by name.
 
     Args:
         seeds: of fresh data; none that was run while the product was being changed.
         inputs: hostile ones.
-        fresh: maps, and scenarios to be edited and approaches, of each seed.
         record: folder in which hostile inputs are kept that broke something.
     """
-    of_seeds = ("--fresh", *map(str, seeds), "--count", str(fresh))
+    fresh = ("--fresh", *map(str, seeds), "--count")
     hostile = (
         "hostile_inputs unexpected server_deaths loop_blocked_ms_max server_memory_mb_max outside_writes slowest_s "
         "late_refusals forged_lines oversized_answers outside_reads journal_faults"
@@ -59,12 +62,14 @@ def parts(seeds: Sequence[int], inputs: int, fresh: int, record: Path) -> dict[s
             "symmetries", ("--seed", str(seeds[0])), _same("metamorphic_cases", "metamorphic_failures", "relations")
         ),
         "fresh_generation": _Part(
-            "generation", of_seeds, _same("fresh_maps", "fresh_map_crashes", "fresh_scenarios", "fresh_executable")
+            "generation",
+            (*fresh, str(_MAPS)),
+            _same("fresh_maps", "fresh_map_crashes", "fresh_scenarios", "fresh_executable"),
         ),
-        "fresh_modification": _Part("modification", of_seeds, _same(*edits.split())),
+        "fresh_modification": _Part("modification", (*fresh, str(_SCENARIOS)), _same(*edits.split())),
         "fresh_traffic": _Part(
             "planners.reactive",
-            of_seeds,
+            (*fresh, str(_APPROACHES)),
             {"fresh_approaches": "fresh_approaches", "fresh_avoidable_rear_hits": "fresh_rear_hits"},
         ),
         "drivable": _Part("drivable", (), _same("drivable_share")),
@@ -96,12 +101,11 @@ def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, nargs="+", required=True, help="of fresh data: never run before")
     parser.add_argument("--inputs", type=int, default=20_000, help="hostile ones")
-    parser.add_argument("--fresh", type=int, default=100, help="maps, scenarios, approaches of each seed")
     parser.add_argument("--parts", nargs="+", metavar="PART", help="only these")
     parser.add_argument("--record", type=Path, default=Path("soundness"), help="folder for what the parts say")
     given = parser.parse_args()
     given.record.mkdir(parents=True, exist_ok=True)
-    known = parts(given.seeds, given.inputs, given.fresh, given.record)
+    known = parts(given.seeds, given.inputs, given.record)
     wanted = given.parts or list(known)
     if unknown := [name for name in wanted if name not in known]:
         parser.error(f"there is no part {', '.join(unknown)}; parts: {', '.join(known)}")

@@ -14,7 +14,7 @@ on the machine lengthens).
 
 With ``--fresh SEED`` maps are made just now instead (``evals/fresh_data.py``: two thirds whole, one third broken), and
 a scenario is asked for on each that is read, at a type of site that its index names (``fresh.py``). Keys then:
-``seed``; ``fresh_maps``, of which ``fresh_map_crashes`` broke off with anything else than a refusal by name,
+``seeds``; ``fresh_maps``, of which ``fresh_map_crashes`` broke off with anything else than a refusal by name,
 ``fresh_maps_refused`` were refused, and ``fresh_without_site`` name no site; ``fresh_scenarios`` that were asked for,
 and the share ``fresh_executable`` of them: one that is refused, because all sites are lost for instance, is a failure;
 ``fresh_off_road`` (runs in which the ego leaves the road); of the scenarios that came ``fresh_road_type`` (a share of
@@ -56,8 +56,8 @@ SEEDS_APART = 100
 def _main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description="Measure the generator on real or fresh maps.")
-    parser.add_argument("--fresh", type=int, metavar="SEED", help="on maps made just now from this seed")
-    parser.add_argument("--count", type=int, default=100, help="with --fresh: how many maps (default: 100)")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="on maps made just now from these seeds")
+    parser.add_argument("--count", type=int, default=100, help="with --fresh: maps of each seed (default: 100)")
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
     parser.add_argument("--limit", type=int, default=None, help="only this many requests, refusals and maps")
     parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample this many further on")

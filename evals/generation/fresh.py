@@ -66,14 +66,15 @@ class FreshMap:
         return sum(len(set(_LOST.findall(" ".join((one.fault, *one.notes))))) for one in self.made)
 
 
-def measure_fresh(seed: int, count: int, workers: int) -> None:
-    """Make maps, try each in worker processes, and print the figures."""
-    with tempfile.TemporaryDirectory() as text:
-        folder = Path(text)
-        mutated = count // 3
-        paths = [*fresh_maps(seed, folder, count - mutated), *mutated_maps(seed, folder, mutated)]
-        found = _tried(paths, partial(try_map, seed=seed), workers)
-    print_fresh(seed, found)
+def measure_fresh(seeds: Sequence[int], count: int, workers: int) -> None:
+    """Make ``count`` maps of each seed, try each in worker processes, and print the figures of all."""
+    found: list[FreshMap] = []
+    for seed in seeds:
+        with tempfile.TemporaryDirectory() as text:
+            folder, mutated = Path(text), count // 3
+            paths = [*fresh_maps(seed, folder, count - mutated), *mutated_maps(seed, folder, mutated)]
+            found += _tried(paths, partial(try_map, seed=seed), workers)
+    print_fresh(seeds, found)
 
 
 def _tried(paths: Sequence[Path], attempt: Callable[[Path], FreshMap], workers: int) -> list[FreshMap]:
@@ -161,14 +162,14 @@ def drawn_request(facts: MapFacts, choice: random.Random) -> BenchRequest:
     return BenchRequest(facts.map_id, GenerateScenariosArguments.model_validate(given), facts.file_name)
 
 
-def print_fresh(seed: int, found: Sequence[FreshMap]) -> None:
+def print_fresh(seeds: Sequence[int], found: Sequence[FreshMap]) -> None:
     """Print the table and the figures."""
     made = [one for each in found for one in each.made]
     whole = [one for one in made if not one.fault]
     typed = [one for one in whole if one.road_type is not None]
     outcomes = Counter(one.outcome for one in whole)
     figures: dict[str, float | int | str] = {
-        "seed": seed,
+        "seeds": " ".join(map(str, seeds)),
         "fresh_maps": len(found),
         "fresh_map_crashes": sum(bool(each.crash) for each in found),
         "fresh_maps_refused": sum(bool(each.refusal) for each in found),

@@ -81,9 +81,9 @@ def test_lost_sites_and_refusals_are_failures_and_maps_without_sites_are_not(
         FreshMap("refused", refusal="cut in the middle"),
         FreshMap("broken", crash="KeyError(1)"),
     ]
-    print_fresh(7, found)
+    print_fresh([7, 8], found)
     figures = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert figures["seed"] == 7
+    assert figures["seeds"] == "7 8"
     counted = {key: figures[f"fresh_{key}"] for key in ("maps", "map_crashes", "maps_refused", "without_site")}
     assert counted == {"maps": 6, "map_crashes": 1, "maps_refused": 1, "without_site": 1}
     assert (figures["fresh_scenarios"], figures["fresh_executable"]) == (3, 0.6667)
