@@ -26,6 +26,8 @@ help:
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
 	@echo "make house   draw the map of the packages anew (developers)"
+	@echo "make bench-robust SEEDS=\"1 2 3\""
+	@echo "             all that shows soundness: hostile inputs, growth, symmetries, fresh data of these seeds, kills (developers)"
 	@echo "make clean   remove what was built"
 
 demo: $(STAMP)
