@@ -94,7 +94,9 @@ def _cut(choice: random.Random, path: Path) -> None:
     for _ in range(_TRIES):
         source = etree.parse(choice.choice(extracts)).getroot()
         nodes = {node.get("id"): node for node in source.iterfind("node") if node.get("lat")}
-        roads = [way for way in source.iterfind("way") if way.find("tag[@k='highway']") is not None]
+        roads = [way for way in source.iterfind("way[nd]") if way.find("tag[@k='highway']") is not None]
+        if not roads:
+            continue
         middle = nodes.get(choice.choice(choice.choice(roads).findall("nd")).get("ref"))
         sides = [choice.uniform(_SMALLEST_BOX_M, _LARGEST_BOX_M) for _ in range(2)]
         if middle is None:

@@ -7,7 +7,7 @@ scenarios that were written, the one with the fewest faults is kept.
 import gc
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +27,10 @@ from .writer import STEP_S, write_scenario
 
 OWN_ROUNDS, MOST_ROUNDS, MOST_SITES = 2, 5, 10
 """Rounds of traffic at the site's own place, rounds of traffic in all, sites looked at in all (chosen)."""
+MOST_LOST = 40
+"""Sites that are passed over beside those, because their nets do not show them (chosen): each takes half a second."""
+SHOWN_LOST = 3
+"""Lost sites that a note or a refusal names, at most."""
 
 
 def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> GeneratedScenario:
@@ -49,7 +53,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
         sites = fitting_sites(osm, request)
         if request.site_index >= len(sites):
             raise NotPossible(f"{request.place} ({request.map_id}) holds only {len(sites)} different site(s) for this")
-        own_and_others = sites[request.site_index :: request.site_step][:MOST_SITES]
+        own_and_others = sites[request.site_index :: request.site_step]
         with tempfile.TemporaryDirectory(dir=request.folder) as scratch:
             attempts = _Attempts(request, spec, Path(scratch), report)
             attempts.run(osm, own_and_others)
@@ -107,57 +111,84 @@ class _Attempt:
 
 
 class _Attempts:
-    """Rounds of traffic at sites, until a scenario has no fault: ``made`` ones, and ``refusals`` on the way."""
+    """Rounds of traffic at sites, until a scenario has no fault: ``made`` ones, and ``refusals`` on the way.
+
+    ``lost``: sites that were passed over, because the net that is built of them does not show their type.
+    """
 
     def __init__(self, request: GenerationRequest, spec: TaskSpec, scratch: Path, report: ProgressReporter) -> None:
         self._request, self._spec, self._scratch, self._report = request, spec, scratch, report
         self._rounds = 0
         self.made: list[_Attempt] = []
         self.refusals: list[NotPossible] = []
+        self.lost: list[Site] = []
 
-    def run(self, osm: OsmMap, sites: Sequence[Site]) -> None:
-        """Try the first site twice and the others once; one without others as often as all together are tried."""
-        own_rounds = OWN_ROUNDS if len(sites) > 1 else MOST_ROUNDS
+    def run(self, osm: OsmMap, sites: Iterable[Site]) -> None:
+        """Try the first site that is fit twice and the others once; the only one as often as all together are tried.
+
+        A lost site takes none of these tries: the next one is taken in its place.
+        """
+        fit: list[tuple[SiteNetwork, Path]] = []
         for number, site in enumerate(sites):
+            if number - len(self.lost) == MOST_SITES or len(self.lost) == MOST_LOST:
+                break
             folder = self._scratch / str(number)
             folder.mkdir()
             try:
                 prepared = prepare_site(self._request, osm, site, folder, self._report)
             except NotPossible as refusal:
-                self.refusals.append(refusal)
+                if refusal.reason == SITE_LOST:
+                    self.lost.append(site)
+                else:
+                    self.refusals.append(refusal)
                 continue
-            for round_number in range(1 if number else own_rounds):
-                if self._is_faultless(prepared, round_number, folder) or self._rounds == MOST_ROUNDS:
-                    return
-            if self._spec.goal.lanelet is not None:  # an id means another lanelet elsewhere
+            fit.append((prepared, folder))
+            if self._is_done(prepared, folder, range(OWN_ROUNDS if len(fit) == 1 else 1)):
                 return
+            if self._spec.goal.lanelet is not None:  # an id means another lanelet elsewhere
+                break
+        if len(fit) == 1:
+            self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def best(self, osm: OsmMap) -> _Attempt:
         """The usable attempt with the fewest faults, the first of equal ones.
 
         Raises:
-            NotPossible: none is usable; with the first refusal, or else the faults of the first attempt. Where the site
-                was lost on its way to the net, the other types that the map holds are named.
+            NotPossible: none is usable; with the first refusal, or else the faults of the first attempt. Where all
+                sites were lost on their way to the net, the other types that the map holds are named.
         """
         usable = [attempt for attempt in self.made if not attempt.unusable]
         if usable:
             return min(usable, key=lambda attempt: len(attempt.faults))
-        if not self.refusals:
+        if self.refusals:
+            raise self.refusals[0]
+        if self.made:
             raise NotPossible(
                 f"no scenario passes its checks here: {'; '.join(self.made[0].faults)}",
                 next_step="choose another place, scenario_type, density or seed",
             )
-        first = self.refusals[0]
-        if first.reason != SITE_LOST:
-            raise first
-        held = other_types(osm, self._request)
-        raise NotPossible(first.message, valid=held, next_step=first.next_step, reason=first.reason)
+        raise NotPossible(
+            self._lost_sites(),
+            valid=other_types(osm, self._request),
+            next_step="choose another scenario_type, or another place",
+            reason=SITE_LOST,
+        )
 
     def notes_besides(self, best: _Attempt) -> list[str]:
-        """Why the other attempts were given up, each reason once."""
+        """Which sites were passed over, and why the other attempts were given up, each reason once."""
         faults = [fault for attempt in self.made if attempt is not best for fault in attempt.faults]
         reasons = dict.fromkeys([*faults, *(refusal.message for refusal in self.refusals)])
-        return [f"an earlier try was given up: {reason}" for reason in reasons]
+        passed_over = [f"passed over: {self._lost_sites()}"] if self.lost else []
+        return [*passed_over, *(f"an earlier try was given up: {reason}" for reason in reasons)]
+
+    def _lost_sites(self) -> str:
+        named = [f"{site.kind} at {site.latitude:.5f}, {site.longitude:.5f}" for site in self.lost[:SHOWN_LOST]]
+        more = [f"{len(self.lost) - SHOWN_LOST} more"] if len(self.lost) > SHOWN_LOST else []
+        return f"{len(self.lost)} site(s) lost when the road network is built: {'; '.join([*named, *more])}"
+
+    def _is_done(self, site: SiteNetwork, folder: Path, rounds: Iterable[int]) -> bool:
+        """Make traffic at a site until a scenario has no fault or all rounds are over; whether that is so."""
+        return any(self._is_faultless(site, number, folder) or self._rounds == MOST_ROUNDS for number in rounds)
 
     def _is_faultless(self, site: SiteNetwork, round_number: int, folder: Path) -> bool:
         self._rounds += 1

@@ -107,17 +107,11 @@ def build_network(
         warnings = cut_net(osm, site.position, radius, classes, net_path, folder)
         if not _is_drivable(net_path):
             raise _closed_to_cars()
+        report(0.15, "building the lanelets")
+        network = _lanelets(net_path)
     else:
         cut_map(osm, site.position, radius, classes, cut)
-        report(0.1, "running netconvert")
-        warnings, notes = convert_map(cut, net_path, lefthand=lefthand)
-    report(0.15, "building the lanelets")
-    network = _lanelets(net_path)
-    if len(network.dropped_lanes) > MANY_HAIRPINS and not isinstance(osm, NetMap):
-        service = bool(notes)
-        warnings = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
-        notes.append("junctions close together were not joined, because one of them became too large to be drawn")
-        network = _lanelets(net_path)
+        warnings, notes, network = _convert_site(site, cut, net_path, lefthand=lefthand, report=report)
     if network.dropped_lanes:
         removed, later = remove_hairpins(net_path, folder)
         warnings += later
@@ -129,6 +123,31 @@ def build_network(
     net = read_net(net_path)
     metadata = ScenarioMetadata.of(request, site, net)
     return SiteNetwork(site, radius, net_path, net, network, metadata, warnings, tuple(notes))
+
+
+def _convert_site(
+    site: Site, cut: Path, net_path: Path, *, lefthand: bool, report: ProgressReporter
+) -> tuple[tuple[str, ...], list[str], RoadNetwork]:
+    """Convert what was cut out; junctions close together stay apart where the joined one swallows the site.
+
+    Returns:
+        netconvert's warnings, notes on what had to be changed, and the lanelets.
+
+    Raises:
+        NotPossible: no road there is open to cars.
+    """
+    report(0.1, "running netconvert")
+    warnings, notes = convert_map(cut, net_path, lefthand=lefthand)
+    lost = why_not_realised(site, read_net(net_path)) is not None
+    report(0.15, "building the lanelets")
+    network = _lanelets(net_path)
+    if lost or len(network.dropped_lanes) > MANY_HAIRPINS:
+        service = bool(notes)
+        warnings = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
+        why = "the site was lost in one of them" if lost else "one of them became too large to be drawn"
+        notes.append(f"junctions close together were not joined, because {why}")
+        network = _lanelets(net_path)
+    return warnings, notes, network
 
 
 def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[tuple[str, ...], list[str]]:

@@ -13,6 +13,7 @@ from itertools import islice, pairwise
 from ...schemas.generation import SiteType
 from .nearness import Gathering, Surroundings
 from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
+from .rings import RING_TAGS, Rings
 from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
 
 SIGNAL_REACH_M = 45.0
@@ -126,7 +127,9 @@ class SiteFinder:
 
     def __init__(self, osm: OsmMap, classes: Iterable[str] = ()) -> None:
         self.osm = osm
-        self._classes = frozenset(classes) or ALL_ROADS
+        asked = frozenset(classes)
+        self._classes = asked or ALL_ROADS
+        self._without_links = asked or frozenset(ROADS)
         self._met: dict[int, tuple[OsmWay, ...]] = {}
         self._kinds: dict[SiteType, Callable[[], list[_Spot]]] = {
             "roundabout": self._roundabouts,
@@ -189,10 +192,13 @@ class SiteFinder:
         return _Spot(kind, node, mark, partial(islice, ways, MOST_NAMED))
 
     def _roundabouts(self) -> list[_Spot]:
+        """Closed rings of the roads that are cut out around one: links are not."""
+        tagged = [way for way in self._roads if way.tags.get("junction") in RING_TAGS]
+        rings = Rings(self.osm, self.osm.roads(self._without_links) if tagged else ())
         spots = []
-        for way in self._roads:
-            if way.tags.get("junction") in ("roundabout", "circular"):
-                middle = OsmNode(0, *_mean([self.osm.nodes[key] for key in way.node_ids]), {})
+        for way in (way for way in tagged if way.road_class in self._without_links):
+            if ring := rings.around(way):
+                middle = OsmNode(0, *_mean([self.osm.nodes[key] for key in ring]), {})
                 spots.append(_Spot("roundabout", middle, way.way_id, partial(self._arms, way)))
         return spots
 

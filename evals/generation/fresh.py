@@ -37,8 +37,8 @@ _EGOS = ("first", "first", "type:car", "index:0", "index:1")
 """Egos that are drawn (chosen): every site has two cars."""
 _MOST_OF_A_CLASS = 2
 """Vehicles of a drawn class, at most (chosen): a box of 500 m has room for so many."""
-_LOST = re.compile(r"\b\w+ at -?\d+\.\d+, -?\d+\.\d+(?=[^;]* lost when the road network is built)")
-"""A site in a note or refusal that says that the built network does not show it."""
+_LOST = re.compile(r"(\d+) site\(s\) lost when the road network is built")
+"""In a note or refusal: how many sites were passed over, because the built network does not show them."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,8 @@ class FreshMap:
     @property
     def lost_sites(self) -> int:
         """Sites that the index names and that the scenario could not come from, because the network lost them."""
-        return sum(len(set(_LOST.findall(" ".join((one.fault, *one.notes))))) for one in self.made)
+        texts = [text for one in self.made for text in (one.fault, *one.notes)]
+        return sum(int(count) for text in texts for count in _LOST.findall(text))
 
 
 def measure_fresh(seeds: Sequence[int], count: int, workers: int) -> None:

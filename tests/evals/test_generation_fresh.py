@@ -13,7 +13,7 @@ from plannerforge.evals.generation.figures import DEFECT, Made
 from plannerforge.evals.generation.fresh import FreshMap, drawn_request, print_fresh, try_map
 from plannerforge.schemas.errors import UnsafeInput
 
-LOST = "the roundabout at 50.00001, -10.00000 is lost when the road network is built"
+LOST = "2 site(s) lost when the road network is built: roundabout at 50.00001, -10.00000; 1 more"
 
 
 def raising(error: Exception) -> Callable[..., None]:
@@ -75,7 +75,7 @@ def test_lost_sites_and_refusals_are_failures_and_maps_without_sites_are_not(
     good = Made(request, executable=True, outcome="off_road", road_type=None, vehicles=True)
     found = [
         FreshMap("lost", made=(Made(request, fault=f"NotPossible: {LOST}"),)),
-        FreshMap("late", made=(Made(request, executable=True, notes=(f"an earlier try was given up: {LOST}",)),)),
+        FreshMap("late", made=(Made(request, executable=True, notes=(f"passed over: {LOST}",)),)),
         FreshMap("good", made=(good,)),
         FreshMap("empty"),
         FreshMap("refused", refusal="cut in the middle"),
@@ -87,5 +87,5 @@ def test_lost_sites_and_refusals_are_failures_and_maps_without_sites_are_not(
     counted = {key: figures[f"fresh_{key}"] for key in ("maps", "map_crashes", "maps_refused", "without_site")}
     assert counted == {"maps": 6, "map_crashes": 1, "maps_refused": 1, "without_site": 1}
     assert (figures["fresh_scenarios"], figures["fresh_executable"]) == (3, 0.6667)
-    assert (figures["fresh_lost_sites"], figures["fresh_off_road"]) == (2, 1)
+    assert (figures["fresh_lost_sites"], figures["fresh_off_road"]) == (4, 1)
     assert figures["fresh_road_type_judged"] == 1

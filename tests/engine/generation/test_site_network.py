@@ -1,17 +1,21 @@
 """A site is judged before traffic is made for it."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generator, site_network
-from plannerforge.engine.generation.site_network import UNKNOWN_SIDE, SiteNetwork, prepare_site
+from plannerforge.engine.generation.site_network import SITE_LOST, UNKNOWN_SIDE, SiteNetwork, prepare_site
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.map_file import read_map_file
+from plannerforge.engine.maps.osm import OsmMap
+from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerationRequest, ScenarioType
@@ -96,9 +100,58 @@ def refused(folder: Path, **changes: object) -> NotPossible:
 def test_where_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(site_network, "why_not_realised", lambda site, net: f"the {site.kind} is lost")
     error = refused(tmp_path)
-    assert error.message == "the intersection is lost"
+    assert re.fullmatch(
+        r"\d+ site\(s\) lost when the road network is built: intersection at 5\d\.\d{5}, \S+; .*", error.message
+    )
     assert "urban" in error.valid
     assert "intersection" not in error.valid
+
+
+def test_lost_sites_take_none_of_the_tries_and_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked_at: list[Site] = []
+    fitting = generator.fitting_sites
+
+    def spread_out(osm: OsmMap, request: GenerationRequest) -> list[Site]:
+        return fitting(osm, request)[:1] * (generator.MOST_SITES + 2)
+
+    def prepared(request: GenerationRequest, osm: OsmMap, site: Site, *rest: Any) -> SiteNetwork:
+        looked_at.append(site)
+        if len(looked_at) <= generator.MOST_SITES + 1:
+            raise NotPossible("swallowed", reason=SITE_LOST)
+        return prepare_site(request, osm, site, *rest)
+
+    monkeypatch.setattr(generator, "fitting_sites", spread_out)
+    monkeypatch.setattr(generator, "prepare_site", prepared)
+    request = request_for_fahrhausen().model_copy(update={"folder": str(tmp_path), "duration_s": 6.0})
+    made = generator.generate_scenario(request, silent)
+    note = next(note for note in made.notes if note.startswith("passed over"))
+    assert f"{generator.MOST_SITES + 1} site(s) lost when the road network is built: intersection at" in note
+    assert note.endswith(f"{generator.MOST_SITES + 1 - generator.SHOWN_LOST} more")
+
+
+def test_no_more_sites_are_passed_over_than_takes_a_bounded_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked_at: list[Site] = []
+
+    def prepared(request: GenerationRequest, osm: OsmMap, site: Site, *rest: Any) -> SiteNetwork:
+        looked_at.append(site)
+        raise NotPossible("swallowed", reason=SITE_LOST)
+
+    fitting = generator.fitting_sites
+    monkeypatch.setattr(generator, "fitting_sites", lambda osm, request: fitting(osm, request)[:1] * 500)
+    monkeypatch.setattr(generator, "prepare_site", prepared)
+    assert refused(tmp_path).reason == SITE_LOST
+    assert len(looked_at) == generator.MOST_LOST
+
+
+def test_a_site_that_a_joined_junction_swallows_is_built_of_junctions_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    verdicts = iter(["swallowed", None])
+    monkeypatch.setattr(site_network, "why_not_realised", lambda site, net: next(verdicts))
+    notes = site_at(tmp_path).notes
+    assert any("were not joined, because the site was lost" in note for note in notes)
 
 
 def test_a_site_without_another_gets_all_the_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

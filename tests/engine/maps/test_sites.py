@@ -1,3 +1,4 @@
+import math
 from pathlib import Path
 
 import pytest
@@ -99,3 +100,49 @@ def test_a_fast_road_among_houses_is_not_rural(tmp_path: Path) -> None:
     for x in range(-1000, 1001, 200):
         sketch.road([(x, 100), (x + 150, 100)], "residential", f"Lane {x}")
     assert "rural" not in finder(tmp_path, sketch).kinds()
+
+
+def ring(*parts: tuple[int, int], arms: int = 3, kind: str = "secondary", **tags: str) -> Sketch:
+    """A ring of 12 corners and 20 m radius, drawn in parts (from, to corner), with roads outwards at every third."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    corners = [(20 * math.cos(k * math.pi / 6), 20 * math.sin(k * math.pi / 6)) for k in range(12)]
+    for begin, end in parts:
+        line = [corners[k % 12] for k in range(begin, end + 1)]
+        sketch.road(line, kind, "", **{"junction": "roundabout", **tags})
+    for number in range(arms):
+        x, y = corners[3 * number]
+        sketch.road([(x, y), (6 * x, 6 * y)], "secondary", f"Arm {number}")
+    return sketch
+
+
+@pytest.mark.parametrize("parts", [[(0, 12)], [(0, 6), (6, 12)], [(3, 9), (9, 12), (0, 3)]])
+def test_a_ring_is_found_in_one_way_or_in_several(tmp_path: Path, parts: list[tuple[int, int]]) -> None:
+    assert finder(tmp_path, ring(*parts)).kinds()["roundabout"] == 1
+
+
+def test_a_ring_drawn_against_its_direction_is_one(tmp_path: Path) -> None:
+    assert finder(tmp_path, ring((0, 6), (6, 12), oneway="-1")).kinds()["roundabout"] == 1
+
+
+@pytest.mark.parametrize(
+    "sketch",
+    [
+        ring((0, 9)),
+        ring((0, 5), (6, 12)),
+        ring((0, 12), arms=1),
+        ring((0, 6), (6, 12), oneway="no"),
+        ring((0, 12), kind="secondary_link"),
+    ],
+    ids=["three quarters", "gap", "one entry", "both directions", "links"],
+)
+def test_what_no_network_closes_to_a_roundabout_is_none(tmp_path: Path, sketch: Sketch) -> None:
+    assert "roundabout" not in finder(tmp_path, sketch).kinds()
+
+
+def test_a_ring_as_long_as_a_town_is_no_roundabout(tmp_path: Path) -> None:
+    sketch = ring()
+    line = [(300 * math.cos(k * math.pi / 6), 300 * math.sin(k * math.pi / 6)) for k in range(13)]
+    sketch.road(line, "secondary", "", junction="roundabout")
+    for x, y in line[:3]:
+        sketch.road([(x, y), (2 * x, 2 * y)], "secondary", "")
+    assert "roundabout" not in finder(tmp_path, sketch).kinds()

@@ -1,0 +1,80 @@
+"""Rings of one-way roads: whether a road that is tagged as a roundabout is closed, drawn as one way or as several.
+
+A map may show half a ring (its other half lies beyond the border, or a node of it is missing), and anything may be
+tagged as a roundabout; no network has one there.
+"""
+
+from collections.abc import Iterable
+from heapq import heappop, heappush
+from itertools import islice, pairwise
+
+from .osm import OsmMap, OsmWay, ground_distance_m
+
+LONGEST_RING_M = 1_000.0
+"""Around a ring (chosen): what is cut out around a site holds no longer one."""
+LEAST_ENTRIES = 2
+"""Roads that lead into a roundabout (chosen)."""
+MOST_NODES = 1_000
+"""That are looked at until a ring is closed, at most (chosen)."""
+RING_TAGS = ("roundabout", "circular")
+"""OSM's values of ``junction`` for roads that lead round in one direction."""
+
+
+class Rings:
+    """The roads of a map from node to node, asked for the rings that tagged ways belong to."""
+
+    def __init__(self, osm: OsmMap, roads: Iterable[OsmWay]) -> None:
+        self._osm = osm
+        self._onwards: dict[int, list[int]] = {}
+        self._before: dict[int, set[int]] = {}
+        for way in roads:
+            direction = _direction(way)
+            for one, other in pairwise(way.node_ids):
+                start, end = (other, one) if direction < 0 else (one, other)
+                self._before.setdefault(end, set()).add(start)
+                if direction:
+                    self._onwards.setdefault(start, []).append(end)
+                else:
+                    self._before.setdefault(start, set()).add(end)
+
+    def around(self, way: OsmWay) -> tuple[int, ...]:
+        """The nodes of the ring that a tagged way is part of, its beginning at the end again.
+
+        Nothing where the way does not close over one-way roads, where the ring is longer than ``LONGEST_RING_M``, or
+        where fewer than two roads lead into it.
+        """
+        line = way.node_ids[::-1] if _direction(way) < 0 else way.node_ids
+        ring = line if line[0] == line[-1] else (*line, *self._shortest(line))
+        inside = frozenset(ring)
+        if ring[0] != ring[-1] or len(inside) < 3 or self._length_m(ring) > LONGEST_RING_M:
+            return ()
+        entries = (before for key in ring[1:] for before in self._before.get(key, ()) if before not in inside)
+        return ring if len(list(islice(entries, LEAST_ENTRIES))) == LEAST_ENTRIES else ()
+
+    def _shortest(self, line: tuple[int, ...]) -> tuple[int, ...]:
+        """The nodes over which one-way roads lead from the end of a line back to its beginning; none where none do."""
+        paths: list[tuple[float, tuple[int, ...]]] = [(self._length_m(line), (line[-1],))]
+        seen = {line[-1]}
+        while paths and len(seen) < MOST_NODES:
+            length_m, path = heappop(paths)
+            for key in self._onwards.get(path[-1], ()):
+                further_m = length_m + self._length_m((path[-1], key))
+                if key == line[0]:
+                    return (*path[1:], key)
+                if key not in seen and further_m <= LONGEST_RING_M:
+                    seen.add(key)
+                    heappush(paths, (further_m, (*path, key)))
+        return ()
+
+    def _length_m(self, nodes: tuple[int, ...]) -> float:
+        places = [self._osm.nodes[key].position for key in nodes]
+        return sum(ground_distance_m(one, other) for one, other in pairwise(places))
+
+
+def _direction(way: OsmWay) -> int:
+    """1 for a way that is driven from its first node on, -1 for one driven to it, 0 for one in both directions."""
+    oneway = way.tags.get("oneway", "")
+    if oneway in ("-1", "reverse"):
+        return -1
+    implied = way.tags.get("junction") in RING_TAGS or way.road_class == "motorway"
+    return int(oneway in ("yes", "true", "1") or (implied and oneway != "no"))
