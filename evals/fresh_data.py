@@ -8,22 +8,43 @@ made here, with a seed that was never run before:
   at random with roundabouts, ramps, lights and winding roads.
 - ``mutated_maps``: maps to be read or refused by name. The same with nodes missing, ways of one node, ids twice, tags
   long or with line breaks, coordinates at the poles and the antimeridian.
+- ``fresh_recordings``: scenarios of the shared folder whose recordings are made new: road users that are lost and found
+  again under another id, seen late or not to the end; jitter of some cm; driving without lanes; rows of parked cars;
+  pedestrians along the road; all of it turned and moved. In one of 25 a road user misses steps in the middle of its
+  trajectory, which CommonRoad does not know: such a file is to be refused by name.
+- ``fresh_scenarios``: every second one of those, every other one generated from a fresh map with traffic of many
+  classes.
 
-``python -m plannerforge.evals.fresh_data SEED FOLDER --count 20`` writes them into a folder.
+``python -m plannerforge.evals.fresh_data SEED FOLDER --count 20`` writes maps into a folder, ``--mutated`` and
+``--scenarios`` the others.
 """
 
 import argparse
+import hashlib
 import math
 import random
 import subprocess
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache, partial
+from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
+import shapely
 from lxml import etree
 
+from ..engine.commonroad import derived_benchmark_id
+from ..engine.execution import silent
+from ..engine.generation import generate_scenario
+from ..engine.geometry import Points, Values, arc_length, length_m, point_at
 from ..engine.maps import Sketch
-from .harness import existing, shared_folder
+from ..engine.vehicles import vehicle_classes
+from ..schemas.errors import PlannerForgeError
+from ..schemas.generation import GenerationRequest, VehicleDemand
+from .harness import drawn, existing, scenario_files, shared_folder, shared_scenarios
+from .symmetries.relations import RELATIONS, read_root, write_root
 
 Point = tuple[float, float]
 """Metres east and north of the middle of a map."""
@@ -82,6 +103,35 @@ def mutated_maps(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
         path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
         paths.append(path)
     return tuple(paths)
+
+
+def fresh_recordings(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
+    """Write recordings of the shared folder made new; the same seed gives the same bytes, a larger count more files.
+
+    Args:
+        seed: of all that is drawn.
+        folder: where to write; made where it is missing.
+        count: how many. No source is taken twice before all were.
+
+    Returns:
+        The files, named by their benchmark ids, which no source has.
+    """
+    return tuple(_fresh_recording(seed, number, folder) for number in range(count))
+
+
+def fresh_scenarios(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
+    """As ``fresh_recordings``, but every other one is generated from a fresh map; a larger count gives more files."""
+    return tuple(fresh_scenario(seed, number, folder) for number in range(count))
+
+
+def fresh_scenario(seed: int, number: int, folder: Path) -> Path:
+    """Write one of ``fresh_scenarios``, so that several processes can share the work.
+
+    Raises:
+        RuntimeError: no scenario could be generated on several fresh maps.
+    """
+    make = _generated if number % 2 else _fresh_recording
+    return make(seed, number // 2, folder)
 
 
 def _choice(seed: int, number: int, kind: str) -> random.Random:
@@ -376,11 +426,300 @@ MUTATIONS: tuple[Callable[[random.Random, etree._Element], None], ...] = (
 """Each changes the tree of an extract at places that it draws."""
 
 
+# Scenarios
+
+
+def _generated(seed: int, number: int, folder: Path) -> Path:
+    """A scenario of many classes on a fresh map; on the next map where none can be made."""
+    for attempt in range(_TRIES):
+        choice = _choice(seed, number, f"generated {attempt}")
+        kind = choice.choice(list(_KINDS))
+        with tempfile.TemporaryDirectory() as scratch:
+            source = Path(scratch) / ("fresh.net.xml" if kind in _NETWORKS else "fresh.osm")
+            _KINDS[kind](choice, source)
+            try:
+                generate_scenario(_request(choice, source), silent)
+            except PlannerForgeError:
+                continue
+            return _written(read_root(Path(scratch) / "scenario.xml"), f"{seed} {number} generated", folder)
+    raise RuntimeError(f"no scenario could be generated on {_TRIES} fresh maps")
+
+
+def _request(choice: random.Random, source: Path) -> GenerationRequest:
+    classes = list(vehicle_classes())
+    return GenerationRequest(
+        map_path=str(source),
+        map_id=source.name,
+        place="Freshtown",
+        country=None,
+        attribution="",
+        density=choice.choice(["low", "medium", "high"]),
+        vehicles=tuple(VehicleDemand(vehicle_class=name) for name in choice.sample(classes, choice.randint(2, 6))),
+        duration_s=float(choice.randint(6, 12)),
+        seed=choice.randrange(2**31),
+        folder=str(source.parent),
+    )
+
+
+def _fresh_recording(seed: int, number: int, folder: Path) -> Path:
+    """A shared scenario with two to four disturbances, turned by any angle and moved."""
+    files = {path.name: path for path in scenario_files(existing(shared_scenarios()), None)}
+    order = drawn((f"{seed} {name}" for name in files), None)
+    source = files[order[number % len(order)].partition(" ")[2]]
+    choice = _choice(seed, number, "recording")
+    root = read_root(source)
+    disturbances = choice.sample(DISTURBANCES, choice.randint(2, len(DISTURBANCES) - 1))
+    if choice.random() < _HOLED:
+        disturbances.append(_with_a_hole)
+    for disturb in disturbances:
+        disturb(choice, root)
+    for relation in ("turned", "moved"):
+        root, _ = RELATIONS[relation].applied(root, f"{seed} {number}")
+    return _written(root, f"{seed} {number} recording", folder)
+
+
+def _written(root: etree._Element, key: str, folder: Path) -> Path:
+    """The file under a benchmark id that is made of the old one, whose country planners read signs by, and of a key."""
+    folder.mkdir(parents=True, exist_ok=True)
+    digest = hashlib.sha256(key.encode()).hexdigest()
+    root.set("benchmarkID", derived_benchmark_id(root.get("benchmarkID", ""), digest))
+    path = folder / f"{root.get('benchmarkID')}.xml"
+    write_root(root, path)
+    return path
+
+
+_HOLED = 0.04
+"""Of the recordings, those in which a road user misses steps (chosen)."""
+_FEWEST_STATES = 25
+"""Of a recording that is cut (chosen): both parts are long enough to be driven."""
+_JITTER_M, _JITTER_KEPT = (0.005, 0.03), 0.7
+"""Standard deviation of the jitter, and the share of it that is kept from one step to the next (chosen)."""
+_ASIDE_M, _WAVE_M, _LATERAL_MPS2 = (0.3, 1.5), (50.0, 150.0), 1.0
+"""Of driving without lanes: how far to either side, within which way, and the most that it adds sideways (chosen)."""
+_APART_M = 2.6
+"""Between the centre of a parked car and those of all that were recorded (chosen)."""
+_PATHS = ("position/point/x", "position/point/y", "orientation/exact", "velocity/exact")
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """A road user of a file, with the numbers of its states: positions (n, 2), headings and speeds (n,)."""
+
+    element: etree._Element
+    states: tuple[etree._Element, ...]
+    positions: Points
+    headings_rad: Values
+    speeds_mps: Values
+
+    def rewrite(self, positions: Points, headings_rad: Values, speeds_mps: Values) -> None:
+        """Put other numbers into the file."""
+        rows = np.column_stack([positions, headings_rad, speeds_mps]).tolist()
+        for state, row in zip(self.states, rows, strict=True):
+            for path, value in zip(_PATHS, row, strict=True):
+                field = state.find(path)
+                if field is not None:
+                    field.text = f"{value:.6f}"
+
+
+def _recordings(root: etree._Element) -> list[_Recording]:
+    """All that move; those with regions, intervals or signals are left as they are."""
+    found = []
+    for element in root:
+        if element.find("trajectory") is None or element.find("signalSeries") is not None:
+            continue
+        states = (*element.iterfind("initialState"), *element.iterfind("trajectory/state"))
+        texts = [[state.findtext(path) for path in _PATHS] for state in states]
+        if all(text is not None for row in texts for text in row):
+            rows = np.array(texts, dtype=float)
+            found.append(_Recording(element, states, rows[:, :2], rows[:, 2], rows[:, 3]))
+    return found
+
+
+def _share(choice: random.Random, root: etree._Element, fewest_states: int = 2) -> list[_Recording]:
+    """Some of those that were recorded long enough, at least one where there is one."""
+    long = [one for one in _recordings(root) if len(one.states) >= fewest_states]
+    return choice.sample(long, math.ceil(len(long) * choice.uniform(0.1, 0.9)))
+
+
+def _cut_recordings(choice: random.Random, root: etree._Element) -> None:
+    """Lost and found again as another road user, seen late, or not to the end."""
+    for one in _share(choice, root, 2 * _FEWEST_STATES):
+        begin = choice.randint(_FEWEST_STATES, len(one.states) - _FEWEST_STATES)
+        how = choice.choice(["again", "late", "early"])
+        if how == "again":
+            end = min(begin + choice.randint(3, 15), len(one.states) - 2)
+            later = etree.fromstring(etree.tostring(one.element))
+            later.set("id", str(_next_id(root)))
+            _keep(later, end, None)
+            one.element.addnext(later)
+        _keep(one.element, *((begin, None) if how == "late" else (0, begin)))
+
+
+def _keep(element: etree._Element, begin: int, end: int | None) -> None:
+    """Leave only some states of a road user; the first of them is its initial state."""
+    states = [*element.iterfind("initialState"), *element.iterfind("trajectory/state")]
+    kept = states[begin:end]
+    for state in states:
+        parent = state.getparent()
+        if parent is not None and (state not in kept or (begin and state is kept[0])):
+            parent.remove(state)
+    if begin:
+        trajectory = element.find("trajectory")
+        if trajectory is not None:
+            trajectory.addprevious(kept[0])
+        kept[0].tag = "initialState"
+
+
+def _with_a_hole(choice: random.Random, root: etree._Element) -> None:
+    """A road user misses steps in the middle of its trajectory."""
+    for one in _share(choice, root, _FEWEST_STATES)[:1]:
+        begin = choice.randint(2, len(one.states) - 10)
+        for state in one.states[begin : begin + choice.randint(1, 8)]:
+            one.element.find("trajectory").remove(state)  # type: ignore[union-attr]
+
+
+def _jitter(choice: random.Random, root: etree._Element) -> None:
+    """Positions are off by some cm; headings and speeds, which trackers smooth, are not."""
+    for one in _share(choice, root):
+        noise = np.random.default_rng(choice.getrandbits(64)).normal(size=one.positions.shape)
+        for before, here in pairwise(noise):  # rows of the array, changed in place
+            here *= math.sqrt(1 - _JITTER_KEPT**2)
+            here += _JITTER_KEPT * before
+        one.rewrite(one.positions + choice.uniform(*_JITTER_M) * noise, one.headings_rad, one.speeds_mps)
+
+
+def _lane_less(choice: random.Random, root: etree._Element) -> None:
+    """Vehicles weave to either side of the way that they were recorded on; headings and speeds follow."""
+    for one in _share(choice, root):
+        if one.element.findtext("type") == "pedestrian" or length_m(one.positions) < _WAVE_M[0] / 2:
+            continue
+        aside_m, fastest = choice.uniform(*_ASIDE_M), float(one.speeds_mps.max())
+        wave_m = max(choice.uniform(*_WAVE_M), 2 * math.pi * fastest * math.sqrt(aside_m / _LATERAL_MPS2))
+        phase = choice.uniform(-math.pi, math.pi) + 2 * math.pi * arc_length(one.positions) / wave_m
+        slope = aside_m * 2 * math.pi / wave_m * np.cos(phase)
+        left = np.column_stack([-np.sin(one.headings_rad), np.cos(one.headings_rad)])
+        one.rewrite(
+            one.positions + (aside_m * np.sin(phase))[:, None] * left,
+            one.headings_rad + np.arctan(slope),
+            one.speeds_mps * np.hypot(1.0, slope),
+        )
+
+
+def _parked_row(choice: random.Random, root: etree._Element) -> None:
+    """Cars stand in a row beside a road, none on a lanelet nor in anybody's way."""
+    lanes = [shapely.Polygon(np.vstack([_bound(one, "left"), _bound(one, "right")[::-1]])) for one in _lanelets(root)]
+    area = shapely.union_all([shapely.make_valid(lane) for lane in lanes])
+    there = shapely.MultiPoint(np.vstack([_starts(root), *(one.positions for one in _recordings(root))]))
+    for line, side in _kerbs(choice, root, choice.randint(1, 3)):
+        station, turned = choice.uniform(2.0, 10.0), choice.random() < 0.2
+        for _ in range(choice.randint(3, 10)):
+            size = choice.uniform(4.0, 5.0), choice.uniform(1.65, 1.95)
+            station += size[0] / 2
+            point, heading = point_at(line, station)
+            place = shapely.Point(_beside(point, heading, side * (size[1] / 2 + choice.uniform(0.2, 0.6))))
+            if station < length_m(line) and not area.intersects(place) and there.distance(place) > _APART_M:
+                way = heading + math.pi if turned else heading
+                state = (place.x, place.y, math.remainder(way, 2 * math.pi), 0.0)
+                _add_road_user(root, "parkedVehicle", size, [state])
+            station += size[0] / 2 + choice.uniform(0.6, 1.8)
+
+
+def _pedestrians(choice: random.Random, root: etree._Element) -> None:
+    """They walk along the road on either side, in either direction, until the last step or to the end of the road."""
+    step_s = float(root.get("timeStepSize", "0.1"))
+    steps = max(int(text) for one in _recordings(root) if (text := one.states[-1].findtext("time/exact")))
+    for line, side in _kerbs(choice, root, choice.randint(1, 5)):
+        way = line if choice.random() < 0.5 else line[::-1]
+        outside = side if way is line else -side
+        speed, aside = choice.uniform(0.9, 1.7), choice.uniform(0.8, 2.0)
+        begin = choice.uniform(0.0, length_m(way) / 2)
+        stations = begin + speed * step_s * np.arange(steps + 1)
+        places = [point_at(way, float(station)) for station in stations[stations < length_m(way)]]
+        states = [(*_beside(point, heading, outside * aside).tolist(), heading, speed) for point, heading in places]
+        if len(states) > _FEWEST_STATES:
+            _add_road_user(root, "pedestrian", (0.5, 0.6), states)
+
+
+def _lanelets(root: etree._Element) -> list[etree._Element]:
+    return root.findall("lanelet")
+
+
+def _bound(lanelet: etree._Element, side: str) -> Points:
+    points = lanelet.iterfind(f"{side}Bound/point")
+    return np.array([[float(point.findtext("x", "nan")), float(point.findtext("y", "nan"))] for point in points])
+
+
+def _starts(root: etree._Element) -> Points:
+    """Where egos start."""
+    points = root.iterfind("planningProblem/initialState/position/point")
+    return np.array([[float(point.findtext("x", "nan")), float(point.findtext("y", "nan"))] for point in points])
+
+
+def _kerbs(choice: random.Random, root: etree._Element, count: int) -> Iterator[tuple[Points, float]]:
+    """Bounds of lanelets with no other lanelet beside them, and the side on which nothing is: 1 left, -1 right."""
+    sides = {"left": 1.0, "right": -1.0}
+    outer = [
+        (lanelet, side)
+        for lanelet in _lanelets(root)
+        for side in sides
+        if lanelet.find(f"adjacent{side.title()}") is None and length_m(_bound(lanelet, side)) > 2 * _FEWEST_STATES
+    ]
+    for lanelet, side in choice.sample(outer, min(count, len(outer))):
+        yield _bound(lanelet, side), sides[side]
+
+
+def _beside(point: Points, heading_rad: float, left_m: float) -> Points:
+    return np.asarray(point + left_m * np.array([-math.sin(heading_rad), math.cos(heading_rad)]))
+
+
+def _next_id(root: etree._Element) -> int:
+    return 1 + max(int(element.get("id", "0")) for element in root.iter("*") if element.get("id", "0").isdecimal())
+
+
+def _add_road_user(
+    root: etree._Element, kind: str, size: tuple[float, float], states: Sequence[tuple[float, ...]]
+) -> None:
+    """Put an obstacle before the first that moves; with one state it stands. ``states``: x, y, heading, speed."""
+    role = "static" if len(states) == 1 else "dynamic"
+    is_old = root.get("commonRoadVersion") == "2018b"
+    obstacle = etree.Element("obstacle" if is_old else f"{role}Obstacle", id=str(_next_id(root)))
+    if is_old:
+        etree.SubElement(obstacle, "role").text = role
+    etree.SubElement(obstacle, "type").text = kind
+    rectangle = etree.SubElement(etree.SubElement(obstacle, "shape"), "rectangle")
+    for name, value in zip(("length", "width"), size, strict=True):
+        etree.SubElement(rectangle, name).text = f"{value:.3f}"
+    trajectory = etree.Element("trajectory")
+    for step, row in enumerate(states):
+        state = etree.SubElement(trajectory if step else obstacle, "state" if step else "initialState")
+        point = etree.SubElement(etree.SubElement(state, "position"), "point")
+        for name, value in zip(("x", "y"), row[:2], strict=True):
+            etree.SubElement(point, name).text = f"{value:.6f}"
+        values = {"orientation": f"{row[2]:.6f}", "time": str(step)}
+        for name, text in (values | ({} if role == "static" else {"velocity": f"{row[3]:.6f}"})).items():
+            etree.SubElement(etree.SubElement(state, name), "exact").text = text
+    if role == "dynamic":
+        obstacle.append(trajectory)
+    next(element for element in root if element.find("trajectory") is not None).addprevious(obstacle)
+
+
+DISTURBANCES: tuple[Callable[[random.Random, etree._Element], None], ...] = (
+    _cut_recordings,
+    _jitter,
+    _lane_less,
+    _parked_row,
+    _pedestrians,
+)
+"""Each changes the road users of a scenario's tree, some that it draws."""
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("seed", type=int)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--mutated", action="store_true", help="write maps that are to be read or refused")
+    parser.add_argument("--scenarios", action="store_true", help="write scenarios")
     given = parser.parse_args()
-    (mutated_maps if given.mutated else fresh_maps)(given.seed, given.folder, given.count)
+    make = mutated_maps if given.mutated else fresh_scenarios if given.scenarios else fresh_maps
+    make(given.seed, given.folder, given.count)

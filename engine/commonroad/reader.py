@@ -15,7 +15,7 @@ reads the recorded motion straight into arrays (``tracks``).
 import logging
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
@@ -123,7 +123,7 @@ def read_recorded(path: Path, limits: XmlLimits | None = None) -> RecordedScenar
     """
     root = _road_document(path, limits)
     states = take_plain_states(root)
-    _check(path, root, limits)
+    _check(path, root, limits, states)
     loaded = _open(path, root)
     return RecordedScenario(loaded, recorded_tracks(loaded.scenario, states))
 
@@ -140,10 +140,10 @@ def _road_document(path: Path, limits: XmlLimits | None) -> Element:
     return root
 
 
-def _check(path: Path, root: Element, limits: XmlLimits | None) -> None:
+def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collection[int] = ()) -> None:
     """Refuse what is beyond the limits; its line is looked for in the whole document, of which states may be taken."""
     try:
-        check_document(root)
+        check_document(root, taken)
     except BeyondLimits as error:
         _refuse_with_line(path, parse_document(path, limits))
         raise error.refusal(path.name, None) from None

@@ -8,6 +8,7 @@ whatever is not plain stays in the document for commonroad-io, so that it alone 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
@@ -193,8 +194,8 @@ def take_plain_states(document: Element) -> dict[int, _PlainStates]:
 
     The first and the last state of each stay, so that commonroad-io reads a trajectory of the same duration. A
     trajectory is left whole where one of its states differs from the others in its fields, gives an interval or a
-    region, or holds a text that is no number, none that is finite or one beyond its limits: who checks the document
-    finds it there.
+    region, or holds a text that is no number, none that is finite or one beyond its limits, and where steps are missing
+    between them: who checks the document finds it there.
     """
     taken = {}
     for obstacle in document:
@@ -225,7 +226,7 @@ def _plain_states(trajectory: Element) -> _PlainStates | None:
         return None
     if not _are_near_the_ends(positions) or not all(is_within(field, columns[field]) for field in columns):
         return None
-    if not is_within("time", times):
+    if not is_within("time", times) or any(after - before != 1 for before, after in pairwise(times)):
         return None
     return _PlainStates(
         positions=np.array(positions, dtype=float),

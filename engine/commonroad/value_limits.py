@@ -8,8 +8,9 @@ the table to users.
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from ...schemas.errors import UnsafeInput
@@ -152,8 +153,12 @@ class BeyondLimits(Exception):
         return UnsafeInput(f"{place}: {self.what}", valid=[self.valid], next_step=self.next_step)
 
 
-def check_document(root: Any) -> None:
+def check_document(root: Any, taken: Collection[int] = ()) -> None:
     """Look at every number, count and text of a parsed CommonRoad document (ElementTree).
+
+    Args:
+        root: of the document.
+        taken: ids of obstacles whose states were taken out, because they are known to be plain and without a gap.
 
     Raises:
         BeyondLimits: one is no number or beyond its limit.
@@ -170,6 +175,8 @@ def check_document(root: Any) -> None:
         relative = () if own_shape is None else _check_own_shape(own_shape, owner)
         places = _check_below(top, owner, relative)
         _check_occupancies(top, owner)
+        if top.tag in _OBSTACLES and not (taken and int(top.get("id", "-1")) in taken):
+            _check_steps(top, owner)
         _check_drawn(top, owner)
         if top.tag in _PLACED and places:
             boxes.append((top, owner, places))
@@ -268,6 +275,20 @@ def _check_occupancies(top: Any, owner: str) -> None:
     if covered > MOST_OCCUPIED_STEPS:
         what = f"the occupancies of {owner} cover {covered:,} steps, each counted once for every part of its shape"
         raise BeyondLimits(top, what, f"at most {MOST_OCCUPIED_STEPS:,}")
+
+
+def _check_steps(top: Any, owner: str) -> None:
+    """Check that a trajectory has a state for every step: whatever reads it counts them (CommonRoad: no gaps)."""
+    states = [state for part in ("initialState", "trajectory/state") for state in top.iterfind(part)]
+    steps = [state.findtext("time/exact") for state in states]
+    for number, (before, here) in enumerate(pairwise(steps)):
+        if before is None or here is None:
+            continue
+        apart = int(here) - int(before)
+        if apart != 1 and not (number == 0 and apart == 0):  # some give the initial state twice
+            what = f"the states of {owner} go from step {int(before):,} to step {int(here):,}"
+            next_step = "fill the gap, or make an obstacle with an id of its own of what comes after it"
+            raise BeyondLimits(states[number + 1], what, "one state for every step, in their order", next_step)
 
 
 def _check_drawn(top: Any, owner: str) -> None:

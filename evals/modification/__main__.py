@@ -18,11 +18,20 @@ old and the new file), ``unreported_collisions`` (a touched vehicle), ``collisio
 (composites, by the tool's calls), ``edit_median_s``, ``edit_p95_s`` (seconds of a warm worker, reading and writing
 included; a scenario's first edit reads it, later ones find it kept), ``edit_first_median_s`` (first edits alone),
 ``edit_cpu_median_s`` (processor time of all, which other work does not lengthen).
+
+``--fresh SEED`` makes the same drawn edits on scenarios that are made just then (``fresh_scenarios`` of
+``evals.fresh_data``): one half generated, one half recordings made new. Keys: ``seed``, ``fresh_files``,
+``fresh_refused`` (of them, by name when they were read; no failure), ``fresh_crashed``, ``fresh_edits`` (carried out),
+``fresh_round_trip``, ``fresh_T_ends``, ``fresh_B_preset``, ``fresh_P_count``, ``fresh_G_edge``, ``fresh_checks_min``,
+``fresh_valid_min``, ``fresh_executable_min``, ``fresh_refused_right``, ``fresh_handovers_smooth``,
+``fresh_untouched_identical``, ``fresh_unreported_collisions`` as above, and ``fresh_physical_min`` (the least of the
+``physical_*``).
 """
 
 import argparse
 import re
 import statistics
+import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, as_completed
@@ -33,7 +42,7 @@ from rich.progress import track
 
 from ...engine.analysis import wilson_interval
 from ..harness import existing, percentile_95, print_figures, process_pool, share, shared_folder, shared_scenarios
-from .cases import Case, Effort, Measured, Refusal, measure_file, measure_line
+from .cases import Case, Effort, Measured, Refusal, measure_file, measure_fresh, measure_line
 from .requests import published_presets
 from .safety import safety_rows
 
@@ -47,6 +56,11 @@ HEADLINES = ("T_ends", "B_preset", "P_count", "G_edge", "composite_done")
 PHYSICAL = ("T", "B", "P", "composite")
 LARGEST_JUMP_M, LARGEST_STEP_MPS = 0.05, 1.0
 """Of a hand-over that counts as smooth: beyond v·dt, and of speed."""
+FRESH = (
+    *("round_trip", "T_ends", "B_preset", "P_count", "G_edge", "checks_min", "valid_min", "executable_min"),
+    *("refused_right", "handovers_smooth", "untouched_identical", "unreported_collisions"),
+)
+"""Figures that are measured on fresh scenarios too."""
 REASONS, REASON_LETTERS = 6, 110
 """Of refusals that the table shows for each task: how many, and how long."""
 
@@ -66,7 +80,48 @@ def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[
         for index, line in enumerate(lines):
             effort = Effort(planner=index % EVERY_LINE_PLANNED == 0)
             jobs.append(pool.submit(measure_line, line, shared_scenarios(), effort))
-        return [job.result() for job in track(as_completed(jobs), total=len(jobs), console=Console(stderr=True))]
+        return _results(jobs)
+
+
+def _measure_fresh(seed: int, count: int, workers: int) -> list[Measured]:
+    """As many fresh scenarios on worker processes; the results in no particular order."""
+    presets = published_presets(shared_folder() / "facts")
+    with process_pool(workers) as pool:
+        jobs = [
+            pool.submit(
+                measure_fresh,
+                seed,
+                number,
+                presets,
+                Effort(
+                    planner=number // 2 % EVERY_FILE_PLANNED == 0,
+                    every_vehicle=number // 2 % EVERY_FILE_WHOLE == 0,
+                    recipes=False,
+                ),
+            )
+            for number in range(count)
+        ]
+        return _results(jobs)
+
+
+def _results(jobs: Sequence[Future[Measured]]) -> list[Measured]:
+    return [job.result() for job in track(as_completed(jobs), total=len(jobs), console=Console(stderr=True))]
+
+
+def fresh_figures(seed: int, measured: Sequence[Measured]) -> dict[str, float | int]:
+    """The figures of fresh scenarios by key."""
+    made = [case for result in measured for case in result.cases if not case.refused]
+    figures = figures_of(measured)
+    physical = [_settled(made, task) for task in (*PHYSICAL, None)]
+    return {
+        "seed": seed,
+        "fresh_files": len(measured),
+        "fresh_refused": sum(bool(result.unread) for result in measured),
+        "fresh_crashed": sum(bool(result.crashed) for result in measured),
+        "fresh_edits": len(made),
+        **{f"fresh_{name}": figures[name] for name in FRESH},
+        "fresh_physical_min": min((share(verdicts) for verdicts in physical if verdicts), default=0.0),
+    }
 
 
 def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
@@ -94,10 +149,10 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
         "unreported_collisions": sum(case.unreported for case in made) / touched,
         "collisions_left": sum(case.collisions for case in made) / touched,
         "several_calls_equal": share(_known(case.in_several_calls_equal for case in made)),
-        "edit_median_s": statistics.median(seconds),
-        "edit_p95_s": percentile_95(seconds),
-        "edit_first_median_s": statistics.median(first) if first else 0.0,
-        "edit_cpu_median_s": statistics.median(case.edit_cpu_s for case in made),
+        "edit_median_s": statistics.median(seconds or [0.0]),
+        "edit_p95_s": percentile_95(seconds or [0.0]),
+        "edit_first_median_s": statistics.median(first or [0.0]),
+        "edit_cpu_median_s": statistics.median([case.edit_cpu_s for case in made] or [0.0]),
     }
     return {name: round(value, 4) for name, value in figures.items()}
 
@@ -131,6 +186,8 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     rows.append(("refused right", f"{_interval(refused)}; going on is right too: {', '.join(lenient) or 'none'}"))
     on_road, off_lanes = (sum(getattr(result, name) for result in measured) for name in ("road_users", "off_lanes"))
     rows.append(("round trip", f"{on_road} road users, {off_lanes} of them off all lanelets"))
+    rows += [("refused when read", result.unread) for result in measured if result.unread]
+    rows += [("crashed", result.crashed) for result in measured if result.crashed]
     rows.append(("handed over besides", str(sum(case.handed_over for case in made))))
     rows.append(("collisions reported", str(sum(case.collisions for case in made))))
     return rows + safety_rows([shift for result in measured for shift in result.shifts])
@@ -152,6 +209,7 @@ def failures_of(measured: Sequence[Measured]) -> list[str]:
     """Every request and check that went wrong, one line each."""
     lines = [f"round trip: {result.round_trip_error}" for result in measured if result.round_trip_error]
     lines += [f"not refused right: {name}" for result in measured for name, right in result.refused_right if not right]
+    lines += [f"crashed: {result.crashed}" for result in measured if result.crashed]
     for case in (case for result in measured for case in result.cases):
         wrong = [
             *(name for name, passed in case.checks.items() if not passed),
@@ -241,7 +299,14 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--every", type=int, default=1, help="only every n-th file and request")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--fresh", type=int, metavar="SEED", help="on scenarios that are made just then")
+    parser.add_argument("--count", type=int, default=50, help="with --fresh: how many scenarios")
     asked = parser.parse_args()
+    if asked.fresh is not None:
+        results = _measure_fresh(asked.fresh, asked.count, asked.workers)
+        Console(stderr=True, soft_wrap=True).print("\n".join(failures_of(results)), markup=False, highlight=False)
+        print_figures("Modification", fresh_figures(asked.fresh, results), more_rows=rows_of(results))
+        sys.exit()
     scenarios = sorted(existing(shared_scenarios()).glob("*.xml"))[:: asked.every]
     corpora = [shared_folder() / "corpora" / "dev" / f"modification_{task}.jsonl" for task in CORPUS]
     requests = [line for path in corpora for line in path.read_text(encoding="utf-8").splitlines()][:: asked.every]

@@ -27,6 +27,7 @@ from ...schemas.modification import (
 from ...schemas.runs import RunRecord
 from ...tools.modification import modify_scenario
 from ...tools.scenario_storage import store_scenario
+from ..fresh_data import fresh_scenario
 from ..harness import call_in_process
 from ..tracks import is_drivable
 from .arrivals import refusal_is_right
@@ -121,7 +122,8 @@ class Measured:
 
     ``no_request``: tasks of which the scenario allows nothing. ``not_to_refuse``: lines of the corpus for which going
     on is right too. ``off_lanes``: those of ``road_users`` off all lanelets: SUMO shows them in the round trip, while a
-    re-simulation keeps their recording and leaves them out of SUMO.
+    re-simulation keeps their recording and leaves them out of SUMO. ``unread``: why the product reads a fresh scenario
+    not; ``crashed``: what it failed with but a refusal.
     """
 
     cases: tuple[Case, ...] = ()
@@ -132,6 +134,8 @@ class Measured:
     not_to_refuse: tuple[str, ...] = ()
     road_users: int = 0
     off_lanes: int = 0
+    unread: str = ""
+    crashed: str = ""
 
 
 @dataclass(frozen=True)
@@ -139,17 +143,41 @@ class Effort:
     """What is measured besides the edits, which takes longer than they do.
 
     ``planner``: it drives what the drawn edits made; ``safety``: what the recipes of the safety table made too.
-    ``every_vehicle``: the drivability checker judges all touched vehicles, not one that an edit names.
+    ``every_vehicle``: the drivability checker judges all touched vehicles, not one that an edit names. ``recipes``: the
+    edits of the safety table are made at all.
     """
 
     planner: bool = False
     safety: bool = False
     every_vehicle: bool = False
+    recipes: bool = True
 
 
 def measure_file(path: Path, presets: Presets, effort: Effort) -> Measured:
     """Round trip, one drawn edit of each task, refusals and the recipes of the safety table."""
-    scene = Scene.of(read_scenario(path))
+    return _measured(path, Scene.of(read_scenario(path)), presets, effort)
+
+
+def measure_fresh(seed: int, number: int, presets: Presets, effort: Effort) -> Measured:
+    """The same on one of the ``fresh_scenarios``; its edits are drawn by its name, which no other seed gives.
+
+    A scenario that is refused by name is ``unread``; whatever else the product or a judge raises has ``crashed``.
+    """
+    with TemporaryDirectory() as name:
+        path = fresh_scenario(seed, number, Path(name))
+        try:
+            scene = Scene.of(read_scenario(path))
+        except PlannerForgeError as error:
+            return Measured(unread=f"{path.stem}: {error.text}")
+        except Exception as error:  # noqa: BLE001 - a defect of ours is one failure and not the bench's end
+            return Measured(crashed=f"{path.stem}, read: {error!r}")
+        try:
+            return _measured(path, scene, presets, effort)
+        except Exception as error:  # noqa: BLE001 - see above
+            return Measured(crashed=f"{path.stem}: {error!r}")
+
+
+def _measured(path: Path, scene: Scene, presets: Presets, effort: Effort) -> Measured:
     base = planner_run(path) if effort.planner else None
     drawn = list(drawn_requests(scene, path.stem, presets))
     asked = [requests for _, requests in drawn if requests]
@@ -165,7 +193,7 @@ def measure_file(path: Path, presets: Presets, effort: Effort) -> Measured:
             road_users=len(scene.tracks) + len(scene.standing),
             off_lanes=len([key for key in scene.tracks | scene.standing if key not in scene.matches]),
             round_trip_error=_round_trip_error(scene),
-            shifts=shifts_of(path, scene, folder, base if effort.safety else None),
+            shifts=shifts_of(path, scene, folder, base if effort.safety else None) if effort.recipes else (),
         )
 
 

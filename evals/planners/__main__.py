@@ -8,11 +8,16 @@ runs with which the throughput of one worker is measured), ``two_worker_speedup`
 whose raising changes the first choice in one of some scenarios), ``rear_scenarios`` (scenarios with a follower),
 ``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were
 hit from behind, over all planners; the whole measurement is ``make bench-reactive``).
+
+``--fresh SEED`` drives problems that are drawn just then: any recorded car as the ego, at any step, to where it was
+last recorded. Keys: ``seed``, ``fresh_problems``, ``fresh_lost`` (runs that raised), ``fresh_solvable`` (not invalid),
+``fresh_success_<preset>_<prediction>`` and ``fresh_trap_infeasible`` as above.
 """
 
 import statistics
 import tempfile
 import time
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,18 +34,20 @@ from ...server.assembly import create_server
 from ..harness import (
     built_in,
     drawn,
+    existing,
     finished_batch,
     import_scenarios,
     print_figures,
     rate_text,
     read_run_file,
-    scenario_arguments,
     scenario_files,
     settings_for,
+    shared_scenarios,
     spread,
 )
 from .acting_weights import acting_weights
-from .failure_causes import cause, rejections
+from .failure_causes import cause, is_wrap, rejections
+from .fresh import Drive, fresh_drives
 from .reactive import braked_runs, rear_hits, rows
 
 CONFIGS = {"default": "frenetix:Default", "safety": "frenetix:Safety-Conservative"}
@@ -133,15 +140,11 @@ def _of(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunReco
 
 
 def is_trapped(run: RunRecord, steps: RunSteps) -> bool:
-    """Whether a run looks as if a heading wrap had made it infeasible: the yaw rate rejected more than all else did.
+    """Whether a run looks as if a heading wrap had made it infeasible (``is_wrap``).
 
-    The last attempt counts, however long the run went well before. At a wrap the heading leaps by 2π, which only the
-    check of the yaw rate sees as such. Where a curve is too tight, the curvature rate or the acceleration rejects more.
+    The last attempt counts, however long the run went well before.
     """
-    counts = {name: values[-1] for name, values in steps.rejected.items()}
-    return run.outcome == "infeasible" and counts.get("yaw_rate", 0) > max(
-        (count for name, count in counts.items() if name != "yaw_rate"), default=0
-    )
+    return run.outcome == "infeasible" and is_wrap({name: values[-1] for name, values in steps.rejected.items()})
 
 
 def _print_outcomes(runs: Sequence[RunRecord]) -> dict[str, float]:
@@ -169,7 +172,44 @@ def _print_failures(workspace: Workspace, failures: Sequence[RunRecord]) -> None
     Console(width=180).print(table)
 
 
+def _measure_fresh(files: Sequence[Path], seed: int, count: int) -> None:
+    drives = fresh_drives(files, seed, count, list(CONFIGS.values()), list(PREDICTIONS.values()), WORKERS)
+    figures, rows = fresh_figures(drives)
+    print_figures("Planner loop, one of the recorded cars as the ego", {"seed": seed, **figures}, rows)
+
+
+def fresh_figures(drives: Sequence[Drive]) -> tuple[dict[str, float | int], list[tuple[str, str]]]:
+    """Figures of drawn problems by key, and rows: success with its interval, and why each goal was not reached."""
+    success, rows = dict[str, float](), list[tuple[str, str]]()
+    for preset, config in CONFIGS.items():
+        for short, prediction in PREDICTIONS.items():
+            outcomes = Counter(one.outcome for one in drives if (one.config, one.prediction) == (config, prediction))
+            reached, solvable = outcomes["goal_reached"], outcomes.total() - outcomes["invalid"]
+            success[f"fresh_success_{preset}_{short}"] = round(reached / solvable, 4) if solvable else 0.0
+            rows.append((f"{config}, {prediction}", rate_text(reached, solvable)))
+            rows += [(f"  {outcome}", str(number)) for outcome, number in outcomes.most_common()]
+    first = [one for one in drives if (one.config, one.prediction) == (CONFIGS["default"], PREDICTIONS["gt"])]
+    rows += [(one.name, f"{one.outcome}: {one.reason}") for one in first if one.outcome != "goal_reached"]
+    figures = {
+        "fresh_problems": len(first),
+        "fresh_lost": sum(one.is_lost for one in drives),
+        "fresh_solvable": sum(one.outcome != "invalid" for one in first),
+        **success,
+        "fresh_trap_infeasible": sum(one.trapped for one in drives),
+    }
+    return figures, rows
+
+
 if __name__ == "__main__":
-    scenarios, most = scenario_arguments(__doc__)
-    with tempfile.TemporaryDirectory() as scratch:
-        anyio.run(_measure, Path(scratch), scenarios, most)
+    parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("--folder", type=Path, default=shared_scenarios())
+    parser.add_argument("--limit", type=int, help="only a sample of this many files")
+    parser.add_argument("--fresh", type=int, metavar="SEED", help="draw problems from these files")
+    parser.add_argument("--count", type=int, default=100, help="with --fresh: how many problems")
+    given = parser.parse_args()
+    scenarios = existing(given.folder)
+    if given.fresh is None:
+        with tempfile.TemporaryDirectory() as scratch:
+            anyio.run(_measure, Path(scratch), scenarios, given.limit)
+    else:
+        _measure_fresh(scenario_files(scenarios, given.limit), given.fresh, given.count)

@@ -1,6 +1,7 @@
 """Why a run failed, derived from its stored record and steps and from the motion of what it collided with."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,19 @@ def rejections(run: RunRecord) -> str:
     """The constraints that rejected most candidates over the whole run."""
     most = sorted(run.rejected_candidates.items(), key=lambda item: (-item[1], item[0]))
     return ", ".join(f"{name} {count}" for name, count in most[:_LISTED_CONSTRAINTS]) or "none"
+
+
+def is_wrap(rejected: Mapping[str, int]) -> bool:
+    """Whether candidates were rejected as if a heading had wrapped: by the yaw rate more than by all else.
+
+    At a wrap the heading leaps by 2π, which only the check of the yaw rate sees as such. Where a curve is too tight,
+    the curvature rate or the acceleration rejects more.
+
+    Args:
+        rejected: of one planning step, how many candidates by constraint.
+    """
+    others = (count for name, count in rejected.items() if name != "yaw_rate")
+    return rejected.get("yaw_rate", 0) > max(others, default=0)
 
 
 def meeting(run: RunRecord, steps: RunSteps, other: Track) -> str:

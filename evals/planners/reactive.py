@@ -18,15 +18,10 @@ import statistics
 import time
 from argparse import ArgumentParser
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from commonroad.common.util import Interval
-from commonroad.geometry.shape import Rectangle
-from commonroad.planning.goal import GoalRegion
-from commonroad.planning.planning_problem import PlanningProblem, PlanningProblemSet
-from commonroad.scenario.state import CustomState, InitialState
 
 from ...engine.commonroad import LoadedScenario, Track, read_scenario, recorded_tracks
 from ...engine.execution import silent
@@ -48,6 +43,7 @@ from ...engine.vehicles import BMW_320I
 from ...schemas.runs import Traffic
 from ..harness import built_in, print_figures, process_pool, scenario_files, shared_scenarios
 from ..tracks import ahead_and_left_m
+from .fresh import drawn_problem
 
 _PROCESSES = 2
 _BRAKING_MPS2 = 6.0
@@ -56,8 +52,8 @@ _HARDEST_MPS2 = 8.0
 """How hard a follower can brake (dry road)."""
 _HORIZON_S = 3.0
 """Length of the braking plan (chosen)."""
-_TRIES, _LEAST_STEPS = 8, 20
-"""Draws for each approach that is wanted, and steps that a recording goes on after the ego's start; chosen."""
+_TRIES = 8
+"""Draws for each approach that is wanted (chosen)."""
 _MODES: tuple[Traffic, ...] = ("recorded", "reactive")
 _BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
 """The planner that drives before the ego brakes, and for how long."""
@@ -134,37 +130,9 @@ def _fresh_runs_of(draw: tuple[Path, int]) -> list[_BrakedRun]:
 
 def drawn_approach(loaded: LoadedScenario, draws: random.Random) -> LoadedScenario | None:
     """The scenario with one of its cars as the ego, at a step at which another vehicle follows it; None without one."""
-    tracks = recorded_tracks(loaded.scenario)
-    cars = [track for track in tracks.values() if track.kind == "car" and len(track.positions) > _LEAST_STEPS]
-    draws.shuffle(cars)
-    for car in cars:
-        start = _initial_state(car, draws.randrange(len(car.positions) - _LEAST_STEPS))
-        others = [track for track in tracks.values() if track is not car]
-        if _has_follower(others, EgoState.of(start)):
-            loaded.scenario.remove_obstacle(loaded.scenario.obstacle_by_id(car.obstacle_id))
-            return replace(loaded, planning_problems=_problem_on(car, start))
-    return None
-
-
-def _initial_state(car: Track, index: int) -> InitialState:
-    return InitialState(
-        time_step=car.first_step + index,
-        position=np.array(car.positions[index], dtype=float),
-        orientation=float(car.headings_rad[index]),
-        velocity=float(car.speeds_mps[index]),
-        acceleration=0.0,
-        yaw_rate=0.0,
-        slip_angle=0.0,
+    return drawn_problem(
+        loaded, draws, lambda problem, others: _has_follower(others, EgoState.of(problem.initial_state))
     )
-
-
-def _problem_on(car: Track, start: InitialState) -> PlanningProblemSet:
-    """To drive from there to where the car was last recorded, at any of the steps until then."""
-    end = Rectangle(
-        car.length_m, car.width_m, center=np.array(car.positions[-1]), orientation=float(car.headings_rad[-1])
-    )
-    goal = CustomState(time_step=Interval(start.time_step + 1, car.last_step), position=end)
-    return PlanningProblemSet([PlanningProblem(car.obstacle_id, start, GoalRegion([goal]))])
 
 
 def _has_follower(others: Iterable[Track], ego: EgoState) -> bool:

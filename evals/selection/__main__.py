@@ -5,8 +5,13 @@ that nothing satisfies: no match, and the right stage named), ``sat_top1_spoiled
 (spoiled slots, with and without the fallback), ``sat_top1_spoiled_text`` (with the request's words), ``bm25_top1``,
 ``refused_right``, ``search_median_ms_500``, ``search_median_ms_100k`` (the tool as a client waits for it),
 ``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which puts the starter catalogue in),
-``first_text_search_s``, ``warm_text_search_ms``. Needs the real scenarios and the corpus: ``PLANNERFORGE_SHARED``, else
-``../shared``.
+``first_text_search_s``, ``warm_text_search_ms``.
+
+``--fresh SEED`` asks for what is drawn just then from the vocabularies, alone and in combinations, and compares the
+answers with a reading of the files of its own. Keys: ``seed``, ``fresh_requests``, ``fresh_ids_exact`` and
+``fresh_empty_right`` as above, ``fresh_empty`` (requests that nothing satisfies).
+
+Needs the real scenarios and the corpus: ``PLANNERFORGE_SHARED``, else ``../shared``.
 """
 
 import argparse
@@ -25,8 +30,18 @@ from ...engine.catalog import entries_of, facts_of
 from ...engine.workspace import Database
 from ...server.assembly import create_server
 from ...server.settings import Settings
-from ..harness import ask_to_the_end, existing, print_figures, share, shared_folder, shared_scenarios
+from ..harness import (
+    ask_to_the_end,
+    existing,
+    print_figures,
+    rate_text,
+    scenario_files,
+    share,
+    shared_folder,
+    shared_scenarios,
+)
 from .corpus import Request, read_requests
+from .fresh import Known, fresh_requests
 from .pages import Answered, answer_all
 from .quality import SEEDS, SelectionQuality
 from .speed import measure_searches, measure_starts
@@ -100,6 +115,38 @@ def _measure(scratch: Path, seeds: range, largest: int) -> None:
     )
 
 
+def _measure_fresh(scratch: Path, seed: int, count: int) -> None:
+    """Import all files, ask, compare, print."""
+    folder, workspace = existing(shared_scenarios()), scratch / "workspace"
+    settings = Settings(workspace=workspace, roots=(folder,), starter=False, warm_up=False)
+    anyio.run(_import_s, settings, folder)
+    database = Database(workspace / "workspace.sqlite")
+    files = {path.stem: path for path in scenario_files(folder, None)}
+    facts = facts_of(database.connection(), list(files))
+    database.close()
+    requests = fresh_requests([Known.of(files[key], facts[key]) for key in sorted(facts)], seed, count)
+    pages = anyio.run(_pages, settings, folder, requests)
+    found, empty = _page_figures(pages), [answer for answer in pages if answer.request.expect == "empty"]
+    exact = [answer.is_exact for answer in pages if answer.request.expect == "ok"]
+    wrong = [answer for answer in pages if not (answer.is_exact if answer.facts else answer.is_rightly_empty)]
+    print_figures(
+        "Selection, requests drawn just now",
+        {
+            "seed": seed,
+            "fresh_requests": len(pages),
+            "fresh_empty": len(empty),
+            "fresh_ids_exact": found["ids_exact"],
+            "fresh_empty_right": found["empty_right"],
+        },
+        [
+            ("files", str(len(facts))),
+            ("ids exact", rate_text(sum(exact), len(exact))),
+            ("empty right", rate_text(sum(answer.is_rightly_empty for answer in empty), len(empty))),
+            *(("differs from the files", f"{answer.difference()}; {answer.asked}") for answer in wrong),
+        ],
+    )
+
+
 async def _pages(settings: Settings, folder: Path, requests: Sequence[Request]) -> list[Answered]:
     async with Client(create_server(settings, start_folder=folder)) as client:
         return await answer_all(client, requests)
@@ -123,10 +170,15 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="rounds of spoiled slots")
     parser.add_argument("--first-seed", type=int, default=0, help="the seed of the first round")
     parser.add_argument("--largest", type=int, default=LARGE, help="entries of the large synthetic catalogue")
+    parser.add_argument("--fresh", type=int, metavar="SEED", help="ask for what is drawn just then")
+    parser.add_argument("--count", type=int, default=300, help="with --fresh: how many requests")
     return parser.parse_args()
 
 
 if __name__ == "__main__":
     asked = _arguments()
     with tempfile.TemporaryDirectory() as name:
-        _measure(Path(name), range(asked.first_seed, asked.first_seed + asked.seeds), asked.largest)
+        if asked.fresh is None:
+            _measure(Path(name), range(asked.first_seed, asked.first_seed + asked.seeds), asked.largest)
+        else:
+            _measure_fresh(Path(name), asked.fresh, asked.count)

@@ -55,6 +55,7 @@ def arguments_of(truth: dict[str, Any]) -> FindScenariosArguments:
         country=location.get("country"),
         city=location.get("city"),
         tags=truth.get("tags", []),
+        features=truth.get("features", []),
         road_net=[_road_net(key, value) for key, value in truth.get("road_net", {}).items()],
         obstacles=[
             f"{kind}{_compared(value['op'], value['count'])}" for kind, value in truth.get("obstacles", {}).items()

@@ -33,6 +33,11 @@ class Answered:
         """Whether nothing matches, and the stage that is named for it is the corpus's."""
         return not self.facts and self.emptied_at == self.request.truth["emptied_by"]["stage"]
 
+    @property
+    def asked(self) -> str:
+        """The request in the words of the tool's arguments."""
+        return str(arguments_of(self.request.truth).model_dump(exclude_defaults=True))
+
     def difference(self) -> str:
         """The ids that only one side has; those that only the search found with the facts that decide who is right."""
         added = [f"{key} ({'; '.join(facts)})" for key, facts in self.facts.items() if key not in self.request.matching]

@@ -30,6 +30,7 @@ FLAT = OCCUPANCY.replace(
     "<circle><radius>2</radius></circle>",
     f"<polygon>{''.join(f'<point><x>{x}</x><y>1</y></point>' for x in range(4))}</polygon>",
 )
+STATE_9 = re.compile("<state>(?:(?!</state>).)*<time><exact>9</exact></time>(?:(?!</state>).)*</state>", re.DOTALL)
 PHANTOM = '<phantomObstacle id="77"><occupancySet>{}</occupancySet></phantomObstacle>'
 
 
@@ -88,6 +89,11 @@ BEYOND = {
         GOOD.replace("<successor ref=", '<successor ref="-1"/><successor ref=', 1),
         "ref of <succ",
     ),
+    "a recording with a gap": (
+        STATE_9.sub("", GOOD, count=1),
+        "states of dynamicObstacle 31 go from step 8 to step 10",
+    ),
+    "two states of one step": (STATE_9.sub(r"\g<0>\g<0>", GOOD, count=1), "go from step 9 to step 9"),
     "a star of lanelets": (
         GOOD.replace(
             '<lanelet id="1">', '<lanelet id="1">' + "".join(f'<successor ref="{n}"/>' for n in range(2, 200))
