@@ -111,7 +111,7 @@ def test_drawn_requests_name_the_stage_that_leaves_nothing() -> None:
     empty = [one for one in fresh_requests(known, 4, 200) if one.expect == "empty"]
     assert empty
     for request in empty:
-        emptied = funnel(connection, arguments_of(request.truth)).emptied_by
+        emptied = funnel(connection, arguments_of(request.truth)).emptied_by()
         assert emptied is not None
         assert emptied.stage == request.truth["emptied_by"]["stage"]
 
