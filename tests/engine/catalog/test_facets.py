@@ -24,7 +24,9 @@ def three() -> sqlite3.Connection:
     )
 
 
-def counted(connection: sqlite3.Connection, wanted: str, within: frozenset[str] | None = None) -> dict[str, dict[str, int]]:
+def counted(
+    connection: sqlite3.Connection, wanted: str, within: frozenset[str] | None = None
+) -> dict[str, dict[str, int]]:
     return {facet.facet: facet.counts for facet in scenario_facets(connection, wanted, within)[1]}
 
 
