@@ -19,13 +19,13 @@ old and the new file), ``unreported_collisions`` (a touched vehicle), ``collisio
 included; a scenario's first edit reads it, later ones find it kept), ``edit_first_median_s`` (first edits alone),
 ``edit_cpu_median_s`` (processor time of all, which other work does not lengthen).
 
-``--fresh SEED`` makes the same drawn edits on scenarios that are made just then (``fresh_scenarios`` of
-``evals.fresh_data``): one half generated, one half recordings made new. Keys: ``seed``, ``fresh_files``,
-``fresh_refused`` (of them, by name when they were read; no failure), ``fresh_crashed``, ``fresh_edits`` (carried out),
-``fresh_round_trip``, ``fresh_T_ends``, ``fresh_B_preset``, ``fresh_P_count``, ``fresh_G_edge``, ``fresh_checks_min``,
-``fresh_valid_min``, ``fresh_executable_min``, ``fresh_refused_right``, ``fresh_handovers_smooth``,
-``fresh_untouched_identical``, ``fresh_unreported_collisions`` as above, and ``fresh_physical_min`` (the least of the
-``physical_*``).
+``--fresh SEED`` makes the same drawn edits on scenarios that are made just then, ``--count`` of each seed
+(``fresh_scenarios`` of ``evals.fresh_data``): one half generated, one half recordings made new. Keys: ``seeds``,
+``fresh_files``, ``fresh_refused`` (of them, by name when they were read; no failure), ``fresh_crashed``,
+``fresh_edits`` (carried out), as above ``fresh_round_trip``, ``fresh_T_ends``, ``fresh_B_preset``, ``fresh_P_count``,
+``fresh_G_edge``, ``fresh_checks_min``, ``fresh_valid_min``, ``fresh_executable_min``, ``fresh_refused_right``,
+``fresh_handovers_smooth``, ``fresh_untouched_identical``, ``fresh_unreported_collisions``, and ``fresh_physical_min``
+(the least of the ``physical_*``).
 """
 
 import argparse
@@ -83,8 +83,8 @@ def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[
         return _results(jobs)
 
 
-def _measure_fresh(seed: int, count: int, workers: int) -> list[Measured]:
-    """As many fresh scenarios on worker processes; the results in no particular order."""
+def _measure_fresh(seeds: Sequence[int], count: int, workers: int) -> list[Measured]:
+    """As many fresh scenarios of each seed on worker processes; the results in no particular order."""
     presets = published_presets(shared_folder() / "facts")
     with process_pool(workers) as pool:
         jobs = [
@@ -99,6 +99,7 @@ def _measure_fresh(seed: int, count: int, workers: int) -> list[Measured]:
                     recipes=False,
                 ),
             )
+            for seed in seeds
             for number in range(count)
         ]
         return _results(jobs)
@@ -108,13 +109,13 @@ def _results(jobs: Sequence[Future[Measured]]) -> list[Measured]:
     return [job.result() for job in track(as_completed(jobs), total=len(jobs), console=Console(stderr=True))]
 
 
-def fresh_figures(seed: int, measured: Sequence[Measured]) -> dict[str, float | int]:
+def fresh_figures(seeds: Sequence[int], measured: Sequence[Measured]) -> dict[str, float | int | str]:
     """The figures of fresh scenarios by key."""
     made = [case for result in measured for case in result.cases if not case.refused]
     figures = figures_of(measured)
     physical = [_settled(made, task) for task in (*PHYSICAL, None)]
     return {
-        "seed": seed,
+        "seeds": " ".join(map(str, seeds)),
         "fresh_files": len(measured),
         "fresh_refused": sum(bool(result.unread) for result in measured),
         "fresh_crashed": sum(bool(result.crashed) for result in measured),
@@ -299,8 +300,8 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--every", type=int, default=1, help="only every n-th file and request")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--fresh", type=int, metavar="SEED", help="on scenarios that are made just then")
-    parser.add_argument("--count", type=int, default=50, help="with --fresh: how many scenarios")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="on scenarios that are made just then")
+    parser.add_argument("--count", type=int, default=50, help="with --fresh: scenarios of each seed")
     asked = parser.parse_args()
     if asked.fresh is not None:
         results = _measure_fresh(asked.fresh, asked.count, asked.workers)

@@ -9,9 +9,9 @@ whose raising changes the first choice in one of some scenarios), ``rear_scenari
 ``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were
 hit from behind, over all planners; the whole measurement is ``make bench-reactive``).
 
-``--fresh SEED`` drives problems that are drawn just then: any recorded car as the ego, at any step, to where it was
-last recorded. Keys: ``seed``, ``fresh_problems``, ``fresh_lost`` (runs that raised), ``fresh_solvable`` (not invalid),
-``fresh_success_<preset>_<prediction>`` and ``fresh_trap_infeasible`` as above.
+``--fresh SEED`` drives problems that are drawn just then, ``--count`` of each seed: any recorded car as the ego, at any
+step, to where it was last recorded. Keys: ``seeds``, ``fresh_problems``, ``fresh_lost`` (runs that raised),
+``fresh_solvable`` (not invalid), ``fresh_success_<preset>_<prediction>`` and ``fresh_trap_infeasible`` as above.
 """
 
 import statistics
@@ -172,10 +172,12 @@ def _print_failures(workspace: Workspace, failures: Sequence[RunRecord]) -> None
     Console(width=180).print(table)
 
 
-def _measure_fresh(files: Sequence[Path], seed: int, count: int) -> None:
-    drives = fresh_drives(files, seed, count, list(CONFIGS.values()), list(PREDICTIONS.values()), WORKERS)
+def _measure_fresh(files: Sequence[Path], seeds: Sequence[int], count: int) -> None:
+    draws = [f"{seed} {number}" for seed in seeds for number in range(count)]
+    drives = fresh_drives(files, draws, list(CONFIGS.values()), list(PREDICTIONS.values()), WORKERS)
     figures, rows = fresh_figures(drives)
-    print_figures("Planner loop, one of the recorded cars as the ego", {"seed": seed, **figures}, rows)
+    told = {"seeds": " ".join(map(str, seeds)), **figures}
+    print_figures("Planner loop, one of the recorded cars as the ego", told, rows)
 
 
 def fresh_figures(drives: Sequence[Drive]) -> tuple[dict[str, float | int], list[tuple[str, str]]]:
@@ -204,8 +206,8 @@ if __name__ == "__main__":
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
     parser.add_argument("--limit", type=int, help="only a sample of this many files")
-    parser.add_argument("--fresh", type=int, metavar="SEED", help="draw problems from these files")
-    parser.add_argument("--count", type=int, default=100, help="with --fresh: how many problems")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="draw problems from these files")
+    parser.add_argument("--count", type=int, default=100, help="with --fresh: problems of each seed")
     given = parser.parse_args()
     scenarios = existing(given.folder)
     if given.fresh is None:

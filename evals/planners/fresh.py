@@ -87,18 +87,12 @@ def _problem_of(car: Track, index: int) -> PlanningProblem:
 
 
 def fresh_drives(
-    files: Sequence[Path],
-    seed: int,
-    count: int,
-    configs: Sequence[str],
-    predictions: Sequence[Prediction],
-    workers: int,
+    files: Sequence[Path], draws: Sequence[str], configs: Sequence[str], predictions: Sequence[Prediction], workers: int
 ) -> list[Drive]:
-    """All configurations with all predictions on ``count`` problems; the same seed draws the same, more with a larger
-    count."""
+    """All configurations with all predictions on a problem for each draw; the same text draws the same problem."""
     job = partial(_drives, tuple(files), tuple(configs), tuple(predictions))
     with process_pool(workers) as pool:
-        return [drive for drives in pool.map(job, (f"{seed} {number}" for number in range(count))) for drive in drives]
+        return [drive for drives in pool.map(job, draws) for drive in drives]
 
 
 def _drives(files: Sequence[Path], configs: Sequence[str], predictions: Sequence[Prediction], seed: str) -> list[Drive]:

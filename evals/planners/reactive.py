@@ -8,9 +8,9 @@ traffic), ``recorded_rear_hits``, ``reactive_rear_hits``, ``reactive_step_ms`` (
 reactive traffic).
 
 ``--fresh SEED`` measures on approaches that are drawn just then: any recorded car with a follower becomes the ego, at
-any step of its recording, in place of the planning problem's. Keys: ``fresh_approaches``, ``fresh_recorded_rear_hits``,
-``fresh_rear_hits`` (reactive), and of those ``fresh_avoidable_rear_hits`` by followers who could have stopped behind
-the ego with 8 m/s² after one step.
+any step of its recording, in place of the planning problem's, ``--count`` of each seed. Keys: ``seeds``,
+``fresh_approaches``, ``fresh_recorded_rear_hits``, ``fresh_rear_hits`` (reactive), and of those
+``fresh_avoidable_rear_hits`` by followers who could have stopped behind the ego with 8 m/s² after one step.
 """
 
 import random
@@ -264,10 +264,10 @@ def _measure(files: Sequence[Path]) -> None:
     print_figures("The ego brakes to a stand", figures, rows(runs))
 
 
-def _measure_fresh(files: Sequence[Path], seed: int, count: int) -> None:
-    runs = fresh_runs(files, seed, count, _PROCESSES)
+def _measure_fresh(files: Sequence[Path], seeds: Sequence[int], count: int) -> None:
+    runs = [run for seed in seeds for run in fresh_runs(files, seed, count, _PROCESSES)]
     figures = {
-        "seed": seed,
+        "seeds": " ".join(map(str, seeds)),
         "fresh_approaches": sum(run.traffic == "reactive" for run in runs),
         "fresh_recorded_rear_hits": rear_hits(runs, "recorded"),
         "fresh_rear_hits": rear_hits(runs, "reactive"),
@@ -281,8 +281,8 @@ def _measure_fresh(files: Sequence[Path], seed: int, count: int) -> None:
 if __name__ == "__main__":
     parser = ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*", type=Path, help="default: all of the shared folder")
-    parser.add_argument("--fresh", type=int, metavar="SEED", help="draw approaches from these files")
-    parser.add_argument("--count", type=int, default=100, help="approaches to draw")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="draw approaches from these files")
+    parser.add_argument("--count", type=int, default=100, help="approaches to draw for each seed")
     arguments = parser.parse_args()
     chosen = arguments.files or scenario_files(shared_scenarios(), None)
     if arguments.fresh is None:

@@ -7,9 +7,9 @@ that nothing satisfies: no match, and the right stage named), ``sat_top1_spoiled
 ``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which puts the starter catalogue in),
 ``first_text_search_s``, ``warm_text_search_ms``.
 
-``--fresh SEED`` asks for what is drawn just then from the vocabularies, alone and in combinations, and compares the
-answers with a reading of the files of its own. Keys: ``seed``, ``fresh_requests``, ``fresh_ids_exact`` and
-``fresh_empty_right`` as above, ``fresh_empty`` (requests that nothing satisfies).
+``--fresh SEED`` asks for what is drawn just then from the vocabularies, alone and in combinations, ``--count`` of each
+seed, and compares the answers with a reading of the files of its own. Keys: ``seeds``, ``fresh_requests``,
+``fresh_ids_exact`` and ``fresh_empty_right`` as above, ``fresh_empty`` (requests that nothing satisfies).
 
 Needs the real scenarios and the corpus: ``PLANNERFORGE_SHARED``, else ``../shared``.
 """
@@ -115,7 +115,7 @@ def _measure(scratch: Path, seeds: range, largest: int) -> None:
     )
 
 
-def _measure_fresh(scratch: Path, seed: int, count: int) -> None:
+def _measure_fresh(scratch: Path, seeds: Sequence[int], count: int) -> None:
     """Import all files, ask, compare, print."""
     folder, workspace = existing(shared_scenarios()), scratch / "workspace"
     settings = Settings(workspace=workspace, roots=(folder,), starter=False, warm_up=False)
@@ -124,7 +124,8 @@ def _measure_fresh(scratch: Path, seed: int, count: int) -> None:
     files = {path.stem: path for path in scenario_files(folder, None)}
     facts = facts_of(database.connection(), list(files))
     database.close()
-    requests = fresh_requests([Known.of(files[key], facts[key]) for key in sorted(facts)], seed, count)
+    known = [Known.of(files[key], facts[key]) for key in sorted(facts)]
+    requests = [request for seed in seeds for request in fresh_requests(known, seed, count)]
     pages = anyio.run(_pages, settings, folder, requests)
     found, empty = _page_figures(pages), [answer for answer in pages if answer.request.expect == "empty"]
     exact = [answer.is_exact for answer in pages if answer.request.expect == "ok"]
@@ -132,7 +133,7 @@ def _measure_fresh(scratch: Path, seed: int, count: int) -> None:
     print_figures(
         "Selection, requests drawn just now",
         {
-            "seed": seed,
+            "seeds": " ".join(map(str, seeds)),
             "fresh_requests": len(pages),
             "fresh_empty": len(empty),
             "fresh_ids_exact": found["ids_exact"],
@@ -170,8 +171,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="rounds of spoiled slots")
     parser.add_argument("--first-seed", type=int, default=0, help="the seed of the first round")
     parser.add_argument("--largest", type=int, default=LARGE, help="entries of the large synthetic catalogue")
-    parser.add_argument("--fresh", type=int, metavar="SEED", help="ask for what is drawn just then")
-    parser.add_argument("--count", type=int, default=300, help="with --fresh: how many requests")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="ask for what is drawn just then")
+    parser.add_argument("--count", type=int, default=300, help="with --fresh: requests of each seed")
     return parser.parse_args()
 
 

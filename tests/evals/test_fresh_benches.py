@@ -53,8 +53,8 @@ def test_what_is_refused_when_read_is_no_failure_and_what_crashes_is_one() -> No
     done = Case("T", "a", checks={"T_ends": True}, physical=(Physical(True, True, True, None),))
     rough = Case("B", "a", checks={"B_preset": True}, physical=(Physical(False, False, True, None),))
     measured = [Measured((done, rough), round_trip_error=""), Measured(unread="b: gap"), Measured(crashed="c: defect")]
-    figures = fresh_figures(7, measured)
-    assert figures["seed"] == 7
+    figures = fresh_figures([7, 8], measured)
+    assert figures["seeds"] == "7 8"
     assert (figures["fresh_files"], figures["fresh_refused"], figures["fresh_crashed"]) == (3, 1, 1)
     assert figures["fresh_edits"] == 2
     assert figures["fresh_T_ends"] == figures["fresh_round_trip"] == 1.0
