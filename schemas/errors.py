@@ -32,11 +32,12 @@ class PlannerForgeError(Exception):
     Args:
         message: what was wrong, naming the value that was given.
         valid: the values that would be accepted, most useful first (at most twelve are shown).
-        next_step: what to call or change next.
+        next_step: what to call or change next; by default what usually helps (``usual_step`` of the class).
         reason: a stable word for the kind of refusal, for code that decides by it; never shown.
     """
 
     code: ClassVar[str] = "error"
+    usual_step: ClassVar[str] = "correct what is named and call again"
     shown_values: ClassVar[int] = 12
     longest_message: ClassVar[int] = 2000
     """Characters; chosen: the longest of our own, with a dozen problems, has half as many."""
@@ -44,7 +45,7 @@ class PlannerForgeError(Exception):
     def __init__(self, message: str, *, valid: Iterable[object] = (), next_step: str = "", reason: str = "") -> None:
         self.message, self.reason = one_line(message, self.longest_message), reason
         self.valid: tuple[str, ...] = tuple(one_line(str(value)) for value in valid)
-        self.next_step = next_step
+        self.next_step = next_step or self.usual_step
         super().__init__(self.text)
 
     @property
@@ -55,9 +56,7 @@ class PlannerForgeError(Exception):
             shown = ", ".join(self.valid[: self.shown_values])
             more = len(self.valid) - self.shown_values
             parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else ''}.")
-        if self.next_step:
-            parts.append(f"Next: {self.next_step.rstrip('.')}.")
-        return " ".join(parts)
+        return " ".join([*parts, f"Next: {self.next_step.rstrip('.')}."])
 
 
 class InvalidRequest(PlannerForgeError):
@@ -70,42 +69,49 @@ class UnknownName(InvalidRequest):
     """A name or id that does not exist; ``valid`` holds the nearest ones first."""
 
     code = "unknown_name"
+    usual_step = "take a name that exists, spelled as it is listed"
 
 
 class OutsideRoots(InvalidRequest):
     """A path outside the folders that the server may read or write."""
 
     code = "outside_roots"
+    usual_step = "move the file, or name its folder in --roots"
 
 
 class NotPossible(InvalidRequest):
     """A request that was understood but that the scenario, the map or the network does not allow."""
 
     code = "not_possible"
+    usual_step = "ask for something that is possible there, or elsewhere"
 
 
 class UnsafeInput(PlannerForgeError):
     """A file that is malformed, hostile or larger than the limits."""
 
     code = "unsafe_input"
+    usual_step = "mend the file, or take another; nothing of it was taken in"
 
 
 class ResourceFailure(PlannerForgeError):
     """Disk, database or memory failed; what was stored before is intact."""
 
     code = "resource_failure"
+    usual_step = "free disk space, or ask for less at once"
 
 
 class WorkerFailure(PlannerForgeError):
     """A worker process died while it did the work; the next call gets a fresh one."""
 
     code = "worker_failure"
+    usual_step = "call again: a fresh worker takes over"
 
 
 class WorkerTimeout(WorkerFailure):
     """A worker process ran past its time limit and was ended."""
 
     code = "worker_timeout"
+    usual_step = "ask for less at once, or raise operation_timeout_s"
 
 
 class UnexpectedFailure(PlannerForgeError):

@@ -8,6 +8,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -47,6 +48,15 @@ def read_arguments(model: type[_Arguments], given: Mapping[str, Any]) -> _Argume
         raise _explained(model, error) from None
 
 
+@dataclass(frozen=True)
+class _Oversize:
+    """What is too large about a value, what would be valid, and what to send instead."""
+
+    what: str
+    valid: str
+    next_step: str
+
+
 def _refuse_oversized(model: type[BaseModel], given: Mapping[str, Any]) -> None:
     longest = model.longest_texts if issubclass(model, Arguments) else {}
     count = 0
@@ -54,28 +64,42 @@ def _refuse_oversized(model: type[BaseModel], given: Mapping[str, Any]) -> None:
         most = _LONGEST_LIST_TEXT if _is_list_text(model, name, value) else longest.get(name, LONGEST_TEXT)
         for problem in _oversizes(value, most):
             count += 1
-            if problem:
-                raise InvalidRequest(f"{one_line(name, _SHOWN_CHARACTERS)}: {problem}")
+            if problem is not None:
+                what = f"{one_line(name, _SHOWN_CHARACTERS)}: {problem.what}"
+                raise InvalidRequest(what, valid=[problem.valid], next_step=problem.next_step)
             if count > _MOST_VALUES:
-                raise InvalidRequest(f"the arguments hold more than {_MOST_VALUES:,} values")
+                raise InvalidRequest(
+                    f"the arguments hold more than {_MOST_VALUES:,} values",
+                    valid=[f"at most {_MOST_VALUES:,} values"],
+                    next_step="ask in several calls",
+                )
 
 
-def _oversizes(value: Any, longest: int, depth: int = 0) -> Iterator[str]:
-    """For each value within ``value`` what is too large about it, empty where nothing is; lazily, from outside in."""
+def _oversizes(value: Any, longest: int, depth: int = 0) -> Iterator[_Oversize | None]:
+    """For each value within ``value`` what is too large about it, None where nothing is; lazily, from outside in."""
     if isinstance(value, str):
         if len(value) > longest:
-            yield f"a text of {len(value):,} characters; at most {longest:,} are taken"
-        yield "" if value.isascii() or _is_unicode(value) else "half a character (a lone surrogate) is no text"
+            yield _Oversize(f"a text of {len(value):,} characters", f"at most {longest:,} characters", "shorten it")
+        yield None if value.isascii() or _is_unicode(value) else _HALF_A_CHARACTER
     elif isinstance(value, dict | list):
         if depth == _DEEPEST:
-            yield f"more than {_DEEPEST} levels of lists and objects in each other"
-        yield f"{len(value):,} elements; at most {_LONGEST_LIST:,} are taken" if len(value) > _LONGEST_LIST else ""
+            what = f"more than {_DEEPEST} levels of lists and objects in each other"
+            yield _Oversize(what, f"at most {_DEEPEST} levels", "send it as the tool's input schema has it")
+        parts = f"{len(value):,} elements"
+        is_long = len(value) > _LONGEST_LIST
+        yield _Oversize(parts, f"at most {_LONGEST_LIST:,} elements", "ask in several calls") if is_long else None
         for part in (*value, *value.values()) if isinstance(value, dict) else value:
             yield from _oversizes(part, longest, depth + 1)
     elif isinstance(value, int | float) and _LARGEST_NUMBER < abs(value) < math.inf:
-        yield f"a number beyond ±{_LARGEST_NUMBER:g}"
+        bound = f"{_LARGEST_NUMBER:g}"
+        yield _Oversize(f"a number beyond ±{bound}", f"-{bound} to {bound}", "send a smaller one")
     else:
-        yield ""
+        yield None
+
+
+_HALF_A_CHARACTER = _Oversize(
+    "half a character (a lone surrogate) is no text", "whole Unicode characters", "leave it out"
+)
 
 
 def _is_unicode(text: str) -> bool:
@@ -111,7 +135,11 @@ def _explained(model: type[BaseModel], error: ValidationError) -> InvalidRequest
     problems = [_problem(model, detail) for detail in details[:_SHOWN_PROBLEMS]]
     more = [f"and {len(details) - _SHOWN_PROBLEMS:,} more like these"] if len(details) > _SHOWN_PROBLEMS else []
     valid = [name for _, names in problems for name in names]
-    return InvalidRequest("; ".join([*(text for text, _ in problems), *more]), valid=dict.fromkeys(valid))
+    return InvalidRequest(
+        "; ".join([*(text for text, _ in problems), *more]),
+        valid=dict.fromkeys(valid),
+        next_step="correct the arguments that are named and call again",
+    )
 
 
 def _problem(model: type[BaseModel], detail: ErrorDetails) -> tuple[str, list[str]]:

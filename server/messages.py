@@ -116,7 +116,8 @@ def unreadable(raised: Exception) -> JSONRPCError | None:
         code, cause = INVALID_REQUEST, "no JSON-RPC 2.0 request"
     if isinstance(request_id, bool) or not isinstance(request_id, int | str):
         return None
-    message = f"the message cannot be read: {one_line(cause)}"
+    valid = f"JSON-RPC 2.0 of at most {LONGEST_MESSAGE:,} characters, not nested deeply"
+    message = f"the message cannot be read: {one_line(cause)}. Valid: {valid}. Next: send it smaller, or in parts."
     return JSONRPCError(jsonrpc="2.0", id=request_id, error=ErrorData(code=code, message=message))
 
 

@@ -114,7 +114,10 @@ def _stream(url: str, part: Path, on_progress: OnProgress) -> str:
         while block := answer.read(_BLOCK):
             done += len(block)
             if done > LARGEST_DOWNLOAD_BYTES:
-                raise UnsafeInput(f"{url} is larger than {LARGEST_DOWNLOAD_BYTES:,} bytes")
+                raise UnsafeInput(
+                    f"{url} is larger than {LARGEST_DOWNLOAD_BYTES:,} bytes",
+                    next_step="split it, or import a part of it",
+                )
             digest.update(block)
             stream.write(block)
             on_progress(done, total)
@@ -126,7 +129,10 @@ def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
     whole = 0
     members = [member for member in archive.infolist() if not member.is_dir()]
     if len(members) > MOST_MEMBERS:
-        raise UnsafeInput(f"the archive has {len(members):,} files; at most {MOST_MEMBERS:,} are unpacked")
+        raise UnsafeInput(
+            f"the archive has {len(members):,} files; at most {MOST_MEMBERS:,} are unpacked",
+            next_step="split the archive",
+        )
     for number, member in enumerate(members):
         name = PurePosixPath(member.filename).name
         if not name.lower().endswith(".xml"):
@@ -141,7 +147,8 @@ def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
                 whole += len(block)
                 if written > LARGEST_MEMBER_BYTES or whole > LARGEST_WHOLE_BYTES:
                     raise UnsafeInput(
-                        f"{one_line(name)} unpacks to more than {LARGEST_MEMBER_BYTES:,} bytes, or all to too many"
+                        f"{one_line(name)} unpacks to more than {LARGEST_MEMBER_BYTES:,} bytes, or all to too many",
+                        next_step="split the archive, or leave the large file out",
                     )
                 write(block)
 

@@ -317,7 +317,10 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
     except OSError as error:
         raise UnsafeInput(f"{quoted(path.name)} cannot be read: {error.strerror}") from error
     if size > limits.size_bytes:
-        raise UnsafeInput(f"{quoted(path.name)} has {size:,} bytes; at most {limits.size_bytes:,} are read")
+        raise UnsafeInput(
+            f"{quoted(path.name)} has {size:,} bytes; at most {limits.size_bytes:,} are read",
+            next_step="split the file, or raise the setting file_mb",
+        )
     scan = _Scan(path.name, limits)
     try:
         with path.open("rb") as stream:
@@ -327,6 +330,10 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise UnsafeInput(f"{quoted(path.name)} is not well-formed XML: {error}") from error
     return _XmlRoot(scan.root, scan.attributes, scan.lanelets)
+
+
+_SPLIT = "split the file, or take parts of it out"
+"""What helps against a file of too many elements."""
 
 
 class _Scan:
@@ -359,9 +366,13 @@ class _Scan:
         if self.depth > self.limits.depth:
             raise UnsafeInput(f"{quoted(self.name)} nests elements deeper than {self.limits.depth} levels")
         if self.elements > self.limits.elements:
-            raise UnsafeInput(f"{quoted(self.name)} holds more than {self.limits.elements:,} elements")
+            raise UnsafeInput(
+                f"{quoted(self.name)} holds more than {self.limits.elements:,} elements", next_step=_SPLIT
+            )
         if self.lanelets > self.limits.lanelets:
-            raise UnsafeInput(f"{quoted(self.name)} holds more than {self.limits.lanelets:,} lanelets")
+            raise UnsafeInput(
+                f"{quoted(self.name)} holds more than {self.limits.lanelets:,} lanelets", next_step=_SPLIT
+            )
 
     def _end(self, tag: str) -> None:
         del tag

@@ -43,7 +43,10 @@ def read_weight_file(path: Path) -> WeightFile:
     """
     name = one_line(path.name)
     if path.stat().st_size > _LARGEST_BYTES:
-        raise UnsafeInput(f"{name} is larger than {_LARGEST_BYTES:,} bytes; a weight file is not")
+        raise UnsafeInput(
+            f"{name} is larger than {_LARGEST_BYTES:,} bytes; a weight file is not",
+            next_step="export a configuration as yaml to see the form",
+        )
     content = _content(path)
     if not isinstance(content, dict) or not isinstance(content.get("cost_weights"), dict):
         raise UnsafeInput(

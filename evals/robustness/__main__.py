@@ -5,8 +5,9 @@ ended for its memory), ``loop_blocked_ms_max`` (the longest wait for a cheap cal
 same call's on the idle server; the time in which the machine gave the server no core is left out),
 ``server_memory_mb_max`` (VmHWM of the server's process), ``outside_writes``, ``slowest_s`` (the slowest refusal),
 ``late_refusals`` (after more than 5 s, or none within 30 s), ``forged_lines`` (an injected text on a line of its own),
-``oversized_answers`` (more than 20,000 characters), ``outside_reads``, ``journal_faults`` (texts of callers in
-the journal longer than 200 characters or with control characters, or a journal that others may read), ``minutes``.
+``oversized_answers`` (more than 20,000 characters), ``unadvised_refusals`` (without a next step), ``outside_reads``,
+``journal_faults`` (texts of callers in the journal longer than 200 characters or with control characters, or a journal
+that others may read), ``minutes``.
 """
 
 import argparse
@@ -76,6 +77,7 @@ async def _measure(base: Path, arguments: argparse.Namespace) -> None:
         "late_refusals": tally.count("late"),
         "forged_lines": tally.count("forged"),
         "oversized_answers": tally.count("oversized"),
+        "unadvised_refusals": tally.count("unadvised"),
         "outside_reads": tally.count("outside_read"),
         "journal_faults": len(tally.journal_faults),
         "minutes": round((time.monotonic() - began) / 60, 1),

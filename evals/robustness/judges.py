@@ -20,6 +20,8 @@ CANARY_TEXT = "4f1c-canary-of-the-bench"
 _LONGEST_KEPT = 201
 """Characters of a caller's text in the journal: 200, and the sign that there was more."""
 _CONTROLS = ("Cc", "Cf", "Co", "Cs", "Zl", "Zp")
+_REFUSAL = re.compile(r"\[[a-z_]+\] ")
+"""How an answer begins that is a refusal."""
 _LINE_ENDS = re.compile(r"[\n\r\x0b\x0c\x1c-\x1e\x85\u2028\u2029]")
 
 
@@ -37,6 +39,8 @@ def faults_of(text: str) -> Iterator[Fault]:
     if "[unexpected]" in text:
         at = text.find("[unexpected]")
         yield Fault("unexpected", text[max(0, at - 80) : at + 300])
+    if _REFUSAL.match(text) and "Next: " not in text:
+        yield Fault("unadvised", text[:300])
     if len(text) > LONGEST_ANSWER:
         yield Fault("oversized", f"{len(text):,} characters: {text[:200]}")
     for line in _LINE_ENDS.split(text):

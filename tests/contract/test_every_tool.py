@@ -59,6 +59,7 @@ async def test_a_bad_call_is_refused_with_what_is_valid(tool: str, bad: Bad, pre
     text = result.content[0].text  # type: ignore[union-attr]
     assert result.is_error, text
     assert text.startswith("[")
+    assert ". Next: " in text
     for word in bad.names:
         assert filled(word, prepared) in text
     assert after == before

@@ -71,7 +71,7 @@ def _laws(text: str) -> list[str]:
     "end", ["\n", "\r", "\r\n", "\x0b", "\x0c", "\x1c", "\x85", "\u2028", "\u2029", "\n\t- ", "\n> "]
 )
 def test_a_text_on_a_line_of_its_own_is_forged(end: str) -> None:
-    assert _laws(f"[unknown_name] there is no job 'x{end}{INJECTED}'.") == ["forged"]
+    assert _laws(f"[unknown_name] there is no job 'x{end}{INJECTED}'. Next: list them.") == ["forged"]
 
 
 def test_a_text_that_stays_within_its_line_is_not_forged() -> None:
@@ -81,6 +81,7 @@ def test_a_text_that_stays_within_its_line_is_not_forged() -> None:
 
 def test_unexpected_oversized_and_read_answers_are_told() -> None:
     assert _laws("3 files, 1 refused:\n- a.xml: [unexpected] import failed (incident 00).") == ["unexpected"]
+    assert _laws("[unknown_name] there is no job 'x'.") == ["unadvised"]
     assert _laws("x" * 20_001) == ["oversized"]
     assert _laws("x" * 20_000) == []
     assert _laws(f"<a>{CANARY_TEXT}</a>") == ["outside_read"]

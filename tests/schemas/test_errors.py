@@ -60,8 +60,17 @@ def test_text_holds_code_message_valid_values_and_next_step() -> None:
     assert str(error) == error.text
 
 
-def test_text_without_valid_values_and_next_step_is_short() -> None:
-    assert NotPossible("the lane ends").text == "[not_possible] the lane ends."
+def test_text_without_valid_values_says_what_usually_helps() -> None:
+    usual = "Next: ask for something that is possible there, or elsewhere."
+    assert NotPossible("the lane ends").text == f"[not_possible] the lane ends. {usual}"
+
+
+@pytest.mark.parametrize("kind", error_classes().values())
+def test_every_refusal_has_a_next_step(kind: type[PlannerForgeError]) -> None:
+    error = kind("what", "details") if kind is UnexpectedFailure else kind("what")
+    assert error.next_step
+    assert error.text.endswith(f" Next: {error.next_step}.")
+    assert len(error.next_step) < 80
 
 
 def test_long_lists_of_valid_values_are_cut_and_counted() -> None:

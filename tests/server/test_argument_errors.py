@@ -93,3 +93,30 @@ def test_whatever_is_sent_is_taken_or_refused_in_one_line(given: dict[str, Any])
         return
     assert text.startswith("[invalid_request] ")
     assert "https://" not in text
+
+
+@pytest.mark.parametrize(
+    ("given", "what", "valid", "next_step"),
+    [
+        ({"place": "x" * 300}, "place: a text of 300 characters", "at most 200 characters", "shorten it"),
+        ({"place": "x\ud800"}, "place: half a character", "whole Unicode characters", "leave it out"),
+        ({"count": 1e16}, "count: a number beyond ±1e+15", "-1e+15 to 1e+15", "send a smaller one"),
+        ({"limits": [1.0] * 2001}, "limits: 2,001 elements", "at most 2,000 elements", "ask in several calls"),
+        (
+            {"kinds": [[[[[[[[]]]]]]]]},
+            "kinds: more than 6 levels",
+            "at most 6 levels",
+            "send it as the tool's input schema",
+        ),
+        ({f"a{n}": [0] * 1500 for n in range(8)}, "more than 10,000 values", "at most 10,000 values", "several calls"),
+        ({"count": 99}, "count: input should be less", "count: a whole number from 1 to 50", "correct the arguments"),
+    ],
+    ids=["text", "surrogate", "number", "list", "depth", "values", "bound"],
+)
+def test_whatever_is_too_large_is_told_with_a_way_out(
+    given: dict[str, Any], what: str, valid: str, next_step: str
+) -> None:
+    error = refusal(**{"place": "B", **given})
+    assert what in error.message
+    assert valid in error.valid[0]
+    assert next_step in error.next_step

@@ -31,7 +31,7 @@ async def block(seconds: float) -> str:
 @server.tool()
 async def wait(seconds: float) -> str:
     await anyio.sleep(seconds)
-    return "[refused] late"
+    return "[refused] late. Next: ask earlier."
 
 
 @server.tool()
@@ -56,7 +56,7 @@ async def write(path: str) -> str:
 async def defect() -> str:
     sys.stderr.write('incident 0badcafe:\n  File "/x/engine/maps/osm.py", line 7, in read\nValueError: too long\n')
     sys.stderr.flush()
-    return "[unexpected] defect failed through a defect of the server (incident 0badcafe)."
+    return "[unexpected] defect failed through a defect of the server (incident 0badcafe). Next: report it."
 
 
 if __name__ == "__main__":

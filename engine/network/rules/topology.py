@@ -193,7 +193,8 @@ def _unrelated(lanelets: list[LaneletElement], pairs: NDArray[np.int64]) -> NDAr
         not _belong_together(lanelets[i], lanelets[j]) and _same_direction(lanelets[i], lanelets[j])
         for i, j in pairs.tolist()
     ]
-    return pairs[np.array(unrelated, dtype=bool)]
+    kept: NDArray[np.int64] = pairs[np.array(unrelated, dtype=bool)]
+    return kept
 
 
 def _belong_together(lanelet: LaneletElement, other: LaneletElement) -> bool:
