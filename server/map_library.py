@@ -1,6 +1,7 @@
 """The library of maps from the command line: taking maps in, and listing what is there."""
 
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import anyio
@@ -8,9 +9,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
+from ..engine.execution import CallThreads
 from ..schemas.errors import InvalidRequest, PlannerForgeError
 from ..schemas.importing import ImportedItem
-from ..tools.call import ToolCall
+from ..tools.call import Services, ToolCall
 from ..tools.maps import MapInventory, import_map, known_country, maps_at_hand
 from .assembly import open_services
 from .settings import Settings
@@ -59,11 +61,21 @@ def list_maps(settings: Settings) -> int:
     return 0
 
 
+@asynccontextmanager
+async def _services(settings: Settings) -> AsyncIterator[Services]:
+    threads = CallThreads()
+    try:
+        async with open_services(settings, Path.cwd(), threads) as services:
+            yield services
+    finally:
+        threads.close()
+
+
 async def _add(
     settings: Settings, paths: Sequence[Path], place: str | None, country: str | None
 ) -> list[tuple[Path, ImportedItem | PlannerForgeError]]:
     outcomes: list[tuple[Path, ImportedItem | PlannerForgeError]] = []
-    async with open_services(settings, Path.cwd()) as services:
+    async with _services(settings) as services:
         call = ToolCall(services)
         for path in paths:
             try:
@@ -74,7 +86,7 @@ async def _add(
 
 
 async def _all(settings: Settings) -> MapInventory:
-    async with open_services(settings, Path.cwd()) as services:
+    async with _services(settings) as services:
         return await maps_at_hand(ToolCall(services))
 
 
