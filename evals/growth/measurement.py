@@ -18,8 +18,8 @@ from ...schemas.errors import PlannerForgeError
 
 SHORTEST_S = 0.05
 """Times below say more about what is done once than about growth (chosen)."""
-_FEWEST_SIZES = 3
-"""Doublings twice: the fewest through which a slope is taken (chosen)."""
+_UPPER_SIZES = 3
+"""The largest sizes, doubled twice, through which the slope is taken (chosen): below, constants weigh more."""
 _LONGEST_S = 8.0
 """A work that takes longer is done once for its size (chosen)."""
 
@@ -56,9 +56,9 @@ class Growth:
 
     @property
     def slope(self) -> float | None:
-        """The exponent over the sizes that took as long as can be measured; None where there are fewer than three."""
-        done = [one for one in self.timed if not one.refused and one.seconds >= SHORTEST_S]
-        return round(slope([(one.size, one.seconds) for one in done]), 2) if len(done) >= _FEWEST_SIZES else None
+        """The exponent over the three largest sizes that can be measured; None where there are fewer."""
+        done = [(one.size, one.seconds) for one in self.timed if not one.refused and one.seconds >= SHORTEST_S]
+        return round(slope(done[-_UPPER_SIZES:]), 2) if len(done) >= _UPPER_SIZES else None
 
     @property
     def exponent(self) -> float | None:

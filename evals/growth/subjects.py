@@ -189,9 +189,9 @@ _Draw = Callable[[Path, int], Path]
 _ROAD = 32
 """Crossings of the roads of which vehicles and states are doubled (chosen): 192 lanelets, 3.8 km."""
 _AXES: dict[str, tuple[_Draw, tuple[int, ...]]] = {
-    "vehicles": (lambda path, size: town(path, crossings=_ROAD, vehicles=size, steps=20), _doubled(25)),
-    "lanelets": (lambda path, size: town(path, crossings=size, vehicles=20, steps=20), _doubled(25)),
-    "states": (lambda path, size: town(path, crossings=_ROAD, vehicles=10, steps=size), _doubled(50)),
+    "vehicles": (lambda path, size: town(path, crossings=_ROAD, vehicles=size, steps=20), _doubled(50)),
+    "lanelets": (lambda path, size: town(path, crossings=size, vehicles=20, steps=20), _doubled(50)),
+    "states": (lambda path, size: town(path, crossings=_ROAD, vehicles=10, steps=size), _doubled(100)),
 }
 
 
@@ -352,12 +352,12 @@ def _wrong_edits(size: int) -> list[Any]:
 SUBJECTS: tuple[Subject, ...] = (
     Subject("map: roundabouts", _doubled(100), _map_of(rings)),
     Subject("map: ways", _doubled(250), _map_of(streets)),
-    Subject("map: nodes a way", _doubled(100), _map_of(lambda path, size: streets(path, 20, size))),
-    Subject("map: streets that a place is looked for in", _doubled(2000), _place_among_streets),
+    Subject("map: nodes a way", _doubled(200), _map_of(lambda path, size: streets(path, 20, size))),
+    Subject("map: streets that a place is looked for in", _doubled(4000), _place_among_streets),
     Subject("map: maps that a place is looked for in", _doubled(500), _place_among_maps),
     Subject("network: SUMO grid to lanelets", _doubled(4), _grid),
-    Subject("network: lanelets to SUMO", _doubled(25), _network_of(_row, _net_of)),
-    Subject("network: rules", _doubled(25), _network_of(_row, _checked)),
+    Subject("network: lanelets to SUMO", _doubled(50), _network_of(_row, _net_of)),
+    Subject("network: rules", _doubled(50), _network_of(_row, _checked)),
     Subject("network: stacked lanelets to SUMO", _doubled(100), _network_of(stack, _net_of)),
     Subject("network: rules on stacked lanelets", _doubled(200), _network_of(stack, _checked)),
     Subject("network: links of one junction to SUMO", _doubled(64), _network_of(star, _net_of)),
@@ -374,7 +374,7 @@ SUBJECTS: tuple[Subject, ...] = (
     Subject("catalogue: words of a text", _doubled(500), _text("bm25")),
     Subject("catalogue: meaning of a text", _doubled(250), _text("semantic")),
     Subject("catalogue: index of texts", _doubled(100), _index),
-    Subject("workspace: listing by text", _doubled(1000), _listing),
+    Subject("workspace: listing by text", _doubled(2000), _listing),
     Subject("workspace: an id that is not there", _doubled(1000), _lookup_of_unknown),
     Subject("weight file: entries", _doubled(25), _weights),
     Subject("arguments: ids of a grid", _doubled(250), _arguments(RunPlannerArguments, scenarios=_ids)),
