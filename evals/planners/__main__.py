@@ -29,7 +29,7 @@ from rich.table import Table
 
 from ...engine.commonroad import read_scenario
 from ...engine.workspace import Workspace
-from ...schemas.runs import BatchRecord, RunRecord, RunSteps, RunTiming
+from ...schemas.runs import BatchRecord, Prediction, RunRecord, RunSteps, RunTiming
 from ...server.assembly import create_server
 from ..harness import (
     built_in,
@@ -51,7 +51,7 @@ from .fresh import Drive, fresh_drives
 from .reactive import braked_runs, rear_hits, rows
 
 CONFIGS = {"default": "frenetix:Default", "safety": "frenetix:Safety-Conservative"}
-PREDICTIONS = {"gt": "ground_truth", "cv": "constant_velocity"}
+PREDICTIONS: dict[str, Prediction] = {"gt": "ground_truth", "cv": "constant_velocity"}
 TIMED_RUNS = 72
 """Enough that the time in which one of two workers has the last run alone hardly counts (chosen)."""
 SITUATIONS = 12

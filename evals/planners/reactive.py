@@ -266,7 +266,7 @@ def _measure(files: Sequence[Path]) -> None:
 
 def _measure_fresh(files: Sequence[Path], seeds: Sequence[int], count: int) -> None:
     runs = [run for seed in seeds for run in fresh_runs(files, seed, count, _PROCESSES)]
-    figures = {
+    figures: dict[str, float | int | str] = {
         "seeds": " ".join(map(str, seeds)),
         "fresh_approaches": sum(run.traffic == "reactive" for run in runs),
         "fresh_recorded_rear_hits": rear_hits(runs, "recorded"),
