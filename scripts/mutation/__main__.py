@@ -43,6 +43,8 @@ TESTS = [
 """Tests that run the parts in their own process: a worker of a server knows nothing of mutants."""
 _LEAST_LIMIT_S = 10
 """The processor time a mutant has at least; it has three times what its tests take (chosen)."""
+_CONTROLS = 10
+"""So many of the mutants are tried without their change as well: their tests have to pass (chosen)."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -145,7 +147,11 @@ def tests_of(mutant: Mutant, record: dict[str, dict], budget_s: float) -> tuple[
 def tried(
     mutants: Sequence[Mutant], files: Sequence[str], record: dict[str, dict], options: Namespace
 ) -> list[Verdict]:
-    """What became of each mutant."""
+    """What became of each mutant.
+
+    Raises:
+        RuntimeError: tests fail on code that is not changed.
+    """
     idle: SimpleQueue[Server] = SimpleQueue()
     servers = [Server(record, files) for _ in range(options.workers)]
     for server in servers:
@@ -160,11 +166,22 @@ def tried(
             verdict = Verdict(mutant, *server.outcome(mutant, tests, seconds))
         finally:
             idle.put(server)
-        say(f"{verdict.outcome:9} {verdict.seconds:5.1f} s  {len(tests):3} tests  {mutant.file}:{mutant.line}")
+        where = f"{mutant.file}:{mutant.line}  {mutant.change}"
+        say(f"{verdict.outcome:9} {verdict.seconds:5.1f} s  {len(tests):3} tests  {where:.140}")
         return verdict
 
+    unchanged = [
+        dataclasses.replace(
+            mutant, source=(CHECKOUT / mutant.file).read_text(encoding="utf-8"), change="none (control)"
+        )
+        for mutant in mutants[:: max(len(mutants) // _CONTROLS, 1)]
+    ]
     try:
         with ThreadPoolExecutor(options.workers) as threads:
+            failed = [one.mutant for one in threads.map(attempt, unchanged) if one.outcome in ("killed", "timed_out")]
+            if failed:
+                places = ", ".join(f"{mutant.file}:{mutant.line}" for mutant in failed)
+                raise RuntimeError(f"tests of {places} fail without any change, so that no mutant can be judged")
             return list(threads.map(attempt, mutants))
     finally:
         for server in servers:

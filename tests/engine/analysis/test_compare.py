@@ -47,6 +47,12 @@ def test_few_pairs_are_said_plainly() -> None:
     found = compared(runs(["collision"] * 2), runs(["goal_reached"] * 2, SAFE))
     assert "2 pairs, 2 flipped: no test can be significant" in found.to_text()
     assert all(test.p is None for test in found.comparisons[0].metrics)
+    assert "metric" not in found.comparisons[0].verdict
+
+
+def test_equal_runs_differ_in_nothing_and_that_is_said() -> None:
+    found = compared(runs(["goal_reached"] * 6), runs(["goal_reached"] * 6, SAFE)).comparisons[0]
+    assert found.verdict == "No difference in success: none of 6 pairs flipped. No metric differs significantly."
 
 
 def test_enough_flips_are_significant_after_holm() -> None:

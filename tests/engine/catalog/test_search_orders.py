@@ -46,6 +46,12 @@ def test_rrf_puts_what_both_rankings_like_first_and_the_rest_apart(three: sqlite
     assert [one.scenario_id for one in found.fallback] == [ABROAD]
 
 
+def test_every_match_has_the_score_of_its_text(three: sqlite3.Connection) -> None:
+    found = answer(three, (ABROAD, LARGE, SMALL), text="a town")
+    assert [(one.scenario_id, one.score) for one in found.matches] == [(ABROAD, 1.0), (LARGE, 0.5), (SMALL, 1 / 3)]
+    assert {one.score for one in answer(three).matches} == {None}
+
+
 def test_a_diverse_choice_says_which_matches_it_did_not_look_at(
     three: sqlite3.Connection, monkeypatch: pytest.MonkeyPatch
 ) -> None:

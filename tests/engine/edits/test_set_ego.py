@@ -88,6 +88,13 @@ def test_a_taken_start_is_refused_with_a_free_one(apply: Apply) -> None:
     assert caught.value.valid[0].startswith("at=1 position=")
 
 
+def test_the_former_ego_is_in_the_way_only_where_it_stays_as_traffic(apply: Apply) -> None:
+    a_little_on = {"op": "set_ego", "at": "1", "position": "41m"}
+    assert problem(apply(a_little_on, builder=SHORT)).initial_state.position == pytest.approx((41.0, 0.0))  # type: ignore[attr-defined]
+    with pytest.raises(NotPossible, match="taken by the ego"):
+        apply(a_little_on | {"former_ego": "traffic"}, builder=SHORT)
+
+
 @pytest.mark.parametrize("vehicles", [["33"], ["31", "35"], ["34"]])
 def test_only_one_recorded_car_can_be_the_ego(apply: Apply, vehicles: list[str]) -> None:
     with pytest.raises(NotPossible, match="cannot become the ego") as caught:
