@@ -33,7 +33,9 @@ MOST_ON_SEGMENT = 25
 NEAR_RAMP_M, AT_MOTORWAY_M = 200.0, 100.0
 """From a ramp to the roads that it is called after; from a motorway to junctions that are not urban (chosen)."""
 SHORTEST_STRETCH_M, SHORTEST_RURAL_M = 40.0, 60.0
-"""Shorter ways of a motorway, and of a rural road, are pieces between junctions and no stretches (chosen)."""
+"""Shorter ways of a motorway or street, and of a rural road, are pieces between junctions and no stretches (chosen)."""
+LEAST_ROAD_M = 100.0
+"""Of a map with sites, in all (chosen): on less no car drives for the few seconds that a goal takes."""
 SPACING_M = 400.0
 """Between two sites on one stretch of road (chosen)."""
 TOWN_LIMIT_KMH = 60
@@ -142,8 +144,8 @@ class SiteFinder:
         }
 
     def find(self, kind: SiteType) -> list[Site]:
-        """All sites of a kind, near ones merged."""
-        return _merged(self._kinds[kind]())
+        """All sites of a kind, near ones merged; none where the map has next to no road."""
+        return _merged(self._kinds[kind]()) if self._road_m > LEAST_ROAD_M else []
 
     def kinds(self) -> dict[SiteType, int]:
         """How many sites of each kind the map holds; kinds that it lacks are left out."""
@@ -166,6 +168,10 @@ class SiteFinder:
         """Roads that lead somewhere; service roads and tracks only where there is nothing else."""
         through = [way for way in self.osm.roads(THROUGH_ROADS & self._classes) if way.tags.get("area") != "yes"]
         return through or self.osm.roads(frozenset(ROADS) & self._classes)
+
+    @cached_property
+    def _road_m(self) -> float:
+        return sum(length_m(self.osm, way) for way in self._roads)
 
     @cached_property
     def _streets(self) -> _Crossings:
@@ -312,8 +318,7 @@ class SiteFinder:
     @cached_property
     def _clear_m(self) -> float:
         """How far houses have to be: farther on the map of a town, at whose edge houses may just not be drawn."""
-        road_km = sum(length_m(self.osm, way) for way in self._roads) / 1000
-        dense = len(self._streets.junctions) > TOWN_JUNCTIONS_PER_KM * road_km
+        dense = len(self._streets.junctions) > TOWN_JUNCTIONS_PER_KM * self._road_m / 1000
         lit = any(node.tags.get("highway") == "traffic_signals" for node in self.osm.nodes.values())
         return TOWN_CLEAR_M if dense or lit else RURAL_CLEAR_M
 
@@ -327,9 +332,10 @@ class SiteFinder:
     def _middles_of_streets(self) -> list[_Spot]:
         spots = []
         for way in self._roads:
+            if way.road_class in (*LINKS, *FAST_ROADS) or length_m(self.osm, way) < SHORTEST_STRETCH_M:
+                continue
             node = self.osm.nodes[way.node_ids[len(way.node_ids) // 2]]
-            is_street = way.road_class not in LINKS and way.road_class not in FAST_ROADS
-            if is_street and not self._far_from_houses(node) and not self._at_motorway(node):
+            if not self._far_from_houses(node) and not self._at_motorway(node):
                 spots.append(self._spot("urban", node, [way], node.node_id))
         return spots
 

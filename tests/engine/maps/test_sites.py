@@ -146,3 +146,19 @@ def test_a_ring_as_long_as_a_town_is_no_roundabout(tmp_path: Path) -> None:
     for x, y in line[:3]:
         sketch.road([(x, y), (2 * x, 2 * y)], "secondary", "")
     assert "roundabout" not in finder(tmp_path, sketch).kinds()
+
+
+def test_where_next_to_no_road_is_there_is_no_site(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(0, 0), (20, 0), (40, 0)], "residential", "Short Road")
+    sketch.road([(20, 0), (20, 30)], "residential", "Side Road")
+    assert finder(tmp_path, sketch).kinds() == {}
+    sketch.road([(40, 0), (90, 0)], "residential", "Long Road")
+    assert finder(tmp_path, sketch).kinds() == {"intersection": 1, "urban": 1}
+
+
+def test_a_street_of_a_few_metres_is_no_urban_site(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(0, 0), (200, 0)], "residential", "Long Road")
+    sketch.road([(0, 500), (10, 500)], "residential", "Short Road")
+    assert [site.streets for site in finder(tmp_path, sketch).find("urban")] == [("Long Road",)]
