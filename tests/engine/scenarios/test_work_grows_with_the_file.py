@@ -10,10 +10,12 @@ import pytest
 from lxml import etree
 from support.builders import town_road
 
+from plannerforge.engine.commonroad import read_scenario
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.network.rules.check import check_file
 from plannerforge.engine.scenarios.description import describe
 from plannerforge.engine.scenarios.facts import read_facts
+from plannerforge.engine.scene import Scene
 from plannerforge.schemas.scenarios import DescribeRequest, ReadFactsRequest
 
 APART_M = 2000.0
@@ -58,6 +60,7 @@ WORK: dict[str, Callable[[Path], object]] = {
     "facts": lambda path: read_facts(ReadFactsRequest(path=path), silent),
     "describe": lambda path: describe(DescribeRequest(path=path, detail="checks", focus=None, radius_m=80.0), silent),
     "check": check_file,
+    "SUMO network": lambda path: Scene.of(read_scenario(path)).sumo_net,
 }
 
 
