@@ -19,6 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import accumulate
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 from mutants import Mutant, sample
 
@@ -59,7 +60,7 @@ class Verdict:
 class Server:
     """A process that tries mutants, one after the other."""
 
-    def __init__(self, record: dict[str, object], files: Sequence[str]) -> None:
+    def __init__(self, record: dict[str, Any], files: Sequence[str]) -> None:
         self._process = subprocess.Popen(
             [sys.executable, str(CHECKOUT / "scripts/mutation/trials.py"), "serve"],
             cwd=CHECKOUT,
@@ -106,7 +107,7 @@ def files_of(parts: Sequence[str]) -> list[str]:
     return sorted(str(path.relative_to(CHECKOUT)) for path in paths)
 
 
-def recorded() -> dict[str, dict]:
+def recorded() -> dict[str, Any]:
     """The record of the tests (see ``trials.Record``), made anew where code or tests have changed since.
 
     Raises:
@@ -116,7 +117,8 @@ def recorded() -> dict[str, dict]:
         path for folder in ("engine", "schemas", "tools", "tests") for path in (CHECKOUT / folder).rglob("*.py")
     )
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in code)).hexdigest()
-    if RECORD.exists() and (kept := json.loads(RECORD.read_bytes()))["digest"] == digest:
+    kept: dict[str, Any] = json.loads(RECORD.read_bytes()) if RECORD.exists() else {}
+    if kept.get("digest") == digest:
         return kept
     say("recording which tests reach which lines")
     made = subprocess.run(
@@ -129,12 +131,13 @@ def recorded() -> dict[str, dict]:
     )
     if made.returncode:
         raise RuntimeError("the tests could not be recorded")
+    kept = json.loads(made.stdout) | {"digest": digest}
     RECORD.parent.mkdir(exist_ok=True)
-    RECORD.write_text(json.dumps(json.loads(made.stdout) | {"digest": digest}), encoding="utf-8")
-    return json.loads(RECORD.read_bytes())
+    RECORD.write_text(json.dumps(kept), encoding="utf-8")
+    return kept
 
 
-def tests_of(mutant: Mutant, record: dict[str, dict], budget_s: float) -> tuple[list[str], float]:
+def tests_of(mutant: Mutant, record: dict[str, Any], budget_s: float) -> tuple[list[str], float]:
     """The tests that reach a mutant, the fastest first, as many as take ``budget_s``, and the seconds they take."""
     reached, seconds = record["reached"][mutant.file], record["seconds"]
     tests = {test for line in mutant.lines for test in reached.get(str(line), [])}
@@ -144,9 +147,7 @@ def tests_of(mutant: Mutant, record: dict[str, dict], budget_s: float) -> tuple[
     return chosen, sum(seconds[test] for test in chosen)
 
 
-def tried(
-    mutants: Sequence[Mutant], files: Sequence[str], record: dict[str, dict], options: Namespace
-) -> list[Verdict]:
+def tried(mutants: Sequence[Mutant], files: Sequence[str], record: dict[str, Any], options: Namespace) -> list[Verdict]:
     """What became of each mutant.
 
     Raises:
@@ -207,7 +208,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2, help="how many are tried at a time")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument(
-        "--budget-s", type=float, default=15.0, help="the recorded time of the tests that a mutant gets"
+        "--budget-s", type=float, default=10.0, help="the recorded time of the tests that a mutant gets"
     )
     options = parser.parse_args()
     started, files, record = time.monotonic(), files_of(options.parts), recorded()

@@ -166,7 +166,10 @@ def _ended(child: int, until: float) -> int | None:
     status = None
     while status is None and time.monotonic() < until:
         found, code = os.waitpid(child, os.WNOHANG)
-        status = code if found else time.sleep(0.02)
+        if found:
+            status = code
+        else:
+            time.sleep(0.02)
     with contextlib.suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)
     if status is None:
@@ -191,7 +194,7 @@ def _import_mutated(module: str, source: str) -> None:
     def get_code(self: importlib.machinery.SourceFileLoader, name: str) -> types.CodeType | None:
         return compile(source, self.path, "exec") if name == module else usual(self, name)
 
-    importlib.machinery.SourceFileLoader.get_code = get_code  # type: ignore[method-assign]
+    importlib.machinery.SourceFileLoader.get_code = get_code  # type: ignore[assignment, method-assign]
 
 
 def _serve() -> None:

@@ -50,6 +50,13 @@ def test_few_pairs_are_said_plainly() -> None:
     assert "metric" not in found.comparisons[0].verdict
 
 
+def test_a_single_pair_is_a_pair_and_none_is_none() -> None:
+    one = compared(runs(["goal_reached"]), runs(["goal_reached"], SAFE)).comparisons[0]
+    assert one.verdict.startswith("1 pair, none flipped: no test can be significant")
+    none = compared(runs(["invalid"]), runs(["goal_reached"], SAFE)).comparisons[0]
+    assert none.verdict == "No valid pair: nothing can be compared."
+
+
 def test_equal_runs_differ_in_nothing_and_that_is_said() -> None:
     found = compared(runs(["goal_reached"] * 6), runs(["goal_reached"] * 6, SAFE)).comparisons[0]
     assert found.verdict == "No difference in success: none of 6 pairs flipped. No metric differs significantly."

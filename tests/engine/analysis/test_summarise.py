@@ -35,6 +35,11 @@ def test_invalid_items_are_in_no_denominator() -> None:
     assert "5 runs (4 valid, 1 invalid): goal 2/4 = 50 %" in found.to_text()
 
 
+def test_runs_without_steps_are_told_only_where_costs_are_asked_for() -> None:
+    assert not any("no recorded steps" in note for note in analysed(*five_runs()).notes)
+    assert "4 runs have no recorded steps and are in no cost figure" in analysed(*five_runs(), detail="costs").notes
+
+
 def test_lost_cells_are_named_and_counted_nowhere() -> None:
     lost = LostCell(scenario_id="X", config_id="cfg_a", error="[worker_timeout] late")
     found = analysed(*five_runs(), lost=(lost,))
