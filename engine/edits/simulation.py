@@ -97,11 +97,15 @@ class Simulation:
             track = None if seen is None else taken_over_track(plan.start, seen, scene.step_s, scene.last_step, over_m)
             if track is not None:
                 tracks[key] = track
-        overlaps = self._new_overlaps(tracks)
+        overlaps = self._new_overlaps({key: track.whole(plans[key].start) for key, track in tracks.items()})
         return SimulationResult(plans, tracks, overlaps, tuple(key for key in plans if key not in tracks))
 
-    def _new_overlaps(self, tracks: Mapping[int, TakenOverTrack]) -> tuple[Overlap, ...]:
-        """Overlaps of driven vehicles and of recordings moved in time, with each other and with all that stay."""
+    def _new_overlaps(self, tracks: Mapping[int, Track]) -> tuple[Overlap, ...]:
+        """Overlaps of driven vehicles and of recordings moved in time, with each other and with all that stay.
+
+        ``tracks``: of the driven, from where they appear on: on its recording, one that is handed over late may hit
+        another that is driven.
+        """
         scene, removed, replays = self.scene, self.changes.removed, self.changes.replays
         known = scene.tracks | scene.standing
         moved = [known[key] for key in replays if key not in tracks]
@@ -135,7 +139,8 @@ class Simulation:
                 if plan is None and (key not in scene.tracks or not_drivable(scene, key)):
                     continue
                 first = scene.tracks[key].first_step
-                step = max(first, (hit.step if plan is None else plan.from_step) - self._reaction_steps)
+                latest = hit.step if plan is None else min(hit.step, plan.from_step)
+                step = max(first, latest - self._reaction_steps)
                 if plan is not None and step == plan.from_step:
                     continue
                 handed_over = plan or recorded_plan(scene, key, "handed_over", step)

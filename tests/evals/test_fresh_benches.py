@@ -6,12 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from support.builders import driving, town_road
 from support.catalog import catalogue, facts, funnel
+from support.modification_bench import carried_out
 
 from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.evals.fresh_data import fresh_scenario
 from plannerforge.evals.modification.__main__ import failures_of, fresh_figures
 from plannerforge.evals.modification.cases import Case, Measured, Physical
+from plannerforge.evals.modification.judges import unreported_collisions
 from plannerforge.evals.planners.__main__ import fresh_figures as planner_figures
 from plannerforge.evals.planners.fresh import Drive, drawn_problem
 from plannerforge.evals.selection.corpus import arguments_of
@@ -120,3 +124,14 @@ def test_the_same_seed_draws_the_same_requests_of_selection() -> None:
     known = _known()
     assert fresh_requests(known, 5, 20) == fresh_requests(known, 5, 30)[:20]
     assert fresh_requests(known, 5, 20) != fresh_requests(known, 6, 20)
+
+
+@pytest.mark.shared_data
+@pytest.mark.usefixtures("shared_data")
+def test_one_that_is_handed_over_late_hits_nobody_on_its_recording(tmp_path: Path) -> None:
+    path = fresh_scenario(3, 30, tmp_path)
+    selector = {"by": "ids", "ids": [30199]}
+    truth = {"selector": selector, "vehicle_ids": [30199], "preset": "cautious", "expected_params": {}}
+    one = carried_out(path, {"op": "set_behaviour", **truth})
+    assert {30200, 30201} <= set(one.outcome.handed_over)
+    assert unreported_collisions(one) == 0
