@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...commonroad import limits_mps
-from ...geometry import Points, Values, curvatures, maximum_curvature
+from ...geometry import Points, Values, curvatures, length_m, maximum_curvature, unit, without_repeats
 from ...vehicles import COMFORTABLE_MPS2, HARDEST_LATERAL_MPS2
 from .layout import NetLayout
 
@@ -29,6 +29,8 @@ LONG_LANELET_M = 60.0
 """Chosen: on a lanelet no longer than this, slowing down for its curve alone gains little."""
 _SMOOTHING_M = 4.0
 """Chosen: as in ``geometry.curvatures``."""
+_KERNEL = 3.0
+"""Standard deviations to either side at which the kernel of the smoothing ends."""
 _RECORDED_NEAR_M = 10.0
 """Chosen: a vehicle recorded within these drove through the place at that speed."""
 
@@ -85,11 +87,26 @@ def straight_speeds(
 
 
 def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M) -> float:
-    """Speed in m/s at which the sharpest curve of a polyline takes the comfortable lateral acceleration; may be inf."""
+    """Speed in m/s at which the sharpest curve of a polyline takes the comfortable lateral acceleration; may be inf.
+
+    A line that is short against the smoothing keeps little of its turn when it is smoothed alone: the curvature that it
+    has between straights counts too.
+    """
     curvature = maximum_curvature(shape, sigma_m)
+    if length_m(shape) < 2 * _KERNEL * sigma_m:
+        curvature = max(curvature, maximum_curvature(_between_straights(shape, _KERNEL * sigma_m), sigma_m))
     if curvature <= 0.0:
         return math.inf
     return max(_SLOWEST_CURVE_MPS, math.sqrt(COMFORTABLE_MPS2 / curvature))
+
+
+def _between_straights(shape: Points, beside_m: float) -> Points:
+    """A polyline with a straight before and behind it."""
+    points = without_repeats(shape)
+    if len(points) < 2:
+        return points
+    before, behind = (beside_m * unit(end) for end in (points[1] - points[0], points[-1] - points[-2]))
+    return np.vstack([points[0] - before, points, points[-1] + behind])
 
 
 def slow_places(shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = ()) -> SlowPlaces:
