@@ -3,6 +3,10 @@
 SUMO moves the front bumper, on the middle of a lane and with speeds that step. The written motion is the centre's: the
 recorded states before the hand-over are put before SUMO's track, the whole is smoothed, and what is left of the
 difference to the recorded state fades out (:func:`taken_over_track`).
+
+The bumper is led along the lane. Where a long vehicle cannot be driven so (in turns of a few metres' radius: a bumper
+12 m before the rear axle turns within 13 m at best), its centre is led along the lane, as in generated traffic, and the
+front swings out.
 """
 
 import math
@@ -12,7 +16,16 @@ import numpy as np
 
 from ..commonroad import Track
 from ..geometry import Points, Values
-from ..vehicles import Motion, drivable_motion, nearest_class, tractrix
+from ..vehicles import (
+    SMOOTHINGS,
+    Motion,
+    VehicleClass,
+    center_track,
+    check_kinematics,
+    drivable_motion,
+    nearest_class,
+    tractrix,
+)
 from .plans import lane_change_track
 from .replay import DrivenTrack
 
@@ -32,6 +45,8 @@ LARGEST_SPEED_STEP_MPS = 0.95
 """A step of 0.1 s may change the speed by this: 9.5 m/s², within the 11.5 m/s² that CommonRoad's vehicles can do."""
 LANE_S = 3.0
 """A vehicle recorded beside its lane is led into it in this time, as in a lane change; SUMO puts it there at once."""
+LONG_M = 6.0
+"""A longer vehicle may swing its front out in bends (chosen): all classes but cars, taxis and two-wheelers."""
 STANDING_MPS = 0.02
 """Speeds below this are written as 0 (chosen): smoothing leaves a rest."""
 
@@ -91,12 +106,7 @@ def taken_over_track(
     else:
         onward, across = lane_change_track(begin, expected, onward, over_m)
         lanes = ("", *(lane if is_across else "" for lane, is_across in zip(lanes[1:], across, strict=False)))
-    history = _history(start, index, step_s)
-    front = np.concatenate([history, begin[None], onward])
-    first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
-    rear_axle_m = nearest_class(start.kind, start.length_m).rear_axle_m
-    smooth = drivable_motion(front, first_heading, start.length_m, step_s, rear_axle_m=rear_axle_m)
-    motion = _joined(smooth, len(history), start, index, step_s, rear_axle_m)
+    motion = _driven_motion(start, index, onward, step_s)
     return TakenOverTrack(
         obstacle_id=start.obstacle_id,
         kind=start.kind,
@@ -111,6 +121,61 @@ def taken_over_track(
         lanes=lanes,
         blocked_by=driven.blocked_by,
     )
+
+
+def _driven_motion(start: Track, index: int, onward: Points, step_s: float) -> Motion:
+    """The motion from the hand-over on, for the front's track after it: with the bumper on that track if it can be.
+
+    Of those that are tried, the first that can be driven, or the one of which most can.
+    """
+    chassis, front = nearest_class(start.kind, start.length_m), np.vstack([start.front_at(index), onward])
+    best = _led_motion(start, index, front, start.length_m / 2, SMOOTHINGS[0], step_s, chassis)
+    most = _drivable_share(best, step_s, chassis)
+    if start.length_m <= LONG_M or most == 1.0:
+        return best
+    centers = center_track(front, float(start.headings_rad[index]), start.length_m)
+    for smoothing in SMOOTHINGS:
+        motion = _led_motion(start, index, centers, 0.0, smoothing, step_s, chassis)
+        share = _drivable_share(motion, step_s, chassis)
+        if share > most:
+            best, most = motion, share
+        if most == 1.0:
+            break
+    return best
+
+
+def _drivable_share(motion: Motion, step_s: float, chassis: VehicleClass) -> float:
+    """The share of a motion's steps that a chassis can drive."""
+    return check_kinematics(
+        motion, step_s, wheelbase_m=chassis.wheelbase_m, rear_axle_m=chassis.rear_axle_m
+    ).share_of_steps
+
+
+def _led_motion(
+    start: Track,
+    index: int,
+    led: Points,
+    ahead_m: float,
+    smoothing: tuple[float, float],
+    step_s: float,
+    chassis: VehicleClass,
+) -> Motion:
+    """The motion from the hand-over on of a vehicle that is led by the point so far ahead of its centre.
+
+    ``led``: that point's track from the hand-over on; ``smoothing``: in steps and in m.
+    """
+    history = _history(start, index, ahead_m, step_s)
+    first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
+    smooth = drivable_motion(
+        np.concatenate([history, led]),
+        first_heading,
+        2 * ahead_m,
+        step_s,
+        sigma_steps=smoothing[0],
+        sigma_m=smoothing[1],
+        rear_axle_m=chassis.rear_axle_m,
+    )
+    return _joined(smooth, len(history), start, index, ahead_m, step_s, chassis.rear_axle_m)
 
 
 def _rolled_on(start: Track, index: int, onward: Points, count: int, step_s: float) -> Points:
@@ -131,12 +196,22 @@ def _led_into_lane(expected: Points, onward: Points, step_s: float) -> Points:
     return led
 
 
-def _history(start: Track, index: int, step_s: float) -> Points:
-    """The recorded front track before the hand-over, led straight back where the recording is too short: (15, 2)."""
+def _led_at(start: Track, index: int, ahead_m: float) -> Points:
+    """The recorded place (2,) of the point so far ahead of the centre."""
+    angle = float(start.headings_rad[index])
+    return np.asarray(start.positions[index] + ahead_m * np.array([math.cos(angle), math.sin(angle)]))
+
+
+def _history(start: Track, index: int, ahead_m: float, step_s: float) -> Points:
+    """The recorded track of the point so far ahead of the centre, up to the hand-over: (15, 2).
+
+    It is led straight back where the recording is too short.
+    """
     first = max(0, index - HISTORY_STEPS)
-    recorded = [start.front_at(past) for past in range(first, index)]
+    recorded = [_led_at(start, past, ahead_m) for past in range(first, index)]
     ahead, missing = _step_ahead(start, first, step_s), HISTORY_STEPS - len(recorded)
-    return np.array([start.front_at(first) - ahead * steps for steps in range(missing, 0, -1)] + recorded)
+    begin = _led_at(start, first, ahead_m)
+    return np.array([begin - ahead * steps for steps in range(missing, 0, -1)] + recorded)
 
 
 def _step_ahead(start: Track, index: int, step_s: float) -> Points:
@@ -145,26 +220,28 @@ def _step_ahead(start: Track, index: int, step_s: float) -> Points:
     return np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
 
 
-def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float, rear_axle_m: float) -> Motion:
+def _joined(
+    smooth: Motion, skip: int, start: Track, index: int, ahead_m: float, step_s: float, rear_axle_m: float
+) -> Motion:
     """The smoothed motion from the hand-over on; differences to the recorded state fade out instead of jumping.
 
-    Only the front's track is corrected; the heading follows it as a tractrix from the recorded heading on, so that
-    the rear axle never slips sideways.
+    Only the track of the point that leads, ``ahead_m`` ahead of the centre, is corrected; the heading follows it as a
+    tractrix from the recorded heading on, so that the rear axle never slips sideways.
     """
     headings = smooth.headings_rad[skip:]
     forward = _directions(headings)
-    front = smooth.positions[skip:] + start.length_m / 2 * forward
-    times = np.arange(len(front)) * step_s
-    front = front + (start.front_at(index) - front[0]) * np.exp(-times / POSE_DECAY_S)[:, None]
-    speed, drag = max(float(start.speeds_mps[index]), 0.0), start.length_m / 2 + rear_axle_m
-    headings = tractrix(front, float(start.headings_rad[index]), drag)
-    rear = front[:3] - drag * _directions(headings[:3])
+    led = smooth.positions[skip:] + ahead_m * forward
+    times = np.arange(len(led)) * step_s
+    led = led + (_led_at(start, index, ahead_m) - led[0]) * np.exp(-times / POSE_DECAY_S)[:, None]
+    speed, drag = max(float(start.speeds_mps[index]), 0.0), ahead_m + rear_axle_m
+    headings = tractrix(led, float(start.headings_rad[index]), drag)
+    rear = led[:3] - drag * _directions(headings[:3])
     first_speeds = np.linalg.norm(np.diff(rear, axis=0), axis=1) / step_s
     missing = speed - (1.5 * first_speeds[0] - 0.5 * first_speeds[-1])
     for decay_s in SPEED_DECAYS_S:
-        sped = _never_back(front + forward * (missing * times * np.exp(-times / decay_s))[:, None], forward)
+        sped = _never_back(led + forward * (missing * times * np.exp(-times / decay_s))[:, None], forward)
         headings = tractrix(sped, float(start.headings_rad[index]), drag)
-        centers = sped - start.length_m / 2 * _directions(headings)
+        centers = sped - ahead_m * _directions(headings)
         speeds = _rear_axle_speeds(centers - rear_axle_m * _directions(headings), headings, speed, step_s)
         step_mps = speeds[1] - speeds[0]
         if abs(step_mps) <= LARGEST_SPEED_STEP_MPS:
@@ -173,14 +250,14 @@ def _joined(smooth: Motion, skip: int, start: Track, index: int, step_s: float, 
     return Motion(centers, headings, speeds, np.gradient(speeds, step_s))
 
 
-def _never_back(front: Points, forward: Points) -> Points:
-    """A front track (n, 2) that stands where it would go back, as fading differences do under one that stops.
+def _never_back(led: Points, forward: Points) -> Points:
+    """A track (n, 2) that stands where it would go back, as fading differences do under one that stops.
 
     ``forward``: the unit vectors (n, 2) along which it drives.
     """
-    ahead_m = np.concatenate([[0.0], np.cumsum((np.diff(front, axis=0) * forward[1:]).sum(axis=1))])
+    ahead_m = np.concatenate([[0.0], np.cumsum((np.diff(led, axis=0) * forward[1:]).sum(axis=1))])
     held_m = np.maximum.accumulate(ahead_m)
-    held: Points = front + forward * (held_m - ahead_m)[:, None]
+    held: Points = led + forward * (held_m - ahead_m)[:, None]
     return held
 
 

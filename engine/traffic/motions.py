@@ -14,18 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import BoxTrack, Points, Values, arc_length, first_overlaps, interpolate, without_repeats
-from ..vehicles import Motion, VehicleClass, check_kinematics, drivable_motion
+from ..geometry import BoxTrack, Points, Values, first_overlaps
+from ..vehicles import SMOOTHINGS, Motion, VehicleClass, center_track, check_kinematics, drivable_motion
 from .simulation import RawTrack
 
-SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
-"""(steps, metres) tried in this order until a motion is drivable (chosen): stronger smoothing moves it more."""
 DECIMALS = 4
 """Decimal places in scenario files: 0.1 mm, and 20 seconds of arc."""
 FARTHEST_ASTRAY_M = 4.0
 """A vehicle farther from where SUMO has it missed more than one lane change (a lane's width is 3 to 3.75 m)."""
-BEHIND_START_M = 1.0
-"""The path begins this much behind the rear of a vehicle at its first point (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +93,7 @@ def _apart(
 def _generated_vehicle(track: RawTrack, step_s: float) -> GeneratedVehicle:
     chassis = track.vehicle_class
     front = on_wheels(track.front, track.along_m, track.aside_m)
-    center = _center_track(front, track)
+    center = center_track(front, track.first_heading_rad, chassis.length_m)
     astray = bool(np.any(np.linalg.norm((front - track.front)[track.lead_in :], axis=1) > FARTHEST_ASTRAY_M))
     tried: list[GeneratedVehicle] = []
     for sigma_steps, sigma_m in SMOOTHINGS:
@@ -116,19 +112,6 @@ def _generated_vehicle(track: RawTrack, step_s: float) -> GeneratedVehicle:
         if verdict.feasible:
             return tried[-1]
     return tried[0]
-
-
-def _center_track(front: Points, track: RawTrack) -> Points:
-    """The centre's track, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
-
-    A centre that is dragged behind the front bumper would cut corners by metres where the vehicle is long; on the
-    path, the front swings out and the rear in, as bus drivers do it.
-    """
-    half = track.vehicle_class.length_m / 2
-    backwards = -np.array([np.cos(track.first_heading_rad), np.sin(track.first_heading_rad)])
-    path = without_repeats(np.vstack([front[:1] + (half + BEHIND_START_M) * backwards, front]))
-    stations = arc_length(front) + BEHIND_START_M
-    return interpolate(path, arc_length(path), stations)
 
 
 def _rounded(motion: Motion, first: int) -> Motion:

@@ -23,6 +23,8 @@
 ``vehicle_of``: The vehicle of some settings.
 ``Feasibility``: Whether a motion can be driven, the share of its steps that can, and the first that cannot.
 ``Motion``: Positions in m, headings in rad, speeds in m/s and accelerations in m/s² of a centre.
+``SMOOTHINGS``: Smoothings (steps, metres) of a driven track, the stronger the later, tried until it can be driven.
+``center_track``: The centre's track, half a vehicle behind the front bumper's along the same path, shape (n, 2) in m.
 ``check_drivability``: The ``Feasibility`` of a motion by commonroad-drivability-checker; slow.
 ``check_kinematics``: The ``Feasibility`` of a motion by a closed form of the same criterion; fast.
 ``drivable_motion``: The motion of the centre for a track of the front bumper, shape (n, 2), one point a step.
@@ -52,8 +54,10 @@ if TYPE_CHECKING:
         vehicle_of,
     )
     from .motion import (
+        SMOOTHINGS,
         Feasibility,
         Motion,
+        center_track,
         check_drivability,
         check_kinematics,
         drivable_motion,

@@ -18,11 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry import Points, Values, arc_length, gaussian, interpolate, wrap_angle, wrap_angles
+from ..geometry import Points, Values, arc_length, gaussian, interpolate, without_repeats, wrap_angle, wrap_angles
 from .models import BMW_320I, LARGEST_ACCELERATION_MPS2
 
+SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
+"""(steps, metres) tried in this order until a motion is drivable (chosen): stronger smoothing moves it more."""
 _STANDING_M, _STANDING_MPS = 0.3, 0.02
 """Chosen: a shorter track, and a slower motion, is that of a vehicle that stands."""
+_BEHIND_START_M = 1.0
+"""Chosen: the path begins this much behind the rear of a vehicle at its first point."""
 _CELL_M = 0.25
 """Chosen: spacing of the points at which a path is smoothed, an eighth of the smoothing."""
 _WHEELBASE_M = 2.5789
@@ -83,6 +87,25 @@ def drivable_motion(
     speed = np.gradient(arc_length(rear), step_s)
     speed[speed < _STANDING_MPS] = 0.0
     return Motion(guide - length_m / 2 * direction, heading, speed, np.gradient(speed, step_s))
+
+
+def center_track(front: Points, first_heading_rad: float, length_m: float) -> Points:
+    """The centre's track, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
+
+    A centre that is dragged behind the front bumper would cut corners by metres where the vehicle is long, and in a
+    bend that is tighter than its bumper can turn the body would pivot about the rear axle; on the path, the front
+    swings out and the rear in, as bus drivers do it.
+
+    Args:
+        front: the track of the front bumper.
+        first_heading_rad: where the vehicle heads at its first point; it lies straight behind it.
+        length_m: its length.
+    """
+    half = length_m / 2
+    backwards = -np.array([math.cos(first_heading_rad), math.sin(first_heading_rad)])
+    path = without_repeats(np.vstack([front[:1] + (half + _BEHIND_START_M) * backwards, front]))
+    stations = arc_length(front) + _BEHIND_START_M
+    return interpolate(path, arc_length(path), stations)
 
 
 def _smooth_guide(front: Points, stations: Values, sigma_steps: float, sigma_m: float) -> Points:

@@ -10,6 +10,7 @@ from support.edits import Apply
 from plannerforge.engine.commonroad.tracks import Track
 from plannerforge.engine.cosimulation.handover import taken_over_track
 from plannerforge.engine.cosimulation.replay import DrivenTrack
+from plannerforge.engine.vehicles import check_kinematics, nearest_class
 
 EDITS = (
     {"op": "reroute", "vehicles": ["35"], "turn": "right"},
@@ -100,6 +101,28 @@ def test_one_that_brakes_into_a_tight_bend_at_once_changes_speed_step_by_step(br
     speeds = touched.motion.speeds_mps
     assert speeds[0] == 10.8
     assert abs(speeds[1] - speeds[0]) <= 1.0
+
+
+def test_bus_whose_front_turns_too_tightly_swings_out_instead() -> None:
+    start = Track(
+        obstacle_id=36,
+        kind="bus",
+        length_m=12.0,
+        width_m=2.5,
+        first_step=0,
+        positions=np.stack([np.arange(11) * 0.6, np.zeros(11)], axis=1),
+        headings_rad=np.zeros(11),
+        speeds_mps=np.full(11, 6.0),
+    )
+    way_m = 6.0 + np.arange(130) * 0.6  # straight for 25 m, then round a half circle of 6 m, then straight on
+    turned_rad = np.clip((way_m - 25.0) / 6.0, 0.0, np.pi)
+    straight_m = np.minimum(way_m, 25.0) - np.maximum(way_m - 25.0 - 6.0 * np.pi, 0.0)
+    front = np.stack([6.0 + straight_m + 6.0 * np.sin(turned_rad), 6.0 * (1 - np.cos(turned_rad))], axis=1)
+    touched = taken_over_track(start, DrivenTrack(10, front, ("e1_0",) * 130, leaves=False), 0.1, 140)
+    assert touched is not None
+    bus = nearest_class("bus", 12.0)
+    assert check_kinematics(touched.motion, 0.1, wheelbase_m=bus.wheelbase_m, rear_axle_m=bus.rear_axle_m).feasible
+    assert touched.motion.positions[0] == pytest.approx(start.positions[10])
 
 
 @pytest.mark.parametrize("speed_mps", [1.0, 3.4, 10.0])
