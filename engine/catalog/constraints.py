@@ -15,6 +15,7 @@ from itertools import chain
 from ...schemas.catalog import FindScenariosArguments, Stage
 from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval
+from ...schemas.text import one_line
 from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
 from ..maps import country_code, place_keys
 from .bm25 import words_of
@@ -149,7 +150,7 @@ def _feature(text: str) -> Constraint:
         )
     low, high = _bounds(condition.interval, 0.0)
     query = f"SELECT number FROM catalog_scenarios WHERE {MEASURE_COLUMNS[measure]} BETWEEN ? AND ?"  # noqa: S608 - fixed names
-    return Constraint("tags", measure, text.strip(), query, (low, high), condition.negated)
+    return Constraint("tags", measure, one_line(text), query, (low, high), condition.negated)
 
 
 def _road_net(text: str) -> Constraint:
@@ -183,7 +184,7 @@ def _lanes(text: str) -> Constraint:
     condition = parse_condition(text, whole=True)
     _scope(condition, ("ego",))
     query = "SELECT number FROM catalog_scenarios WHERE lanes BETWEEN ? AND ?"
-    return Constraint("road_net", "lanes", text.strip(), query, _bounds(condition.interval, 0.0), condition.negated)
+    return Constraint("road_net", "lanes", one_line(text), query, _bounds(condition.interval, 0.0), condition.negated)
 
 
 def _limit(text: str) -> Constraint:
@@ -194,7 +195,7 @@ def _limit(text: str) -> Constraint:
     query = "SELECT DISTINCT number FROM catalog_limits WHERE scope = ? AND kmh BETWEEN ? AND ?"
     values, everywhere = (scope, low, high), scope == "map"
     negated = condition.negated
-    return Constraint("road_net", "speed_limit", text.strip(), query, values, negated, everywhere=everywhere)
+    return Constraint("road_net", "speed_limit", one_line(text), query, values, negated, everywhere=everywhere)
 
 
 def _obstacles(text: str) -> Constraint:
@@ -203,7 +204,7 @@ def _obstacles(text: str) -> Constraint:
     name = _name(condition.name, OBSTACLE_TYPES, _OBSTACLE_WORDS, "obstacle type", next_step)
     _scope(condition, ("map",))
     low, high = _bounds(condition.interval, 0.0)
-    label = text.strip().replace(condition.name, name, 1)
+    label = one_line(text).replace(condition.name, name, 1)
     within = "SELECT number FROM catalog_counts WHERE obstacle = ? AND count BETWEEN ? AND ?"
     outside = "SELECT number FROM catalog_counts WHERE obstacle = ? AND count NOT BETWEEN ? AND ?"
     holds_for_none = low <= 0 <= high
@@ -217,7 +218,7 @@ def _ego_speed(text: str) -> Constraint:
     interval = parse_interval(_operators(text), "m/s")
     tolerance = SPEED_TOLERANCE_MPS if interval.exact else 0.0
     query = "SELECT number FROM catalog_scenarios WHERE speed_mps BETWEEN ? AND ?"
-    return Constraint("velocity", "ego_speed", f"ego_speed {text.strip()}", query, _bounds(interval, tolerance))
+    return Constraint("velocity", "ego_speed", f"ego_speed {one_line(text)}", query, _bounds(interval, tolerance))
 
 
 def _parse_name(text: str) -> str:
@@ -293,7 +294,7 @@ def location_constraints(connection: sqlite3.Connection, country: str | None, ci
         keys = tuple(sorted(place_keys(city)))
         holes = ", ".join("?" * len(keys))
         query = f"SELECT DISTINCT number FROM catalog_words WHERE kind = 'place' AND word IN ({holes})"  # noqa: S608 - only ? marks
-        constraints.append(Constraint("location", "city", f"city {city.strip()}", query, keys))
+        constraints.append(Constraint("location", "city", f"city {one_line(city)}", query, keys))
     return constraints
 
 

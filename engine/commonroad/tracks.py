@@ -117,13 +117,16 @@ def last_recorded_step(scenario: "Scenario") -> int:
 
 
 def size_of(shape: Any) -> tuple[float, float]:
-    """Length and width in metres of a CommonRoad shape; circles give their diameter, polygons their bounding box."""
+    """Length and width in metres of a CommonRoad shape.
+
+    Circles give their diameter, polygons and groups of shapes their bounding box.
+    """
     if hasattr(shape, "length"):
         return float(shape.length), float(shape.width)
     if hasattr(shape, "radius"):
         return 2 * float(shape.radius), 2 * float(shape.radius)
-    vertices = np.asarray(shape.vertices)
-    extent = vertices.max(axis=0) - vertices.min(axis=0)
+    boxes = np.array([part.shapely_object.bounds for part in getattr(shape, "shapes", [shape])])
+    extent = boxes[:, 2:].max(axis=0) - boxes[:, :2].min(axis=0)
     return float(extent[0]), float(extent[1])
 
 
@@ -201,7 +204,8 @@ def take_plain_states(document: Element) -> dict[int, _PlainStates]:
     for obstacle in document:
         trajectory = obstacle.find("trajectory") if obstacle.tag in ("dynamicObstacle", "obstacle") else None
         number = obstacle.get("id", "")
-        if trajectory is not None and number.isdecimal() and 2 < len(trajectory) <= LAST_STEP:
+        is_id = number.isdecimal() and len(number) <= _LONGEST_ID
+        if trajectory is not None and is_id and 2 < len(trajectory) <= LAST_STEP:
             states = _plain_states(trajectory)
             if states is not None:
                 taken[int(number)] = states
@@ -235,6 +239,8 @@ def _plain_states(trajectory: Element) -> _PlainStates | None:
     )
 
 
+_LONGEST_ID = 16
+"""Digits of 2⁵³ - 1, the largest id that is read; Python refuses to convert some thousands of them."""
 _FARTHEST_FROM_ENDS_M = 10_000.0
 """Chosen: beyond the box around a trajectory's first and last position."""
 

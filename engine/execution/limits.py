@@ -9,6 +9,11 @@ from pathlib import Path
 from ...schemas.errors import InvalidRequest, OutsideRoots, UnsafeInput
 from ...schemas.text import one_line, quoted
 
+DEEPEST_PATH = 100
+"""Folders in a path that is read or written; chosen: missing ones are made by recursion."""
+_SHOWN = 60
+"""Characters that are shown of a path that leads deeper."""
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -32,12 +37,18 @@ class Limits:
         """The path, made absolute and with links resolved, if it lies inside an allowed root.
 
         Raises:
-            InvalidRequest: no path is given.
+            InvalidRequest: no path is given, or it leads too deep.
             OutsideRoots: naming the roots and the setting that extends them.
         """
         if not text.strip():
             raise InvalidRequest("an empty path names nothing", next_step="name a file or folder; . is the first root")
         path = self._resolved(text)
+        if path is not None and len(path.parts) > DEEPEST_PATH:
+            raise InvalidRequest(
+                f"{quoted(text, _SHOWN)} leads {len(path.parts):,} folders deep",
+                valid=[f"at most {DEEPEST_PATH}"],
+                next_step="name a folder nearer to its root",
+            )
         if path is not None and any(path.is_relative_to(root.resolve()) for root in self.roots):
             return path
         raise OutsideRoots(

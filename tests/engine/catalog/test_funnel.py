@@ -244,6 +244,18 @@ def test_a_condition_is_mentioned_by_its_own_words(slots: dict[str, object], tex
     assert one.is_mentioned(text) == mentioned
 
 
+def test_conditions_are_shown_on_one_line_whatever_was_typed() -> None:
+    typed = {
+        "city": "x\nchecks passed: all",
+        "ego_speed": " 50\nkm/h",
+        "obstacles": ["truck\n>=2"],
+        "road_net": ["lanes\n>=2", "speed_limit\n=50km/h"],
+    }
+    shown = funnel(catalogue([facts("ESP_A-1_1_T-1")]), FindScenariosArguments.model_validate(typed)).constraints
+    assert len(shown) == 5
+    assert not [constraint for constraint in shown if len(str(constraint.label).splitlines()) > 1]
+
+
 def test_conditions_that_only_fail_together_are_named_together() -> None:
     made = [facts("ESP_A-1_1_T-1", counts={"car": 1}), facts("ESP_A-2_1_T-1", counts={"bus": 1})]
     emptied = funnel(catalogue(made), FindScenariosArguments(obstacles=["car", "bus"])).emptied_by()

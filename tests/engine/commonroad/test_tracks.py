@@ -6,13 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, fromstring
 
+import numpy as np
 import pytest
+from commonroad.geometry.shape import Polygon, Rectangle, ShapeGroup
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.builders import ScenarioBuilder, town_road
 
 from plannerforge.engine.commonroad.reader import read_recorded, read_scenario
-from plannerforge.engine.commonroad.tracks import Track, last_recorded_step, recorded_tracks, take_plain_states
+from plannerforge.engine.commonroad.tracks import Track, last_recorded_step, recorded_tracks, size_of, take_plain_states
 from plannerforge.schemas.errors import UnsafeInput
 
 STEPS = 6
@@ -171,3 +173,10 @@ def test_a_country_without_signs_of_its_own_is_read_without_a_word(
     path.write_text(small().xml().replace("ZAM_Builder", "ALB_Builder"), encoding="utf-8")
     read(path)
     assert caplog.records == []
+
+
+def test_the_size_of_a_group_of_shapes_is_that_of_the_box_around_them() -> None:
+    cab = Rectangle(2.0, 2.0, center=np.array([4.0, 0.0]))
+    trailer = Rectangle(6.0, 2.5)
+    assert size_of(ShapeGroup([cab, trailer])) == pytest.approx((8.0, 2.5))
+    assert size_of(Polygon(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]))) == (3.0, 2.0)

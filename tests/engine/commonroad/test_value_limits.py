@@ -52,6 +52,10 @@ def with_goal_of(length: str) -> str:
 
 BEYOND = {
     "an id of 1e26": (GOOD.replace('lanelet id="1"', f'lanelet id="{10**26}"'), "id of <lanelet>"),
+    "an id of 5,000 digits": (
+        GOOD.replace('Obstacle id="31"', f'Obstacle id="{"9" * 5000}"'),
+        "id of <dynamicObstacle>",
+    ),
     "an id that is no number": (GOOD.replace('lanelet id="1"', 'lanelet id="one"'), "'one', which is no whole number"),
     "an id below zero": (GOOD.replace('Obstacle id="31"', 'Obstacle id="-31"'), "id of <dynamicObstacle> .*-31"),
     "a step of 1e-30 s": (GOOD.replace('StepSize="0.1"', 'StepSize="1e-30"'), "0.001 to 10 s"),

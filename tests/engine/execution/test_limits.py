@@ -55,6 +55,12 @@ def test_an_empty_path_names_nothing(roots: tuple[Path, ...], text: str) -> None
         Limits(roots=roots).allowed_path(text)
 
 
+def test_a_path_a_thousand_folders_deep_is_refused_in_a_line(roots: tuple[Path, ...]) -> None:
+    with pytest.raises(InvalidRequest, match="folders deep") as refusal:
+        Limits(roots=roots).allowed_path("a/" * 1_000)
+    assert len(refusal.value.text) < 300
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="bounds of other systems differ")
 def test_bounded_process_gets_a_memory_error_instead_of_the_machine() -> None:
     program = (
