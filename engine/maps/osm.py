@@ -36,6 +36,9 @@ EARTH_RADIUS_M = 6_371_008.8
 """Mean radius of the Earth (IUGG)."""
 HALF_TURN_DEG = 180.0
 """Of longitude: neighbouring nodes of a way that differ by more lie on either side of the antimeridian."""
+SOUTHMOST_DEG, NORTHMOST_DEG = -80.0, 84.0
+"""Of latitude: where the projection ends in which networks are built (UTM). Nothing nearer to a pole can be drawn in
+metres, and no public road lies there."""
 LARGEST_ID = 2**63
 """OpenStreetMap's ids are whole numbers of 64 bits."""
 MOST_EMPTY = 10.0
@@ -120,8 +123,9 @@ class OsmMap:
 def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     """Scan and read an extract; references to nodes that it does not hold are left out.
 
-    Of nodes or ways with one id the last counts. A way over the antimeridian is parted there. The document is read
-    element by element: of a million nodes only the values stay in memory.
+    Nodes without a position are left out, and so are those beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``. Of nodes or
+    ways with one id the last counts. A way over the antimeridian is parted there. The document is read element by
+    element: of a million nodes only the values stay in memory.
 
     Raises:
         UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or holds no road.
@@ -130,7 +134,7 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     if root_name != "osm":
         raise UnsafeInput(f"{path.name} is no OpenStreetMap extract: its root element is <{root_name}>, not <osm>")
     try:
-        extract = _read(path)
+        extract, beyond = _read(path)
     except KeyError as error:
         raise UnsafeInput(f"{path.name} is not readable as OpenStreetMap: something there has no {error}") from error
     except (etree.LxmlError, ValueError) as error:
@@ -138,13 +142,15 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     if not extract.roads():
         others = sorted({way.road_class for way in extract.ways if way.road_class})[:SHOWN_CLASSES]
         only = f", only {', '.join(others)}" if others else ""
+        only += "; what lies beyond 80° S or 84° N, where map projections end, is not read" if beyond else ""
         raise UnsafeInput(
             f"{path.name} holds no road for vehicles{only}", next_step="use an extract with streets in it"
         )
     return extract
 
 
-def _read(path: Path) -> OsmMap:
+def _read(path: Path) -> tuple[OsmMap, int]:
+    """The extract, and how many of its nodes were left out because they lie too near to a pole."""
     nodes: dict[int, OsmNode] = {}
     ways: dict[int, OsmWay] = {}
     relations: list[_OsmRelation] = []
@@ -166,10 +172,13 @@ def _read(path: Path) -> OsmMap:
             else:
                 bounds = bounds or _bounds(element)
             _forget(element)
+    beyond = [key for key, node in nodes.items() if not SOUTHMOST_DEG <= node.latitude <= NORTHMOST_DEG]
+    for key in beyond:
+        del nodes[key]
     whole = [replace(way, node_ids=tuple(key for key in way.node_ids if key in nodes)) for way in ways.values()]
     parted = _parted_at_antimeridian(whole, nodes)
     lines = tuple(way for way in parted if len(set(way.node_ids)) > 1)
-    return OsmMap(nodes, lines, tuple(relations), bounds, _own_attribution(document.root))
+    return OsmMap(nodes, lines, tuple(relations), bounds, _own_attribution(document.root)), len(beyond)
 
 
 def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) -> list[OsmWay]:

@@ -40,10 +40,12 @@ class Rings:
     def around(self, way: OsmWay) -> tuple[int, ...]:
         """The nodes of the ring that a tagged way is part of, its beginning at the end again.
 
-        Nothing where the way does not close over one-way roads, where the ring is longer than ``LONGEST_RING_M``, or
-        where fewer than two roads lead into it.
+        Nothing where the way is open in both directions or does not close over one-way roads, where the ring is longer
+        than ``LONGEST_RING_M``, or where fewer than two roads lead into it.
         """
-        line = way.node_ids[::-1] if _direction(way) < 0 else way.node_ids
+        if not (direction := _direction(way)):
+            return ()
+        line = way.node_ids[::-1] if direction < 0 else way.node_ids
         ring = line if line[0] == line[-1] else (*line, *self._shortest(line))
         inside = frozenset(ring)
         if ring[0] != ring[-1] or len(inside) < 3 or self._length_m(ring) > LONGEST_RING_M:
@@ -72,9 +74,13 @@ class Rings:
 
 
 def _direction(way: OsmWay) -> int:
-    """1 for a way that is driven from its first node on, -1 for one driven to it, 0 for one in both directions."""
+    """1 for a way that is driven from its first node on, -1 for one driven to it, 0 for one in both directions.
+
+    As netconvert reads it: what a ring or a motorway implies holds only where ``oneway`` says nothing at all, so that a
+    value that nobody knows opens both directions.
+    """
     oneway = way.tags.get("oneway", "")
     if oneway in ("-1", "reverse"):
         return -1
     implied = way.tags.get("junction") in RING_TAGS or way.road_class == "motorway"
-    return int(oneway in ("yes", "true", "1") or (implied and oneway != "no"))
+    return int(oneway in ("yes", "true", "1") or (implied and not oneway))

@@ -98,6 +98,23 @@ def test_a_node_without_a_position_is_left_out(tmp_path: Path) -> None:
     assert facts_of(tmp_path, f'<osm>{NODES}<node id="4"/>{road}</osm>').road_km == 0.19
 
 
+@pytest.mark.parametrize("latitude", ["90", "84.0001", "-80.0001", "-90"])
+def test_a_node_beyond_map_projections_is_left_out(tmp_path: Path, latitude: str) -> None:
+    beyond = f'<node id="4" lat="{latitude}" lon="11.0"/><node id="5" lat="{latitude}" lon="11.1"/>'
+    road, polar = way(1, (1, 4, 2), highway="primary"), way(2, (4, 5), highway="primary")
+    facts = facts_of(tmp_path, f"<osm>{NODES}{beyond}{road}{polar}</osm>")
+    assert (facts.road_km, facts.south, facts.north) == (0.19, 48.0, 48.001)
+    with pytest.raises(UnsafeInput, match="no road for vehicles; what lies beyond 80° S or 84° N"):
+        facts_of(tmp_path, f"<osm>{NODES}{beyond}{polar}</osm>")
+
+
+def test_a_road_where_map_projections_just_hold_is_read(tmp_path: Path) -> None:
+    nodes = (
+        '<node id="1" lat="84" lon="11.0"/><node id="2" lat="-80" lon="11.0"/><node id="3" lat="83.999" lon="11.0"/>'
+    )
+    assert facts_of(tmp_path, f"<osm>{nodes}{way(1, (1, 3), highway='primary')}</osm>").road_km == 0.11
+
+
 def test_forged_lines_in_names_become_one_line(tmp_path: Path) -> None:
     text = f"<osm>{NODES}{way(1, (1, 2), highway='primary', name=FORGED, ref='B' * 200_000)}</osm>"
     facts = facts_of(tmp_path, text.replace("\n", "&#10;").replace("\r", "&#13;").replace("\x0b", ""))

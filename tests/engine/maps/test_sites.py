@@ -131,9 +131,11 @@ def test_a_ring_drawn_against_its_direction_is_one(tmp_path: Path) -> None:
         ring((0, 5), (6, 12)),
         ring((0, 12), arms=1),
         ring((0, 6), (6, 12), oneway="no"),
+        ring((0, 12), oneway="no"),
+        ring((0, 12), oneway=";;;"),
         ring((0, 12), kind="secondary_link"),
     ],
-    ids=["three quarters", "gap", "one entry", "both directions", "links"],
+    ids=["three quarters", "gap", "one entry", "both directions", "one way in both", "unknown direction", "links"],
 )
 def test_what_no_network_closes_to_a_roundabout_is_none(tmp_path: Path, sketch: Sketch) -> None:
     assert "roundabout" not in finder(tmp_path, sketch).kinds()
