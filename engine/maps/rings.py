@@ -28,7 +28,7 @@ class Rings:
         self._onwards: dict[int, list[int]] = {}
         self._before: dict[int, set[int]] = {}
         for way in roads:
-            direction = _direction(way)
+            direction = direction_of(way)
             for one, other in pairwise(way.node_ids):
                 start, end = (other, one) if direction < 0 else (one, other)
                 self._before.setdefault(end, set()).add(start)
@@ -43,7 +43,7 @@ class Rings:
         Nothing where the way is open in both directions or does not close over one-way roads, where the ring is longer
         than ``LONGEST_RING_M``, or where fewer than two roads lead into it.
         """
-        if not (direction := _direction(way)):
+        if not (direction := direction_of(way)):
             return ()
         line = way.node_ids[::-1] if direction < 0 else way.node_ids
         ring = line if line[0] == line[-1] else (*line, *self._shortest(line))
@@ -73,7 +73,7 @@ class Rings:
         return sum(ground_distance_m(one, other) for one, other in pairwise(places))
 
 
-def _direction(way: OsmWay) -> int:
+def direction_of(way: OsmWay) -> int:
     """1 for a way that is driven from its first node on, -1 for one driven to it, 0 for one in both directions.
 
     As netconvert reads it: what a ring or a motorway implies holds only where ``oneway`` says nothing at all, so that a

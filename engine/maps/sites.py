@@ -15,9 +15,12 @@ from .nearness import Gathering, Surroundings
 from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from .rings import RING_TAGS, Rings
 from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
+from .signals import nodes_at_signals
 
 SIGNAL_REACH_M = 45.0
 """From a junction to its traffic signals: on wide roads they are mapped at the stop lines (chosen)."""
+LIT_WITHIN_M = 60.0
+"""From the middle of a signalised site to a junction that has lights: as its network is judged (chosen)."""
 MERGE_M = 60.0
 """Sites of one type that lie closer together are one (chosen)."""
 RURAL_CLEAR_M, TOWN_CLEAR_M = 120.0, 400.0
@@ -145,7 +148,8 @@ class SiteFinder:
 
     def find(self, kind: SiteType) -> list[Site]:
         """All sites of a kind, near ones merged; none where the map has next to no road."""
-        return _merged(self._kinds[kind]()) if self._road_m > LEAST_ROAD_M else []
+        sites = _merged(self._kinds[kind]()) if self._road_m > LEAST_ROAD_M else []
+        return [site for site in sites if site.kind != "signalised_intersection" or self._has_lights(site)]
 
     def kinds(self) -> dict[SiteType, int]:
         """How many sites of each kind the map holds; kinds that it lacks are left out."""
@@ -229,6 +233,17 @@ class SiteFinder:
             if near.any_within(self._metres(node), SIGNAL_REACH_M):
                 spots.append(self._spot("signalised_intersection", node, crossings.ways_at(key), key))
         return spots
+
+    def _has_lights(self, site: Site) -> bool:
+        """Whether drivers come to a junction near the middle of a site at a signal, or soon after one."""
+        return self._junctions_with_lights.any_within(self._metres(OsmNode(0, *site.position, {})), LIT_WITHIN_M)
+
+    @cached_property
+    def _junctions_with_lights(self) -> Surroundings:
+        """Of the roads that are cut out around a site."""
+        roads = self.osm.roads(self._without_links)
+        lit = nodes_at_signals(self.osm, roads)
+        return Surroundings([[self._metres(self.osm.nodes[key])] for key in _Crossings(roads).junctions if key in lit])
 
     def _crossings(self) -> list[_Spot]:
         """Junctions of streets; those with driveways and tracks only where there is no other."""

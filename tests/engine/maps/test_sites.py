@@ -164,3 +164,27 @@ def test_a_street_of_a_few_metres_is_no_urban_site(tmp_path: Path) -> None:
     sketch.road([(0, 0), (200, 0)], "residential", "Long Road")
     sketch.road([(0, 500), (10, 500)], "residential", "Short Road")
     assert [site.streets for site in finder(tmp_path, sketch).find("urban")] == [("Long Road",)]
+
+
+def one_way_with_signal(x: float, **tags: str) -> Sketch:
+    """A street eastwards that a side street meets at x = 0, with a traffic signal at x."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    line = sorted([(-200.0, 0.0), (0.0, 0.0), (x, 0.0), (200.0, 0.0)])
+    sketch.road(list(dict.fromkeys(line)), "secondary", "Main Street", **tags)
+    sketch.road([(0, 0), (0, 150)], "secondary", "Side Street")
+    sketch.mark((x, 0.0), highway="traffic_signals")
+    return sketch
+
+
+@pytest.mark.parametrize("x", [0.0, -20.0])
+def test_a_signal_at_a_junction_or_before_it_is_its_own(tmp_path: Path, x: float) -> None:
+    assert finder(tmp_path, one_way_with_signal(x, oneway="yes")).kinds()["signalised_intersection"] == 1
+
+
+@pytest.mark.parametrize("x", [20.0, -40.0])
+def test_a_signal_behind_a_junction_or_far_before_it_is_not(tmp_path: Path, x: float) -> None:
+    assert "signalised_intersection" not in finder(tmp_path, one_way_with_signal(x, oneway="yes")).kinds()
+
+
+def test_a_signal_beside_a_junction_counts_where_traffic_comes_from_there(tmp_path: Path) -> None:
+    assert finder(tmp_path, one_way_with_signal(20.0)).kinds()["signalised_intersection"] == 1
