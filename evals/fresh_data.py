@@ -56,6 +56,8 @@ _FEWEST_ROADS = 5
 """Of a box that is worth being a map (chosen)."""
 _TRIES = 20
 """Boxes that are drawn until one has roads (chosen)."""
+_MOST_CONNECTED = 0.99
+"""Of random networks: netgenerate takes no share of 0.999 or more."""
 _FARTHEST_LATITUDE = 65.0
 """Of invented towns (chosen): nobody maps roads farther north and south, and Mercator's projections end at 80."""
 
@@ -199,7 +201,8 @@ def _spider(choice: random.Random, path: Path) -> None:
 def _random_net(choice: random.Random, path: Path) -> None:
     options = [f"--rand.iterations={choice.randint(20, 90)}", f"--rand.min-angle={choice.randint(25, 50)}"]
     options += [f"--rand.min-distance={choice.randint(50, 90)}", f"--rand.max-distance={choice.randint(120, 300)}"]
-    options += [f"--rand.connectivity={choice.uniform(0.8, 1.0):.2f}", f"--seed={choice.randint(1, 10**6)}"]
+    connectivity = min(choice.uniform(0.8, 1.0), _MOST_CONNECTED)
+    options += [f"--rand.connectivity={connectivity:.2f}", f"--seed={choice.randint(1, 10**6)}"]
     _netgenerate(choice, ["--rand", *options], path)
 
 

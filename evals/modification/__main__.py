@@ -106,7 +106,18 @@ def _measure_fresh(seeds: Sequence[int], count: int, workers: int) -> list[Measu
 
 
 def _results(jobs: Sequence[Future[Measured]]) -> list[Measured]:
-    return [job.result() for job in track(as_completed(jobs), total=len(jobs), console=Console(stderr=True))]
+    """What came of the jobs; what went wrong is printed at once, because a run takes long and may be broken off."""
+    console, results = Console(stderr=True, soft_wrap=True), list[Measured]()
+    try:
+        for job in track(as_completed(jobs), total=len(jobs), console=console):
+            results.append(job.result())
+            for line in failures_of(results[-1:]):
+                console.print(line, markup=False, highlight=False)
+    except BaseException:
+        for job in jobs:
+            job.cancel()
+        raise
+    return results
 
 
 def fresh_figures(seeds: Sequence[int], measured: Sequence[Measured]) -> dict[str, float | int | str]:
@@ -305,12 +316,10 @@ if __name__ == "__main__":
     asked = parser.parse_args()
     if asked.fresh is not None:
         results = _measure_fresh(asked.fresh, asked.count, asked.workers)
-        Console(stderr=True, soft_wrap=True).print("\n".join(failures_of(results)), markup=False, highlight=False)
         print_figures("Modification", fresh_figures(asked.fresh, results), more_rows=rows_of(results))
         sys.exit()
     scenarios = sorted(existing(shared_scenarios()).glob("*.xml"))[:: asked.every]
     corpora = [shared_folder() / "corpora" / "dev" / f"modification_{task}.jsonl" for task in CORPUS]
     requests = [line for path in corpora for line in path.read_text(encoding="utf-8").splitlines()][:: asked.every]
     results = _measure(scenarios, requests, asked.workers)
-    Console(stderr=True, soft_wrap=True).print("\n".join(failures_of(results)), markup=False, highlight=False)
     print_figures("Modification", figures_of(results), more_rows=rows_of(results))
