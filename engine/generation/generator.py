@@ -235,6 +235,8 @@ def _write(
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
     notes = [] if task.focus_passed else [site.focus.missed(only_car=spec.ego_index is not None)]
+    if task.stands_in:
+        notes.append(f"{request.ego} has no goal {spec.goal} on its way; a car after it, which has, is the ego")
     if traffic.left_out:
         notes.append(
             f"{traffic.left_out} vehicle(s) left out: their motion could not be driven, or overlapped another's"

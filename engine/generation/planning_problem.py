@@ -118,6 +118,7 @@ class PlanningTask:
 
     The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, to be reached within
     the steps of ``time_steps``. ``focus_passed``: how many areas of the site's focus the recorded path to it passes.
+    ``stands_in``: the ego is not the car that was asked for by its number, because that one has no such goal.
     """
 
     ego: GeneratedVehicle
@@ -129,12 +130,16 @@ class PlanningTask:
     size_m: tuple[float, float]
     time_steps: tuple[int, int]
     focus_passed: int = 1
+    stands_in: bool = False
 
 
 def choose_task(
     spec: TaskSpec, vehicles: Sequence[GeneratedVehicle], network: RoadNetwork, focus: SiteFocus, step_s: float
 ) -> PlanningTask:
     """The planning task of the asked car, or of the best car that can have the asked goal.
+
+    Where the car of the asked index has no such goal, because it waits in a queue for instance, the best of those after
+    it stands in.
 
     Cars whose recorded path can be driven come before others, of those the ones that pass on it what the site is about,
     of those the ones whose lanes can be followed, and of equal ones the first.
@@ -155,8 +160,30 @@ def choose_task(
     choice = [cars[index]] if index is not None else cars
     _check_lanelet(goal, network)
     lookup = LaneletLookup(network)
+    if (task := _best_task(choice, goal, network, lookup, focus, step_s)) is not None:
+        return task
+    others = [] if index is None else cars[index + 1 :]
+    if (task := _best_task(others, goal, network, lookup, focus, step_s)) is not None:
+        return replace(task, stands_in=True)
+    raise NotPossible(
+        f"none of the {len(choice) + len(others)} car(s) to choose from has a goal {goal} on its way (at least "
+        f"{goal.shortest_path_m:g} m within the recording, and not around its start)",
+        valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
+        next_step="choose another goal, a longer duration_s, another ego or another seed",
+    )
+
+
+def _best_task(
+    cars: Sequence[GeneratedVehicle],
+    goal: _GoalSpec,
+    network: RoadNetwork,
+    lookup: LaneletLookup,
+    focus: SiteFocus,
+    step_s: float,
+) -> PlanningTask | None:
+    """The task of the best car, as ``choose_task`` ranks them; None where none has such a goal."""
     best: tuple[tuple[bool, int, bool], PlanningTask] | None = None
-    for car in choice:
+    for car in cars:
         task = _task(car, goal, network, lookup, step_s)
         if task is None:
             continue
@@ -169,14 +196,7 @@ def choose_task(
             best = merit, task
         if merit == (True, focus.parts, True):
             break
-    if best is not None:
-        return best[1]
-    raise NotPossible(
-        f"none of the {len(choice)} car(s) to choose from has a goal {goal} on its way (at least "
-        f"{goal.shortest_path_m:g} m within the recording, and not around its start)",
-        valid=_driven_lanelets(choice, lookup) if goal.lanelet else [],
-        next_step="choose another goal, a longer duration_s, another ego or another seed",
-    )
+    return None if best is None else best[1]
 
 
 def _check_lanelet(goal: _GoalSpec, network: RoadNetwork) -> None:

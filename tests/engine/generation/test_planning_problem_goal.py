@@ -1,14 +1,19 @@
 """Where a recorded car is at the goal that was asked for."""
 
+from dataclasses import replace
+from typing import cast
+
 import numpy as np
 import pytest
 from support.roads import network_of_streets, street
 
-from plannerforge.engine.generation.planning_problem import parse_goal, passage
+from plannerforge.engine.generation.planning_problem import TaskSpec, choose_task, parse_goal, passage
+from plannerforge.engine.generation.sites import SiteFocus
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
+from plannerforge.schemas.errors import NotPossible
 
 LENGTH_M = 200.0
 
@@ -40,3 +45,32 @@ def car() -> GeneratedVehicle:
 def test_a_goal_around_the_start_is_none(goal: str, step: int | None) -> None:
     found = passage(parse_goal(goal), car(), road())
     assert (found.step if found else None) == step
+
+
+class WholeRoad:
+    """A focus that every way passes."""
+
+    parts = 1
+
+    @staticmethod
+    def parts_passed(car: GeneratedVehicle, last_step: int) -> int:
+        return int(last_step < len(car.motion.positions))
+
+
+def waiting(number: str) -> GeneratedVehicle:
+    """Stands on the lanelet all the time."""
+    still = np.zeros(181)
+    return replace(car(), vehicle_id=number, motion=Motion(np.tile([50.0, 0.0], (181, 1)), still, still, still))
+
+
+def test_a_car_behind_stands_in_for_one_that_waits() -> None:
+    driving, focus = replace(car(), vehicle_id="driving"), cast("SiteFocus", WholeRoad())
+    cars, goal = [driving, waiting("a"), waiting("b"), replace(driving, vehicle_id="later")], parse_goal("steps:50")
+    chosen = [choose_task(TaskSpec(goal, index), cars, road(), focus, 0.1) for index in (0, 1, 3)]
+    assert [(task.ego.vehicle_id, task.stands_in) for task in chosen] == [
+        ("driving", False),
+        ("later", True),
+        ("later", False),
+    ]
+    with pytest.raises(NotPossible, match="none of the 2 car"):
+        choose_task(TaskSpec(goal, 1), cars[:3], road(), focus, 0.1)
