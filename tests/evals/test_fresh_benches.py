@@ -128,7 +128,7 @@ def test_the_same_seed_draws_the_same_requests_of_selection() -> None:
 
 @pytest.mark.shared_data
 @pytest.mark.usefixtures("shared_data")
-def test_one_that_is_handed_over_late_hits_nobody_on_its_recording(tmp_path: Path) -> None:
+def test_vehicle_handed_over_late_hits_none_on_its_recording(tmp_path: Path) -> None:
     path = fresh_scenario(3, 30, tmp_path)
     selector = {"by": "ids", "ids": [30199]}
     truth = {"selector": selector, "vehicle_ids": [30199], "preset": "cautious", "expected_params": {}}

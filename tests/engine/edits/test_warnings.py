@@ -30,7 +30,7 @@ def test_an_edit_of_ordinary_traffic_warns_of_nothing(apply: Apply, edit: dict[s
     assert all(touched.feasible for touched in outcome.touched)
 
 
-def test_who_is_unseen_is_named_only_where_somebody_drives(apply: Apply) -> None:
+def test_unseen_vehicles_are_named_only_where_one_drives(apply: Apply) -> None:
     beside = SHORT.with_vehicles(*SHORT.vehicles, OFF_ROAD)
     driven = apply(EVERY_KIND[0], builder=beside).outcome.warnings
     assert driven == ("recorded off the lanelets, so that driven vehicles do not see them: 36",)
@@ -39,7 +39,7 @@ def test_who_is_unseen_is_named_only_where_somebody_drives(apply: Apply) -> None
     assert apply(gone, EVERY_KIND[0], builder=beside).outcome.warnings == ()
 
 
-def test_reactive_traffic_names_who_keeps_its_recording(apply: Apply) -> None:
+def test_reactive_traffic_names_vehicles_that_keep_their_recording(apply: Apply) -> None:
     beside = SHORT.with_vehicles(*SHORT.vehicles, OFF_ROAD)
     warnings = apply(EVERY_KIND[0], builder=beside, traffic="reactive").outcome.warnings
     assert "cannot be driven, so that they keep their recording: 36" in warnings
@@ -55,7 +55,9 @@ def test_reactive_traffic_names_who_keeps_its_recording(apply: Apply) -> None:
         ((1.5, 1.5), "vehicles 101, 102 enter at 1.5 s"),
     ],
 )
-def test_who_enters_late_is_named_in_order(apply: Apply, times: tuple[float, float], named: str | None) -> None:
+def test_vehicles_that_enter_late_are_named_in_order(
+    apply: Apply, times: tuple[float, float], named: str | None
+) -> None:
     adds = [
         {"op": "add_vehicle", "vehicle_class": "car", "at": lane, "position": "120m", "time_s": time_s}
         for lane, time_s in zip(("2", "3"), times, strict=True)
