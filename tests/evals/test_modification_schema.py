@@ -6,14 +6,13 @@ from pathlib import Path
 
 import pytest
 from support.builders import town_road
-from support.modification_bench import TRUTHS, asked, carried_out, respelt, told
+from support.modification_bench import TRUTHS, asked, carried_out, later_by, respelt, told
 
 from plannerforge.evals.modification.__main__ import figures_of, rows_of
 from plannerforge.evals.modification.cases import Case, Measured
 from plannerforge.evals.modification.written import Written, enter_later_as_asked, is_strictly_valid, is_valid
 
 ADDED = 101
-ENTRY = "dynamicObstacle[@id='{}']/initialState/time/exact"
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +28,7 @@ def test_a_vehicle_that_was_asked_to_enter_later_is_no_fault_of_the_file(later: 
 
 
 WRONG: dict[str, Callable[[Written], Written]] = {
-    "a recorded one enters later": lambda one: respelt(one, ENTRY.format(31), "10"),
+    "a recorded one enters later": lambda one: later_by(one, 31, 10),
     "nobody asked for a departure": lambda one: asked(one, depart_s=0.0),
     "it was to enter later still": lambda one: asked(one, depart_s=2.0),
     "the report names somebody else": lambda one: told(one, vehicles=(31,)),
