@@ -1,7 +1,7 @@
 """The library of maps from the command line: taking maps in, and listing what is there."""
 
 from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
 
 import anyio
@@ -63,12 +63,9 @@ def list_maps(settings: Settings) -> int:
 
 @asynccontextmanager
 async def _services(settings: Settings) -> AsyncIterator[Services]:
-    threads = CallThreads()
-    try:
+    with closing(CallThreads()) as threads:
         async with open_services(settings, Path.cwd(), threads) as services:
             yield services
-    finally:
-        threads.close()
 
 
 async def _add(
