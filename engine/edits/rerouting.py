@@ -70,12 +70,18 @@ def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> Dr
 
 
 def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
-    """Lanelets on which a recorded vehicle stands just as well: at a fork its match is the branch that it drove."""
+    """Lanelets on which a recorded vehicle stands just as well: at a fork its match is the branch that it drove.
+
+    One whose front has left its lanelet is on those that follow.
+    """
     if plan.cause == "added":
         return ()
-    track, index = plan.start, plan.from_step - plan.start.first_step
+    track, index, start = plan.start, plan.from_step - plan.start.first_step, plan.lanelets[0]
     pose = track.positions[index], float(track.headings_rad[index]), float(track.speeds_mps[index])
-    return scene.matcher.near_as_well(*pose, plan.lanelets[0])
+    other, lane = scene.matcher.near_as_well(*pose, start), scene.layout.table.lanes[start]
+    has_left = project(lane.center, track.front_at(index))[0] >= lane.length_m
+    onward = scene.layout.table.successors[start] if has_left else ()
+    return (*other, *(key for key in onward if key not in other))
 
 
 def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
@@ -260,16 +266,20 @@ def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
 def _last_place(scene: Scene, route: tuple[int, ...], place: int, end: int) -> tuple[float, int, int]:
     """How much farther on in m the change can still be made, and its last place: the wrong lane, and that of the route.
 
-    The lanes may go on side by side after their end.
+    The lanes may go on side by side after their end. One that is not inside a junction yet changes none there: SUMO
+    does not, so that only lanes behind it count.
     """
-    more_m, wrong, right = 0.0, route[place], route[end]
+    lanes, on_road = scene.layout.table.lanes, scene.layout.lane_of
+    last, more_m, wrong = (0.0, route[place], route[end]), 0.0, route[place]
     for onward in route[end + 1 :]:
         straight = scene.lanelet_graph.beside([onward]).intersection(scene.layout.table.successors[wrong]) - {onward}
         if not straight:
             break
-        wrong, right = min(straight), onward
-        more_m += scene.layout.table.lanes[wrong].length_m
-    return more_m, wrong, right
+        wrong = min(straight)
+        more_m += lanes[wrong].length_m
+        if wrong in on_road or route[place] not in on_road:
+            last = more_m, wrong, onward
+    return last
 
 
 def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> JunctionLaneChange | None:

@@ -23,9 +23,10 @@ from .reach import (
     beside,
     changes_needed,
     distances_m,
+    farthest_m,
     lanelets_at_first,
-    leads_on,
     speed_limit_mps,
+    ways_to_m,
 )
 
 if TYPE_CHECKING:
@@ -245,17 +246,18 @@ class Journey:
         return True
 
 
-def refusal_is_right(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> bool:
+def refusal_is_right(network: "LaneletNetwork", track: Track, targets: frozenset[int], seconds: float) -> bool:
     """Whether physics keep a recorded vehicle from being sent to any of some lanelets from its first state on.
 
     No way leads there, or none without a curve that it comes to too fast, or it can neither change lanes nor stop in
-    the room that is left: v² / (2 · 8 m/s²); or that is too short to steer over in, however it brakes.
+    the room that is left: v² / (2 · 8 m/s²); or that is too short to steer over in, however it brakes. A way round that
+    is longer than what it drives in the seconds that are left is none.
     """
     speed, heading = max(float(track.speeds_mps[0]), 0.0), float(track.headings_rad[0])
     begin = lanelets_at_first(network, track)
     if begin and not targets & set(distances_m(network, track.positions[0], heading, speed, begin)):
         return True
-    room = _room_m(network, track, targets)
+    room = _room_m(network, track, targets, farthest_m(network, speed, seconds))
     return speed**2 / (2 * HARD_BRAKING_MPS2) > room or _least_way_over_m(network, track, targets, speed) > room
 
 
@@ -274,24 +276,29 @@ def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozense
     return float((braking + np.sqrt(radius**2 - np.maximum(radius - aside, 0.0) ** 2)).min())
 
 
-def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int]) -> float:
-    """Way in m from the front to the last place from which a target can be reached; infinite if straight on."""
-    leading, front, room_m = leads_on(network, targets), fronts(track)[0], 0.0
+def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], farthest_m: float) -> float:
+    """Way in m from the front to the last place from which a target can be reached; infinite if straight on.
+
+    Ways that are longer than the shortest one, and than ``farthest_m``, are left out.
+    """
+    ways, front, room_m = ways_to_m(network, targets), fronts(track)[0], 0.0
     for key in _lanelets_at(network, track, 0):
         if _straight_on(network, key) & targets:
             return math.inf
         station_m = project(network.find_lanelet_by_id(key).center_vertices, front)[0]
-        room_m = max(room_m, _longest_m(network, key, leading) - station_m)
+        limit_m = max(station_m + farthest_m, ways.get(key, 0.0))
+        room_m = max(room_m, _longest_m(network, key, ways, limit_m) - station_m)
     return room_m
 
 
-def _longest_m(network: "LaneletNetwork", key: int, leading: frozenset[int]) -> float:
-    """The longest way from a lanelet's start straight on over lanelets that lead to a target."""
-    if key not in leading:
+def _longest_m(network: "LaneletNetwork", key: int, ways: "Mapping[int, float]", limit_m: float) -> float:
+    """The longest way from a lanelet's start straight on over lanelets that lead to a target within a limit."""
+    if ways.get(key, math.inf) > limit_m:
         return 0.0
-    lanelet = network.find_lanelet_by_id(key)
-    after = (_longest_m(network, int(one), leading - {key}) for one in lanelet.successor)
-    return length_m(lanelet.center_vertices) + max(after, default=0.0)
+    lanelet, others = network.find_lanelet_by_id(key), {one: way_m for one, way_m in ways.items() if one != key}
+    own_m = length_m(lanelet.center_vertices)
+    after = (_longest_m(network, int(one), others, limit_m - own_m) for one in lanelet.successor)
+    return own_m + max(after, default=0.0)
 
 
 def _straight_on(network: "LaneletNetwork", key: int) -> frozenset[int]:

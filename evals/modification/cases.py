@@ -250,9 +250,15 @@ def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | No
         return any(is_run_over(scene, truth) for truth in asked.truths)
     if asked.task != "T":
         return None
+    tracks = [scene.tracks[truth["vehicle_id"]] for truth in asked.truths]
     return any(
-        refusal_is_right(scene.network, scene.tracks[truth["vehicle_id"]], frozenset(truth["target_lanelets"]))
-        for truth in asked.truths
+        refusal_is_right(
+            scene.network,
+            track,
+            frozenset(truth["target_lanelets"]),
+            (scene.last_step - track.first_step) * scene.step_s,
+        )
+        for track, truth in zip(tracks, asked.truths, strict=True)
     )
 
 

@@ -113,13 +113,28 @@ def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -
     return frozenset(known)
 
 
-def leads_on(network: "LaneletNetwork", targets: frozenset[int]) -> frozenset[int]:
-    """All lanelets from which a way leads to any of some lanelets, these included."""
-    before: dict[int, list[int]] = {}
+def ways_to_m(network: "LaneletNetwork", targets: frozenset[int]) -> dict[int, float]:
+    """The shortest way in m from the start of every lanelet to that of any target, for those from which one leads."""
+    before: dict[int, list[tuple[float, int]]] = {}
     for lanelet in network.lanelets:
-        for after in (*lanelet.successor, *beside(lanelet)):
-            before.setdefault(int(after), []).append(int(lanelet.lanelet_id))
-    return all_after(targets, lambda key: before.get(key, ()))
+        onward_m = length_m(lanelet.center_vertices)
+        for way_m, after in (*((onward_m, one) for one in lanelet.successor), *((0.0, one) for one in beside(lanelet))):
+            before.setdefault(int(after), []).append((way_m, int(lanelet.lanelet_id)))
+
+    def backward(way_m: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
+        return [(way_m + more_m, key) for more_m, key in before.get(int(lanelet.lanelet_id), ())]
+
+    return _cheapest(network, ((0.0, key) for key in targets), backward)
+
+
+def farthest_m(network: "LaneletNetwork", speed_mps: float, seconds: float) -> float:
+    """The most that a vehicle drives in a time at the network's highest limit, or at its own speed if that is higher.
+
+    Without any sign the limit is the top speed of a car.
+    """
+    limits = [speed_limit_mps(network, int(one.lanelet_id)) for one in network.lanelets]
+    highest = max((limit for limit in limits if math.isfinite(limit)), default=LARGEST_SPEED_MPS)
+    return max(speed_mps, highest) * seconds
 
 
 def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:

@@ -84,9 +84,9 @@ def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[
 
 
 def _moves(scene: Scene, key: int) -> bool:
-    """Whether a road user is a vehicle that drives on lanelets."""
+    """Whether a road user is a vehicle that drives on lanelets, and not the ego by its id."""
     track = scene.tracks[key]
-    if track.kind in ON_FOOT or float(track.speeds_mps.mean()) <= SLOWEST_MPS:
+    if key == _ego_id(scene) or track.kind in ON_FOOT or float(track.speeds_mps.mean()) <= SLOWEST_MPS:
         return False
     on = [bool(under) for under in scene.network.find_lanelet_by_position(list(track.positions))]
     return on[0] and float(np.mean(on)) >= ON_LANELETS
@@ -329,8 +329,11 @@ def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _vehicle(scene: Scene) -> int | None:
     """A vehicle that can be edited; one with the planning problem's id is taken for the ego."""
-    problem = scene.ego.problem_id if scene.ego is not None else None
-    return next((key for key in scene.tracks if key != problem and not not_drivable(scene, key)), None)
+    return next((key for key in scene.tracks if key != _ego_id(scene) and not not_drivable(scene, key)), None)
+
+
+def _ego_id(scene: Scene) -> int | None:
+    return None if scene.ego is None else scene.ego.problem_id
 
 
 def _unreachable(scene: Scene, vehicle_id: int) -> list[tuple[EditWords, tuple[str, ...]]]:

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commonroad.scenario.traffic_sign import TrafficSign, TrafficSignElement, TrafficSignIDGermany
-from support.builders import Vehicle, driving, town_road
+from support.builders import Lane, ScenarioBuilder, Vehicle, arc, driving, line, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import recorded_tracks
 from plannerforge.evals.modification.arrivals import Journey, refusal_is_right
-from plannerforge.evals.modification.reach import changes_needed, lanelets_at_first, leads_on
+from plannerforge.evals.modification.reach import changes_needed, farthest_m, lanelets_at_first, ways_to_m
 
 
 @pytest.fixture(scope="module")
@@ -134,16 +134,32 @@ def test_a_refusal_is_right_only_where_physics_ask_for_it(
     folder: Path, start: tuple[float, float], speed_mps: float, targets: set[int], is_right: bool
 ) -> None:
     one = journey(folder, targets, driving(51, start, speed_mps, 30))
-    assert refusal_is_right(one.network, one.track, one.targets) is is_right
+    assert refusal_is_right(one.network, one.track, one.targets, 3.0) is is_right
 
 
 def test_a_recording_begins_where_it_stays_and_not_on_what_lies_over_it(folder: Path) -> None:
     one = journey(folder, {12}, driving(51, (201, 0), 8.0, 60))
     assert lanelets_at_first(one.network, one.track) == {11}
-    assert refusal_is_right(one.network, one.track, frozenset({12}))
+    assert refusal_is_right(one.network, one.track, frozenset({12}), 6.0)
 
 
 def test_lane_changes_are_counted_and_ways_are_traced_back(folder: Path) -> None:
     network = journey(folder, {12}, driving(51, (20, 0), 8.0, 30)).network
     assert [changes_needed(network, [key], frozenset({12})) for key in (1, 2, 13)] == [0, 1, math.inf]
-    assert leads_on(network, frozenset({12})) == {1, 2, 12}
+    assert ways_to_m(network, frozenset({12})) == pytest.approx({1: 200.0, 2: 200.0, 12: 0.0})
+
+
+def test_a_way_round_counts_only_where_there_is_time_to_drive_it(folder: Path) -> None:
+    block = (
+        Lane(1, line((0, 0), (200, 0)), successors=(3,), predecessors=(4,), left=(2, True)),
+        Lane(2, line((0, 3.5), (200, 3.5)), right=(1, True)),
+        Lane(3, arc((200, -50), 50, math.pi / 2, -math.pi / 2), successors=(5,), predecessors=(1,)),
+        Lane(5, line((200, -100), (0, -100)), successors=(4,), predecessors=(3,)),
+        Lane(4, arc((0, -50), 50, 3 * math.pi / 2, math.pi / 2), successors=(1,), predecessors=(5,)),
+    )
+    path = ScenarioBuilder(block, (driving(51, (190, 0), 15.0, 30),)).write(folder / "block.xml")
+    scenario = read_scenario(path).scenario
+    track, target = recorded_tracks(scenario)[51], frozenset({2})
+    assert farthest_m(scenario.lanelet_network, 15.0, 8.0) == pytest.approx(8.0 * 50.8)
+    assert refusal_is_right(scenario.lanelet_network, track, target, 8.0)
+    assert not refusal_is_right(scenario.lanelet_network, track, target, 16.0)

@@ -36,7 +36,7 @@ def fronts(applied: Applied) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("x_m", "speed_mps"), [(103, 0.0), (110, 0.5), (123.5, 1.0), (121, 5.0), (103, 8.0), (103, 14.0)]
+    ("x_m", "speed_mps"), [(103, 0.0), (110, 0.5), (123.5, 1.0), (121, 5.0), (103, 8.0), (103, 14.0), (99, 2.0)]
 )
 def test_it_is_across_before_the_junction_ends(apply: Apply, x_m: float, speed_mps: float) -> None:
     applied = apply(TO_THE_LEFT, builder=straight_on_through_a_crossing(x_m, speed_mps), detail="checks")
@@ -89,6 +89,14 @@ def test_a_way_that_comes_into_the_junction_changes_before_it(apply: Apply) -> N
     (route,) = apply(TO_THE_LEFT, builder=straight_on_through_a_crossing(40.0)).outcome.edits[0].routes
     assert route.lanelets[:3] == (1, 2, 12)
     assert route.arrives
+
+
+def test_one_that_can_change_only_behind_the_junction_does_so_there(apply: Apply) -> None:
+    behind = {"op": "reroute", "vehicles": ["36"], "to": ["22"]}
+    (route,) = apply(behind, builder=straight_on_through_a_crossing(94, 12.0)).outcome.edits[0].routes
+    assert route.arrives
+    with pytest.raises(NotPossible, match="lanelet 1, which it has to leave for 2, ends 4 m ahead of its front"):
+        apply(TO_THE_LEFT, builder=straight_on_through_a_crossing(94, 12.0))
 
 
 def test_a_later_edit_that_sends_it_straight_on_keeps_it_in_its_lane(apply: Apply) -> None:
