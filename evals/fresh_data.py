@@ -501,6 +501,8 @@ _ASIDE_M, _WAVE_M, _LATERAL_MPS2 = (0.3, 1.5), (50.0, 150.0), 1.0
 """Of driving without lanes: how far to either side, within which way, and the most that it adds sideways (chosen)."""
 _APART_M = 2.6
 """Between the centre of a parked car and those of all that were recorded (chosen)."""
+_ALONE_S = 10.0
+"""How long pedestrians walk where nothing else moves (chosen)."""
 _PATHS = ("position/point/x", "position/point/y", "orientation/exact", "velocity/exact")
 
 
@@ -630,7 +632,8 @@ def _parked_row(choice: random.Random, root: etree._Element) -> None:
 def _pedestrians(choice: random.Random, root: etree._Element) -> None:
     """They walk along the road on either side, in either direction, until the last step or to the end of the road."""
     step_s = float(root.get("timeStepSize", "0.1"))
-    steps = max(int(text) for one in _recordings(root) if (text := one.states[-1].findtext("time/exact")))
+    lasts = (one.states[-1].findtext("time/exact") for one in _recordings(root))
+    steps = max((int(text) for text in lasts if text), default=round(_ALONE_S / step_s))
     for line, side in _kerbs(choice, root, choice.randint(1, 5)):
         way = line if choice.random() < 0.5 else line[::-1]
         outside = side if way is line else -side
@@ -655,7 +658,8 @@ def _bound(lanelet: etree._Element, side: str) -> Points:
 def _starts(root: etree._Element) -> Points:
     """Where egos start."""
     points = root.iterfind("planningProblem/initialState/position/point")
-    return np.array([[float(point.findtext("x", "nan")), float(point.findtext("y", "nan"))] for point in points])
+    starts = [[float(point.findtext("x", "nan")), float(point.findtext("y", "nan"))] for point in points]
+    return np.array(starts, dtype=float).reshape(-1, 2)
 
 
 def _kerbs(choice: random.Random, root: etree._Element, count: int) -> Iterator[tuple[Points, float]]:

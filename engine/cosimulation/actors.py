@@ -37,9 +37,10 @@ class Actor:
     end. ``target``, ``through``: lanes that a driven vehicle changes to when on their edge. ``keep_to_route``: its
     poses are put onto its route's lanes, because SUMO took the recorded ones for another road. ``manoeuvres``: its
     orders while it is driven. ``lanes_to_target``: SUMO's lanes that lead to the target without a change of lane; the
-    vehicle waits for a gap into one of them instead of driving past (none: it does not). ``is_sent``: an edit sends it
-    another way than recorded. ``maximum_speed_mps``: what a driven vehicle never exceeds, that of its class or of its
-    recording. ``halts``: where it waits for others.
+    vehicle waits for a gap into one of them instead of driving past it (none: it does not). ``is_sent``: an edit sends
+    it another way than recorded. ``branch``: the lane behind a junction that tells the way through it to the target
+    from others that leave the target's lane for the same edge. ``maximum_speed_mps``: what a driven vehicle never
+    exceeds, that of its class or of its recording. ``halts``: where it waits for others.
     """
 
     track: Track
@@ -54,6 +55,7 @@ class Actor:
     through: tuple[LaneHint, ...] = ()
     lanes_to_target: frozenset[str] = frozenset()
     is_sent: bool = False
+    branch: LaneHint | None = None
     maximum_speed_mps: float = NO_LIMIT_MPS
     slow_places: Mapping[str, SlowPlaces] = field(default_factory=dict)
     halts: tuple[Halt, ...] = ()
@@ -161,6 +163,7 @@ def driven_actor(scene: Scene, plan: DrivePlan) -> Actor:
         halts=plan.halts,
         lanes_to_target=_lanes_to(scene, plan, aims, target),
         is_sent=bool(plan.targets) and plan.cause == "edited",
+        branch=_branch(scene, plan),
         maximum_speed_mps=max(plan.vehicle_class.maximum_speed_mps, float(plan.start.speeds_mps.max())),
         slow_places=scene.slow_places,
         through=tuple(lane_of[key] for key in plan.lanelets if key in plan.through and key in lane_of),
@@ -173,6 +176,19 @@ def _aims(scene: Scene, plan: DrivePlan) -> frozenset[int]:
     if not plan.targets or not plan.targets.isdisjoint(outside):
         return plan.targets
     return frozenset(itertools.islice((key for key in reversed(plan.lanelets) if key in outside), 1))
+
+
+def _branch(scene: Scene, plan: DrivePlan) -> LaneHint | None:
+    """The exit of the way through a junction to a target inside it; None where the route leaves no other way."""
+    layout = scene.layout
+    inside = (key for key in plan.lanelets if key in plan.targets and key not in layout.lane_of)
+    through = next((layout.paths[index] for key in inside for index in layout.paths_through.get(key, ())), None)
+    if through is None:
+        return None
+    exits = {layout.paths[index].exit for index in scene.edge_graph.paths_from[through.entry]}
+    edge = layout.lane_of[through.exit][0]
+    same = {key for key in exits if layout.lane_of[key][0] == edge}
+    return layout.lane_of[through.exit] if edge in plan.edges and len(same) > 1 else None
 
 
 def _lanes_to(scene: Scene, plan: DrivePlan, aims: frozenset[int], target: LaneHint | None) -> frozenset[str]:

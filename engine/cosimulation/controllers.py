@@ -88,9 +88,11 @@ class GapWaitController(_SpeedController):
         self._stop_given: set[str] = set()
         self._arrived: set[str] = set()
         self._first_lane: dict[str, str] = {}
+        self._branched: set[str] = set()
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
         """See the base class."""
+        self._take_branch(actor, lane)
         if actor.target is None or not actor.lanes_to_target or actor.key in self._arrived:
             return None
         edge, _, lane_index = lane.rpartition("_")
@@ -109,6 +111,15 @@ class GapWaitController(_SpeedController):
         if highest_mps is not None and wanted != index:
             self._sumo.change_lane(actor.key, wanted, LANE_CHANGE_S)
         return highest_mps
+
+    def _take_branch(self, actor: Actor, lane: str) -> None:
+        """Have SUMO take the one way through the junction that leads to the target, by a stop behind it."""
+        if actor.branch is None or actor.target is None or actor.key in self._branched:
+            return
+        if lane == "{}_{}".format(*actor.target):
+            self._branched.add(actor.key)
+            station_m = self._sumo.lane_length_m("{}_{}".format(*actor.branch))
+            self._sumo.pass_by(actor.key, actor.branch, max(station_m - LANE_END_M, LANE_END_M))
 
     def _left_m(self, key: str, target: LaneHint) -> float:
         """The distance in m to the end of the target; far below 0 for a vehicle that is past it."""

@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.modification import Edit
@@ -65,7 +66,9 @@ def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> Dr
     except NotPossible:
         for start in _other_starts(scene, plan):
             with suppress(NotPossible):
-                return _rerouted_from(start, edit, scene, changes, plan)
+                found = _rerouted_from(start, edit, scene, changes, plan)
+                if start not in scene.layout.table.successors[plan.lanelets[0]] or _is_in_time(scene, found):
+                    return found
         raise
 
 
@@ -82,6 +85,18 @@ def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
     has_left = project(lane.center, track.front_at(index))[0] >= lane.length_m
     onward = scene.layout.table.successors[start] if has_left else ()
     return (*other, *(key for key in onward if key not in other))
+
+
+def _is_in_time(scene: Scene, plan: DrivePlan) -> bool:
+    """Whether a vehicle at the speed of the fastest lane, or its own, drives a plan's way before the scenario ends.
+
+    What passed its turn comes back to it round the block, which is of no use to anybody after the end.
+    """
+    table, route = scene.layout.table, plan.lanelets
+    way_m = sum(table.lanes[key].length_m for key, after in pairwise(route) if after in table.successors[key])
+    speed_mps = float(plan.start.speeds_mps[plan.from_step - plan.start.first_step])
+    fastest_mps = max(speed_mps, *(scene.lane_speeds_mps[key] for key in route))
+    return way_m <= fastest_mps * (scene.last_step - plan.from_step) * scene.step_s
 
 
 def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
@@ -269,7 +284,7 @@ def _last_place(scene: Scene, route: tuple[int, ...], place: int, end: int) -> t
     The lanes may go on side by side after their end. One that is not inside a junction yet changes none there: SUMO
     does not, so that only lanes behind it count.
     """
-    lanes, on_road = scene.layout.table.lanes, scene.layout.lane_of
+    lanes, inside = scene.layout.table.lanes, scene.layout.interior.lanelets
     last, more_m, wrong = (0.0, route[place], route[end]), 0.0, route[place]
     for onward in route[end + 1 :]:
         straight = scene.lanelet_graph.beside([onward]).intersection(scene.layout.table.successors[wrong]) - {onward}
@@ -277,7 +292,7 @@ def _last_place(scene: Scene, route: tuple[int, ...], place: int, end: int) -> t
             break
         wrong = min(straight)
         more_m += lanes[wrong].length_m
-        if wrong in on_road or route[place] not in on_road:
+        if route[place] in inside or not inside.issuperset({wrong, onward}):
             last = more_m, wrong, onward
     return last
 
@@ -296,7 +311,8 @@ def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...],
         return None
     index, lanes = plan.from_step - plan.start.first_step, scene.layout.table.lanes
     front, speed_mps = plan.start.front_at(index), max(float(plan.start.speeds_mps[index]), 0.0)
-    room_m = lanes[route[0]].length_m - project(lanes[route[0]].center, front)[0] + _last_place(scene, route, 0, end)[0]
+    left_m = [lanes[key].length_m - project(lanes[key].center, front)[0] for key in (route[0], route[end])]
+    room_m = min(left_m) + _last_place(scene, route, 0, end)[0]
     aside_m = abs(project(lanes[route[end]].center, front)[1])
     to_spare_m = _TO_SPARE_M + speed_mps * scene.step_s
     within_m = (room_m - to_spare_m) / PROGRESS_ACROSS

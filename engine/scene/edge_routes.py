@@ -4,7 +4,8 @@ A recording names lanelets, with gaps and lanelets inside junctions; SUMO wants 
 a junction, from the lanelet before it to the one after it (``NetLayout.paths``).
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -14,6 +15,8 @@ from .map_matching import straightness
 
 _EXTENSION_M = 2000.0
 """A route is led on this far (chosen): 40 s at 50 m/s, longer than scenarios last."""
+_TURNS_BACK = math.cos(math.radians(150.0))
+"""Of two headings: a path that turns back is driven only where no other lane leads on (chosen); hardly a car can."""
 _LONGEST_REPAIR_EDGES = 6
 """A gap in a recording is closed by no more edges than this, its ends included (chosen): a longer one is a detour."""
 
@@ -70,21 +73,27 @@ class EdgeGraph:
     def extended(self, edges: Sequence[str], last_lanelet: int | None = None) -> tuple[str, ...]:
         """The route led on straight ahead, so that a vehicle does not end with its recording.
 
-        ``last_lanelet``: the lane in which the vehicle arrives; the route goes on from it where it can.
+        ``last_lanelet``: the lane in which the vehicle arrives; the route goes on from it where that leads on and not
+        back.
         """
         route, total, lanelet = list(edges), 0.0, last_lanelet
         while total < _EXTENSION_M:
             lanes = self.layout.edges[route[-1]]
-            starts = [lanelet] if lanelet in lanes and self.paths_from.get(lanelet) else list(lanes)
-            onward = [index for key in starts for index in self.paths_from.get(key, ())]
-            onward = [index for index in onward if self.layout.lane_of[self.layout.paths[index].exit][0] not in route]
-            if not onward:
+            own = self._straightest([lanelet], route) if lanelet in lanes else None
+            if own is None or self._straightness(own) < _TURNS_BACK:
+                own = self._straightest(lanes, route)
+            if own is None:
                 break
-            best = max(onward, key=lambda index: (self._straightness(index), -index))
-            lanelet = self.layout.paths[best].exit
+            lanelet = self.layout.paths[own].exit
             route.append(self.layout.lane_of[lanelet][0])
             total += self.layout.table.lanes[lanelet].length_m
         return tuple(route)
+
+    def _straightest(self, lanelets: Iterable[int], route: Collection[str]) -> int | None:
+        """Index of the straightest path that leaves some lanelets for an edge that is not on a route; None without."""
+        leaving = [index for key in lanelets for index in self.paths_from.get(key, ())]
+        onward = [index for index in leaving if self.layout.lane_of[self.layout.paths[index].exit][0] not in route]
+        return max(onward, key=lambda index: (self._straightness(index), -index), default=None)
 
     def path_for(self, lanelet_id: int, edges: Sequence[str]) -> int | None:
         """Index of the path that uses an internal lanelet and fits a route best; None if no path uses it."""

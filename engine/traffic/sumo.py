@@ -248,11 +248,15 @@ class Sumo:
     def pass_by(self, key: str, lane: LaneHint, station_m: float) -> None:
         """Have a vehicle look for a way into a lane by a stop in it that is passed.
 
-        Nothing happens where SUMO refuses the stop, as it does if the vehicle cannot brake for it with ease.
+        It takes the place of one that the vehicle has not come to yet. Nothing happens where SUMO refuses the stop, as
+        it does if the vehicle cannot brake for it with ease.
         """
         edge, index = lane
         try:
-            self._vehicle.setStop(key, edge, station_m, index, 0.0)
+            if self._vehicle.getStops(key, 1):
+                self._vehicle.replaceStop(key, 0, edge, station_m, index, 0.0)
+            else:
+                self._vehicle.setStop(key, edge, station_m, index, 0.0)
         except self._libsumo.TraCIException:
             return
         self._vehicle.setStopParameter(key, 0, "speed", _PASSING_MPS)

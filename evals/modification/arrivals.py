@@ -7,6 +7,7 @@ edits.
 import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,7 @@ from .reach import (
     LATERAL_MPS2,
     all_after,
     beside,
-    changes_needed,
+    changes_to,
     distances_m,
     farthest_m,
     lanelets_at_first,
@@ -170,26 +171,34 @@ class Journey:
         return float(np.minimum(limits, speed_mps).mean())
 
     def _free_s(self) -> float:
-        """How long neither a road user ahead nor the end of its lane holds it up; to start again takes time too."""
+        """How long neither others nor the end of its lane hold it up; to start again takes time too."""
         count = len(self.track.positions) - 1
-        held = sum(self._is_behind_another(index) or self._waits_at_end(index) for index in range(count))
+        held = sum(
+            self._is_behind_another(index) or self._waits_at_end(index) or self._has_no_gap(index)
+            for index in range(count)
+        )
         held_s = held * self.step_s
         return max(count * self.step_s - held_s - min(held_s, START_S), 0.0)
 
     def _lacks_time_to_change(self) -> bool:
         """Whether the lane changes alone take longer than the vehicle is there."""
         begin = lanelets_at_first(self.network, self.track)
-        changes = changes_needed(self.network, begin, self.targets)
+        changes = min((self._changes[key] for key in begin if key in self._changes), default=math.inf)
         return (len(self.track.positions) - 1) * self.step_s < changes * (LOOK_S + LANE_CHANGE_S)
 
     def _finds_no_gap(self) -> bool:
         """Whether a vehicle that has to change lanes at last slows or waits for it, or never had a gap for long."""
-        side = self._side_to_change_to()
+        side = self._side_to_change_to(-1)
         if side is None:
             return False
         last = float(self.track.speeds_mps[-round(LAST_S / self.step_s) :].mean())
         slowed = last <= max(SLOWED_SHARE * float(self.track.speeds_mps.max()), STANDING_MPS)
         return slowed or self._longest_gap_s(side) < LOOK_S + LANE_CHANGE_S
+
+    def _has_no_gap(self, index: int) -> bool:
+        """Whether it has to change lanes and another is beside."""
+        side = self._side_to_change_to(index)
+        return side is not None and not self._is_free_beside(index, side)
 
     def _others_at(self, index: int) -> Iterator[tuple[float, float, Track, int]]:
         """Every other road user that is there: how far ahead and to the left its centre is, it and its own index."""
@@ -218,18 +227,21 @@ class Journey:
         lines = [(point, self.network.find_lanelet_by_id(key).center_vertices) for point, keys in under for key in keys]
         return any(length_m(line) - project(line, point)[0] <= ROOM_M for point, line in lines)
 
-    def _side_to_change_to(self) -> int | None:
-        """1 if a change to the left is needed from the last lanelet, -1 if to the right; None if none is."""
+    def _side_to_change_to(self, index: int) -> int | None:
+        """1 if a change to the left is needed from the lanelet there, -1 if to the right; None if none is."""
+        sides = (self._side_from(key) for key in _lanelets_at(self.network, self.track, index))
+        return next((side for side in sides if side is not None), None)
 
-        def needed(key: int) -> float:
-            return changes_needed(self.network, [key], self.targets)
-
-        for key in _lanelets_at(self.network, self.track, -1):
-            lanelet = self.network.find_lanelet_by_id(key)
-            for side, other in ((1, lanelet.adj_left), (-1, lanelet.adj_right)):
-                if other in beside(lanelet) and needed(int(other)) < needed(key):
-                    return side
+    def _side_from(self, key: int) -> int | None:
+        lanelet, changes = self.network.find_lanelet_by_id(key), self._changes
+        for side, other in ((1, lanelet.adj_left), (-1, lanelet.adj_right)):
+            if other in beside(lanelet) and changes.get(int(other), math.inf) < changes.get(key, math.inf):
+                return side
         return None
+
+    @cached_property
+    def _changes(self) -> dict[int, float]:
+        return changes_to(self.network, self.targets)
 
     def _longest_gap_s(self, side: int) -> float:
         """How long at a stretch the lane beside was free enough to change into it."""

@@ -164,12 +164,15 @@ def measure_fresh(seed: int, number: int, presets: Presets, effort: Effort) -> M
     A scenario that is refused by name is ``unread``; whatever else the product or a judge raises has ``crashed``.
     """
     with TemporaryDirectory() as name:
-        path = fresh_scenario(seed, number, Path(name))
+        try:
+            path = fresh_scenario(seed, number, Path(name))
+        except Exception as error:  # noqa: BLE001 - a defect of ours is one failure and not the bench's end
+            return Measured(crashed=f"scenario {number} of seed {seed} was not made: {error!r}")
         try:
             scene = Scene.of(read_scenario(path))
         except PlannerForgeError as error:
             return Measured(unread=f"{path.stem}: {error.text}")
-        except Exception as error:  # noqa: BLE001 - a defect of ours is one failure and not the bench's end
+        except Exception as error:  # noqa: BLE001 - see above
             return Measured(crashed=f"{path.stem}, read: {error!r}")
         try:
             return _measured(path, scene, presets, effort)

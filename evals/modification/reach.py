@@ -76,16 +76,6 @@ def lanelets_at_first(network: "LaneletNetwork", track: "Track") -> frozenset[in
     return frozenset(key for key, count in stays.items() if count == max(stays.values()))
 
 
-def changes_needed(network: "LaneletNetwork", starts: Collection[int], targets: frozenset[int]) -> float:
-    """The fewest lane changes on any route to any target; infinite where none leads there."""
-
-    def onward(changes: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
-        return [*((changes, key) for key in lanelet.successor), *((changes + 1, key) for key in beside(lanelet))]
-
-    changes = _cheapest(network, ((0.0, key) for key in starts), onward)
-    return min((changes[key] for key in targets & set(changes)), default=math.inf)
-
-
 def _cheapest(
     network: "LaneletNetwork",
     begin: Iterable[tuple[float, int]],
@@ -115,14 +105,26 @@ def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -
 
 def ways_to_m(network: "LaneletNetwork", targets: frozenset[int]) -> dict[int, float]:
     """The shortest way in m from the start of every lanelet to that of any target, for those from which one leads."""
+    return _costs_to(network, targets, lambda lanelet: length_m(lanelet.center_vertices), change_cost=0.0)
+
+
+def changes_to(network: "LaneletNetwork", targets: frozenset[int]) -> dict[int, float]:
+    """The fewest lane changes on any route from every lanelet to any target, for those from which one leads."""
+    return _costs_to(network, targets, lambda _: 0.0, change_cost=1.0)
+
+
+def _costs_to(
+    network: "LaneletNetwork", targets: frozenset[int], onward_cost: Callable[["Lanelet"], float], *, change_cost: float
+) -> dict[int, float]:
     before: dict[int, list[tuple[float, int]]] = {}
     for lanelet in network.lanelets:
-        onward_m = length_m(lanelet.center_vertices)
-        for way_m, after in (*((onward_m, one) for one in lanelet.successor), *((0.0, one) for one in beside(lanelet))):
-            before.setdefault(int(after), []).append((way_m, int(lanelet.lanelet_id)))
+        cost = onward_cost(lanelet)
+        ways = [*((cost, key) for key in lanelet.successor), *((change_cost, key) for key in beside(lanelet))]
+        for more, after in ways:
+            before.setdefault(int(after), []).append((more, int(lanelet.lanelet_id)))
 
-    def backward(way_m: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
-        return [(way_m + more_m, key) for more_m, key in before.get(int(lanelet.lanelet_id), ())]
+    def backward(cost: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
+        return [(cost + more, key) for more, key in before.get(int(lanelet.lanelet_id), ())]
 
     return _cheapest(network, ((0.0, key) for key in targets), backward)
 

@@ -337,9 +337,10 @@ def _ego_id(scene: Scene) -> int | None:
 
 
 def _unreachable(scene: Scene, vehicle_id: int) -> list[tuple[EditWords, tuple[str, ...]]]:
-    """A reroute to a lanelet that no way leads to; empty where every lanelet can be reached."""
-    start = scene.matches[vehicle_id].sequence[0]
-    reached = {start, *scene.lanelet_graph.reachable([start])}
+    """A reroute to a lanelet that no way leads to from any under the vehicle; empty where every one can be reached."""
+    under = scene.network.find_lanelet_by_position([scene.tracks[vehicle_id].positions[0]])[0]
+    starts = {scene.matches[vehicle_id].sequence[0], *(int(key) for key in under)} & set(scene.layout.table.lanes)
+    reached = {*starts, *scene.lanelet_graph.reachable(sorted(starts))}
     beyond = next((key for key in scene.layout.table.lanes if key not in reached), None)
     if beyond is None:
         return []

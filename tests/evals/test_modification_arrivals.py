@@ -12,7 +12,7 @@ from support.builders import Lane, ScenarioBuilder, Vehicle, arc, driving, line,
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import recorded_tracks
 from plannerforge.evals.modification.arrivals import Journey, refusal_is_right
-from plannerforge.evals.modification.reach import changes_needed, farthest_m, lanelets_at_first, ways_to_m
+from plannerforge.evals.modification.reach import changes_to, farthest_m, lanelets_at_first, ways_to_m
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +145,7 @@ def test_a_recording_begins_where_it_stays_and_not_on_what_lies_over_it(folder: 
 
 def test_lane_changes_are_counted_and_ways_are_traced_back(folder: Path) -> None:
     network = journey(folder, {12}, driving(51, (20, 0), 8.0, 30)).network
-    assert [changes_needed(network, [key], frozenset({12})) for key in (1, 2, 13)] == [0, 1, math.inf]
+    assert changes_to(network, frozenset({12})) == {1: 0, 2: 1, 12: 0}
     assert ways_to_m(network, frozenset({12})) == pytest.approx({1: 200.0, 2: 200.0, 12: 0.0})
 
 
