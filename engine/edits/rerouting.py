@@ -10,10 +10,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
+
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.modification import Edit
 from ..cosimulation import LANE_CHANGE_S, PROGRESS_ACROSS, DrivePlan, JunctionLaneChange, first_curve_too_tight
-from ..geometry import point_at, project, wrap_angle
+from ..geometry import Points, length_m, point_at, project, wrap_angle
 from ..scene import Scene
 from ..vehicles import HARDEST_BRAKING_MPS2, HARDEST_LATERAL_MPS2
 from .changes import Changes, EditStep, named_vehicles, plan_of
@@ -60,7 +62,11 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
-    """The plan from the lanelet that the vehicle is matched to, or from another under it where that leads nowhere."""
+    """The plan from the lanelet that the vehicle is matched to, or from another under it where that leads nowhere.
+
+    At last from its own with a change of lane inside a junction, where SUMO changes none: one so near may be handed
+    over into the other lane, and is refused once it is simulated where it is not.
+    """
     try:
         return _rerouted_from(plan.lanelets[0], edit, scene, changes, plan)
     except NotPossible:
@@ -69,6 +75,8 @@ def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> Dr
                 found = _rerouted_from(start, edit, scene, changes, plan)
                 if start not in scene.layout.table.successors[plan.lanelets[0]] or _is_in_time(scene, found):
                     return found
+        with suppress(NotPossible):
+            return _rerouted_from(plan.lanelets[0], edit, scene, changes, plan, in_junctions=True)
         raise
 
 
@@ -82,7 +90,7 @@ def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
     track, index, start = plan.start, plan.from_step - plan.start.first_step, plan.lanelets[0]
     pose = track.positions[index], float(track.headings_rad[index]), float(track.speeds_mps[index])
     other, lane = scene.matcher.near_as_well(*pose, start), scene.layout.table.lanes[start]
-    has_left = project(lane.center, track.front_at(index))[0] >= lane.length_m
+    has_left = _way_along_m(lane.center, track.front_at(index)) >= lane.length_m
     onward = scene.layout.table.successors[start] if has_left else ()
     return (*other, *(key for key in onward if key not in other))
 
@@ -99,7 +107,9 @@ def _is_in_time(scene: Scene, plan: DrivePlan) -> bool:
     return way_m <= fastest_mps * (scene.last_step - plan.from_step) * scene.step_s
 
 
-def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
+def _rerouted_from(
+    start: int, edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan, *, in_junctions: bool = False
+) -> DrivePlan:
     who = f"vehicle {plan.start.obstacle_id}"
     if edit.turn:
         branch = _branch_for(scene, start, edit.turn, who).lanelets
@@ -109,7 +119,7 @@ def _rerouted_from(start: int, edit: Edit, scene: Scene, changes: Changes, plan:
         targets = target_lanelets(edit.to or edit.via[-1:], scene, changes)
         route = _route_via(scene, start, edit.via, targets, changes, who)
     _check_curves(scene, plan, route, who)
-    _check_lane_changes(scene, plan, route, who)
+    _check_lane_changes(scene, plan, route, who, in_junctions=in_junctions)
     through = {key for text in edit.via for key in target_lanelets([text], scene, changes)}
     over = _junction_lane_change(scene, plan, route, who)
     return replace(
@@ -242,7 +252,7 @@ def _check_curves(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: st
         )
 
 
-def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> None:
+def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str, *, in_junctions: bool) -> None:
     """Refuse a route with a change of lane whose last place the vehicle passes, even if it brakes as hard as it can.
 
     One that can stop and wait for a gap is sent there, even if it does not get there in time.
@@ -253,14 +263,14 @@ def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], w
     lanes = scene.layout.table.lanes
     index = plan.from_step - plan.start.first_step
     speed_mps = max(float(plan.start.speeds_mps[index]), 0.0)
-    left_m = -project(lanes[route[0]].center, plan.start.front_at(index))[0]
+    left_m = -_way_along_m(lanes[route[0]].center, plan.start.front_at(index))
     place = 0
     while place < len(route):
         end = _last_beside(scene, route, place)
         left_m += lanes[route[place]].length_m
         needed_m = min(speed_mps**2 / (2 * HARDEST_BRAKING_MPS2), speed_mps * LANE_CHANGE_S * (end - place))
-        room_m, wrong, right = _last_place(scene, route, place, end)
-        if end > place and left_m + room_m < needed_m:
+        room_m, wrong, right = _last_place(scene, route, place, end, in_junctions=in_junctions)
+        if end > place and (left_m + room_m < needed_m or left_m + room_m <= 0.0):
             raise NotPossible(
                 f"{who} drives {speed_mps:.1f} m/s and lanelet {wrong}, which it has to leave for {right}, "
                 f"ends {max(left_m + room_m, 0.0):.0f} m ahead of its front: it can neither change lanes nor stop "
@@ -268,6 +278,12 @@ def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], w
                 next_step="choose a target farther on or straight ahead",
             )
         place = end + 1
+
+
+def _way_along_m(line: Points, front: Points) -> float:
+    """How far a front is along a line; one that is past the end by as much more as it is away from it."""
+    station_m, total_m = project(line, front)[0], length_m(line)
+    return station_m if station_m < total_m else total_m + float(np.linalg.norm(front - line[-1]))
 
 
 def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
@@ -278,11 +294,13 @@ def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
     return place
 
 
-def _last_place(scene: Scene, route: tuple[int, ...], place: int, end: int) -> tuple[float, int, int]:
+def _last_place(
+    scene: Scene, route: tuple[int, ...], place: int, end: int, *, in_junctions: bool
+) -> tuple[float, int, int]:
     """How much farther on in m the change can still be made, and its last place: the wrong lane, and that of the route.
 
-    The lanes may go on side by side after their end. One that is not inside a junction yet changes none there: SUMO
-    does not, so that only lanes behind it count.
+    The lanes may go on side by side after their end; those in junctions count for one that is inside already, and for
+    all if ``in_junctions``.
     """
     lanes, inside = scene.layout.table.lanes, scene.layout.interior.lanelets
     last, more_m, wrong = (0.0, route[place], route[end]), 0.0, route[place]
@@ -292,7 +310,7 @@ def _last_place(scene: Scene, route: tuple[int, ...], place: int, end: int) -> t
             break
         wrong = min(straight)
         more_m += lanes[wrong].length_m
-        if route[place] in inside or not inside.issuperset({wrong, onward}):
+        if in_junctions or wrong not in inside or route[place] in inside:
             last = more_m, wrong, onward
     return last
 
@@ -311,8 +329,8 @@ def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...],
         return None
     index, lanes = plan.from_step - plan.start.first_step, scene.layout.table.lanes
     front, speed_mps = plan.start.front_at(index), max(float(plan.start.speeds_mps[index]), 0.0)
-    left_m = [lanes[key].length_m - project(lanes[key].center, front)[0] for key in (route[0], route[end])]
-    room_m = min(left_m) + _last_place(scene, route, 0, end)[0]
+    left_m = [lanes[key].length_m - _way_along_m(lanes[key].center, front) for key in (route[0], route[end])]
+    room_m = min(left_m) + _last_place(scene, route, 0, end, in_junctions=True)[0]
     aside_m = abs(project(lanes[route[end]].center, front)[1])
     to_spare_m = _TO_SPARE_M + speed_mps * scene.step_s
     within_m = (room_m - to_spare_m) / PROGRESS_ACROSS

@@ -24,7 +24,6 @@ from .reach import (
     beside,
     changes_to,
     distances_m,
-    farthest_m,
     lanelets_at_first,
     speed_limit_mps,
     ways_to_m,
@@ -258,18 +257,20 @@ class Journey:
         return True
 
 
-def refusal_is_right(network: "LaneletNetwork", track: Track, targets: frozenset[int], seconds: float) -> bool:
+def refusal_is_right(
+    network: "LaneletNetwork", track: Track, targets: frozenset[int], farthest_m: float = math.inf
+) -> bool:
     """Whether physics keep a recorded vehicle from being sent to any of some lanelets from its first state on.
 
     No way leads there, or none without a curve that it comes to too fast, or it can neither change lanes nor stop in
     the room that is left: v² / (2 · 8 m/s²); or that is too short to steer over in, however it brakes. A way round that
-    is longer than what it drives in the seconds that are left is none.
+    is longer than ``farthest_m`` is none.
     """
     speed, heading = max(float(track.speeds_mps[0]), 0.0), float(track.headings_rad[0])
     begin = lanelets_at_first(network, track)
     if begin and not targets & set(distances_m(network, track.positions[0], heading, speed, begin)):
         return True
-    room = _room_m(network, track, targets, farthest_m(network, speed, seconds))
+    room = _room_m(network, track, targets, farthest_m)
     return speed**2 / (2 * HARD_BRAKING_MPS2) > room or _least_way_over_m(network, track, targets, speed) > room
 
 
@@ -297,7 +298,9 @@ def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], fa
     for key in _lanelets_at(network, track, 0):
         if _straight_on(network, key) & targets:
             return math.inf
-        station_m = project(network.find_lanelet_by_id(key).center_vertices, front)[0]
+        line = network.find_lanelet_by_id(key).center_vertices
+        past_m = 0.0 if project(line, front)[0] < length_m(line) else float(np.linalg.norm(front - line[-1]))
+        station_m = project(line, front)[0] + past_m
         limit_m = max(station_m + farthest_m, ways.get(key, 0.0))
         room_m = max(room_m, _longest_m(network, key, ways, limit_m) - station_m)
     return room_m
@@ -305,7 +308,7 @@ def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], fa
 
 def _longest_m(network: "LaneletNetwork", key: int, ways: "Mapping[int, float]", limit_m: float) -> float:
     """The longest way from a lanelet's start straight on over lanelets that lead to a target within a limit."""
-    if ways.get(key, math.inf) > limit_m:
+    if key not in ways or ways[key] > limit_m:
         return 0.0
     lanelet, others = network.find_lanelet_by_id(key), {one: way_m for one, way_m in ways.items() if one != key}
     own_m = length_m(lanelet.center_vertices)

@@ -244,7 +244,10 @@ def _first_possible(
 
 
 def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | None:
-    """Whether a request had to be refused, by the bench's own rules; a worker's failure is no refusal at all."""
+    """Whether a request had to be refused, by the bench's own rules; a worker's failure is no refusal at all.
+
+    A way round is one where the fastest of all that were recorded drives it before the scenario ends.
+    """
     if isinstance(error, WorkerFailure):
         return False
     if asked.task == "P" and error.reason == PLACE_TAKEN:
@@ -253,15 +256,15 @@ def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | No
         return any(is_run_over(scene, truth) for truth in asked.truths)
     if asked.task != "T":
         return None
-    tracks = [scene.tracks[truth["vehicle_id"]] for truth in asked.truths]
+    fastest_mps = max(float(track.speeds_mps.max()) for track in scene.tracks.values())
     return any(
         refusal_is_right(
             scene.network,
-            track,
+            scene.tracks[truth["vehicle_id"]],
             frozenset(truth["target_lanelets"]),
-            (scene.last_step - track.first_step) * scene.step_s,
+            fastest_mps * (scene.last_step - scene.tracks[truth["vehicle_id"]].first_step) * scene.step_s,
         )
-        for track, truth in zip(tracks, asked.truths, strict=True)
+        for truth in asked.truths
     )
 
 

@@ -129,16 +129,6 @@ def _costs_to(
     return _cheapest(network, ((0.0, key) for key in targets), backward)
 
 
-def farthest_m(network: "LaneletNetwork", speed_mps: float, seconds: float) -> float:
-    """The most that a vehicle drives in a time at the network's highest limit, or at its own speed if that is higher.
-
-    Without any sign the limit is the top speed of a car.
-    """
-    limits = [speed_limit_mps(network, int(one.lanelet_id)) for one in network.lanelets]
-    highest = max((limit for limit in limits if math.isfinite(limit)), default=LARGEST_SPEED_MPS)
-    return max(speed_mps, highest) * seconds
-
-
 def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
     """Whether a car gets as far as ``way_m`` until the goal's time is over, at a speed that the goal asks for.
 

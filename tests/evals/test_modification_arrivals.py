@@ -12,7 +12,7 @@ from support.builders import Lane, ScenarioBuilder, Vehicle, arc, driving, line,
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import recorded_tracks
 from plannerforge.evals.modification.arrivals import Journey, refusal_is_right
-from plannerforge.evals.modification.reach import changes_to, farthest_m, lanelets_at_first, ways_to_m
+from plannerforge.evals.modification.reach import changes_to, lanelets_at_first, ways_to_m
 
 
 @pytest.fixture(scope="module")
@@ -134,13 +134,13 @@ def test_a_refusal_is_right_only_where_physics_ask_for_it(
     folder: Path, start: tuple[float, float], speed_mps: float, targets: set[int], is_right: bool
 ) -> None:
     one = journey(folder, targets, driving(51, start, speed_mps, 30))
-    assert refusal_is_right(one.network, one.track, one.targets, 3.0) is is_right
+    assert refusal_is_right(one.network, one.track, one.targets) is is_right
 
 
 def test_a_recording_begins_where_it_stays_and_not_on_what_lies_over_it(folder: Path) -> None:
     one = journey(folder, {12}, driving(51, (201, 0), 8.0, 60))
     assert lanelets_at_first(one.network, one.track) == {11}
-    assert refusal_is_right(one.network, one.track, frozenset({12}), 6.0)
+    assert refusal_is_right(one.network, one.track, frozenset({12}))
 
 
 def test_lane_changes_are_counted_and_ways_are_traced_back(folder: Path) -> None:
@@ -160,6 +160,6 @@ def test_a_way_round_counts_only_where_there_is_time_to_drive_it(folder: Path) -
     path = ScenarioBuilder(block, (driving(51, (190, 0), 15.0, 30),)).write(folder / "block.xml")
     scenario = read_scenario(path).scenario
     track, target = recorded_tracks(scenario)[51], frozenset({2})
-    assert farthest_m(scenario.lanelet_network, 15.0, 8.0) == pytest.approx(8.0 * 50.8)
-    assert refusal_is_right(scenario.lanelet_network, track, target, 8.0)
-    assert not refusal_is_right(scenario.lanelet_network, track, target, 16.0)
+    assert refusal_is_right(scenario.lanelet_network, track, target, 500.0)
+    assert not refusal_is_right(scenario.lanelet_network, track, target, 550.0)
+    assert not refusal_is_right(scenario.lanelet_network, track, target)
