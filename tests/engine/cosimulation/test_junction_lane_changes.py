@@ -97,6 +97,25 @@ def test_one_that_can_change_only_behind_the_junction_does_so_there(apply: Apply
     assert route.arrives
 
 
+@pytest.mark.parametrize("target", [11, 12])
+def test_of_two_ways_through_a_junction_to_one_road_the_target_is_driven(apply: Apply, target: int) -> None:
+    crossing = [lane for lane in straight_on_through_a_crossing(0).lanes if lane.lanelet_id in (31, 32, 33)]
+    lanes = (
+        Lane(1, line((0, 0), (100, 0)), successors=(11, 12)),
+        Lane(11, line((100, 0), (130, 0)), successors=(21,), predecessors=(1,)),
+        Lane(12, line((100, 0), (130, 3.5)), successors=(22,), predecessors=(1,)),
+        Lane(21, line((130, 0), (200, 0)), predecessors=(11,), left=(22, True)),
+        Lane(22, line((130, 3.5), (200, 3.5)), predecessors=(12,), right=(21, True)),
+        *crossing,
+    )
+    builder = ScenarioBuilder(lanes, (driving(36, (40, 0), 8.0, 151),))
+    (route,) = (
+        apply({"op": "reroute", "vehicles": ["36"], "to": [str(target)]}, builder=builder).outcome.edits[0].routes
+    )
+    assert route.arrives
+    assert route.lanelets == (1, target, target + 10)
+
+
 def test_a_later_edit_that_sends_it_straight_on_keeps_it_in_its_lane(apply: Apply) -> None:
     back = {"op": "reroute", "vehicles": ["36"], "to": ["21"]}
     applied = apply(TO_THE_LEFT, back, builder=straight_on_through_a_crossing(103))

@@ -155,3 +155,22 @@ def test_a_lanelet_too_short_to_be_seen_on_counts_as_driven(apply: Apply) -> Non
     (route,) = apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=builder).outcome.edits[0].routes
     assert route.arrives
     assert route.lanelets == (1, 2, 3)
+
+
+def test_behind_its_target_a_vehicle_drives_on_and_does_not_turn_back(apply: Apply) -> None:
+    lanes = (
+        Lane(1, line((0, 0), (200, 0)), successors=(11,), left=(2, True)),
+        Lane(2, line((0, 3.5), (200, 3.5)), successors=(12,), right=(1, True)),
+        Lane(11, line((200, 0), (230, 0)), successors=(21,), predecessors=(1,)),
+        Lane(12, arc((200, 5.25), 1.75, -math.pi / 2, math.pi / 2), successors=(3,), predecessors=(2,)),
+        Lane(21, line((230, 0), (300, 0)), predecessors=(11,)),
+        Lane(3, line((200, 7), (0, 7)), predecessors=(12,)),
+        Lane(31, line((201, -60), (201, -10)), successors=(32,)),
+        Lane(32, line((201, -10), (201, 15)), successors=(33,), predecessors=(31,)),
+        Lane(33, line((201, 15), (201, 60)), predecessors=(32,)),
+    )
+    builder = ScenarioBuilder(lanes, (driving(36, (100, 0), 10.0, 151),))
+    (route,) = apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=builder).outcome.edits[0].routes
+    assert route.arrives
+    assert route.lanelets[:2] == (1, 2)
+    assert not {12, 3} & set(route.lanelets)
