@@ -17,7 +17,7 @@ from ...engine.cosimulation import not_drivable
 from ...engine.geometry import length_m
 from ...engine.scene import Scene
 from ...schemas.modification import Edit
-from .reach import SHARES, distances_m, is_in_reach, lanelets_at_first
+from .reach import SHARES, distances_m, is_in_reach, lanelets_at_first, places_along
 
 CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle")
 MOST_TRIES, MOST_GOALS = 6, 30
@@ -119,17 +119,19 @@ def _removal(key: int) -> Asked:
 
 
 def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
-    """Places along the ego's lane and in the middle of drawn lanelets, at once or later; either of them first."""
+    """Places along the ego's lane as far as it goes and in the middle of drawn lanelets, at once or later."""
     found: list[dict[str, Any]] = []
     if scene.ego is not None and scene.ego.lanelets:
         for offset in (25.0, 40.0, 15.0, -20.0):
             where = {"relative_to": "ego", "lane": "same", "offset_m": offset}
-            found.append({"class": str(draw.choice(CLASSES)), "count": 1, "where": where})
+            added = {"class": str(draw.choice(CLASSES)), "count": 1, "where": where}
+            found += [added] if places_along(scene.network, scene.ego.position, offset) else []
     lanelets = list(scene.layout.table.lanes)
     draw.shuffle(lanelets)
     for key in lanelets[:MOST_TRIES]:
         where = {"lanelet": key, "position": "middle"}
-        departs = {"depart_s": DEPARTS_S} if draw.random() < 0.5 else {}
+        later = draw.random() < 0.5 and scene.last_step * scene.step_s > DEPARTS_S
+        departs = {"depart_s": DEPARTS_S} if later else {}
         found.append({"class": str(draw.choice(CLASSES)), "count": 1, "where": where, **departs})
     if draw.random() < 0.5:
         found.reverse()
