@@ -285,8 +285,8 @@ def _in_short(reason: str) -> str:
 def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
     """The verdicts by check; a request that could be carried out and was refused fails the headline of its task.
 
-    A try that is followed by another request is only counted where the bench knows that it was refused wrongly; one
-    that it knows to be right, as physics or who stands there ask for it, never.
+    A try that is followed by another request is only counted where the bench knows that it was refused wrongly; of
+    those that physics keep from their target none is.
     """
     checks: dict[str, list[bool]] = defaultdict(list)
     for case in cases:
@@ -294,7 +294,7 @@ def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
             checks[name].append(passed)
         wrong = sum(refusal.is_right is False for refusal in case.tries)
         last = case.tries[-1].is_right if case.tries else None
-        excused = last is not None
+        excused = last is False or (case.task == "T" and last is True)
         failed = wrong + (1 if case.refused and not excused else 0)
         for name in (name for name in HEADLINES if name.startswith(f"{case.task}_")):
             checks[name] += [False] * failed
