@@ -17,6 +17,8 @@ SMOOTHING_M = 4.0
 """Curvatures are those of a centre line that is smoothed over this length: vertices of a map are corners (chosen)."""
 SHORTEST_REST_M = 0.1
 """What is left of a first lanelet at least, so that it is still a line (chosen)."""
+_LOOK_M = 700.0
+"""A driver at 50 m/s brakes with ease within this (chosen): curves farther on slow no entry."""
 PIECE_M = 20.0
 """Length of the pieces (chosen): long enough for a curvature, short enough to tell where a long lanelet bends."""
 
@@ -44,11 +46,14 @@ def first_curve_too_tight(
 def highest_entry_speed(scene: Scene, route: tuple[int, ...], station_m: float) -> float:
     """Speed from which a driver at an arc length of a route's first lanelet brakes with ease for all curves ahead.
 
-    Where the route ends, it is followed as long as it does not fork. Infinite where nothing bends.
+    Where the route ends, it is followed as a drive is led on, straight ahead. Infinite where nothing bends.
     """
-    successors, onwards = scene.layout.table.successors, list(route)
-    while len(successors[onwards[-1]]) == 1 and successors[onwards[-1]][0] not in onwards:
-        onwards.append(successors[onwards[-1]][0])
+    onwards = list(route)
+    while sum(scene.layout.table.lanes[key].length_m for key in onwards) < station_m + _LOOK_M:
+        following = scene.edge_graph.straight_on(onwards[-1])
+        if not following or not set(onwards).isdisjoint(following):
+            break
+        onwards += following
     curves = _curves_ahead(scene, onwards, station_m)
     return min(
         (math.sqrt(COMFORTABLE_MPS2 / curvature + 2 * COMFORTABLE_MPS2 * ahead_m) for _, ahead_m, curvature in curves),

@@ -62,22 +62,32 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
-    """The plan from the lanelet that the vehicle is matched to, or from another under it where that leads nowhere.
+    """The plan from the lanelet that the vehicle is matched to, or from another under it that leads there sooner.
 
     At last from its own with a change of lane inside a junction, where SUMO changes none: one so near may be handed
     over into the other lane, and is refused once it is simulated where it is not.
+
+    Raises:
+        NotPossible: why it cannot get there from the lanelet that it is matched to.
     """
+    own, start = None, plan.lanelets[0]
     try:
-        return _rerouted_from(plan.lanelets[0], edit, scene, changes, plan)
-    except NotPossible:
-        for start in _other_starts(scene, plan):
-            with suppress(NotPossible):
-                found = _rerouted_from(start, edit, scene, changes, plan)
-                if start not in scene.layout.table.successors[plan.lanelets[0]] or _is_in_time(scene, found):
-                    return found
+        own = _rerouted_from(start, edit, scene, changes, plan)
+    except NotPossible as error:
+        refusal = error
+    if own is not None and _is_in_time(scene, own):
+        return own
+    for other in _other_starts(scene, plan):
         with suppress(NotPossible):
-            return _rerouted_from(plan.lanelets[0], edit, scene, changes, plan, in_junctions=True)
-        raise
+            found = _rerouted_from(other, edit, scene, changes, plan)
+            is_onward = other in scene.layout.table.successors[start]
+            if _is_in_time(scene, found) or (own is None and not is_onward):
+                return found
+    if own is not None:
+        return own
+    with suppress(NotPossible):
+        return _rerouted_from(start, edit, scene, changes, plan, in_junctions=True)
+    raise refusal
 
 
 def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
@@ -269,6 +279,7 @@ def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], w
         end = _last_beside(scene, route, place)
         left_m += lanes[route[place]].length_m
         needed_m = min(speed_mps**2 / (2 * HARDEST_BRAKING_MPS2), speed_mps * LANE_CHANGE_S * (end - place))
+        needed_m = max(needed_m, _least_way_over_m(scene, route[place : end + 1]))
         room_m, wrong, right = _last_place(scene, route, place, end, in_junctions=in_junctions)
         if end > place and (left_m + room_m < needed_m or left_m + room_m <= 0.0):
             raise NotPossible(
@@ -284,6 +295,13 @@ def _way_along_m(line: Points, front: Points) -> float:
     """How far a front is along a line; one that is past the end by as much more as it is away from it."""
     station_m, total_m = project(line, front)[0], length_m(line)
     return station_m if station_m < total_m else total_m + float(np.linalg.norm(front - line[-1]))
+
+
+def _least_way_over_m(scene: Scene, row: tuple[int, ...]) -> float:
+    """The way along lanes side by side in which a vehicle gets from the first to the edge of the last, however slow."""
+    lanes = scene.layout.table.lanes
+    widths = [lanes[key].width_m for key in row]
+    return max(sum(widths) - (widths[0] + widths[-1]) / 2 - widths[-1] / 2, 0.0) / _STEEPEST
 
 
 def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:

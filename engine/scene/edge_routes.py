@@ -89,6 +89,15 @@ class EdgeGraph:
             total += self.layout.table.lanes[lanelet].length_m
         return tuple(route)
 
+    def straight_on(self, lanelet_id: int) -> tuple[int, ...]:
+        """The lanelets over which a route is led on from one, through a junction and behind it; none at the end."""
+        successors = self.layout.table.successors[lanelet_id]
+        index = self._straightest([lanelet_id], ())
+        if index is None:
+            return successors if len(successors) == 1 else ()
+        path = self.layout.paths[index]
+        return (*path.through, path.exit)
+
     def _straightest(self, lanelets: Iterable[int], route: Collection[str]) -> int | None:
         """Index of the straightest path that leaves some lanelets for an edge that is not on a route; None without."""
         leaving = [index for key in lanelets for index in self.paths_from.get(key, ())]

@@ -148,7 +148,9 @@ class Journey:
 
         It may not have driven past, or another way: what is left shrinks by most of what it drove.
         """
-        before, left = (_way_m(self.network, self.track, index, self.targets) for index in (0, -1))
+        begin = lanelets_at_first(self.network, self.track)
+        before = _way_m(self.network, self.track, 0, self.targets, begin)
+        left = _way_m(self.network, self.track, -1, self.targets)
         if not (math.isfinite(before) and math.isfinite(left)):
             return False
         if left > before - DETOUR_SHARE * length_m(self.track.positions) + ROOM_M:
@@ -277,8 +279,8 @@ def refusal_is_right(
 def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], speed_mps: float) -> float:
     """The least way in m in which the front gets onto any lanelet that leads straight on to a target.
 
-    Braked to some speed, it turns in the narrowest circle that grip and steering allow: an arc of radius r comes y
-    aside on √(2 r y - y²), and on no less than r where that is less than y.
+    Braked to some speed, it turns in the narrowest circle of radius r that grip and steering allow, and by 45° at most:
+    an arc comes y aside on √(2 r y - y²); what is left it drives aslant.
     """
     front = shapely.Point(fronts(track)[0])
     over = [one for one in network.lanelets if _straight_on(network, int(one.lanelet_id)) & targets]
@@ -286,7 +288,8 @@ def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozense
     speeds = np.linspace(0.0, speed_mps, 51)
     braking = (speed_mps**2 - speeds**2) / (2 * HARD_BRAKING_MPS2)
     radius = np.maximum(speeds**2 / LATERAL_MPS2, NARROWEST_TURN_M)
-    return float((braking + np.sqrt(radius**2 - np.maximum(radius - aside, 0.0) ** 2)).min())
+    turned = np.minimum(aside, radius * (1 - math.sqrt(0.5)))
+    return float((braking + np.sqrt(2 * radius * turned - turned**2) + aside - turned).min())
 
 
 def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], farthest_m: float) -> float:
@@ -328,13 +331,18 @@ def _lanelets_at(network: "LaneletNetwork", track: Track, index: int) -> list[in
     return sorted(int(key) for key in set(network.find_lanelet_by_position([here])[0]) & set(onward))
 
 
-def _way_m(network: "LaneletNetwork", track: Track, index: int, targets: frozenset[int]) -> float:
-    """The shortest way to a target from a vehicle, which may drive a little beside its lanelet where it turns."""
+def _way_m(
+    network: "LaneletNetwork", track: Track, index: int, targets: frozenset[int], among: Collection[int] | None = None
+) -> float:
+    """The shortest way to a target from a vehicle, which may drive a little beside its lanelet where it turns.
+
+    ``among``: the lanelets on which it begins; None or none: all that are under it.
+    """
     heading_rad = float(track.headings_rad[index])
     aside = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * BESIDE_M
     here = _inside(network, track, index)
     points = (here, here + aside, here - aside, fronts(track)[index])
-    reached = [distances_m(network, point, heading_rad) for point in points]
+    reached = [distances_m(network, point, heading_rad, among=among or None) for point in points]
     return min((ways[key] for ways in reached for key in targets & set(ways)), default=math.inf)
 
 

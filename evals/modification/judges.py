@@ -170,7 +170,7 @@ def _ends_right(written: Written, key: int, targets: frozenset[int]) -> bool:
     if key not in written.new or not _routed_over(written, key, targets):
         return False
     track = written.new[key]
-    if written.sumo.share_on_route(key, track.positions) < ON_ROUTE_SHARE:
+    if written.sumo.share_on_route(track) < ON_ROUTE_SHARE:
         return False
     everybody = {**written.scene.standing, **written.new}
     journey = Journey(written.scene.network, track, targets, everybody, written.scene.step_s)

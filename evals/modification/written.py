@@ -25,6 +25,7 @@ from ...engine.edits import NET_FILE
 from ...engine.geometry import Points
 from ...engine.scene import Scene
 from ...schemas.modification import ModificationOutcome
+from ..tracks import fronts
 
 Truth = Mapping[str, Any]
 """The ground truth of an edit in the corpus's form."""
@@ -178,11 +179,12 @@ class _SumoRecord:
             all(lane.line.distance(point) <= SAME_LINE_M for point in points) for lane in self._lanes_of(vehicle_id)
         )
 
-    def share_on_route(self, vehicle_id: int, positions: Points) -> float:
-        """The share of positions (n, 2) on the lanes of a vehicle's route, or at most 1 m beside."""
-        lanes = self._lanes_of(vehicle_id)
+    def share_on_route(self, track: Track) -> float:
+        """The share of states whose centre or front is on the lanes of the vehicle's route, or at most 1 m beside."""
+        lanes = self._lanes_of(track.obstacle_id)
         area = shapely.union_all([lane.line.buffer(lane.width_m / 2 + BESIDE_M) for lane in lanes])
-        return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1])))
+        centres, ahead = (shapely.contains_xy(area, *points.T) for points in (track.positions, fronts(track)))
+        return float(np.mean(centres | ahead))
 
     def _lanes_of(self, vehicle_id: int) -> list[_Lane]:
         edges = self.routes.get(vehicle_id, ())
