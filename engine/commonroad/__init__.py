@@ -7,7 +7,7 @@
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and the file it came from.
 ``RecordedScenario``: A scenario with its recording as tracks.
 ``XmlLimits``: What an XML file may hold at most before any parser of a library sees it.
-``read_recorded``: Read a CommonRoad file (2018b or 2020a) as ``read_scenario`` does, in half of its time.
+``read_recorded``: Read a CommonRoad file (2018b or 2020a) with its recording as arrays in place of objects.
 ``read_scenario``: Scan and read a CommonRoad file (2018b or 2020a).
 ``scan_xml``: Refuse an XML file that is too large, too deep, broken or declares a document type; its root element.
 ``LaneletElement``: A lanelet as written.

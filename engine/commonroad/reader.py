@@ -8,8 +8,8 @@ So a file passes three gates before anything is computed from it:
 2. Every number, count and text is within what scenarios have (``value_limits``), in the parsed document.
 3. commonroad-io reads that document. Whatever it raises becomes one ``UnsafeInput``.
 
-``read_scenario`` gives the scenario as commonroad-io makes it; ``read_recorded`` takes half of the time, since it
-reads the recorded motion straight into arrays (``tracks``).
+The states of plain trajectories, most of a file, are read into arrays before (``plain_states``), so that commonroad-io
+reads the rest: ``read_recorded`` gives them as tracks, ``read_scenario`` as the objects that commonroad-io makes.
 """
 
 import logging
@@ -18,17 +18,18 @@ import warnings
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.etree.ElementTree import Element, ElementTree, ParseError, fromstring
+from xml.etree.ElementTree import Element, ElementTree, fromstring
 from xml.parsers import expat
 
 from commonroad.common.reader.file_reader_xml import XMLFileReader
+from lxml import etree
 
 from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import quoted
-from .tracks import Track, recorded_tracks, take_plain_states
+from .plain_states import PlainStates, put_states, take_plain_states
+from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
 
 if TYPE_CHECKING:
@@ -109,35 +110,40 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
         UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or an id twice, or a
             number is beyond its limits.
     """
-    root = _road_document(path, limits)
-    _check(path, root, limits)
-    return _open(path, root)
+    root, states = _road_document(path, limits)
+    loaded = _open(path, root)
+    put_states(loaded.scenario, states)
+    return loaded
 
 
 def read_recorded(path: Path, limits: XmlLimits | None = None) -> RecordedScenario:
-    """Read a CommonRoad file as ``read_scenario`` does, in half of its time, with its recording as arrays.
+    """Read a CommonRoad file as ``read_scenario`` does, with its recording as arrays in place of objects.
 
     Raises:
         UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or an id twice, or a
             number is beyond its limits.
     """
-    root = _road_document(path, limits)
-    states = take_plain_states(root)
-    _check(path, root, limits, states)
+    root, states = _road_document(path, limits)
     loaded = _open(path, root)
     return RecordedScenario(loaded, recorded_tracks(loaded.scenario, states))
 
 
-def _road_document(path: Path, limits: XmlLimits | None) -> Element:
-    """commonroad-io fails on a scenario without lanelets, and its error does not say why."""
-    root = parse_document(path, limits)
-    refuse_another_root(path, root.tag)
-    if root.find("lanelet") is None:
+def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[int, PlainStates]]:
+    """The checked document, and the states that were taken out of it.
+
+    commonroad-io fails on a scenario without lanelets, and its error does not say why.
+    """
+    whole = parse_document(path, limits)
+    refuse_another_root(path, str(whole.tag))
+    if whole.find("lanelet") is None:
         raise UnsafeInput(
             f"{quoted(path.name)} has no lanelets, so there is no road to drive on",
             next_step="export the scenario again with its lanelet network, or choose another file",
         )
-    return root
+    states = take_plain_states(whole)
+    root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised just now
+    _check(path, root, limits, states)
+    return root, states
 
 
 def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collection[int] = ()) -> None:
@@ -150,7 +156,7 @@ def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collectio
     _refuse_duplicate_ids(path, root)
 
 
-def _refuse_with_line(path: Path, whole: Element) -> None:
+def _refuse_with_line(path: Path, whole: "etree._Element") -> None:
     try:
         check_document(whole)
     except BeyondLimits as error:
@@ -240,12 +246,12 @@ class _ParsedReader(XMLFileReader):  # type: ignore[misc]  # commonroad-io has n
 
 _SMALL_BYTES = 20_000_000
 """Chosen: a file up to this size is read whole before it is known to be harmless."""
-_FEW_TAGS = 400_000
-"""Tags of which the elements take less than 100 MB: as many may be parsed before their depth is known."""
+_FEW_TAGS = 1_000_000
+"""Tags of which the elements take less than 200 MB: as many may be parsed before their depth is known."""
 _IN_UTF8 = re.compile(rb"(\xef\xbb\xbf)?<\?xml version=[\"']1\.0[\"']( encoding=[\"'](?i:utf-8)[\"'])?[^>\w]*\?>")
 
 
-def parse_document(path: Path, limits: XmlLimits | None = None) -> Element:
+def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Element":
     """The root element of an XML file that is not too large, too deep or broken, and declares no document type.
 
     In UTF-8 a tag begins with the byte ``<`` and a document type with ``<!DOCTYPE``: where counting bytes shows that a
@@ -260,12 +266,13 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> Element:
         if not _is_surely_within(content, limits):
             scan_xml(path, limits)
             content = path.read_bytes()
-        root = fromstring(content)  # noqa: S314 - entities and size were looked at
+        root = etree.fromstring(content, _parser())
     except OSError as error:
         raise UnsafeInput(f"{quoted(path.name)} cannot be read: {error.strerror}") from error
-    except (ParseError, ValueError, LookupError) as error:
+    except (etree.XMLSyntaxError, ValueError, LookupError) as error:
+        scan_xml(path, limits)  # which names a limit that libxml2 has too, such as the depth
         raise UnsafeInput(f"{quoted(path.name)} is not well-formed XML: {error}") from error
-    if _is_deeper(root, limits.depth):
+    if root.xpath(f"boolean({'/*' * (limits.depth + 1)})"):
         raise UnsafeInput(f"{quoted(path.name)} nests elements deeper than {limits.depth} levels")
     return root
 
@@ -280,13 +287,11 @@ def _is_surely_within(content: bytes, limits: XmlLimits) -> bool:
     )
 
 
-def _is_deeper(root: Element, levels: int) -> bool:
-    level = [root]
-    for _ in range(levels):
-        level = list(chain.from_iterable(level))
-        if not level:
-            return False
-    return True
+def _parser() -> etree.XMLParser:
+    """Elements and their texts alone; size was looked at, and a document type is refused."""
+    return etree.XMLParser(
+        resolve_entities=False, no_network=True, huge_tree=True, remove_comments=True, remove_pis=True
+    )
 
 
 _BLOCK_BYTES = 1 << 18

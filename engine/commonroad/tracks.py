@@ -1,22 +1,15 @@
-"""Recorded motion of the traffic as arrays: tracks, from commonroad-io's obstacles or straight from the XML.
-
-commonroad-io makes an object of every state and tries it on twelve classes: half of the time that a file costs. Nearly
-all states are plain: a point, and exact values for everything else. ``take_plain_states`` reads those from the XML;
-whatever is not plain stays in the document for commonroad-io, so that it alone decides what a state may be.
-"""
+"""Recorded motion of the traffic as arrays: tracks, from commonroad-io's obstacles and from states read apart."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from ...schemas.errors import UnsafeInput
 from ..geometry import Points, Values, oriented_rectangle, segment_lengths
-from .value_limits import LAST_STEP, is_within
+from .plain_states import PlainStates
 
 if TYPE_CHECKING:
     from commonroad.scenario.obstacle import DynamicObstacle
@@ -75,7 +68,7 @@ class Track:
         )
 
 
-def recorded_tracks(scenario: "Scenario", states: "Mapping[int, _PlainStates] | None" = None) -> dict[int, Track]:
+def recorded_tracks(scenario: "Scenario", states: "Mapping[int, PlainStates] | None" = None) -> dict[int, Track]:
     """Tracks of all dynamic obstacles that carry a trajectory, by id in ascending order.
 
     Set-based predictions have no trajectory and are left out; states that give a region instead of a point count by
@@ -130,7 +123,7 @@ def size_of(shape: Any) -> tuple[float, float]:
     return float(extent[0]), float(extent[1])
 
 
-def _track(obstacle: "DynamicObstacle", states: "_PlainStates | None", step_s: float) -> Track | None:
+def _track(obstacle: "DynamicObstacle", states: "PlainStates | None", step_s: float) -> Track | None:
     trajectory = getattr(obstacle.prediction, "trajectory", None)
     if trajectory is None:
         return None
@@ -150,11 +143,13 @@ def _track_of(obstacle: Any, first_step: int, positions: Points, headings_rad: V
     return Track(key, kind, *size, first_step, positions, headings_rad, speeds_mps)
 
 
-def _states(states: list[Any]) -> "_PlainStates":
-    return _PlainStates(
+def _states(states: list[Any]) -> PlainStates:
+    headings = np.array([middle_of(getattr(state, "orientation", 0.0)) for state in states], dtype=float)
+    speeds = np.array([middle_of(getattr(state, "velocity", None)) for state in states], dtype=float)
+    return PlainStates(
+        first_step=0,
         positions=np.array([center_of(state.position) for state in states], dtype=float),
-        headings_rad=np.array([middle_of(getattr(state, "orientation", 0.0)) for state in states], dtype=float),
-        speeds_mps=np.array([middle_of(getattr(state, "velocity", None)) for state in states], dtype=float),
+        columns={"orientation": headings, "velocity": speeds},
     )
 
 
@@ -178,98 +173,3 @@ def _speeds(positions: Points, step_s: float) -> Values:
     with np.errstate(invalid="ignore"):  # infinite coordinates: value_limits refuses them afterwards
         speed = segment_lengths(positions) / step_s
     return np.append(speed, speed[-1])
-
-
-_NEEDED = frozenset({"time", "position", "orientation"})
-
-
-@dataclass(frozen=True)
-class _PlainStates:
-    """States after the initial one: positions (n, 2) in metres, headings (n,) and speeds (n,), NaN where not given."""
-
-    positions: Points
-    headings_rad: Values
-    speeds_mps: Values
-
-
-def take_plain_states(document: Element) -> dict[int, _PlainStates]:
-    """Take the states of plain trajectories out of a CommonRoad document, by the id of their obstacle.
-
-    The first and the last state of each stay, so that commonroad-io reads a trajectory of the same duration. A
-    trajectory is left whole where one of its states differs from the others in its fields, gives an interval or a
-    region, or holds a text that is no number, none that is finite or one beyond its limits, and where steps are missing
-    between them: who checks the document finds it there.
-    """
-    taken = {}
-    for obstacle in document:
-        trajectory = obstacle.find("trajectory") if obstacle.tag in ("dynamicObstacle", "obstacle") else None
-        number = obstacle.get("id", "")
-        is_id = number.isdecimal() and len(number) <= _LONGEST_ID
-        if trajectory is not None and is_id and 2 < len(trajectory) <= LAST_STEP:
-            states = _plain_states(trajectory)
-            if states is not None:
-                taken[int(number)] = states
-                del trajectory[1:-1]
-    return taken
-
-
-def _plain_states(trajectory: Element) -> _PlainStates | None:
-    rows = [_values(state) for state in trajectory]
-    fields = rows[0].keys()
-    if not fields >= _NEEDED or any(row.keys() != fields for row in rows):
-        return None
-    try:
-        times = [int(_exact(row["time"])) for row in rows]
-        columns = {
-            field: [float(_exact(row[field])) for row in rows] for field in sorted(fields - {"time", "position"})
-        }
-        positions = [_point(row["position"]) for row in rows]
-    except ValueError:
-        return None
-    if not np.isfinite([*columns.values()]).all():
-        return None
-    if not _are_near_the_ends(positions) or not all(is_within(field, columns[field]) for field in columns):
-        return None
-    if not is_within("time", times) or any(after - before != 1 for before, after in pairwise(times)):
-        return None
-    return _PlainStates(
-        positions=np.array(positions, dtype=float),
-        headings_rad=np.array(columns["orientation"], dtype=float),
-        speeds_mps=np.array(columns.get("velocity", [np.nan] * len(rows)), dtype=float),
-    )
-
-
-_LONGEST_ID = 16
-"""Digits of 2⁵³ - 1, the largest id that is read; Python refuses to convert some thousands of them."""
-_FARTHEST_FROM_ENDS_M = 10_000.0
-"""Chosen: beyond the box around a trajectory's first and last position."""
-
-
-def _are_near_the_ends(positions: list[tuple[float, float]]) -> bool:
-    """Whether the box around the first and the last position, which stay in the document, tells where all are."""
-    for values in zip(*positions, strict=True):
-        low, high = sorted((values[0], values[-1]))
-        near = low - _FARTHEST_FROM_ENDS_M <= min(values) and max(values) <= high + _FARTHEST_FROM_ENDS_M
-        if not (near and is_within("x", values)):
-            return False
-    return bool(np.isfinite(positions).all())
-
-
-def _values(state: Element) -> dict[str, Element]:
-    """The one child of every field by the field's name; empty where a field is given twice or has more children."""
-    if state.tag != "state" or any(len(field) != 1 for field in state):
-        return {}
-    values = {field.tag: field[0] for field in state}
-    return values if len(values) == len(state) else {}
-
-
-def _exact(value: Element) -> str:
-    if value.tag != "exact":
-        raise ValueError(value.tag)
-    return value.text or ""
-
-
-def _point(value: Element) -> tuple[float, float]:
-    if value.tag != "point" or len(value) != 2 or value[0].tag != "x" or value[1].tag != "y":
-        raise ValueError(value.tag)
-    return float(value[0].text or ""), float(value[1].text or "")

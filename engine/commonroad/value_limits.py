@@ -13,8 +13,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from ...schemas.errors import UnsafeInput
 from ...schemas.text import quoted
+from ..geometry import Values
 
 _EXACT_IN_JSON = 2**53 - 1
 _PRINTED = 10**30
@@ -199,13 +202,14 @@ def _check_count(element: Any) -> None:
         raise BeyondLimits(element, what, f"at most {most:,}", "split the file, or take some of them out")
 
 
-def is_within(name: str, values: Sequence[float]) -> bool:
+def is_within(name: str, values: Values | Sequence[int]) -> bool:
     """Whether finite values of states are all within the limits of the one with this name."""
-    allowed = NUMBER_RANGES.get(name, _OTHER)
-    return (
-        allowed.lowest <= min(values)
-        and max(values) <= allowed.highest
-        and not any(0 < abs(value) < SMALLEST for value in values)
+    allowed, given = NUMBER_RANGES.get(name, _OTHER), np.asarray(values, dtype=float)
+    sizes = np.abs(given)
+    return bool(
+        allowed.lowest <= given.min()
+        and given.max() <= allowed.highest
+        and not ((sizes > 0.0) & (sizes < SMALLEST)).any()
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ...schemas.results import RunSource
 from ...schemas.runs import RunRecord
 from ..analysis import driven_tracks, read_steps
-from ..commonroad import Track, last_recorded_step, recorded_tracks, size_of
+from ..commonroad import Track, last_recorded_step, size_of
 from ..geometry import Points, Values, oriented_rectangle
 from .canvas import EGO_COLOUR, series_style
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.scenario import Scenario
 
-    from ..commonroad import LoadedScenario
+    from ..commonroad import RecordedScenario
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,9 @@ class ScenarioContent:
         return sorted([*moving, *self.standing], key=lambda vehicle: vehicle.vehicle_id)
 
 
-def read_content(loaded: "LoadedScenario") -> ScenarioContent:
+def content_of(recorded: "RecordedScenario") -> ScenarioContent:
     """The drawable content of a scenario with its first planning problem, if it has one."""
+    loaded = recorded.loaded
     scenario = loaded.scenario
     problem = loaded.problem() if loaded.planning_problems.planning_problem_dict else None
     ego = problem.initial_state if problem else None
@@ -113,7 +114,7 @@ def read_content(loaded: "LoadedScenario") -> ScenarioContent:
         lanelets=_lanelets(scenario),
         stop_lines=_stop_lines(scenario),
         signals=_signals(scenario),
-        tracks=recorded_tracks(scenario),
+        tracks=recorded.tracks,
         standing=_standing(scenario),
         ego_position=np.asarray(ego.position, dtype=float) if ego else None,
         ego_heading_rad=float(ego.orientation) if ego else 0.0,

@@ -9,12 +9,12 @@ from pathlib import Path
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.rendering import Rendered, RenderedImage, RenderRequest
 from ..analysis import RunSet
-from ..commonroad import read_scenario
+from ..commonroad import read_recorded
 from ..execution import ProgressReporter
 from .animation import animate
 from .canvas import write_png
 from .charts import CHARTS
-from .content import DrivenPath, ScenarioContent, ScenarioView, driven_path, read_content, short_names
+from .content import DrivenPath, ScenarioContent, ScenarioView, content_of, driven_path, short_names
 from .top_view import draw_picture
 
 _MOST_SCENARIOS, _MOST_PATHS = 2, 4
@@ -71,7 +71,7 @@ def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], li
     names = short_names([run.record for run in request.runs])
     views = []
     for source in request.scenarios[:most]:
-        content = read_content(read_scenario(Path(source.path)))
+        content = content_of(read_recorded(Path(source.path)))
         mine = [run for run in request.runs if run.record.scenario_id == source.scenario_id]
         numbered = [(run, configs.index((run.record.config_id, run.record.prediction))) for run in mine]
         paths = [path for run, at in numbered if (path := driven_path(run, names[run.record.config_id], at))]
