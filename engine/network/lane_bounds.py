@@ -23,6 +23,8 @@ _SAME_LINE_M = 0.5
 """Chosen: bounds nearer to each other than this along their whole length are one line."""
 _SHORTEST_SEGMENT_M = 0.25
 """Chosen: vertices of parallel lanes nearer to each other than this are one, so that segments keep a direction."""
+_LEAST_AREA_M2 = 0.01
+"""Chosen: a lanelet of 10 by 10 cm; bounds that fall into one line enclose none."""
 
 
 @dataclass
@@ -61,7 +63,7 @@ class LaneBounds:
 def draw_lane_bounds(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, LaneBounds], tuple[str, ...]]:
     """The bounds of all lanes of the graph by lane id, and the internal lanes that have none (hairpins).
 
-    Bounds that lead against their own direction count as none.
+    Bounds that lead against their own direction or enclose no area count as none.
     """
     drawn: dict[str, LaneBounds] = {}
     for edge in net.edges.values():
@@ -89,10 +91,10 @@ def draw_lane_bounds(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, LaneBoun
 
 
 def _leads_on(bounds: LaneBounds) -> bool:
-    """Whether the left bound lies on the left, seen in driving direction."""
+    """Whether the left bound lies on the left, seen in driving direction, and the bounds enclose an area."""
     ahead, across = np.diff((bounds.left + bounds.right) / 2, axis=0), bounds.left - bounds.right
     between = (across[:-1] + across[1:]) / 2
-    return float((ahead[:, 0] * between[:, 1] - ahead[:, 1] * between[:, 0]).sum()) >= 0.0
+    return float((ahead[:, 0] * between[:, 1] - ahead[:, 1] * between[:, 0]).sum()) > _LEAST_AREA_M2
 
 
 def _parallel_groups(lanes: list[NetLane]) -> list[list[NetLane]]:

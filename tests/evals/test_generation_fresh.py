@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from support.generation_bench import map_facts
 
+from plannerforge.evals.fresh_data import mutated_maps
 from plannerforge.evals.generation import fresh
 from plannerforge.evals.generation.figures import DEFECT, Made
 from plannerforge.evals.generation.fresh import FreshMap, drawn_request, print_fresh, try_map
@@ -89,3 +90,10 @@ def test_lost_sites_and_refusals_are_failures_and_maps_without_sites_are_not(
     assert (figures["fresh_scenarios"], figures["fresh_executable"]) == (3, 0.6667)
     assert (figures["fresh_lost_sites"], figures["fresh_off_road"]) == (4, 1)
     assert figures["fresh_road_type_judged"] == 1
+
+
+@pytest.mark.usefixtures("shared_data")
+def test_a_lane_whose_bounds_fall_into_one_line_is_left_out(tmp_path: Path) -> None:
+    """A lane for bicycles of this map: the scenario was written with it, and refused when it was read back."""
+    path = mutated_maps(2002, tmp_path, 31)[-1]
+    assert [one.executable for one in try_map(path, 2002).made] == [True]
