@@ -150,6 +150,8 @@ class Journey:
         """
         begin = lanelets_at_first(self.network, self.track)
         before = _way_m(self.network, self.track, 0, self.targets, begin)
+        if not math.isfinite(before):
+            before = _way_m(self.network, self.track, 0, self.targets)
         left = _way_m(self.network, self.track, -1, self.targets)
         if not (math.isfinite(before) and math.isfinite(left)):
             return False
