@@ -29,13 +29,12 @@ _FARTHEST_FROM_ENDS_M = 10_000.0
 
 @dataclass(frozen=True)
 class PlainStates:
-    """States after the initial one, one for each step from ``first_step`` on.
+    """States after the initial one, one for each step.
 
     ``positions`` (n, 2) in m; ``columns``: by the name of the element in the file all other exact values (n,), headings
     in rad as ``orientation`` and speeds in m/s as ``velocity`` among them.
     """
 
-    first_step: int
     positions: Points
     columns: Mapping[str, Values]
 
@@ -93,7 +92,7 @@ def _plain_states(trajectory: "etree._Element") -> PlainStates | None:
         return None
     if not all(is_within(name, values) for name, values in numbers.items()) or not is_within("time", steps):
         return None
-    return PlainStates(steps[0], positions, numbers) if steps == list(range(steps[0], steps[0] + count)) else None
+    return PlainStates(positions, numbers) if steps == list(range(steps[0], steps[0] + count)) else None
 
 
 def _plain_fields(state: "etree._Element") -> dict[str, int]:
@@ -134,15 +133,15 @@ def put_states(scenario: "Scenario", states: Mapping[int, PlainStates]) -> None:
         mine = states.get(int(obstacle.obstacle_id))
         if mine is not None and obstacle.prediction is not None:
             listed = obstacle.prediction.trajectory.state_list
-            listed[1:1] = _objects(mine, listed[-1])
+            listed[1:1] = _between(listed[0], listed[-1], mine)
 
 
-def _objects(states: PlainStates, last: Any) -> list[Any]:
-    """The states but for the first and the last as objects of the class of the last."""
+def _between(first: Any, last: Any, states: PlainStates) -> list[Any]:
+    """The states between the first and the last as objects of the class of the last."""
     from commonroad.common.reader.file_reader_xml import StateFactory
 
     names = [StateFactory._map_to_prop(name) for name in states.columns]
-    steps = range(states.first_step + 1, states.first_step + len(states.positions) - 1)
+    steps = range(int(first.time_step) + 1, int(last.time_step))
     rows = np.column_stack([*states.columns.values()])[1:-1].tolist()
     kind = type(last)
     return [

@@ -147,7 +147,6 @@ def _states(states: list[Any]) -> PlainStates:
     headings = np.array([middle_of(getattr(state, "orientation", 0.0)) for state in states], dtype=float)
     speeds = np.array([middle_of(getattr(state, "velocity", None)) for state in states], dtype=float)
     return PlainStates(
-        first_step=0,
         positions=np.array([center_of(state.position) for state in states], dtype=float),
         columns={"orientation": headings, "velocity": speeds},
     )

@@ -118,8 +118,12 @@ class GapWaitController(_SpeedController):
             return
         if lane == "{}_{}".format(*actor.target):
             self._branched.add(actor.key)
-            station_m = self._sumo.lane_length_m("{}_{}".format(*actor.branch))
-            self._sumo.pass_by(actor.key, actor.branch, max(station_m - LANE_END_M, LANE_END_M))
+            self._pass_by_end(actor.key, actor.branch)
+
+    def _pass_by_end(self, key: str, lane: LaneHint) -> None:
+        """Have SUMO look for a way to the end of a lane, by a stop there that is passed."""
+        station_m = self._sumo.lane_length_m("{}_{}".format(*lane)) - LANE_END_M
+        self._sumo.pass_by(key, lane, max(station_m, LANE_END_M))
 
     def _left_m(self, key: str, target: LaneHint) -> float:
         """The distance in m to the end of the target; far below 0 for a vehicle that is past it."""
@@ -158,8 +162,7 @@ class GapWaitController(_SpeedController):
         if not is_only or (slower and present_edge != edge):
             return
         self._stop_given.add(actor.key)
-        station_m = max(self._sumo.lane_length_m(target_lane) - LANE_END_M, LANE_END_M)
-        self._sumo.pass_by(actor.key, target, station_m)
+        self._pass_by_end(actor.key, target)
 
 
 def _nearest_lane(actor: Actor, edge: str, index: int) -> int:

@@ -281,7 +281,7 @@ def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], w
         needed_m = min(speed_mps**2 / (2 * HARDEST_BRAKING_MPS2), speed_mps * LANE_CHANGE_S * (end - place))
         needed_m = max(needed_m, _least_way_over_m(scene, route[place : end + 1]))
         room_m, wrong, right = _last_place(scene, route, place, end, in_junctions=in_junctions)
-        if end > place and (left_m + room_m < needed_m or left_m + room_m <= 0.0):
+        if end > place and left_m + room_m < needed_m:
             raise NotPossible(
                 f"{who} drives {speed_mps:.1f} m/s and lanelet {wrong}, which it has to leave for {right}, "
                 f"ends {max(left_m + room_m, 0.0):.0f} m ahead of its front: it can neither change lanes nor stop "
@@ -299,9 +299,8 @@ def _way_along_m(line: Points, front: Points) -> float:
 
 def _least_way_over_m(scene: Scene, row: tuple[int, ...]) -> float:
     """The way along lanes side by side in which a vehicle gets from the first to the edge of the last, however slow."""
-    lanes = scene.layout.table.lanes
-    widths = [lanes[key].width_m for key in row]
-    return max(sum(widths) - (widths[0] + widths[-1]) / 2 - widths[-1] / 2, 0.0) / _STEEPEST
+    first_m, *between_m = (scene.layout.table.lanes[key].width_m for key in row)
+    return (first_m / 2 + sum(between_m[:-1])) / _STEEPEST
 
 
 def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
