@@ -66,8 +66,7 @@ def vehicle_route(edited: EditedScene, step: EditStep, key: int) -> VehicleRoute
     vehicle, aims = DrivenVehicle.of(edited, key, edited.road_users), step.aims.get(key, ())
     if not aims:
         return VehicleRoute(vehicle_id=key, lanelets=vehicle.lanelets)
-    reached = vehicle.lanelets_since(step.since[key]) if key in step.since else vehicle.lanelets
-    missed = [targets for targets in aims if not targets & set(reached)]
+    missed = [targets for targets in aims if not vehicle.gets_to(targets, step.since.get(key))]
     if not missed:
         return VehicleRoute(vehicle_id=key, lanelets=vehicle.lanelets, arrives=True)
     if _sent_elsewhere(step, vehicle.plan, missed[0]):
@@ -89,7 +88,7 @@ def check_not_driven_past(edited: EditedScene, key: int) -> None:
     vehicle = DrivenVehicle.of(edited, key, {})
     plan, driven, graph = vehicle.plan, vehicle.lanelets, edited.scene.lanelet_graph
     leads_there = plan.targets & (set(plan.lanelets) | _side_by_side(edited.scene, plan.lanelets))
-    if plan.cause != "edited" or not leads_there or plan.targets & set(driven):
+    if plan.cause != "edited" or not leads_there or vehicle.gets_to(plan.targets):
         return
     if vehicle.track.leaves or graph.shortest_route(driven[-1:], sorted(plan.targets)) is None:
         reason = vehicle.held_up(plan.targets, vehicle.track.first_step)
@@ -167,10 +166,14 @@ class DrivenVehicle:
             passed = first + passed[passed.index(over.lanelet_id) :]
         return passed[:1] + self._reached(passed[1:])
 
-    def lanelets_since(self, step: int) -> tuple[int, ...]:
-        """The lanelets that the vehicle gets onto from a step on, in order."""
-        begin = max(step - self.track.first_step, 0)
-        return self._reached(self._lanelets_passed(self.track.lanes[begin:]), begin)
+    def gets_to(self, targets: frozenset[int], since: int | None = None) -> bool:
+        """Whether the motion gets onto one of some lanelets from a step on, None: at all.
+
+        SUMO's bumper may pass a short lanelet while the vehicle still comes over from the one beside.
+        """
+        begin = 0 if since is None else max(since - self.track.first_step, 0)
+        driven = self.lanelets if since is None else self._lanelets_passed(self.track.lanes[begin:])
+        return any(self._gets_onto(key, begin) for key in driven if key in targets)
 
     @property
     def rest_of_route(self) -> tuple[int, ...]:
@@ -240,13 +243,14 @@ class DrivenVehicle:
         return lanelets[:count]
 
     def _gets_onto(self, lanelet_id: int, begin: int) -> bool:
-        """Whether more of the vehicle's front half than its bumper is on a lanelet at any step."""
+        """Whether more of the vehicle's front half than its bumper is on a lanelet at any step, or between two."""
         area = self.scene.matcher.area(lanelet_id)
         least_m = min(_ON_IT_M, self.scene.lanelet_graph.length_m[lanelet_id] / 2)
-        halves = np.stack([self.track.fronts, self.track.positions], axis=1)[begin:]
+        centres, fronts = self.track.positions[begin:], self.track.fronts[begin:]
+        swept = np.stack([np.concatenate([centres[:1], centres[:-1]]), centres, fronts], axis=1)
         return any(
             bool((shapely.length(shapely.intersection(area, shapely.linestrings(part))) > least_m).any())
-            for part in (halves[-1:], halves)
+            for part in (swept[-1:], swept)
         )
 
 

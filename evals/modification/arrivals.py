@@ -38,14 +38,13 @@ BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
 """A vehicle follows lanelets if this share of its positions is on them or at most this far beside."""
 LINE_M = 0.5
 """A vehicle whose bumper is so little past the end of a lanelet stands at it."""
-SLOW_MPS, EASY_MPS2, SLOW_SHARE = 6.0, 1.5, 0.5
-"""A driver in no hurry: the speed in the turns of a crossing, or half of the own speed where that is more."""
+SLOW_MPS, EASY_MPS2, EASY_LATERAL_MPS2, SLOW_SHARE = 6.0, 1.5, 3.0, 0.5
+"""A driver in no hurry: the speed in the turns of a crossing, or half of the own speed where that is more; how hard he
+brakes, speeds up and turns."""
 DETOUR_SHARE, ROOM_M = 0.7, 15.0
 """What is left to the target shrinks by at least this share of what is driven, but for this distance."""
 STANDING_MPS, LAST_S, SLOWED_SHARE = 0.5, 1.0, 0.7
 """A vehicle stands below this speed; it slowed if it drives its last second at this share of its largest speed."""
-START_S = 4.0
-"""The most that starting again takes beyond the time of standing."""
 GAP_M, GAP_S = 10.0, 2.0
 """A road user within these ahead holds a vehicle up."""
 NARROWEST_TURN_M = 5.0
@@ -160,12 +159,19 @@ class Journey:
         return before + LINE_M > self._slow_reach_m() or self._lacks_time_to_change() or self._finds_no_gap()
 
     def _slow_reach_m(self) -> float:
-        """How far a driver in no hurry gets in the time that the vehicle is there and not held up."""
-        first = max(float(self.track.speeds_mps[0]), 0.0)
-        aim, seconds = self._allowed_mps(max(SLOW_MPS, SLOW_SHARE * first)), self._free_s()
-        changing = min(abs(aim - first) / EASY_MPS2, seconds)
-        reached = first + math.copysign(EASY_MPS2, aim - first) * changing
-        return (first + reached) / 2 * changing + aim * (seconds - changing)
+        """How far a driver in no hurry gets in the time that the vehicle is there.
+
+        Where the vehicle is held up, or brakes until it is, that driver is as fast as it was; from there on he comes to
+        his own speed again.
+        """
+        first_mps = max(float(self.track.speeds_mps[0]), 0.0)
+        aim_mps = self._allowed_mps(max(SLOW_MPS, SLOW_SHARE * first_mps))
+        reached_m, speed_mps = 0.0, first_mps
+        for is_held, driven_mps in zip(self._is_held_up, self.track.speeds_mps[1:].tolist(), strict=True):
+            gain_mps = float(np.clip(aim_mps - speed_mps, -EASY_MPS2 * self.step_s, EASY_MPS2 * self.step_s))
+            before_mps, speed_mps = speed_mps, min(driven_mps, speed_mps) if is_held else speed_mps + gain_mps
+            reached_m += (before_mps + speed_mps) / 2 * self.step_s
+        return reached_m
 
     def _allowed_mps(self, speed_mps: float) -> float:
         """A speed as far as signs allow it where the vehicle drives, on average over its time."""
@@ -173,15 +179,22 @@ class Journey:
         limits = [max((speed_limit_mps(self.network, int(key)) for key in keys), default=math.inf) for keys in under]
         return float(np.minimum(limits, speed_mps).mean())
 
-    def _free_s(self) -> float:
-        """How long neither others nor the end of its lane hold it up; to start again takes time too."""
-        count = len(self.track.positions) - 1
-        held = sum(
-            self._is_behind_another(index) or self._waits_at_end(index) or self._has_no_gap(index)
-            for index in range(count)
-        )
-        held_s = held * self.step_s
-        return max(count * self.step_s - held_s - min(held_s, START_S), 0.0)
+    @cached_property
+    def _is_held_up(self) -> list[bool]:
+        """For every step whether others, the end of its lane or a curve hold it up.
+
+        Where they do for a second or longer, what it brakes before that counts too.
+        """
+        holds = (self._is_behind_another, self._waits_at_end, self._has_no_gap, self._brakes_for_a_curve)
+        held = [any(is_held(index) for is_held in holds) for index in range(len(self.track.positions) - 1)]
+        slows, steps_held = np.diff(self.track.speeds_mps) < 0.0, 0
+        for index in reversed(range(len(held))):
+            if held[index]:
+                steps_held += 1
+            elif steps_held * self.step_s < LAST_S or not slows[index]:
+                steps_held = 0
+            held[index] = steps_held > 0
+        return held
 
     def _lacks_time_to_change(self) -> bool:
         """Whether the lane changes alone take longer than the vehicle is there."""
@@ -229,6 +242,17 @@ class Journey:
         under = zip(points, self.network.find_lanelet_by_position(points), strict=True)
         lines = [(point, self.network.find_lanelet_by_id(key).center_vertices) for point, keys in under for key in keys]
         return any(length_m(line) - project(line, point)[0] <= ROOM_M for point, line in lines)
+
+    def _brakes_for_a_curve(self, index: int) -> bool:
+        """Whether it slows, and a driver in no hurry slows there for a curve, or slowed before, on every way ahead."""
+        speeds, heading_rad = self.track.speeds_mps, float(self.track.headings_rad[index])
+        if speeds[index + 1] >= speeds[index]:
+            return False
+        here = _inside(self.network, self.track, index)
+        slowed = distances_m(
+            self.network, here, heading_rad, float(speeds[index]), hardest_mps2=(EASY_MPS2, EASY_LATERAL_MPS2)
+        )
+        return self.targets.isdisjoint(slowed)
 
     def _side_to_change_to(self, index: int) -> int | None:
         """1 if a change to the left is needed from the lanelet there, -1 if to the right; None if none is."""

@@ -41,6 +41,7 @@ def distances_m(
     heading_rad: float,
     speed_mps: float = 0.0,
     among: Collection[int] | None = None,
+    hardest_mps2: tuple[float, float] = (HARD_BRAKING_MPS2, LATERAL_MPS2),
 ) -> dict[int, float]:
     """Distance in m from a car to the start of every lanelet that it gets to, along successors and lane changes.
 
@@ -50,11 +51,14 @@ def distances_m(
     Args:
         speed_mps: its speed; at 0 it takes all curves.
         among: the lanelets to begin with; None: all.
+        hardest_mps2: how hard it brakes before curves and turns in them.
     """
 
     def takes(pairs: Iterable[tuple[float, int]]) -> list[tuple[float, int]]:
         lanelets = ((away_m, network.find_lanelet_by_id(key)) for away_m, key in pairs)
-        return [(away_m, one.lanelet_id) for away_m, one in lanelets if _takes_curves(one, away_m, speed_mps)]
+        return [
+            (away_m, one.lanelet_id) for away_m, one in lanelets if _takes_curves(one, away_m, speed_mps, *hardest_mps2)
+        ]
 
     def onward(away_m: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
         end_m = away_m + length_m(lanelet.center_vertices)
@@ -198,9 +202,9 @@ def _at_station(network: "LaneletNetwork", key: int, station_m: float, seen: set
     return places
 
 
-def _takes_curves(lanelet: "Lanelet", way_m: float, speed_mps: float) -> bool:
-    """Whether a car that brakes hard from a speed to a lanelet's start is slow enough for all of its curves."""
-    slowest = math.sqrt(max(speed_mps**2 - 2 * HARD_BRAKING_MPS2 * max(way_m, 0.0), 0.0))
+def _takes_curves(lanelet: "Lanelet", way_m: float, speed_mps: float, braking_mps2: float, lateral_mps2: float) -> bool:
+    """Whether a car that brakes from a speed to a lanelet's start is slow enough for all of its curves."""
+    slowest = math.sqrt(max(speed_mps**2 - 2 * braking_mps2 * max(way_m, 0.0), 0.0))
     if slowest == 0.0:
         return True
     steps = np.diff(lanelet.center_vertices, axis=0)
@@ -209,7 +213,7 @@ def _takes_curves(lanelet: "Lanelet", way_m: float, speed_mps: float) -> bool:
     within = np.abs(middles[:, None] - middles[None, :]) <= CURVE_M
     within &= middles[:, None] >= -way_m - CURVE_M
     sharpest = float((np.abs(along[:, None] - along[None, :]) * within).max()) / CURVE_M
-    return slowest**2 * sharpest <= LATERAL_MPS2
+    return slowest**2 * sharpest <= lateral_mps2
 
 
 def beside(lanelet: "Lanelet") -> list[Any]:

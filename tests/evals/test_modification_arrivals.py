@@ -71,6 +71,28 @@ def test_one_behind_a_queue_or_at_the_end_of_its_lane_is_late_with_reason(folder
     assert waiting.is_late_with_reason()
 
 
+def test_one_that_stops_and_starts_again_is_late_with_reason(folder: Path) -> None:
+    through = journey(folder, {12}, driving(51, (165, 0), 10.0, 80))
+    speeds = np.concatenate([np.linspace(10.0, 0.0, 50), np.zeros(20), np.linspace(0.0, 1.5, 10)])
+    places = through.track.positions[0] + np.outer(np.concatenate([[0], np.cumsum(speeds[1:] * 0.1)]), (1, 0))
+    assert 185 < float(places[-1, 0]) < 200 - 4.5 / 2
+    assert replace(through, track=replace(through.track, positions=places, speeds_mps=speeds)).is_late_with_reason()
+    assert not slowing(journey(folder, {12}, driving(51, (165, 0), 7.0, 80)), 1.0).is_late_with_reason()
+
+
+@pytest.mark.parametrize("is_bend", [True, False])
+def test_braking_for_the_curve_ahead_is_a_reason_and_on_a_straight_road_none(folder: Path, is_bend: bool) -> None:
+    bend = (*line((0, 0), (40, 0)), *arc((40.0, 6.0), 6.0, -math.pi / 2, 0.0)[1:])
+    way = bend if is_bend else line((0, 0), (49, 0))
+    onward = line(way[-1], (46, 40) if is_bend else (90, 0))
+    lanes = (Lane(1, way, successors=(2,)), Lane(2, onward, predecessors=(1,)))
+    builder = ScenarioBuilder(lanes).with_vehicles(driving(51, (8, 0), 13.0, 45))
+    scenario = read_scenario(builder.write(folder / "bend.xml")).scenario
+    tracks = recorded_tracks(scenario)
+    braking = slowing(Journey(scenario.lanelet_network, tracks[51], frozenset({2}), tracks, 0.1), 2.0)
+    assert braking.is_late_with_reason() is is_bend
+
+
 @pytest.mark.parametrize(("past_m", "is_late"), [(0.1, True), (1.0, False)])
 def test_one_stands_at_the_end_of_its_lane_with_its_bumper_on_the_line_not_past_it(
     folder: Path, past_m: float, is_late: bool

@@ -47,7 +47,7 @@ def test_a_lanelet_of_which_the_bumper_is_over_the_line_is_not_driven(
     scene = scene_of(crossing(), tmp_path)
     vehicle = DrivenVehicle(scene, recorded_plan(scene, 31, "edited", 0), halting(-10 + over_m), {})
     assert vehicle.lanelets == expected
-    assert vehicle.lanelets_since(LINE_STEP - 5) == expected
+    assert vehicle.gets_to(frozenset({2}), LINE_STEP - 5) == (2 in expected)
 
 
 def test_half_a_lanelet_shorter_than_that_is_enough(tmp_path: Path) -> None:
@@ -78,3 +78,20 @@ def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_roo
     route = route_of(scene, step, rolling)
     assert route.arrives is False
     assert route.reason == "the scenario ends at 10.0 s while it is on its way to lanelet 2"
+
+
+def test_a_lanelet_that_is_passed_while_the_body_is_still_beside_it_is_not_reached(tmp_path: Path) -> None:
+    lanes = (
+        Lane(1, line((-60, 0), (0, 0)), successors=(3,), left=(2, True)),
+        Lane(2, line((-60, 3.5), (0, 3.5)), successors=(4,), right=(1, True)),
+        Lane(3, line((0, 0), (8, 0)), predecessors=(1,), successors=(5,), left=(4, True)),
+        Lane(4, line((0, 3.5), (8, 3.5)), predecessors=(2,), successors=(6,), right=(3, True)),
+        Lane(5, line((8, 0), (60, 0)), predecessors=(3,), left=(6, True)),
+        Lane(6, line((8, 3.5), (60, 3.5)), predecessors=(4,), right=(5, True)),
+    )
+    scene = scene_of(ScenarioBuilder(lanes), tmp_path)
+    plan = recorded_plan(scene, 31, "edited", 0)
+    step = EditStep(Changes(next_id=100, driven={31: plan}), (31,), "", aims={31: (frozenset({4}),)})
+    lanes_driven = ("e1_0",) * 50 + ("e3_1",) * 8 + ("e5_0",) * (STEPS - 58)
+    assert set(lanes_driven) <= set(scene.layout.lanelets_of_lane)
+    assert route_of(scene, step, halting(50.0, lanes_driven)).arrives is False
