@@ -170,7 +170,7 @@ def test_a_planner_runs_in_the_loop_with_a_configuration(monkeypatch: pytest.Mon
     route = find_route(scenario.lanelet_network, problem.goal, start, 0.0, ahead_m=120.0)
     path = build_reference_path(scenario.lanelet_network, route, start, 10.0)
     road = build_road(scenario.lanelet_network, path)
-    task = PlanningTask(scenario, problem, chosen, path, road, BMW_320I, scenario.dt)
+    task = PlanningTask(scenario.lanelet_network, problem, chosen, path, road, BMW_320I, scenario.dt)
     observation = Observation(EgoState(0, start, 0.0, 10.0), ())
     assert check_planner(KeepsItsSpeed, task, observation) == ()
     run = drive(scenario, problem, chosen, planner=make_planner("steady"))

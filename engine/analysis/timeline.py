@@ -6,7 +6,7 @@ import numpy as np
 
 from ...schemas.results import TimelineStep
 from ...schemas.runs import RunRecord, RunSteps
-from ..commonroad import Track, read_recorded
+from ..commonroad import Track, kept_recording
 from ..geometry import oriented_rectangle
 from .run_set import RunSet, driven_tracks
 
@@ -28,7 +28,7 @@ def timeline(runs: RunSet, record: RunRecord) -> tuple[TimelineStep, ...]:
 
 def _tracks(runs: RunSet, record: RunRecord) -> dict[int, Track]:
     path = next((source.path for source in runs.scenarios if source.scenario_id == record.scenario_id), None)
-    return read_recorded(Path(path)).tracks if path is not None else {}
+    return kept_recording(Path(path)).tracks if path is not None else {}
 
 
 def _moment(record: RunRecord, steps: RunSteps, index: int, tracks: dict[int, Track]) -> TimelineStep:

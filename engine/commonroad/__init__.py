@@ -7,6 +7,7 @@
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and the file it came from.
 ``RecordedScenario``: A scenario with its recording as tracks.
 ``XmlLimits``: What an XML file may hold at most before any parser of a library sees it.
+``kept_recording``: A CommonRoad file as ``read_recorded`` reads it, once for the same content.
 ``read_recorded``: Read a CommonRoad file (2018b or 2020a) with its recording as arrays in place of objects.
 ``read_scenario``: Scan and read a CommonRoad file (2018b or 2020a).
 ``scan_xml``: Refuse an XML file that is too large, too deep, broken or declares a document type; its root element.
@@ -41,7 +42,15 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .benchmark_id import derived_benchmark_id, parse_benchmark_id
     from .document import ScenarioDocument, schema_errors
-    from .reader import LoadedScenario, RecordedScenario, XmlLimits, read_recorded, read_scenario, scan_xml
+    from .reader import (
+        LoadedScenario,
+        RecordedScenario,
+        XmlLimits,
+        kept_recording,
+        read_recorded,
+        read_scenario,
+        scan_xml,
+    )
     from .road_elements import LaneletElement, RoadDocument, read_road_document, road_document
     from .tracks import Track, center_of, last_recorded_step, middle_of, recorded_tracks, size_of, static_tracks
     from .traffic_signs import (

@@ -12,12 +12,14 @@ The states of plain trajectories, most of a file, are read into arrays before (`
 reads the rest: ``read_recorded`` gives them as tracks, ``read_scenario`` as the objects that commonroad-io makes.
 """
 
+import hashlib
 import logging
 import re
 import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, ElementTree, fromstring
@@ -59,12 +61,22 @@ class XmlLimits:
 
 @dataclass(frozen=True)
 class LoadedScenario:
-    """A CommonRoad scenario in memory, with its planning problems and the file it came from."""
+    """A CommonRoad scenario in memory, with its planning problems and the file it came from.
+
+    ``plain_states``: by obstacle id, the states after the initial one of those that were read as arrays: points and
+    exact headings.
+    """
 
     scenario: "Scenario"
     planning_problems: "PlanningProblemSet"
     path: Path
     declared_id: str = ""
+    plain_states: Mapping[int, PlainStates] = field(default_factory=dict)
+
+    @cached_property
+    def tracks(self) -> dict[int, Track]:
+        """The recording, as ``recorded_tracks`` gives it."""
+        return recorded_tracks(self.scenario, self.plain_states)
 
     @property
     def benchmark_id(self) -> str:
@@ -95,12 +107,19 @@ class LoadedScenario:
         return problems[problem_id]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RecordedScenario:
-    """A scenario with its recording; the obstacles of ``loaded`` keep the first and the last of their states only."""
+    """A scenario with its recording; the obstacles of ``loaded`` keep the first and the last of their states only.
+
+    It equals itself alone, so that what is made of it can be kept with it.
+    """
 
     loaded: LoadedScenario
-    tracks: dict[int, Track]
+
+    @property
+    def tracks(self) -> dict[int, Track]:
+        """The recording, as ``recorded_tracks`` gives it."""
+        return self.loaded.tracks
 
 
 def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario:
@@ -111,7 +130,7 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
             number is beyond its limits.
     """
     root, states = _road_document(path, limits)
-    loaded = _open(path, root)
+    loaded = _open(path, root, states)
     put_states(loaded.scenario, states)
     return loaded
 
@@ -124,8 +143,32 @@ def read_recorded(path: Path, limits: XmlLimits | None = None) -> RecordedScenar
             number is beyond its limits.
     """
     root, states = _road_document(path, limits)
-    loaded = _open(path, root)
-    return RecordedScenario(loaded, recorded_tracks(loaded.scenario, states))
+    recorded = RecordedScenario(_open(path, root, states))
+    _ = recorded.tracks  # which refuses a state without a position
+    return recorded
+
+
+_KEPT = 4
+"""Scenarios that a worker keeps, some MB each (chosen): one is edited, run and drawn again and again."""
+
+
+def kept_recording(path: Path) -> RecordedScenario:
+    """A CommonRoad file as ``read_recorded`` reads it; the same object for the same content, which nobody changes.
+
+    Raises:
+        UnsafeInput: as ``read_recorded``.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError:
+        content = b""  # the reader says what is wrong with the file
+    return _kept(path, hashlib.sha256(content).hexdigest())
+
+
+@lru_cache(maxsize=_KEPT)
+def _kept(path: Path, digest: str) -> RecordedScenario:
+    del digest
+    return read_recorded(path)
 
 
 def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[int, PlainStates]]:
@@ -205,14 +248,14 @@ def _refuse_duplicate_ids(path: Path, root: Element) -> None:
         seen.add(key)
 
 
-def _open(path: Path, root: Element) -> LoadedScenario:
+def _open(path: Path, root: Element, states: Mapping[int, PlainStates]) -> LoadedScenario:
     try:
         with _silence_commonroad_warnings():
             scenario, problems = _ParsedReader(path, root).open()
     except Exception as error:
         reason = f"{type(error).__name__}: {quoted(str(error))}"
         raise UnsafeInput(f"{quoted(path.name)} is not readable as CommonRoad: {reason}") from error
-    return LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""))
+    return LoadedScenario(scenario, problems, path, root.get("benchmarkID", ""), states)
 
 
 @contextmanager

@@ -1,11 +1,10 @@
 """Scenes that a worker keeps: one scenario is edited again and again, and reading it takes longer than an edit."""
 
-import hashlib
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-from ..commonroad import read_recorded
+from ..commonroad import RecordedScenario, kept_recording
 from ..cosimulation import SimulationSetup
 from ..scene import Scene
 from .ego_risk import EgoDrive, base_drive
@@ -41,15 +40,9 @@ def scene_of(path: Path, problem_id: int | None = None) -> _KeptScene:
         UnknownName: the file has no such planning problem.
         UnsafeInput: the file is not readable.
     """
-    try:
-        content = path.read_bytes()
-    except OSError:
-        content = b""  # the reader says what is wrong with the file
-    return _scene(path, hashlib.sha256(content).hexdigest(), problem_id)
+    return _scene(kept_recording(path), problem_id)
 
 
 @lru_cache(maxsize=_KEPT)
-def _scene(path: Path, digest: str, problem_id: int | None) -> _KeptScene:
-    del digest
-    read = read_recorded(path)
-    return _KeptScene(Scene.of(read.loaded, read.tracks, problem_id))
+def _scene(recorded: RecordedScenario, problem_id: int | None) -> _KeptScene:
+    return _KeptScene(Scene.of(recorded.loaded, problem_id))

@@ -24,7 +24,7 @@ from .limits import Limits
 from .worker import LONGEST_LINE_BYTES, WARM_UP, Answer, Failure, Order, Progress, line_of, read_report
 
 PRELOAD: dict[Lane, tuple[str, ...]] = {
-    "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix"),
+    "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix", "scipy.cluster.hierarchy"),
     "retrieval": ("sentence_transformers", "chromadb"),
 }
 """What a worker imports before its first order: the libraries that take longest."""

@@ -17,7 +17,7 @@ from ..vehicles import VehicleParameters
 if TYPE_CHECKING:
     from commonroad.planning.goal import GoalRegion
     from commonroad.planning.planning_problem import PlanningProblem
-    from commonroad.scenario.scenario import Scenario
+    from commonroad.scenario.lanelet import LaneletNetwork
 
     from .lanes import Road
     from .reference_path import ReferencePath
@@ -84,12 +84,12 @@ class Observation:
 
 @dataclass(frozen=True)
 class PlanningTask:
-    """Everything that stays the same during a run.
+    """Everything that stays the same during a run; of the traffic a planner knows what it observes.
 
     ``aim``: the goal state that the reference path leads to, where the problem has several; None: the problem's goal.
     """
 
-    scenario: "Scenario"
+    network: "LaneletNetwork"
     problem: "PlanningProblem"
     configuration: PlannerConfiguration
     reference: "ReferencePath"

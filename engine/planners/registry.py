@@ -91,4 +91,4 @@ def open_traffic(
         return reactive_traffic(loaded, problem, vehicle, seed)
     from .traffic.recorded import RecordedTraffic
 
-    return nullcontext(RecordedTraffic(loaded.scenario))
+    return nullcontext(RecordedTraffic.of(loaded))

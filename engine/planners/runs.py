@@ -8,7 +8,7 @@ import numpy as np
 
 from ...schemas.planning import RunRequest, RunResponse
 from ...schemas.runs import DrivenObstacle, RunMetrics, RunRecord, RunSteps, RunTiming
-from ..commonroad import Track, read_scenario
+from ..commonroad import Track, kept_recording
 from ..criticality import drive_criticality
 from ..execution import ProgressReporter
 from ..geometry import Values, wrap_angles
@@ -27,7 +27,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         InvalidRequest: a prediction that does not go with the traffic.
     """
     began = perf_counter()
-    loaded = read_scenario(Path(request.scenario_path))
+    loaded = kept_recording(Path(request.scenario_path)).loaded
     problem = loaded.problem(request.problem_id)
     vehicle = vehicle_of(request.configuration.settings)
     planner = make_planner(request.configuration.planner)

@@ -125,7 +125,7 @@ def _task(
     except NotPossible as no_way:
         return Verdict.invalid("goal_unreachable", no_way.message)
     road = build_road(network, reference, beyond_m=beyond_m)
-    return PlanningTask(scenario, problem, configuration, reference, road, vehicle, step_s, aim)
+    return PlanningTask(network, problem, configuration, reference, road, vehicle, step_s, aim)
 
 
 @dataclass(frozen=True)

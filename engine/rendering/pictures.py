@@ -9,7 +9,7 @@ from pathlib import Path
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.rendering import Rendered, RenderedImage, RenderRequest
 from ..analysis import RunSet
-from ..commonroad import read_recorded
+from ..commonroad import kept_recording
 from ..execution import ProgressReporter
 from .animation import animate
 from .canvas import write_png
@@ -71,7 +71,7 @@ def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], li
     names = short_names([run.record for run in request.runs])
     views = []
     for source in request.scenarios[:most]:
-        content = content_of(read_recorded(Path(source.path)))
+        content = content_of(kept_recording(Path(source.path)))
         mine = [run for run in request.runs if run.record.scenario_id == source.scenario_id]
         numbered = [(run, configs.index((run.record.config_id, run.record.prediction))) for run in mine]
         paths = [path for run, at in numbered if (path := driven_path(run, names[run.record.config_id], at))]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..commonroad import LoadedScenario, Track, center_of, last_recorded_step, middle_of, recorded_tracks, static_tracks
+from ..commonroad import LoadedScenario, Track, center_of, last_recorded_step, middle_of, static_tracks
 from ..geometry import Points, project
 from ..network import (
     LONG_LANELET_M,
@@ -83,19 +83,17 @@ class Scene:
     regions: tuple[_Region, ...] = ()
 
     @classmethod
-    def of(
-        cls, loaded: LoadedScenario, recorded: dict[int, Track] | None = None, problem_id: int | None = None
-    ) -> "Scene":
+    def of(cls, loaded: LoadedScenario, problem_id: int | None = None) -> "Scene":
         """Lay out the network and match every recorded vehicle.
 
         Args:
-            recorded: the tracks, where they are known.
+            loaded: the scenario, which is kept.
             problem_id: the planning problem whose ego this is about; None for the first.
         """
         network = loaded.scenario.lanelet_network
         layout = NetLayout.of(network)
         matcher = MapMatcher.of(layout, network)
-        tracks = recorded_tracks(loaded.scenario) if recorded is None else recorded
+        tracks = loaded.tracks
         last = last_recorded_step(loaded.scenario)
         standing = static_tracks(loaded.scenario, last)
         matches = matcher.match_all(tracks | standing)

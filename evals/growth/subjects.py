@@ -145,7 +145,7 @@ def _row(path: Path, size: int) -> Path:
 
 def _scene(path: Path) -> object:
     recorded = read_recorded(path)
-    return Scene.of(recorded.loaded, recorded.tracks)
+    return Scene.of(recorded.loaded)
 
 
 def _facts(path: Path) -> ScenarioFacts:

@@ -62,7 +62,7 @@ class Frenetix:
         self._settings = self._given_settings or SamplingSettings.of(task.configuration.settings)
         self._weights = task.configuration.weights
         self._own_terms = {name: term for name, term in OWN_TERMS.items() if self._weights[name] > 0}
-        network = task.scenario.lanelet_network
+        network = task.network
         self._lanes = LaneCenters(network) if self._own_terms else None
         self._corridors = LaneCorridors(network) if self._own_terms else None
         self._frames = FrameKeeper(task.reference.points)

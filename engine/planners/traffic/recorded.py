@@ -1,18 +1,23 @@
 """The others in a run: what the simulation loop asks of them (:class:`Traffic`), and the others as recorded."""
 
-from collections.abc import Set
+import math
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from ...commonroad import Track, recorded_tracks, size_of
+from ...commonroad import LoadedScenario, Track, recorded_tracks, size_of
 from ...vehicles import VehicleParameters
 from ..interface import EgoState
 
 if TYPE_CHECKING:
+    from commonroad.scenario.obstacle import DynamicObstacle
     from commonroad.scenario.scenario import Scenario
     from commonroad_dc import pycrcc
+
+_ROOM_M = 0.1
+"""Rectangles whose corners are this far apart do not touch, whatever rounding does (chosen)."""
 
 
 class Traffic(Protocol):
@@ -55,21 +60,35 @@ class RecordedTraffic:
     driven: tuple[Track, ...] = ()
     on_recording: tuple[int, ...] = ()
 
-    def __init__(self, scenario: "Scenario", without: Set[int] = frozenset()) -> None:
-        from commonroad_dc import pycrcc
-        from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_object
+    def __init__(
+        self,
+        scenario: "Scenario",
+        without: Set[int] = frozenset(),
+        tracks: Mapping[int, Track] | None = None,
+        exact: Set[int] = frozenset(),
+    ) -> None:
+        """Take the obstacles of a scenario.
 
-        self.moving: tuple[Track, ...] = tuple(t for t in _all_tracks(scenario) if t.obstacle_id not in without)
-        self.standing: tuple[Track, ...] = tuple(_static_track(obstacle) for obstacle in scenario.static_obstacles)
-        obstacles = [*scenario.dynamic_obstacles, *scenario.static_obstacles]
-        self._bodies = {
-            (int(o.obstacle_id), str(o.obstacle_type.value)): create_collision_object(o)
-            for o in sorted(obstacles, key=lambda o: int(o.obstacle_id))
-            if int(o.obstacle_id) not in without
-        }
-        self._checker = pycrcc.CollisionChecker()
-        for body in self._bodies.values():
-            self._checker.add_collision_object(body)
+        Args:
+            scenario: commonroad-io's.
+            without: ids of obstacles that are left out.
+            tracks: those of its trajectories, where they are known.
+            exact: of which obstacles all states after the first are known to be points with an exact heading.
+        """
+        dynamic, static = scenario.dynamic_obstacles, scenario.static_obstacles
+        tracks = _all_tracks(dynamic, recorded_tracks(scenario) if tracks is None else tracks)
+        bodies = {int(one.obstacle_id): one for one in (*dynamic, *static) if int(one.obstacle_id) not in without}
+        self.moving: tuple[Track, ...] = tuple(tracks[key] for key in sorted(tracks.keys() - without))
+        self.standing: tuple[Track, ...] = tuple(_static_track(obstacle) for obstacle in static)
+        self._kinds = {key: str(obstacle.obstacle_type.value) for key, obstacle in bodies.items()}
+        rectangles = sorted(key for key in bodies.keys() & exact if _is_exact_rectangle(bodies[key]))
+        self._rectangles = _Rectangles({key: (tracks[key], bodies[key].obstacle_shape) for key in rectangles})
+        self._others = _bodies_of({key: bodies[key] for key in sorted(bodies.keys() - set(rectangles))})
+
+    @classmethod
+    def of(cls, loaded: LoadedScenario, without: Set[int] = frozenset()) -> "RecordedTraffic":
+        """The obstacles of a file, by the tracks that it was read into."""
+        return cls(loaded.scenario, without, loaded.tracks, loaded.plain_states.keys())
 
     def advance(self, ego: EgoState) -> None:
         """Nothing to do: a recording does not depend on the ego."""
@@ -80,9 +99,73 @@ class RecordedTraffic:
 
         body = pycrcc.TimeVariantCollisionObject(ego.step)
         body.append_obstacle(rectangle(ego, vehicle))
-        if not self._checker.collide(body):
-            return None
-        return next((who for who, shape in self._bodies.items() if shape.collide(body)), None)
+        hit = self._rectangles.hit_by(ego, vehicle)
+        hit += [key for key, other in self._others.items() if other.collide(body)]
+        return (min(hit), self._kinds[min(hit)]) if hit else None
+
+
+class _Rectangles:
+    """Tracks of obstacles that are a rectangle at an exact pose at every step, with CommonRoad's shape of each, by id.
+
+    commonroad-dc makes a body for each step of each before a run begins; here it is made once the ego is near.
+    """
+
+    def __init__(self, tracks: Mapping[int, tuple[Track, Any]]) -> None:
+        self._keys, self._shapes = list(tracks), [shape for _, shape in tracks.values()]
+        recorded = [track for track, _ in tracks.values()]
+        self._first = np.array([track.first_step for track in recorded], dtype=int)
+        self._counts = np.array([len(track.positions) for track in recorded], dtype=int)
+        self._begin = np.cumsum(self._counts) - self._counts
+        centres = [track.positions + shape.center for track, shape in tracks.values()]
+        self._centres = np.concatenate([np.empty((0, 2)), *centres])
+        self._headings_rad = np.concatenate([np.empty(0), *(track.headings_rad for track in recorded)])
+        self._reach_m = np.array([math.hypot(*track.size_m) / 2 for track in recorded])
+
+    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> list[int]:
+        """Ids of all that the ego's rectangle overlaps at its step, ascending."""
+        index = ego.step - self._first
+        there = np.flatnonzero((index >= 0) & (index < self._counts))
+        rows = self._begin[there] + index[there]
+        away_m = np.linalg.norm(self._centres[rows] - ego.position, axis=1)
+        near = away_m <= self._reach_m[there] + math.hypot(vehicle.length_m, vehicle.width_m) / 2 + _ROOM_M
+        body = rectangle(ego, vehicle)
+        return [
+            self._keys[one]
+            for one, row in zip(there[near].tolist(), rows[near].tolist(), strict=True)
+            if self._body(one, row).collide(body)
+        ]
+
+    def _body(self, one: int, row: int) -> "pycrcc.RectOBB | pycrcc.RectAABB":
+        """The rectangle as commonroad-io turns and moves its shape, as the body that commonroad-dc makes of that."""
+        from commonroad.common.util import make_valid_orientation
+        from commonroad_dc import pycrcc
+
+        shape = self._shapes[one]
+        half_m, centre = (shape.length / 2, shape.width / 2), self._centres[row].tolist()
+        heading_rad = make_valid_orientation(shape.orientation + float(self._headings_rad[row]))
+        if heading_rad == 0.0:
+            return pycrcc.RectAABB(*half_m, *centre)
+        return pycrcc.RectOBB(*half_m, heading_rad, *centre)
+
+
+def _bodies_of(obstacles: Mapping[int, Any]) -> dict[int, Any]:
+    """commonroad-dc's bodies of obstacles, for all their steps; its dispatcher loads matplotlib."""
+    if not obstacles:
+        return {}
+    from commonroad_dc.collision.collision_detection.pycrcc_collision_dispatch import create_collision_object
+
+    return {key: create_collision_object(obstacle) for key, obstacle in obstacles.items()}
+
+
+def _is_exact_rectangle(obstacle: Any) -> bool:
+    """Whether an obstacle whose later states are exact is one rectangle that begins at an exact pose, too."""
+    state, shape = obstacle.initial_state, obstacle.obstacle_shape
+    return (
+        hasattr(shape, "length")
+        and obstacle.prediction.wheelbase_lengths is None
+        and not state.is_uncertain_position
+        and not state.is_uncertain_orientation
+    )
 
 
 def rectangle(ego: EgoState, vehicle: VehicleParameters) -> "pycrcc.RectOBB":
@@ -93,12 +176,10 @@ def rectangle(ego: EgoState, vehicle: VehicleParameters) -> "pycrcc.RectOBB":
     return pycrcc.RectOBB(vehicle.length_m / 2, vehicle.width_m / 2, ego.heading_rad, x, y)
 
 
-def _all_tracks(scenario: "Scenario") -> tuple[Track, ...]:
-    tracks = recorded_tracks(scenario)
-    for obstacle in scenario.dynamic_obstacles:
-        if int(obstacle.obstacle_id) not in tracks:
-            tracks[int(obstacle.obstacle_id)] = _occupancy_track(obstacle)
-    return tuple(tracks[key] for key in sorted(tracks))
+def _all_tracks(obstacles: "Iterable[DynamicObstacle]", recorded: Mapping[int, Track]) -> dict[int, Track]:
+    """The recorded tracks, and those of the regions that all other obstacles occupy."""
+    others = {int(one.obstacle_id): one for one in obstacles if int(one.obstacle_id) not in recorded}
+    return {**recorded, **{key: _occupancy_track(one) for key, one in others.items()}}
 
 
 def _occupancy_track(obstacle: Any) -> Track:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....schemas.errors import NotPossible
-from ...commonroad import LoadedScenario, recorded_tracks
+from ...commonroad import LoadedScenario
 from ...cosimulation import Actor, all_actors, lane_hint, not_drivable, recorded_plan
 from ...geometry import Points, point_at, project
 from ...network import NetLayout
@@ -47,8 +47,8 @@ class TrafficRoles:
     @classmethod
     def of(cls, loaded: LoadedScenario, first_step: int) -> "TrafficRoles":
         """Match all road users with the lanes and decide which are driven from the ego's first step on."""
-        scene = _scene(loaded, RecordedTraffic(loaded.scenario))
-        trajectories = recorded_tracks(loaded.scenario)
+        scene = _scene(loaded, RecordedTraffic.of(loaded))
+        trajectories = loaded.tracks
         keys = [
             key for key, track in trajectories.items() if track.last_step > first_step and not not_drivable(scene, key)
         ]
@@ -59,7 +59,7 @@ class TrafficRoles:
             scene,
             driven=tuple(actor for actor in actors if actor.drive_from is not None),
             shown=tuple(actor for actor in actors if actor.drive_from is None),
-            replayed=RecordedTraffic(loaded.scenario, without=frozenset(keys)),
+            replayed=RecordedTraffic.of(loaded, without=frozenset(keys)),
         )
 
     def keeping_to_route(self, keys: frozenset[str]) -> "TrafficRoles":
@@ -148,8 +148,5 @@ def _scene(loaded: LoadedScenario, recorded: RecordedTraffic) -> Scene:
     tracks = {track.obstacle_id: track for track in recorded.moving}
     standing = {track.obstacle_id: track for track in recorded.standing}
     usable = {key: track for key, track in (tracks | standing).items() if np.isfinite(track.headings_rad).all()}
-    matches = {key: matcher.match(track) for key, track in sorted(usable.items())}
     last = max((track.last_step for track in tracks.values()), default=0)
-    return Scene(
-        loaded, layout, matcher, tracks, standing, {key: match for key, match in matches.items() if match}, last, None
-    )
+    return Scene(loaded, layout, matcher, tracks, standing, matcher.match_all(dict(sorted(usable.items()))), last, None)

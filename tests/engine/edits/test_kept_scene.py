@@ -6,7 +6,7 @@ import pytest
 from support.builders import driving, town_road
 from support.edits import apply_to
 
-from plannerforge.engine.commonroad.reader import RecordedScenario
+from plannerforge.engine.commonroad.reader import RecordedScenario, kept_recording
 from plannerforge.engine.cosimulation.replay import SimulationSetup
 from plannerforge.engine.edits.ego_risk import EgoDrive, base_drive
 from plannerforge.engine.edits.scene_cache import scene_of
@@ -31,8 +31,17 @@ def test_a_scenario_that_was_described_is_not_read_for_an_edit(tmp_path: Path, m
     def read_again(path: Path) -> RecordedScenario:
         raise AssertionError(f"{path.name} is read again")
 
-    monkeypatch.setattr("plannerforge.engine.edits.scene_cache.read_recorded", read_again)
+    monkeypatch.setattr("plannerforge.engine.commonroad.reader.read_recorded", read_again)
     assert apply_to(path, tmp_path / "out", EDIT).outcome.touched
+
+
+def test_a_recording_is_read_once_for_runs_pictures_and_edits(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "base.xml")
+    assert kept_recording(path) is kept_recording(path)
+    assert scene_of(path).scene.loaded is kept_recording(path).loaded
+    first = kept_recording(path)
+    town_road().with_vehicles(driving(77, (60, 0), 10.0, 101)).write(path)
+    assert kept_recording(path) is not first
 
 
 def test_other_content_under_the_same_name_is_read_anew(tmp_path: Path) -> None:

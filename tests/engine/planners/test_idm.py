@@ -43,7 +43,7 @@ def task_for(speed: float, *obstacles: Any, goal: Any = FAR) -> tuple[PlanningTa
     route = find_route(network, problem.goal, ORIGIN, 0.0, ahead_m=120.0)
     reference = build_reference_path(network, route, ORIGIN, speed)
     task = PlanningTask(
-        scenario, problem, configuration("idm"), reference, build_road(network, reference), BMW_320I, 0.1
+        network, problem, configuration("idm"), reference, build_road(network, reference), BMW_320I, 0.1
     )
     ego = EgoState(0, ORIGIN, 0.0, speed)
     return task, Observation(ego, observe(RecordedTraffic(scenario), ego, constant_velocity, 30, 0.1))

@@ -59,7 +59,7 @@ def planning_task(scenario: Any, problem: Any) -> PlanningTask:
     route = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=120.0)
     reference = build_reference_path(network, route, ego.position, ego.speed_mps)
     road = build_road(network, reference)
-    return PlanningTask(scenario, problem, configuration("frenetix:Balanced"), reference, road, BMW_320I, 0.1)
+    return PlanningTask(network, problem, configuration("frenetix:Balanced"), reference, road, BMW_320I, 0.1)
 
 
 def car(position: tuple[float, float], heading: float, speed: float) -> Track:

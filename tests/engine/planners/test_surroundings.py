@@ -1,13 +1,16 @@
 """Route, reference path, road, prediction and sampling: what a planner is given."""
 
+import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.builders import driving, town_road
 from support.planning import (
     configuration,
     goal_state,
@@ -21,6 +24,7 @@ from support.planning import (
     straight_road,
 )
 
+from plannerforge.engine.commonroad import read_recorded, read_scenario
 from plannerforge.engine.geometry.polyline import arc_length, maximum_curvature, project
 from plannerforge.engine.planners.conformance import check_planner
 from plannerforge.engine.planners.frenetix.core import CurvilinearState, SamplingSettings, sampling_matrix
@@ -51,7 +55,7 @@ def task_on(scenario: Any, problem: Any) -> PlanningTask:
     route = find_route(network, problem.goal, ego.position, ego.heading_rad, ahead_m=120.0)
     reference = build_reference_path(network, route, ego.position, ego.speed_mps)
     road = build_road(network, reference)
-    return PlanningTask(scenario, problem, configuration("frenetix:Balanced"), reference, road, BMW_320I, 0.1)
+    return PlanningTask(network, problem, configuration("frenetix:Balanced"), reference, road, BMW_320I, 0.1)
 
 
 def test_the_path_of_a_straight_road_is_its_centre_line_and_goes_on_beyond_it() -> None:
@@ -215,3 +219,19 @@ def test_the_contract_asks_for_every_part_of_the_same_plan_again(part: str) -> N
     task = task_on(scenario_on(straight_road(300.0)), problem_for(goal_state((40, 60), rectangle_at(60.0, 0.0))))
     found = check_planner(Forgetful, task, Observation(EgoState(0, ORIGIN, 0.0, 1.0), ()))
     assert "gives another plan after a reset" in found
+
+
+@pytest.mark.parametrize("ahead_m", [-6.0, -4.4, -2.0, 0.0, 2.0, 4.4, 6.0])
+@pytest.mark.parametrize("turn_rad", [0.0, 0.4])
+def test_read_rectangles_are_hit_where_commonroad_dc_says_so(tmp_path: Path, ahead_m: float, turn_rad: float) -> None:
+    others = [driving(31, (20, 0), 8.0, 40), driving(32, (20, 3.5), 8.0, 40, heading_rad=7.0)]
+    path = town_road().with_vehicles(*others).write(tmp_path / "base.xml")
+    by_objects = RecordedTraffic(read_scenario(path).scenario)
+    read = RecordedTraffic.of(read_recorded(path).loaded)
+    hits = []
+    for track, beside_m in itertools.product(by_objects.moving, (-2.3, -1.9, 0.0, 1.7, 2.1)):
+        ego = EgoState(12, track.positions[12] + np.array([ahead_m, beside_m]), turn_rad, 8.0)
+        hits.append(read.hit_by(ego, BMW_320I))
+        assert hits[-1] == by_objects.hit_by(ego, BMW_320I)
+    assert abs(ahead_m) > 5.0 or any(hits)
+    assert read.hit_by(EgoState(41, np.array([20.0, 0.0]), 0.0, 8.0), BMW_320I) is None
