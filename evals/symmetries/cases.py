@@ -184,7 +184,7 @@ def alike(one: Any, other: Any, within: float) -> bool:
     return bool(one == other)
 
 
-_OF_TURNS: Final = frozenset({"ego_turns_left", "ego_turns_right", "ego_goes_straight"})
+_OF_FORKS: Final = frozenset({"ego_turns_left", "ego_turns_right", "ego_goes_straight", "intersection"})
 _ONLY_IN_2020A: Final = frozenset(
     ("format_version", "coordinates", "signs_map", "lights_map", "signs", "traffic_light", "participants")
 )
@@ -216,9 +216,14 @@ def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, a
         route = "ego route" if judge == "description" else key
         one, other = before.get(route) or (0,), after.get(route) or (0,)
         return "lengths of lanelets choose between equal ways" if (len(one), one[-1]) == (len(other), other[-1]) else ""
+    if relation == "shuffled_ids" and name == "route":
+        one, other = before.get(key) or (), after.get(key) or ()
+        return "of goal lanelets that are equally far, the id chooses" if one[:-1] == other[:-1] else ""
     if relation == "split" and judge == "features":
         other = {*before.get(key, ())} ^ {*after.get(key, ())}
-        return "a turn is told from the lanelet that leaves a fork" if other <= _OF_TURNS else ""
+        return "turns and crossings are told from lanelets that share a fork" if other <= _OF_FORKS else ""
+    if relation == "split" and judge == "edit" and before.get("op") == "reroute" and "refused" in after:
+        return "a turn is told from the lanelet that leaves a fork"
     if relation == "split":
         lanelets = before.get(f"{key.removesuffix(name)}lanelets", ()) if judge == "facts" else ()
         if name in ("signs", "traffic_light") and frame.cut & set(lanelets):
