@@ -18,7 +18,7 @@ import re
 import warnings
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -152,23 +152,46 @@ _KEPT = 4
 """Scenarios that a worker keeps, some MB each (chosen): one is edited, run and drawn again and again."""
 
 
-def kept_recording(path: Path) -> RecordedScenario:
-    """A CommonRoad file as ``read_recorded`` reads it; the same object for the same content, which nobody changes.
+def kept_recording(path: Path, size_bytes: int | None = None) -> RecordedScenario:
+    """A CommonRoad file as ``read_recorded`` reads it, and the same object while its content is the same.
+
+    What a worker wrote and read back, to check it, is not parsed again when it is asked for where it was stored. Nobody
+    changes what is kept.
+
+    Args:
+        path: the file.
+        size_bytes: how large it may be; None: as large as ``XmlLimits`` says.
 
     Raises:
         UnsafeInput: as ``read_recorded``.
     """
+    limits = XmlLimits() if size_bytes is None else XmlLimits(size_bytes=size_bytes)
     try:
-        content = path.read_bytes()
+        content = path.read_bytes() if path.stat().st_size <= limits.size_bytes else b""
     except OSError:
-        content = b""  # the reader says what is wrong with the file
-    return _kept(path, hashlib.sha256(content).hexdigest())
+        content = b""
+    if not content:
+        return read_recorded(path, limits)  # which says what is wrong with the file
+    return _kept(path, _Content(hashlib.sha256(content).hexdigest(), path, limits))
+
+
+@dataclass(frozen=True)
+class _Content:
+    """What a file holds, wherever it lies; ``path`` and ``limits``: where, and with which limits, it is read first."""
+
+    digest: str
+    path: Path = field(compare=False)
+    limits: XmlLimits = field(compare=False)
 
 
 @lru_cache(maxsize=_KEPT)
-def _kept(path: Path, digest: str) -> RecordedScenario:
-    del digest
-    return read_recorded(path)
+def _kept(path: Path, content: _Content) -> RecordedScenario:
+    return RecordedScenario(replace(_parsed(content).loaded, path=path))
+
+
+@lru_cache(maxsize=_KEPT)
+def _parsed(content: _Content) -> RecordedScenario:
+    return read_recorded(content.path, content.limits)
 
 
 def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[int, PlainStates]]:

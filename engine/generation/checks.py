@@ -8,7 +8,7 @@ import numpy as np
 
 from ...schemas.generation import Checks
 from ...schemas.network_rules import RuleFinding
-from ..commonroad import LoadedScenario, Track, read_recorded, schema_errors
+from ..commonroad import LoadedScenario, Track, kept_recording, schema_errors
 from ..geometry import BoxTrack, first_overlaps, oriented_rectangle, rectangles_overlap
 from ..network import LaneletGraph, summarise_findings
 from ..vehicles import EGO_SIZE_M, Motion, check_kinematics, class_by_size
@@ -29,7 +29,7 @@ def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -
         ego: the ego's recorded motion, which the file does not hold.
         findings: what the rules found in its road network.
     """
-    recorded = read_recorded(path)
+    recorded = kept_recording(path)
     loaded, tracks = recorded.loaded, recorded.tracks
     bodies = [BoxTrack(track.positions, track.headings_rad, track.size_m) for track in tracks.values()]
     infeasible = tuple(key for key, track in tracks.items() if not _feasible(track, loaded.step_s))

@@ -23,11 +23,11 @@ from ..commonroad import (
     XmlLimits,
     center_of,
     has_light,
+    kept_recording,
     last_recorded_step,
     limits_kmh,
     middle_of,
     parse_benchmark_id,
-    read_recorded,
     scan_xml,
     sign_keys,
     signs_of,
@@ -55,7 +55,7 @@ def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioF
     report(0.0, f"reading {quoted(request.path.name)}")
     if request.net is not None:
         _check_net(request.net, request.file_bytes)
-    recorded = read_recorded(request.path, XmlLimits(size_bytes=request.file_bytes))
+    recorded = kept_recording(request.path, request.file_bytes)
     report(0.6, "looking at the geometry")
     return _facts_of(recorded)
 

@@ -6,7 +6,7 @@ import pytest
 from support.builders import driving, town_road
 from support.edits import apply_to
 
-from plannerforge.engine.commonroad.reader import RecordedScenario, kept_recording
+from plannerforge.engine.commonroad.reader import RecordedScenario, XmlLimits, kept_recording
 from plannerforge.engine.cosimulation.replay import SimulationSetup
 from plannerforge.engine.edits.ego_risk import EgoDrive, base_drive
 from plannerforge.engine.edits.scene_cache import scene_of
@@ -28,7 +28,8 @@ def test_a_scenario_that_was_described_is_not_read_for_an_edit(tmp_path: Path, m
     path = town_road().write(tmp_path / "base.xml")
     describe(DescribeRequest(path=path, detail="brief", focus=None, radius_m=50.0), silent)
 
-    def read_again(path: Path) -> RecordedScenario:
+    def read_again(path: Path, limits: XmlLimits) -> RecordedScenario:
+        del limits
         raise AssertionError(f"{path.name} is read again")
 
     monkeypatch.setattr("plannerforge.engine.commonroad.reader.read_recorded", read_again)
@@ -39,7 +40,10 @@ def test_a_recording_is_read_once_for_runs_pictures_and_edits(tmp_path: Path) ->
     path = town_road().write(tmp_path / "base.xml")
     assert kept_recording(path) is kept_recording(path)
     assert scene_of(path).scene.loaded is kept_recording(path).loaded
-    first = kept_recording(path)
+    first, stored = kept_recording(path), tmp_path / "stored.xml"
+    stored.write_bytes(path.read_bytes())
+    assert kept_recording(stored).loaded.scenario is first.loaded.scenario
+    assert kept_recording(stored).loaded.path == stored
     town_road().with_vehicles(driving(77, (60, 0), 10.0, 101)).write(path)
     assert kept_recording(path) is not first
 
