@@ -112,10 +112,13 @@ def record(checkout: Path, files: list[str], tests: list[str]) -> Record:
 def preload(modules: Iterable[str], mutated: Iterable[str]) -> None:
     """Import all that mutants share: whatever is neither a test nor above or beside a mutated module.
 
+    Modules that begin with an underscore come with those that they belong to: ``_asyncio`` before ``asyncio`` leaves
+    Python with two kinds of tasks.
+
     Raises:
         RuntimeError: a module that is to be mutated would be shared.
     """
-    for name in modules:
+    for name in (name for name in modules if not name.startswith("_")):
         if name.partition(".")[0] != "plannerforge" or name.startswith(_SHARED):
             with contextlib.suppress(Exception):  # a few can be imported by their packages alone
                 importlib.import_module(name)
