@@ -18,7 +18,8 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -98,11 +99,14 @@ def _edit(preset: str) -> Mapping[str, Any]:
     return {"op": "set_behaviour", "vehicles": ["nearest:1"], "preset": preset}
 
 
-async def _warm(client: Client) -> None:
-    """Have both workers import what they will need; what a server does by itself while its client thinks."""
-    async with anyio.create_task_group() as tasks:
-        for seed in range(WORKERS):
-            tasks.start_soon(lambda number: _table(client, 5, 100 + number), seed)
+@asynccontextmanager
+async def _warm_server(workspace: Path) -> AsyncIterator[Client]:
+    """The client of a server of its own, whose workers have imported what they will need."""
+    async with Client(create_server(settings_for(workspace, shared_scenarios(), WORKERS))) as client:
+        async with anyio.create_task_group() as tasks:
+            for seed in range(WORKERS):
+                tasks.start_soon(_table, client, 5, 100 + seed)
+        yield client
 
 
 async def _measure(repeats: int, cars: Sequence[int], files: int) -> None:
@@ -111,14 +115,10 @@ async def _measure(repeats: int, cars: Sequence[int], files: int) -> None:
     with tempfile.TemporaryDirectory() as name:
         for number in range(repeats):
             for size in cars:
-                async with Client(
-                    create_server(settings_for(Path(name) / f"{size}_{number}", Path(name), WORKERS))
-                ) as one:
-                    await _warm(one)
+                async with _warm_server(Path(name) / f"{size}_{number}") as one:
                     by_size[size].append(await _table(one, size, number))
                     sys.stderr.write(f"{size} cars: {_in_words(by_size[size][-1])}\n")
-            async with Client(create_server(settings_for(Path(name) / f"chain_{number}", Path(name), WORKERS))) as one:
-                await _warm(one)
+            async with _warm_server(Path(name) / f"chain_{number}") as one:
                 for kind, seed in (("cold", number), ("warm", 1_000 + number)):
                     times = await _chain(one, cars[len(cars) // 2], seed)
                     chains[kind].append(sum(times.values()))
@@ -130,15 +130,14 @@ async def _measure(repeats: int, cars: Sequence[int], files: int) -> None:
 
 async def _small_runs(workspace: Path, files: int) -> list[float]:
     """Seconds of a run of each of some public files."""
-    chosen, clock = scenario_files(shared_scenarios(), files), []
-    async with Client(create_server(settings_for(workspace, shared_scenarios(), WORKERS))) as client:
+    chosen, seconds = scenario_files(shared_scenarios(), files), list[float]()
+    async with _warm_server(workspace) as client:
         await import_scenarios(client, chosen)
-        await _warm(client)
         for path in chosen:
             one = _Clock(client, {})
             await one.call("run", "run_planner", scenarios=[path.stem], configs=[CONFIGS[0]])
-            clock.append(one.times["run"])
-    return clock
+            seconds.append(one.times["run"])
+    return seconds
 
 
 def _read_ratios(files: int, generated: Sequence[Path]) -> list[float]:

@@ -186,7 +186,8 @@ class _Content:
 
 @lru_cache(maxsize=_KEPT)
 def _kept(path: Path, content: _Content) -> RecordedScenario:
-    return RecordedScenario(replace(_parsed(content).loaded, path=path))
+    parsed = _parsed(content)
+    return parsed if parsed.loaded.path == path else RecordedScenario(replace(parsed.loaded, path=path))
 
 
 @lru_cache(maxsize=_KEPT)

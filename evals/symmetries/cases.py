@@ -185,6 +185,8 @@ def alike(one: Any, other: Any, within: float) -> bool:
 
 
 _OF_FORKS: Final = frozenset({"ego_turns_left", "ego_turns_right", "ego_goes_straight", "intersection"})
+_NO_SUCH_BRANCH: Final[Answer] = {"refused": ("not_possible", "")}
+"""What a reroute is answered that finds no branch of its turn; other refusals have another code or a reason."""
 _ONLY_IN_2020A: Final = frozenset(
     ("format_version", "coordinates", "signs_map", "lights_map", "signs", "traffic_light", "participants")
 )
@@ -218,11 +220,12 @@ def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, a
         return "lengths of lanelets choose between equal ways" if (len(one), one[-1]) == (len(other), other[-1]) else ""
     if relation == "shuffled_ids" and name == "route":
         one, other = before.get(key) or (), after.get(key) or ()
-        return "of goal lanelets that are equally far, the id chooses" if one[:-1] == other[:-1] else ""
+        is_tie = len(one) == len(other) > 0 and one[:-1] == other[:-1]
+        return "of goal lanelets that are equally far, the id chooses" if is_tie else ""
     if relation == "split" and judge == "features":
         other = {*before.get(key, ())} ^ {*after.get(key, ())}
         return "turns and crossings are told from lanelets that share a fork" if other <= _OF_FORKS else ""
-    if relation == "split" and judge == "edit" and before.get("op") == "reroute" and "refused" in after:
+    if relation == "split" and judge == "edit" and before.get("op") == "reroute" and after == _NO_SUCH_BRANCH:
         return "a turn is told from the lanelet that leaves a fork"
     if relation == "split":
         lanelets = before.get(f"{key.removesuffix(name)}lanelets", ()) if judge == "facts" else ()
