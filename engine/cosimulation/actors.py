@@ -75,13 +75,10 @@ class Actor:
         """SUMO's id of the vehicle's type."""
         return f"t{self.key}"
 
-    @cached_property
-    def poses(self) -> tuple[tuple[float, float, float], ...]:
-        """The front bumper and SUMO's angle at every state of the track, as :meth:`Sumo.move_to` takes them."""
-        return tuple(
-            sumo_pose(x, y, heading, self.track.length_m)
-            for (x, y), heading in zip(self.track.positions.tolist(), self.track.headings_rad.tolist(), strict=True)
-        )
+    def pose_at(self, index: int) -> tuple[float, float, float]:
+        """The front bumper and SUMO's angle at a state of the track, as :meth:`Sumo.move_to` takes them."""
+        x, y = self.track.positions[index].tolist()
+        return sumo_pose(x, y, float(self.track.headings_rad[index]), self.track.length_m)
 
     @cached_property
     def edges_to_target(self) -> tuple[str, ...]:

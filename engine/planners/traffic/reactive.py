@@ -89,7 +89,7 @@ def _insert(sumo: Sumo, actor: Actor) -> None:
     index = actor.handover_index
     sumo.add_route(actor.route, actor.edges)
     sumo.insert(actor.key, actor.route, actor.type_id)
-    sumo.move_to(actor.key, actor.poses[index], actor.hints[index], keep_to_route=actor.keep_to_route)
+    sumo.move_to(actor.key, actor.pose_at(index), actor.hints[index], keep_to_route=actor.keep_to_route)
 
 
 class _ReactiveTraffic:
@@ -178,7 +178,7 @@ class _ReactiveTraffic:
             if index is not None:
                 if actor.key not in self._shown:
                     self._shown[actor.key] = ShownVehicle(self._sumo, actor.key, actor.edges)
-                self._shown[actor.key].place(actor.poses[index], actor.hints[index])
+                self._shown[actor.key].place(actor.pose_at(index), actor.hints[index])
             elif actor.key in self._shown:
                 self._shown.pop(actor.key).leave()
 

@@ -1,18 +1,23 @@
 """A re-simulation runs no longer than anything can still be seen of the vehicles that are driven."""
 
+import itertools
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.builders import Vehicle, driving, town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
+from plannerforge.engine.cosimulation import actors, plans, replay
 from plannerforge.engine.cosimulation.actors import Actor, all_actors
+from plannerforge.engine.cosimulation.driver import Behaviour, usual_behaviour
 from plannerforge.engine.cosimulation.plans import recorded_plan
 from plannerforge.engine.cosimulation.replay import SimulationSetup, resimulate
 from plannerforge.engine.network.sumo_export.writer import sumo_net
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.engine.traffic.sumo import Sumo
+from plannerforge.engine.vehicles import VehicleClass
 
 ASTRAY = driving(36, (20, 6.8), 10.0, 151)
 """Recorded nearer to the oncoming lane than to its own."""
@@ -74,8 +79,57 @@ def test_it_looks_for_those_astray_until_the_last_hand_over(tmp_path: Path, runs
 
 def test_poses_for_sumo_are_the_front_bumpers(tmp_path: Path) -> None:
     for actor in _driving(_scene(tmp_path), 31):
-        fronts = [tuple(actor.track.front_at(index)) for index in range(len(actor.track.positions))]
-        assert [pose[:2] for pose in actor.poses] == fronts
+        for index in range(len(actor.track.positions)):
+            assert actor.pose_at(index)[:2] == tuple(actor.track.front_at(index))
+
+
+@pytest.fixture
+def placed(monkeypatch: pytest.MonkeyPatch, runs: Runs) -> list[tuple[str, int]]:
+    """Every placing by hand: SUMO's id, and the step."""
+    noted, move_to = list[tuple[str, int]](), Sumo.move_to
+
+    def noting(sumo: Sumo, key: str, *pose: Any, **options: Any) -> None:
+        noted.append((key, runs.steps[-1] if sumo in runs.simulations else 0))
+        move_to(sumo, key, *pose, **options)
+
+    monkeypatch.setattr(Sumo, "move_to", noting)
+    return noted
+
+
+def test_what_is_far_away_is_left_out_and_changes_nothing(
+    tmp_path: Path, placed: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Without imperfection: it is drawn from random numbers that all vehicles of a lane share.
+    for module in (actors, plans):
+        monkeypatch.setattr(module, "usual_behaviour", _perfect_driver)
+    scene = _scene(tmp_path, *(driving(50 + row, (20.0 + 14.0 * row, 3.5), 2.0, 90) for row in range(20)))
+    setup = _setup(scene, tmp_path)
+    acting = all_actors(scene, {53: recorded_plan(scene, 53, "edited", 20)})
+    near = resimulate(setup, acting)[53]
+    few = len(placed)
+    monkeypatch.setattr(replay, "AROUND_M", 1e6)
+    everywhere = resimulate(setup, acting)[53]
+    assert near.front.tolist() == everywhere.front.tolist()
+    assert len(near.front) == 70
+    assert few < 0.5 * (len(placed) - few)
+
+
+def test_a_vehicle_that_was_left_out_comes_back(
+    tmp_path: Path, placed: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hurries = [(20.0 + 3.0 * step, 0.0, 0.0, 0.0) for step in range(50)]  # recorded as if it stood: it is soon left out
+    waits = [(170.0, 0.0, 0.0, 0.0)] * 100
+    scene = _scene(tmp_path, driving(50, (20, 3.5), 10.0, 151), Vehicle(51, (*hurries, *waits), "car", 4.5, 1.8, 0))
+    monkeypatch.setattr(replay, "AROUND_M", 0.0)
+    resimulate(_setup(scene, tmp_path), all_actors(scene, {50: recorded_plan(scene, 50, "edited", 0)}))
+    steps = [step for key, step in placed if key == "51"]
+    assert steps[0] == 0
+    assert 1 < max(later - earlier for earlier, later in itertools.pairwise(steps)) < 100
+
+
+def _perfect_driver(vehicle_class: VehicleClass) -> Behaviour:
+    driver = usual_behaviour(vehicle_class)
+    return replace(driver, values={**driver.values, "sigma": 0.0})
 
 
 def _scene(folder: Path, *vehicles: Vehicle) -> Scene:
