@@ -1,7 +1,7 @@
 """Checks on a written scenario, made on the file as others will read it, and which of them make it unusable."""
 
 from collections.abc import Sequence
-from itertools import combinations
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from ...schemas.generation import Checks
 from ...schemas.network_rules import RuleFinding
 from ..commonroad import LoadedScenario, Track, kept_recording, schema_errors
-from ..geometry import BoxTrack, first_overlaps, oriented_rectangle, rectangles_overlap
+from ..geometry import BoxTrack, first_overlaps
 from ..network import LaneletGraph, summarise_findings
 from ..vehicles import EGO_SIZE_M, Motion, check_kinematics, class_by_size
 
@@ -29,22 +29,24 @@ def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -
         ego: the ego's recorded motion, which the file does not hold.
         findings: what the rules found in its road network.
     """
-    recorded = kept_recording(path)
-    loaded, tracks = recorded.loaded, recorded.tracks
-    bodies = [BoxTrack(track.positions, track.headings_rad, track.size_m) for track in tracks.values()]
-    infeasible = tuple(key for key, track in tracks.items() if not _feasible(track, loaded.step_s))
-    return Checks(
-        schema_valid=not schema_errors(path),
-        goal_reachable=_goal_reachable(loaded),
-        collisions_at_start=_collisions_at_start(loaded, tracks),
-        overlapping_pairs=len(first_overlaps(bodies)),
-        recorded_ego_collision_free=not any(first_overlaps([ego, body]) for body in bodies),
-        centers_on_lanelets=_share_on_lanelets(loaded, tracks),
-        feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
-        infeasible_vehicles=infeasible,
-        network_errors=summarise_findings(findings, "error"),
-        network_warnings=summarise_findings(findings, "warning"),
-    )
+    with ThreadPoolExecutor(1) as beside:  # libxml2 works without Python's lock
+        schema_faults = beside.submit(schema_errors, path)
+        recorded = kept_recording(path)
+        loaded, tracks = recorded.loaded, recorded.tracks
+        bodies = [BoxTrack(track.positions, track.headings_rad, track.size_m) for track in tracks.values()]
+        infeasible = tuple(key for key, track in tracks.items() if not _feasible(track, loaded.step_s))
+        return Checks(
+            goal_reachable=_goal_reachable(loaded),
+            collisions_at_start=_collisions_at_start(loaded, tracks),
+            overlapping_pairs=len(first_overlaps(bodies)),
+            recorded_ego_collision_free=not any(first_overlaps([ego, body]) for body in bodies),
+            centers_on_lanelets=_share_on_lanelets(loaded, tracks),
+            feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
+            infeasible_vehicles=infeasible,
+            network_errors=summarise_findings(findings, "error"),
+            network_warnings=summarise_findings(findings, "warning"),
+            schema_valid=not schema_faults.result(),
+        )
 
 
 def faults_of(checks: Checks) -> tuple[list[str], list[str]]:
@@ -86,11 +88,16 @@ def _goal_reachable(loaded: LoadedScenario) -> bool:
 
 
 def _collisions_at_start(loaded: LoadedScenario, tracks: dict[int, Track]) -> int:
+    """Pairs that overlap at the ego's first step."""
     state = loaded.problem().initial_state
-    boxes = [oriented_rectangle(np.asarray(state.position), float(state.orientation), EGO_SIZE_M)]
+    ego = BoxTrack(np.array([state.position]), np.array([float(state.orientation)]), EGO_SIZE_M)
     places = [(track, track.index_at(int(state.time_step))) for track in tracks.values()]
-    boxes += [track.corners_at(index) for track, index in places if index is not None]
-    return sum(rectangles_overlap(one, other) for one, other in combinations(boxes, 2))
+    others = [
+        BoxTrack(track.positions[index : index + 1], track.headings_rad[index : index + 1], track.size_m)
+        for track, index in places
+        if index is not None
+    ]
+    return len(first_overlaps([ego, *others]))
 
 
 def _share_on_lanelets(loaded: LoadedScenario, tracks: dict[int, Track]) -> float:

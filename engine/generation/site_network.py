@@ -3,6 +3,7 @@
 A site's network is judged before traffic is made for it, so that an unfit site costs little.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -26,7 +27,7 @@ from ..network import (
     remove_hairpins,
     summarise_findings,
 )
-from ..traffic import WARM_UP_S
+from ..traffic import VEHICLES_PER_LANE_KM, WARM_UP_S, lane_km_of
 from .sites import SiteFocus, classes_for, radius_for, why_not_realised
 from .writer import STEP_S, ScenarioMetadata, write_network
 
@@ -40,6 +41,10 @@ LEFT_HAND_COUNTRIES = frozenset(_LEFT.split())
 UNKNOWN_SIDE = "the country of the map is unknown, so traffic keeps to the right; where it does not, name the country"
 MANY_HAIRPINS = 10
 """More turns than this that cannot be drawn mean that netconvert made one huge junction of several (chosen)."""
+MOST_CROWDED = 1.2
+"""More vehicles on a kilometre of lane than of high density by this factor rarely find room to move (chosen)."""
+MOST_WIDENED = 2.5
+"""A site is cut out no wider than by this factor (chosen)."""
 SITE_LOST = "site_lost"
 """Reason of the refusal of a site whose type the net does not show."""
 
@@ -75,7 +80,7 @@ def prepare_site(
     Raises:
         NotPossible: the network does not show the site's type, breaks a rule, or no road there is open to cars.
     """
-    built = build_network(request, osm, site, folder, report)
+    built = _built_roomy(request, osm, site, folder, report)
     if (reason := why_not_realised(site, built.net)) is not None:
         raise NotPossible(reason, next_step="choose another scenario_type, or another place", reason=SITE_LOST)
     report(0.25, "checking the network")
@@ -89,8 +94,32 @@ def prepare_site(
     return replace(built, findings=findings)
 
 
-def build_network(
+def _built_roomy(
     request: GenerationRequest, osm: OsmMap, site: Site, folder: Path, report: ProgressReporter
+) -> SiteNetwork:
+    """The network of a site that is cut out as usual, or wider where the vehicles that are counted need more road.
+
+    Raises:
+        NotPossible: no road there is open to cars.
+    """
+    usual_m = radius_for(site, request)
+    built = build_network(request, osm, site, usual_m, folder, report)
+    counted = 1 + sum(demand.needed for demand in request.vehicles)
+    share = counted / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
+    if share <= MOST_CROWDED:
+        return built
+    wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
+    wider.mkdir()
+    try:
+        roomy = build_network(request, osm, site, wider_m, wider, report)
+    except NotPossible as refusal:
+        return replace(built, notes=(*built.notes, f"a wider cut for so many vehicles is refused: {refusal.message}"))
+    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {counted} vehicles"
+    return replace(roomy, notes=(*roomy.notes, note))
+
+
+def build_network(
+    request: GenerationRequest, osm: OsmMap, site: Site, radius_m: float, folder: Path, report: ProgressReporter
 ) -> SiteNetwork:
     """Cut a site out of the map and build its net and its lanelets, not judged yet.
 
@@ -98,19 +127,19 @@ def build_network(
         NotPossible: no road there is open to cars.
     """
     net_path = folder / "scenario.net.xml"
-    radius, lefthand = radius_for(site, request), request.country in LEFT_HAND_COUNTRIES
+    lefthand = request.country in LEFT_HAND_COUNTRIES
     classes = classes_for(site, request)
     cut = folder / "site.osm"
     notes: list[str] = []
     report(0.05, "cutting out the site")
     if isinstance(osm, NetMap):
-        warnings = cut_net(osm, site.position, radius, classes, net_path, folder)
+        warnings = cut_net(osm, site.position, radius_m, classes, net_path, folder)
         if not _is_drivable(net_path):
             raise _closed_to_cars()
         report(0.15, "building the lanelets")
         network = _lanelets(net_path)
     else:
-        cut_map(osm, site.position, radius, classes, cut)
+        cut_map(osm, site.position, radius_m, classes, cut)
         warnings, notes, network = _convert_site(site, cut, net_path, lefthand=lefthand, report=report)
     if network.dropped_lanes:
         removed, later = remove_hairpins(net_path, folder)
@@ -122,7 +151,7 @@ def build_network(
     cap_speeds(net_path)
     net = read_net(net_path)
     metadata = ScenarioMetadata.of(request, site, net)
-    return SiteNetwork(site, radius, net_path, net, network, metadata, warnings, tuple(notes))
+    return SiteNetwork(site, radius_m, net_path, net, network, metadata, warnings, tuple(notes))
 
 
 def _convert_site(

@@ -4,8 +4,9 @@ The elements' order follows CommonRoad's schema; ids are given in the order of w
 exponents, and the date is fixed, because a date would make every file differ.
 """
 
+import textwrap
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +28,8 @@ STEP_S = 0.1
 """Time step of all generated scenarios: that of nearly all scenarios of CommonRoad's collection."""
 _NO_COUNTRY = "ZAM"
 """Zamunda: CommonRoad's country for places that are in none."""
+_PROBLEM = b" <planningProblem"
+"""Where the planning problem begins: the obstacles stand before it."""
 _TAGS: dict[SiteType, tuple[str, ...]] = {
     "highway": ("highway", "multi_lane"),
     "ramp": ("highway", "slip_road", "merging_lanes"),
@@ -111,15 +114,12 @@ def write_scenario(
     for tag in sorted(set(metadata.tags)):
         etree.SubElement(tags, tag)
     write_network(root, network, metadata.speed_sign)
-    ids: dict[str, int] = {}
-    next_id = network.next_id
-    for vehicle in traffic:
-        ids[vehicle.vehicle_id] = next_id
-        _write_obstacle(root, next_id, vehicle)
-        next_id += 1
-    _write_planning_problem(root, next_id, task)
+    ids = {vehicle.vehicle_id: network.next_id + number for number, vehicle in enumerate(traffic)}
+    _write_planning_problem(root, network.next_id + len(ids), task)
     etree.indent(root, space=" ")
-    path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
+    before, problem, after = etree.tostring(root, encoding="UTF-8", xml_declaration=True).rpartition(_PROBLEM)
+    obstacles = "".join(_obstacle_text(ids[vehicle.vehicle_id], vehicle) for vehicle in traffic)
+    path.write_bytes(b"".join((before, obstacles.encode(), problem, after, b"\n")))
     return ids
 
 
@@ -164,11 +164,11 @@ def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str | 
             _write_incoming(element, incoming)
 
 
-def _write_point(parent: etree._Element, point: Points, decimals: int = _ROAD_DECIMALS) -> None:
+def _write_point(parent: etree._Element, point: Points) -> None:
     """Append a point (2,) in metres."""
     element = _add(parent, "point")
-    _add(element, "x", f"{point[0]:.{decimals}f}")
-    _add(element, "y", f"{point[1]:.{decimals}f}")
+    _add(element, "x", f"{point[0]:.{_ROAD_DECIMALS}f}")
+    _add(element, "y", f"{point[1]:.{_ROAD_DECIMALS}f}")
 
 
 def _add(parent: etree._Element, path: str, text: str | None = None) -> etree._Element:
@@ -247,24 +247,70 @@ def _write_incoming(intersection: etree._Element, incoming: Incoming) -> None:
     _references(element, "successorsLeft", incoming.left)
 
 
-def _write_obstacle(root: etree._Element, obstacle_id: int, vehicle: GeneratedVehicle) -> None:
-    """Append a vehicle with its trajectory from step 0 on."""
-    element = etree.SubElement(root, "dynamicObstacle", {"id": str(obstacle_id)})
-    _add(element, "type", vehicle.vehicle_class.commonroad_type)
-    rectangle = _add(element, "shape/rectangle")
-    _add(rectangle, "length", f"{vehicle.size_m[0]:g}")
-    _add(rectangle, "width", f"{vehicle.size_m[1]:g}")
-    _write_state(_add(element, "initialState"), vehicle.motion, 0)
-    trajectory = _add(element, "trajectory")
-    for step in range(1, vehicle.steps):
-        _write_state(_add(trajectory, "state"), vehicle.motion, step)
+_OBSTACLE = """ <dynamicObstacle id="{key}">
+  <type>{kind}</type>
+  <shape>
+   <rectangle>
+    <length>{length_m:g}</length>
+    <width>{width_m:g}</width>
+   </rectangle>
+  </shape>
+{initial}{trajectory} </dynamicObstacle>
+"""
+_STATE = """<{tag}>
+ <position>
+  <point>
+   <x>{x:.{decimals}f}</x>
+   <y>{y:.{decimals}f}</y>
+  </point>
+ </position>
+ <orientation>
+  <exact>{heading}</exact>
+ </orientation>
+ <time>
+  <exact>{step}</exact>
+ </time>
+ <velocity>
+  <exact>{speed}</exact>
+ </velocity>
+ <acceleration>
+  <exact>{acceleration}</exact>
+ </acceleration>
+</{tag}>
+"""
+
+
+def _obstacle_text(obstacle_id: int, vehicle: GeneratedVehicle) -> str:
+    """The element of a vehicle with its trajectory from step 0 on, on the first level of a file."""
+    states = "".join(_state_texts("state", vehicle.motion, range(1, vehicle.steps), 3))
+    return _OBSTACLE.format(
+        key=obstacle_id,
+        kind=vehicle.vehicle_class.commonroad_type,
+        length_m=vehicle.size_m[0],
+        width_m=vehicle.size_m[1],
+        initial="".join(_state_texts("initialState", vehicle.motion, range(1), 2)),
+        trajectory=f"  <trajectory>\n{states}  </trajectory>\n" if states else "  <trajectory/>\n",
+    )
+
+
+def _state_texts(tag: str, motion: Motion, steps: range, level: int) -> Iterator[str]:
+    """The elements of states, on a level of a file: most of what is written, and never looked at as a tree."""
+    state = textwrap.indent(_STATE, " " * level)
+    chosen = slice(steps.start, steps.stop)
+    columns = motion.headings_rad, motion.speeds_mps, motion.accelerations_mps2
+    rows = zip(steps, motion.positions[chosen].tolist(), *(column[chosen].tolist() for column in columns), strict=True)
+    for step, (x, y), *exact in rows:
+        heading, speed, acceleration = map(_number, exact)
+        yield state.format(
+            tag=tag, decimals=DECIMALS, x=x, y=y, heading=heading, step=step, speed=speed, acceleration=acceleration
+        )
 
 
 def _write_planning_problem(root: etree._Element, problem_id: int, task: PlanningTask) -> None:
     """Append the ego's initial state and its goal."""
     element = etree.SubElement(root, "planningProblem", {"id": str(problem_id)})
-    initial = _add(element, "initialState")
-    _write_state(initial, task.ego.motion, 0)
+    initial = etree.fromstring("".join(_state_texts("initialState", task.ego.motion, range(1), 0)))
+    element.append(initial)
     _exact(initial, "yawRate", first_yaw_rate_radps(task.ego.motion))
     _exact(initial, "slipAngle", 0.0)
     goal = _add(element, "goalState")
@@ -292,14 +338,10 @@ def first_yaw_rate_radps(motion: Motion) -> float:
     return wrap_angle(float(turned[1] - turned[0])) / STEP_S if len(turned) > 1 else 0.0
 
 
-def _write_state(element: etree._Element, motion: Motion, step: int) -> None:
-    _write_point(_add(element, "position"), motion.positions[step], DECIMALS)
-    _exact(element, "orientation", float(motion.headings_rad[step]))
-    _add(element, "time/exact", str(step))
-    _exact(element, "velocity", float(motion.speeds_mps[step]))
-    _exact(element, "acceleration", float(motion.accelerations_mps2[step]))
-
-
 def _exact(element: etree._Element, tag: str, value: float) -> None:
+    _add(element, f"{tag}/exact", _number(value))
+
+
+def _number(value: float) -> str:
     number = f"{value:.{DECIMALS}f}"
-    _add(element, f"{tag}/exact", "0.000000" if float(number) == 0 else number)
+    return "0.000000" if float(number) == 0 else number

@@ -64,11 +64,12 @@ class FirstOverlap:
 def first_overlaps(tracks: Sequence[BoxTrack]) -> list[FirstOverlap]:
     """All pairs that overlap at a step at which both exist, each once, in order of their indices."""
     pairs: list[FirstOverlap] = []
-    for index, track in enumerate(tracks):
-        others, steps = _near(index, tracks)
+    boxes = _Boxes.of(tracks)
+    for index in range(len(tracks)):
+        others, steps = boxes.near(index)
         if not len(others):
             continue
-        hit = _overlap_at(track, tracks, others, steps)
+        hit = boxes.overlap(index, others, steps)
         pairs += [
             FirstOverlap(index, int(other), int(steps[hit & (others == other)].min()))
             for other in np.unique(others[hit])
@@ -76,36 +77,57 @@ def first_overlaps(tracks: Sequence[BoxTrack]) -> list[FirstOverlap]:
     return pairs
 
 
-def _near(index: int, tracks: Sequence[BoxTrack]) -> tuple[_Indices, _Indices]:
-    """(track, step), both (k,), of all later tracks where the squares around both rectangles meet."""
-    track = tracks[index]
-    others: list[_Indices] = [np.empty(0, dtype=np.intp)]
-    steps: list[_Indices] = [np.empty(0, dtype=np.intp)]
-    for later in range(index + 1, len(tracks)):
-        other = tracks[later]
-        count = min(len(track.positions), len(other.positions))
-        reach = (math.hypot(*track.size_m) + math.hypot(*other.size_m)) / 2
-        apart = np.abs(track.positions[:count] - other.positions[:count])
-        near = np.flatnonzero((apart[:, 0] < reach) & (apart[:, 1] < reach))
-        others.append(np.full(len(near), later))
-        steps.append(near)
-    return np.concatenate(others), np.concatenate(steps)
+@dataclass(frozen=True)
+class _Boxes:
+    """Tracks side by side, NaN where one has ended: centres (n, steps, 2), headings (n, steps), half sizes (n, 2).
 
+    ``low``, ``high``: the corners (n, 2) of the box in which each centre stays. ``reach_m``: diagonals (n,).
+    """
 
-def _overlap_at(track: BoxTrack, tracks: Sequence[BoxTrack], others: _Indices, steps: _Indices) -> NDArray[np.bool_]:
-    """Whether a track overlaps the others (k,) at the steps (k,): no axis of either rectangle keeps them apart."""
-    pairs = list(zip(others, steps, strict=True))
-    apart = np.array([tracks[other].positions[step] for other, step in pairs]) - track.positions[steps]
-    there_rad = np.array([tracks[other].headings_rad[step] for other, step in pairs])
-    here_rad = track.headings_rad[steps]
-    their_half = np.array([tracks[other].size_m for other in others]) / 2
-    own_half = np.broadcast_to(np.array(track.size_m) / 2, their_half.shape)
-    turn = there_rad - here_rad
-    cos, sin = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    hit = np.ones(len(others), dtype=bool)
-    for mine, theirs, angle in ((own_half, their_half, here_rad), (their_half, own_half, there_rad)):
-        along = np.abs(apart[:, 0] * np.cos(angle) + apart[:, 1] * np.sin(angle))
-        across = np.abs(apart[:, 1] * np.cos(angle) - apart[:, 0] * np.sin(angle))
-        hit &= along < mine[:, 0] + theirs[:, 0] * cos + theirs[:, 1] * sin
-        hit &= across < mine[:, 1] + theirs[:, 0] * sin + theirs[:, 1] * cos
-    return hit
+    centers: NDArray[np.float64]
+    headings_rad: Points
+    half_m: Points
+    low: Points
+    high: Points
+    reach_m: Values
+
+    @classmethod
+    def of(cls, tracks: Sequence[BoxTrack]) -> "_Boxes":
+        count, steps = len(tracks), max((len(track.positions) for track in tracks), default=0)
+        centers, headings = np.full((count, steps, 2), np.nan), np.full((count, steps), np.nan)
+        low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+        for index, track in enumerate(tracks):
+            length = len(track.positions)
+            centers[index, :length], headings[index, :length] = track.positions, track.headings_rad
+            if length:
+                low[index], high[index] = track.positions.min(axis=0), track.positions.max(axis=0)
+        half_m = np.array([track.size_m for track in tracks]).reshape(-1, 2) / 2
+        reach_m = np.array([math.hypot(*track.size_m) for track in tracks])
+        return cls(centers, headings, half_m, low, high, reach_m)
+
+    def near(self, index: int) -> tuple[_Indices, _Indices]:
+        """(track, step), both (k,), of all later tracks where the squares around both rectangles meet."""
+        reach_m = (self.reach_m[index] + self.reach_m[index + 1 :, None]) / 2
+        beside = (self.low[index + 1 :] - self.high[index] > reach_m) | (
+            self.low[index] - self.high[index + 1 :] > reach_m
+        )
+        later = np.flatnonzero(~beside.any(axis=1))
+        apart = np.abs(self.centers[index + 1 + later] - self.centers[index])
+        rows, steps = np.nonzero((apart < reach_m[later, :, None]).all(axis=2))
+        return index + 1 + later[rows], steps
+
+    def overlap(self, index: int, others: _Indices, steps: _Indices) -> NDArray[np.bool_]:
+        """Whether a track overlaps others (k,) at steps (k,): no axis of either rectangle keeps them apart."""
+        apart = self.centers[others, steps] - self.centers[index, steps]
+        here_rad, there_rad = self.headings_rad[index, steps], self.headings_rad[others, steps]
+        their_half = self.half_m[others]
+        own_half = np.broadcast_to(self.half_m[index], their_half.shape)
+        turn = there_rad - here_rad
+        cos, sin = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+        hit = np.ones(len(others), dtype=bool)
+        for mine, theirs, angle in ((own_half, their_half, here_rad), (their_half, own_half, there_rad)):
+            along = np.abs(apart[:, 0] * np.cos(angle) + apart[:, 1] * np.sin(angle))
+            across = np.abs(apart[:, 1] * np.cos(angle) - apart[:, 0] * np.sin(angle))
+            hit &= along < mine[:, 0] + theirs[:, 0] * cos + theirs[:, 1] * sin
+            hit &= across < mine[:, 1] + theirs[:, 0] * sin + theirs[:, 1] * cos
+        return hit

@@ -11,14 +11,15 @@ import pytest
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generator, site_network
 from plannerforge.engine.generation.site_network import SITE_LOST, UNKNOWN_SIDE, SiteNetwork, prepare_site
-from plannerforge.engine.generation.sites import fitting_sites
+from plannerforge.engine.generation.sites import RADIUS_M, fitting_sites
 from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.maps.osm import OsmMap
 from plannerforge.engine.maps.sites import Site
 from plannerforge.engine.network.road_network import RoadNetwork
+from plannerforge.engine.traffic.demand import lane_km_of
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import GenerationRequest, ScenarioType
+from plannerforge.schemas.generation import GenerationRequest, ScenarioType, VehicleDemand
 
 
 def request_for_fahrhausen(country: str | None = "DEU") -> GenerationRequest:
@@ -54,6 +55,46 @@ def test_traffic_keeps_to_the_side_of_the_country_and_an_unknown_country_is_note
     site = site_at(tmp_path, country)
     assert ('lefthand="true"' in site.net_path.read_text()) == lefthand
     assert (UNKNOWN_SIDE in site.notes) == noted
+
+
+def test_a_site_is_cut_out_wider_for_more_vehicles_than_its_roads_hold(tmp_path: Path) -> None:
+    usual = site_at(tmp_path)
+    crowded = request_for_fahrhausen().model_copy(
+        update={"vehicles": (VehicleDemand(vehicle_class="car", least=90, most=90),)}
+    )
+    osm = read_map_file(Path(crowded.map_path))
+    wider = prepare_site(crowded, osm, fitting_sites(osm, crowded)[0], _empty(tmp_path / "crowded"), silent)
+    assert usual.radius_m == RADIUS_M["intersection"] < wider.radius_m
+    assert lane_km_of(wider.net) > 1.3 * lane_km_of(usual.net)
+    assert wider.notes == (
+        *usual.notes,
+        f"cut out {wider.radius_m:.0f} m around the site, not 200 m, to have road for 91 vehicles",
+    )
+
+
+def test_a_site_stays_as_wide_as_usual_where_a_wider_one_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build = site_network.build_network
+
+    def refuses_wide(request: Any, osm: Any, site: Any, radius_m: float, *rest: Any) -> SiteNetwork:
+        if radius_m > RADIUS_M["intersection"]:
+            raise NotPossible("too many nodes")
+        return build(request, osm, site, radius_m, *rest)
+
+    monkeypatch.setattr(site_network, "build_network", refuses_wide)
+    crowded = request_for_fahrhausen().model_copy(
+        update={"vehicles": (VehicleDemand(vehicle_class="car", least=90, most=90),)}
+    )
+    osm = read_map_file(Path(crowded.map_path))
+    site = prepare_site(crowded, osm, fitting_sites(osm, crowded)[0], tmp_path, silent)
+    assert site.radius_m == RADIUS_M["intersection"]
+    assert site.notes[-1] == "a wider cut for so many vehicles is refused: too many nodes"
+
+
+def _empty(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
 
 
 def spoil(monkeypatch: pytest.MonkeyPatch, change: Callable[[RoadNetwork], RoadNetwork]) -> None:
