@@ -13,6 +13,7 @@ from lxml import etree
 from ...schemas.errors import ResourceFailure
 from ...schemas.text import one_line, quoted
 from .benchmark_id import is_benchmark_id
+from .split_document import CHUNK, SplitDocument
 
 _AFTER_OBSTACLES = ("phantomObstacle", "environmentObstacle", "planningProblem")
 """Elements that the schema wants behind the dynamic obstacles."""
@@ -23,11 +24,14 @@ class ScenarioDocument:
     """The tree of a scenario file; the methods change it."""
 
     tree: "etree._ElementTree"
+    split: SplitDocument
 
     @classmethod
     def read(cls, path: Path) -> "ScenarioDocument":
         """Parse a file that was scanned before; entities are not resolved."""
-        return cls(etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True, remove_blank_text=False)))
+        content = path.read_bytes()
+        split = SplitDocument.of(content) or SplitDocument((), content)
+        return cls(_parsed(split.rest).getroottree(), split)
 
     @property
     def root(self) -> "etree._Element":
@@ -54,8 +58,18 @@ class ScenarioDocument:
         for element in self.root:
             is_obstacle = isinstance(element.tag, str) and element.tag.lower().endswith("obstacle")
             if is_obstacle and _id_of(element) == obstacle_id:
-                return element
+                return self._whole(element)
         raise ResourceFailure(f"the file holds no obstacle element {obstacle_id}")
+
+    def _whole(self, element: "etree._Element") -> "etree._Element":
+        """An obstacle in place of its stand-in."""
+        number = element.get(CHUNK)
+        if number is None or not self.split.chunks:
+            return element
+        obstacle = _parsed(self.split.chunks[int(number)])
+        obstacle.tail = element.tail
+        self.root.replace(element, obstacle)
+        return obstacle
 
     def problem(self, problem_id: int) -> "etree._Element":
         """The element of a planning problem.
@@ -106,7 +120,8 @@ class ScenarioDocument:
     def write(self, path: Path, benchmark_id: str) -> None:
         """Write the tree under a new benchmark id; UTF-8 with a declaration."""
         self.root.set("benchmarkID", benchmark_id)
-        self.tree.write(path, xml_declaration=True, encoding="UTF-8")
+        written = etree.tostring(self.tree, xml_declaration=True, encoding="UTF-8")
+        path.write_bytes(self.split.with_chunks(written) if self.split.chunks else written)
 
     def _indent(self, element: "etree._Element", level: int) -> None:
         etree.indent(element, space=self._indent_unit() or " ", level=level)
@@ -115,6 +130,11 @@ class ScenarioDocument:
         """The white space of one level, as in the file."""
         text = (self.root.text or "").rpartition("\n")[2]
         return text if text.strip() == "" else ""
+
+
+def _parsed(content: bytes) -> "etree._Element":
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_blank_text=False, huge_tree=True)
+    return etree.fromstring(content, parser)
 
 
 def _id_of(element: "etree._Element") -> int | None:

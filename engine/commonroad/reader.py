@@ -14,7 +14,6 @@ reads the rest: ``read_recorded`` gives them as tracks, ``read_scenario`` as the
 
 import hashlib
 import logging
-import re
 import warnings
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -31,6 +30,7 @@ from lxml import etree
 from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import quoted
 from .plain_states import PlainStates, put_states, take_plain_states
+from .split_document import SplitDocument, is_declared_utf8
 from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
 
@@ -200,17 +200,78 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
 
     commonroad-io fails on a scenario without lanelets, and its error does not say why.
     """
-    whole = parse_document(path, limits)
+    split = _split_document(path, limits or XmlLimits())
+    whole, states = (parse_document(path, limits), None) if split is None else split
     refuse_another_root(path, str(whole.tag))
     if whole.find("lanelet") is None:
         raise UnsafeInput(
             f"{quoted(path.name)} has no lanelets, so there is no road to drive on",
             next_step="export the scenario again with its lanelet network, or choose another file",
         )
-    states = take_plain_states(whole)
+    states = take_plain_states(whole) if states is None else states
     root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised just now
     _check(path, root, limits, states)
     return root, states
+
+
+def _split_document(path: Path, limits: XmlLimits) -> "tuple[etree._Element, dict[int, PlainStates]] | None":
+    """The document without the states of plain trajectories, and these; an obstacle that is known by its bytes is not
+    parsed again. None where the file has to be looked at as a whole: that tells what is wrong with it too.
+    """
+    content = _small_content(path)
+    split = SplitDocument.of(content) if _is_surely_within(content, limits, limits.elements) else None
+    if split is None or not split.chunks:
+        return None
+    states: dict[int, PlainStates] = {}
+
+    def taken_from(chunk: bytes) -> bytes:
+        read = _read_obstacle(chunk)
+        states.update(read.states)
+        return read.left
+
+    try:
+        whole = etree.fromstring(split.with_chunks(split.rest, taken_from), _parser())
+    except (etree.XMLSyntaxError, ValueError, LookupError):
+        return None
+    are_direct = all(obstacle.getparent() is whole for obstacle in whole.iter("dynamicObstacle", "obstacle"))
+    return (whole, states) if are_direct and not _is_too_deep(whole, limits) else None
+
+
+def _small_content(path: Path) -> bytes:
+    try:
+        return path.read_bytes() if path.stat().st_size <= _SMALL_BYTES else b""
+    except OSError:
+        return b""
+
+
+@dataclass(frozen=True)
+class _ReadObstacle:
+    """The plain states of an obstacle by its id, and the element without them."""
+
+    states: Mapping[int, PlainStates]
+    left: bytes
+
+
+_KEPT_OBSTACLES = 1_000
+"""Obstacles that a worker knows by their bytes, some kB each (chosen): an edited scenario has most of its base's."""
+
+
+def _read_obstacle(chunk: bytes) -> _ReadObstacle:
+    """Raises what lxml raises where the bytes are no element."""
+    known = _known_obstacle(hashlib.sha256(chunk).digest())
+    if not known:
+        holder = etree.Element("commonRoad")
+        holder.append(etree.fromstring(chunk, _parser()))
+        states = take_plain_states(holder)
+        known.append(_ReadObstacle(states, etree.tostring(holder[0]) if states else chunk))
+    return known[0]
+
+
+@lru_cache(maxsize=_KEPT_OBSTACLES)
+def _known_obstacle(digest: bytes) -> list[_ReadObstacle]:
+    """What was read of bytes with a digest: nothing yet, or one."""
+    del digest
+    return []
 
 
 def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collection[int] = ()) -> None:
@@ -311,11 +372,10 @@ class _ParsedReader(XMLFileReader):  # type: ignore[misc]  # commonroad-io has n
         self._tree = ElementTree(self._root)
 
 
-_SMALL_BYTES = 20_000_000
+_SMALL_BYTES = 40_000_000
 """Chosen: a file up to this size is read whole before it is known to be harmless."""
 _FEW_TAGS = 800_000
 """Tags of which the elements take less than 200 MB (0.24 kB each): as many are parsed before their depth is known."""
-_IN_UTF8 = re.compile(rb"(\xef\xbb\xbf)?<\?xml version=[\"']1\.0[\"']( encoding=[\"'](?i:utf-8)[\"'])?[^>\w]*\?>")
 
 
 def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Element":
@@ -329,8 +389,8 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Eleme
     """
     limits = limits or XmlLimits()
     try:
-        content = path.read_bytes() if path.stat().st_size <= _SMALL_BYTES else b""
-        if not _is_surely_within(content, limits):
+        content = _small_content(path)
+        if not _is_surely_within(content, limits, _FEW_TAGS):
             scan_xml(path, limits)
             content = path.read_bytes()
         root = etree.fromstring(content, _parser())
@@ -339,16 +399,20 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Eleme
     except (etree.XMLSyntaxError, ValueError, LookupError) as error:
         scan_xml(path, limits)  # which names a limit that libxml2 has too, such as the depth
         raise UnsafeInput(f"{quoted(path.name)} is not well-formed XML: {error}") from error
-    if root.xpath(f"boolean({'/*' * (limits.depth + 1)})"):
+    if _is_too_deep(root, limits):
         raise UnsafeInput(f"{quoted(path.name)} nests elements deeper than {limits.depth} levels")
     return root
 
 
-def _is_surely_within(content: bytes, limits: XmlLimits) -> bool:
+def _is_too_deep(root: "etree._Element", limits: XmlLimits) -> bool:
+    return bool(root.xpath(f"boolean({'/*' * (limits.depth + 1)})"))
+
+
+def _is_surely_within(content: bytes, limits: XmlLimits, most_tags: int) -> bool:
     return (
-        _IN_UTF8.match(content) is not None
+        is_declared_utf8(content)
         and b"<!DOCTYPE" not in content
-        and content.count(b"<") <= min(_FEW_TAGS, limits.elements)
+        and content.count(b"<") <= min(most_tags, limits.elements)
         and content.count(b"<lanelet") <= limits.lanelets
         and len(content) <= limits.size_bytes
     )

@@ -1,0 +1,128 @@
+"""A file that is split says the same as the whole, in reading and in writing; what bytes cannot tell is not split."""
+
+from pathlib import Path
+
+import pytest
+from lxml import etree
+from support.builders import crossing, driving, town_road
+
+from plannerforge.engine.commonroad import plain_states, reader
+from plannerforge.engine.commonroad.document import ScenarioDocument
+from plannerforge.engine.commonroad.reader import read_recorded
+from plannerforge.engine.commonroad.split_document import SplitDocument
+
+HEADER = b"<?xml version='1.0' encoding='UTF-8'?>\n"
+OBSTACLE = b'<dynamicObstacle id="7"><type>car</type></dynamicObstacle>'
+
+
+def document(inside: bytes, header: bytes = HEADER) -> bytes:
+    return header + b'<commonRoad benchmarkID="A">' + inside + b"</commonRoad>"
+
+
+def test_the_parts_together_are_the_file() -> None:
+    content = document(b"\n <lanelet/>\n " + OBSTACLE + b"\n " + OBSTACLE.replace(b'"7"', b"'8'") + b"\n <x/>\n")
+    split = SplitDocument.of(content)
+    assert split is not None
+    assert [chunk[:22] for chunk in split.chunks] == [b'<dynamicObstacle id="7', b"<dynamicObstacle id='8"]
+    assert split.rest.count(b"type") == 0
+    assert split.with_chunks(split.rest) == content
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        document(b"<!-- " + OBSTACLE + b" -->"),
+        document(b"<x><![CDATA[" + OBSTACLE + b"]]></x>"),
+        document(OBSTACLE, header=HEADER + b"<!DOCTYPE x []>"),
+        document(OBSTACLE + b"<?pi " + OBSTACLE + b"?>"),
+        document(OBSTACLE, header=b"<?xml version='1.0' encoding='UTF-16'?>"),
+        document(OBSTACLE, header=b""),
+        document(b"\r\n" + OBSTACLE),
+        document(OBSTACLE).replace(b"<commonRoad", b'<commonRoad xmlns="urn:x"'),
+        document(b'<dynamicObstacle id="7" chunk="0"/>' + OBSTACLE),
+    ],
+    ids=["comment", "cdata", "doctype", "instruction", "utf16", "undeclared", "return", "namespace", "stand_in"],
+)
+def test_what_bytes_may_not_tell_is_not_split(content: bytes) -> None:
+    assert SplitDocument.of(content) is None
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        b'<dynamicObstacle id="7"/>',
+        b"<dynamicObstacle><type>car</type></dynamicObstacle>",
+        b'<dynamicObstacle id="7"><type id="9">car</type></dynamicObstacle>',
+        b'<dynamicObstacle id="&#55;"><type>car</type></dynamicObstacle>',
+        b'<dynamicObstacle id="7"><type>car</type>',
+    ],
+    ids=["empty", "no_id", "id_inside", "reference", "open"],
+)
+def test_an_obstacle_that_its_id_does_not_tell_stays_where_it_is(inside: bytes) -> None:
+    content = document(inside)
+    split = SplitDocument.of(content)
+    assert split is not None
+    assert (split.chunks, split.rest) == ((), content)
+
+
+def test_an_obstacle_inside_another_element_is_left_to_the_reader_of_the_whole(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "town.xml")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("</commonRoad>", f"<other>{OBSTACLE.decode()}</other></commonRoad>"), encoding="utf-8")
+    assert reader._split_document(path, reader.XmlLimits()) is None
+    assert 7 not in read_recorded(path).tracks
+
+
+def test_an_obstacle_that_was_read_before_is_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    town = town_road()
+    read_recorded(town.write(tmp_path / "base.xml"))
+    looked_at: list[str] = []
+
+    def noting(whole: "etree._Element") -> dict[int, plain_states.PlainStates]:
+        looked_at.extend(str(obstacle.get("id")) for obstacle in whole.iterchildren("dynamicObstacle"))
+        return plain_states.take_plain_states(whole)
+
+    monkeypatch.setattr(reader, "take_plain_states", noting)
+    more = town.with_vehicles(*town.vehicles, driving(77, (10, 3.5), 9.0, 30))
+    assert 77 in read_recorded(more.write(tmp_path / "more.xml")).tracks
+    assert looked_at == ["77"]
+
+
+@pytest.mark.parametrize("name", ["town", "crossing"])
+def test_an_untouched_document_is_written_as_libxml2_writes_it(tmp_path: Path, name: str) -> None:
+    path = {"town": town_road, "crossing": crossing}[name]().write(tmp_path / "base.xml")
+    assert _written(path, tmp_path) == _written_by_libxml2(path)
+
+
+def test_untouched_documents_of_public_files_are_written_as_libxml2_writes_them(
+    shared_data: Path, tmp_path: Path
+) -> None:
+    files = sorted((shared_data / "data" / "commonroad").glob("*.xml"))[::8]
+    assert len(files) > 20
+    for path in files:
+        assert _written(path, tmp_path) == _written_by_libxml2(path), path.name
+
+
+def test_an_obstacle_is_whole_once_it_is_asked_for(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "base.xml")
+    written = ScenarioDocument.read(path)
+    states = written.obstacle(31).findall("trajectory/state")
+    assert len(states) == 150
+    written.obstacle(31).find("type").text = "bus"  # type: ignore[union-attr]
+    written.remove(written.obstacle(33))
+    written.write(tmp_path / "written.xml", "ZAM_A-1_1_T-1")
+    tracks = read_recorded(tmp_path / "written.xml").tracks
+    assert sorted(tracks) == [31, 32, 34, 35]
+    assert tracks[31].kind == "bus"
+
+
+def _written(path: Path, folder: Path) -> bytes:
+    document = ScenarioDocument.read(path)
+    document.write(folder / "written.xml", "ZAM_A-1_1_T-1")
+    return (folder / "written.xml").read_bytes()
+
+
+def _written_by_libxml2(path: Path) -> bytes:
+    tree = etree.parse(path)
+    tree.getroot().set("benchmarkID", "ZAM_A-1_1_T-1")
+    return etree.tostring(tree, xml_declaration=True, encoding="UTF-8")
