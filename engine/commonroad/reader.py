@@ -29,8 +29,9 @@ from lxml import etree
 
 from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import quoted
+from .document import SplitDocument, is_declared_utf8
+from .lanelet_networks import scenario_of
 from .plain_states import PlainStates, put_states, take_plain_states
-from .split_document import SplitDocument, is_declared_utf8
 from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
 
@@ -370,6 +371,11 @@ class _ParsedReader(XMLFileReader):  # type: ignore[misc]  # commonroad-io has n
 
     def _parse_file(self) -> None:
         self._tree = ElementTree(self._root)
+
+    def _open_scenario(self, lanelet_assignment: bool) -> "Scenario":
+        if lanelet_assignment or self._commonroad_version == "2018b":
+            return super()._open_scenario(lanelet_assignment)
+        return scenario_of(self._tree, self._dt, self._benchmark_id, self._commonroad_version, self._meta_data)
 
 
 _SMALL_BYTES = 40_000_000

@@ -8,15 +8,17 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from heapq import heapify, heappop, heappush
 from itertools import islice, pairwise
 
 from ...schemas.generation import SiteType
 from .nearness import Gathering, Surroundings
 from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
-from .rings import RING_TAGS, Rings
+from .rings import RING_TAGS, Rings, direction_of
 from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
-from .signals import nodes_at_signals
 
+AHEAD_M = 25.0
+"""From a signal to the junction that it stands for: netconvert's ``tls.guess-signals.dist``."""
 SIGNAL_REACH_M = 45.0
 """From a junction to its traffic signals: on wide roads they are mapped at the stop lines (chosen)."""
 LIT_WITHIN_M = 60.0
@@ -242,7 +244,7 @@ class SiteFinder:
     def _junctions_with_lights(self) -> Surroundings:
         """Of the roads that are cut out around a site."""
         roads = self.osm.roads(self._without_links)
-        lit = nodes_at_signals(self.osm, roads)
+        lit = _nodes_at_signals(self.osm, roads)
         return Surroundings([[self._metres(self.osm.nodes[key])] for key in _Crossings(roads).junctions if key in lit])
 
     def _crossings(self) -> list[_Spot]:
@@ -440,3 +442,30 @@ def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
             points.append(OsmNode(0, latitude, longitude, {}))
         gone += step
     return points
+
+
+def _nodes_at_signals(osm: OsmMap, roads: Iterable[OsmWay]) -> frozenset[int]:
+    """The nodes with a traffic signal, and those to which the roads lead from one within ``AHEAD_M``.
+
+    Maps show signals at the junction or where drivers stop for it, and netconvert gives lights to what lies ahead of
+    them in the direction of travel. A signal that drivers come to after a junction is another junction's.
+    """
+    onwards: dict[int, list[int]] = {}
+    for way in roads:
+        direction = direction_of(way)
+        for one, other in pairwise(way.node_ids):
+            onwards.setdefault(one, []).extend([other] if direction >= 0 else [])
+            onwards.setdefault(other, []).extend([one] if direction <= 0 else [])
+    waiting = [(0.0, key) for key in onwards if osm.nodes[key].tags.get("highway") == "traffic_signals"]
+    heapify(waiting)
+    reached: set[int] = set()
+    while waiting:
+        behind_m, key = heappop(waiting)
+        if key in reached:
+            continue
+        reached.add(key)
+        for other in onwards[key]:
+            further_m = behind_m + ground_distance_m(osm.nodes[key].position, osm.nodes[other].position)
+            if other not in reached and further_m <= AHEAD_M:
+                heappush(waiting, (further_m, other))
+    return frozenset(reached)

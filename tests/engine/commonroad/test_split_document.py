@@ -7,9 +7,8 @@ from lxml import etree
 from support.builders import crossing, driving, town_road
 
 from plannerforge.engine.commonroad import plain_states, reader
-from plannerforge.engine.commonroad.document import ScenarioDocument
+from plannerforge.engine.commonroad.document import ScenarioDocument, SplitDocument
 from plannerforge.engine.commonroad.reader import read_recorded
-from plannerforge.engine.commonroad.split_document import SplitDocument
 
 HEADER = b"<?xml version='1.0' encoding='UTF-8'?>\n"
 OBSTACLE = b'<dynamicObstacle id="7"><type>car</type></dynamicObstacle>'
