@@ -9,12 +9,20 @@ Keys: ``generate_140_s``, ``describe_140_s``, ``edit_140_s`` (the first edit), `
 with another scenario on the same one. ``generate_exponent``, ``edit_exponent``, ``run_exponent``: growth of the time
 from the fewest to the most cars of ``--cars``. ``run_small_s``: a run of a public file, the median of ``--files``.
 ``read_ratio``: processor time in which commonroad-io reads public files and generated ones, over ours.
+
+``import_10k_per_s``: files a second of ``--imports`` copies of public files with ids of their own, the larger half
+of the files left out; ``import_memory_slope_mb``: by how much the server's memory grows for a thousand files after the
+first thousand. ``million_search_ms``: a filtered search among ``--entries`` entries, the median of the corpus;
+``million_memory_mb``: the largest memory of the server that searches. ``demo_stages_s``: all calls of the demo.
 """
 
 import argparse
 import gc
 import math
+import os
+import re
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -25,15 +33,35 @@ from pathlib import Path
 from typing import Any
 
 import anyio
+import psutil
 from commonroad.common.file_reader import CommonRoadFileReader
-from mcp import Client
+from mcp import Client, StdioServerParameters
 
-from ..engine.commonroad import read_recorded
+from ..engine.catalog import facts_of
+from ..engine.commonroad import forget_obstacles, read_recorded
+from ..engine.workspace import Database
 from ..server.assembly import create_server
-from .harness import import_scenarios, print_figures, scenario_files, settings_for, shared_scenarios, spread
+from .harness import (
+    Figures,
+    ask_to_the_end,
+    import_scenarios,
+    print_figures,
+    scenario_files,
+    settings_for,
+    shared_folder,
+    shared_scenarios,
+    spread,
+)
+from .selection.corpus import read_requests
+from .selection.pages import search_ms
+from .selection.speed import make_catalog
 
-CARS = (20, 80, 140)
-"""Sizes that are measured; the table is of the largest, the chain of the middle one."""
+CARS = (20, 80, 140, 300)
+"""Sizes that are measured; growth is from the least to the largest."""
+TABLE_CARS, CHAIN_CARS = 140, 80
+"""Of these the table and the chain."""
+_A_FOLDER = 1_000
+"""Files that are imported by one call."""
 CONFIGS = ("frenetix:Default", "frenetix:Safety-Conservative")
 WORKERS = 2
 Times = dict[str, float]
@@ -109,7 +137,7 @@ async def _warm_server(workspace: Path) -> AsyncIterator[Client]:
         yield client
 
 
-async def _measure(repeats: int, cars: Sequence[int], files: int) -> None:
+async def _measure(repeats: int, cars: Sequence[int], files: int, imports: int, entries: int) -> None:
     by_size: dict[int, list[Times]] = {size: [] for size in cars}
     chains: dict[str, list[float]] = {"cold": [], "warm": []}
     with tempfile.TemporaryDirectory() as name:
@@ -120,12 +148,14 @@ async def _measure(repeats: int, cars: Sequence[int], files: int) -> None:
                     sys.stderr.write(f"{size} cars: {_in_words(by_size[size][-1])}\n")
             async with _warm_server(Path(name) / f"chain_{number}") as one:
                 for kind, seed in (("cold", number), ("warm", 1_000 + number)):
-                    times = await _chain(one, cars[len(cars) // 2], seed)
+                    times = await _chain(one, CHAIN_CARS, seed)
                     chains[kind].append(sum(times.values()))
                     sys.stderr.write(f"chain, {kind}: {chains[kind][-1]:.2f} s: {_in_words(times)}\n")
         small = await _small_runs(Path(name) / "small", files)
         ratios = _read_ratios(files, sorted(Path(name).rglob("scenario.xml"))[:files])
-    _show(by_size, chains, small, ratios)
+        demo = {"demo_stages_s": _demo_s(Path(name) / "demo")}
+        volume = await _volume(Path(name) / "volume", imports, entries)
+    _show(by_size, chains, small, ratios, {**demo, **volume})
 
 
 async def _small_runs(workspace: Path, files: int) -> list[float]:
@@ -143,7 +173,12 @@ async def _small_runs(workspace: Path, files: int) -> list[float]:
 def _read_ratios(files: int, generated: Sequence[Path]) -> list[float]:
     """commonroad-io's processor time over ours for each of some public files and the generated ones."""
     paths = [*scenario_files(shared_scenarios(), files), *generated]
-    return [_cpu_s(_read_by_commonroad_io, path) / _cpu_s(read_recorded, path) for path in paths]
+    return [_cpu_s(_read_by_commonroad_io, path) / _cpu_s(_read_by_us, path) for path in paths]
+
+
+def _read_by_us(path: Path) -> None:
+    forget_obstacles()
+    read_recorded(path)
 
 
 def _read_by_commonroad_io(path: Path) -> None:
@@ -161,28 +196,98 @@ def _cpu_s(read: Callable[[Path], object], path: Path) -> float:
     return min(times)
 
 
+def _demo_s(folder: Path) -> float:
+    """Seconds of all calls of the demo, as it tells them itself."""
+    plannerforge = Path(sys.executable).parent / "plannerforge"
+    told = subprocess.run([plannerforge, "demo", "--folder", folder], capture_output=True, text=True, check=True)
+    taken = re.search(r"calls took ([\d.]+) s", told.stdout)
+    if taken is None:
+        raise RuntimeError(f"the demo does not tell how long its calls took: {told.stdout[-500:]}")
+    return float(taken[1])
+
+
+async def _volume(folder: Path, imports: int, entries: int) -> Figures:
+    """Many files imported, and a search among many entries made of their facts: each by a server in its own process."""
+    folders = _copies(folder / "files", imports)
+    memory_mb: list[tuple[int, float]] = []
+    async with _server_process(folder / "workspace", folder) as (client, server):
+        began = time.perf_counter()
+        for number, one in enumerate(folders, start=1):
+            await ask_to_the_end(client, "import_files", path=str(one))
+            memory_mb.append((number * _A_FOLDER, server.memory_info().rss / 1e6))
+            sys.stderr.write(f"{memory_mb[-1][0]} files, server {memory_mb[-1][1]:.0f} MB\n")
+        import_s = time.perf_counter() - began
+    (few, before_mb), (many, after_mb) = memory_mb[0], memory_mb[-1]
+    database = Database(folder / "workspace" / "workspace.sqlite")
+    rows = database.connection().execute("SELECT artifact_id FROM artifacts WHERE kind = 'scenario' LIMIT 500")
+    real = list(facts_of(database.connection(), [row[0] for row in rows.fetchall()]).values())
+    database.close()
+    (folder / "many").mkdir()
+    make_catalog(folder / "many" / "workspace.sqlite", real, entries).close()
+    async with _server_process(folder / "many", folder) as (client, server):
+        times_ms = await search_ms(client, read_requests(shared_folder() / "corpora/dev/selection.jsonl"))
+        largest_mb = server.memory_info().rss / 1e6
+    return {
+        "import_10k_per_s": round(imports / import_s, 1),
+        "import_memory_slope_mb": round((after_mb - before_mb) / max(many - few, 1) * 1000, 2),
+        "million_search_ms": round(statistics.median(times_ms), 1),
+        "million_memory_mb": round(largest_mb, 1),
+    }
+
+
+def _copies(folder: Path, count: int) -> list[Path]:
+    """Folders of scenario files with ids of their own, copied from the smaller half of the public files."""
+    by_size = sorted(scenario_files(shared_scenarios(), None), key=lambda path: path.stat().st_size)
+    contents = [path.read_bytes() for path in by_size[: len(by_size) // 2]]
+    folders = [folder / f"{number:03d}" for number in range(math.ceil(count / _A_FOLDER))]
+    for one in folders:
+        one.mkdir(parents=True)
+    for number in range(count):
+        named = b'benchmarkID="ZAM_Copy-%d_1_T-1"' % (number + 1)
+        content = re.sub(rb'benchmarkID="[^"]*"', named, contents[number % len(contents)], count=1)
+        (folders[number // _A_FOLDER] / f"copy_{number}.xml").write_bytes(content)
+    return folders
+
+
+@asynccontextmanager
+async def _server_process(workspace: Path, root: Path) -> AsyncIterator[tuple[Client, psutil.Process]]:
+    """A client of a server in a process of its own, and that process."""
+    arguments = ["-m", "plannerforge.server", "serve", "--workspace", str(workspace), "--roots", str(root)]
+    environment = {**os.environ, "PLANNERFORGE_STARTER": "false", "PLANNERFORGE_WORKERS": str(WORKERS)}
+    before = {child.pid for child in psutil.Process().children()}
+    server = StdioServerParameters(command=sys.executable, args=arguments, env=environment)
+    async with Client(server) as client:
+        await client.list_tools()
+        yield client, next(child for child in psutil.Process().children() if child.pid not in before)
+
+
 def _show(
     by_size: Mapping[int, Sequence[Times]],
     chains: Mapping[str, Sequence[float]],
     small: Sequence[float],
     ratios: Sequence[float],
+    volume: Figures,
 ) -> None:
-    least, middle, most = min(by_size), sorted(by_size)[len(by_size) // 2], max(by_size)
-    of_most = {name: [times[name] for times in by_size[most]] for name in by_size[most][0]}
-    figures = {f"{name}_{most}_s": round(statistics.median(values), 2) for name, values in of_most.items()}
-    figures |= {f"chain_{middle}_s": round(statistics.median(chains["cold"]), 2)}
-    figures |= {f"chain_{middle}_warm_s": round(statistics.median(chains["warm"]), 2)}
+    least, most = min(by_size), max(by_size)
+    shown = TABLE_CARS if TABLE_CARS in by_size else most
+    of_shown = {name: [times[name] for times in by_size[shown]] for name in by_size[shown][0]}
+    figures: dict[str, float | int | str] = {
+        f"{name}_{shown}_s": round(statistics.median(values), 2) for name, values in of_shown.items()
+    }
+    figures |= {f"chain_{CHAIN_CARS}_s": round(statistics.median(chains["cold"]), 2)}
+    figures |= {f"chain_{CHAIN_CARS}_warm_s": round(statistics.median(chains["warm"]), 2)}
     for name in ("generate", "edit", "run"):
         times_s = [statistics.median(times[name] for times in by_size[size]) for size in (least, most)]
         figures[f"{name}_exponent"] = round(math.log(times_s[1] / times_s[0]) / math.log(most / least), 2)
     figures |= {"run_small_s": round(statistics.median(small), 2), "read_ratio": round(statistics.median(ratios), 1)}
-    rows = [(f"{name}, {most} cars", spread(values, "s")) for name, values in of_most.items()]
-    rows += [(f"chain, {middle} cars, {kind}", spread(values, "s")) for kind, values in chains.items()]
+    rows = [(f"{name}, {shown} cars", spread(values, "s")) for name, values in of_shown.items()]
+    rows += [(f"chain, {CHAIN_CARS} cars, {kind}", spread(values, "s")) for kind, values in chains.items()]
+    rows += [(name, str(value)) for name, value in volume.items()]
     rows += [
         ("run of a public file", spread(small, "s")),
         ("commonroad-io's reading over ours", spread(ratios, "×", 1)),
     ]
-    print_figures("Chain", figures, rows)
+    print_figures("Chain", {**figures, **volume}, rows)
 
 
 def _in_words(times: Times) -> str:
@@ -192,9 +297,11 @@ def _in_words(times: Times) -> str:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Seconds of the calls of a chain.")
     parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--cars", type=int, nargs="+", default=CARS, help="ascending; the largest is that of the table")
+    parser.add_argument("--cars", type=int, nargs="+", default=CARS, help="ascending")
     parser.add_argument(
         "--files", type=int, default=40, help="public files, always the same sample, of run and reading"
     )
+    parser.add_argument("--imports", type=int, default=10_000, help="files of the import")
+    parser.add_argument("--entries", type=int, default=1_000_000, help="entries of the catalogue that is searched")
     given = parser.parse_args()
-    anyio.run(_measure, given.repeats, given.cars, given.files)
+    anyio.run(_measure, given.repeats, given.cars, given.files, given.imports, given.entries)

@@ -7,6 +7,7 @@
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and the file it came from.
 ``RecordedScenario``: A scenario with its recording as tracks.
 ``XmlLimits``: What an XML file may hold at most before any parser of a library sees it.
+``forget_obstacles``: Read all obstacles anew from now on, as a worker does that has just started.
 ``kept_recording``: A CommonRoad file as ``read_recorded`` reads it, once for the same content.
 ``read_recorded``: Read a CommonRoad file (2018b or 2020a) with its recording as arrays in place of objects.
 ``read_scenario``: Scan and read a CommonRoad file (2018b or 2020a).
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
         LoadedScenario,
         RecordedScenario,
         XmlLimits,
+        forget_obstacles,
         kept_recording,
         read_recorded,
         read_scenario,

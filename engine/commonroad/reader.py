@@ -268,6 +268,11 @@ def _read_obstacle(chunk: bytes) -> _ReadObstacle:
     return known[0]
 
 
+def forget_obstacles() -> None:
+    """Read all obstacles anew from now on, as a worker does that has just started."""
+    _known_obstacle.cache_clear()
+
+
 @lru_cache(maxsize=_KEPT_OBSTACLES)
 def _known_obstacle(digest: bytes) -> list[_ReadObstacle]:
     """What was read of bytes with a digest: nothing yet, or one."""

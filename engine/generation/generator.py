@@ -22,7 +22,7 @@ from .planning_problem import TaskSpec, choose_task
 from .record import record_of
 from .site_network import SITE_LOST, SiteNetwork, prepare_site
 from .sites import fitting_sites, other_types
-from .traffic import along_the_site, generate_traffic, without_spares
+from .traffic import NO_ROOM, along_the_site, generate_traffic, without_spares
 from .writer import STEP_S, write_scenario
 
 OWN_ROUNDS, MOST_ROUNDS, MOST_SITES = 2, 5, 10
@@ -187,8 +187,17 @@ class _Attempts:
         return f"{len(self.lost)} site(s) lost when the road network is built: {'; '.join([*named, *more])}"
 
     def _is_done(self, site: SiteNetwork, folder: Path, rounds: Iterable[int]) -> bool:
-        """Make traffic at a site until a scenario has no fault or all rounds are over; whether that is so."""
-        return any(self._is_faultless(site, number, folder) or self._rounds == MOST_ROUNDS for number in rounds)
+        """Make traffic at a site until a scenario has no fault or all rounds are over; whether that is so.
+
+        A site that is full takes one round: other traffic finds no more room there.
+        """
+        for number in rounds:
+            refused = len(self.refusals)
+            if self._is_faultless(site, number, folder) or self._rounds == MOST_ROUNDS:
+                return True
+            if any(refusal.reason == NO_ROOM for refusal in self.refusals[refused:]):
+                return False
+        return False
 
     def _is_faultless(self, site: SiteNetwork, round_number: int, folder: Path) -> bool:
         self._rounds += 1

@@ -39,6 +39,10 @@ SPARE_SHARE = 0.12
 """More vehicles than wanted are simulated, because some leave before step 0 or are left out (chosen)."""
 MORE_FOR_EACH_ABSENT = 2
 """For each vehicle of a class that was missing, vehicles that the next attempt simulates beyond the wanted ones."""
+FEW_ABSENT, ABSENT_SHARE = 10, 0.1
+"""Where more vehicles than both are absent, the site is full: further attempts gained a fifth of that (measured)."""
+NO_ROOM = "no_room"
+"""Reason of the refusal of a site that is full."""
 LASTING_S = 30.0
 """Trips prefer routes that take so long; preferring longer ones would keep traffic off a small site's main roads."""
 
@@ -103,6 +107,8 @@ def generate_traffic(
         if not absent:
             return _GeneratedTraffic(kept, len(smoothed) - len(kept), demand)
         shortfalls.append(absent)
+        if sum(absent.values()) > max(FEW_ABSENT, ABSENT_SHARE * sum(demand.least.values())):
+            break
         more.update({name: MORE_FOR_EACH_ABSENT * count for name, count in absent.items()})
     if not shortfalls:
         raise _too_large(request.duration_s)
@@ -158,6 +164,7 @@ def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:
         f"of them {_listed(room)} found room at this site",
         valid=[f"{name}={count}" for name, count in room.items() if count],
         next_step="ask for fewer, or choose another place, scenario_type or seed",
+        reason=NO_ROOM,
     )
 
 

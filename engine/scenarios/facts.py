@@ -38,7 +38,7 @@ from ..geometry import arc_length, project
 from ..network import LaneletGraph, read_net
 from ..scene import aligned_lanelets, ego_route, lanelets_at, path_ahead
 from ..vehicles import EGO_SIZE_M
-from .features import along_line, features
+from .features import along_line, features, may_be_beside
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
@@ -208,7 +208,13 @@ def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -
         skipped = max(start_step - track.first_step, 0)
         steps = np.arange(track.first_step + skipped, track.last_step + 1) - start_step
         looked_at = slice(skipped, None if key in recording.tracks else skipped + 1)  # one pose of what stands still
-        stations, beside, turn = along_line(line, track.positions[looked_at], track.headings_rad[looked_at])
+        positions, facing = track.positions[looked_at], track.headings_rad[looked_at]
+        if key in recording.tracks:
+            near = may_be_beside(line, positions, track.length_m + track.width_m + EGO_SIZE_M[1])
+            positions, facing, steps = positions[near], facing[near], steps[near]
+        if not len(positions):
+            continue
+        stations, beside, turn = along_line(line, positions, facing)
         along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
         reach = (along * track.length_m + across * track.width_m + EGO_SIZE_M[0]) / 2
         room = (across * track.length_m + along * track.width_m + EGO_SIZE_M[1]) / 2

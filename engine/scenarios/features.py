@@ -10,6 +10,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...schemas.scenarios import EgoFacts
 from ..commonroad import Track
@@ -109,16 +110,24 @@ def _has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool
     """Whether a recorded vehicle moves against the line's direction within 12 m beside it, ahead of the ego."""
     length = arc_length(line)[-1]
     for track in tracks.values():
-        moving = track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS
+        sampled = track.positions[::SAMPLED_EVERY]
+        moving = (track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS) & may_be_beside(line, sampled, ONCOMING_BESIDE_M)
         if not moving.any():
             continue
-        positions, facing = track.positions[::SAMPLED_EVERY][moving], track.headings_rad[::SAMPLED_EVERY][moving]
+        positions, facing = sampled[moving], track.headings_rad[::SAMPLED_EVERY][moving]
         stations, beside, turn = along_line(line, positions, facing)
         against = np.abs(wrap_angles(turn)) > ONCOMING_RAD
         on_path = (here_m < stations) & (stations < length - 0.1) & (np.abs(beside) <= ONCOMING_BESIDE_M)
         if np.any(against & on_path):
             return True
     return False
+
+
+def may_be_beside(line: Points, positions: Points, reach_m: float) -> NDArray[np.bool_]:
+    """Whether positions (n, 2) lie in the box around a line, wider by a reach; all others are farther beside it."""
+    low, high = line.min(axis=0) - reach_m, line.max(axis=0) + reach_m
+    inside: NDArray[np.bool_] = ((positions >= low) & (positions <= high)).all(axis=1)
+    return inside
 
 
 def along_line(line: Points, positions: Points, headings_rad: Values) -> tuple[Points, Points, Values]:

@@ -42,7 +42,7 @@ async def measure_searches(
 ) -> list[float]:
     """Milliseconds of find_scenarios for every request, in a new workspace with ``size`` entries made of real facts."""
     folder.mkdir()
-    _make_catalog(folder / "workspace.sqlite", real, size).close()
+    make_catalog(folder / "workspace.sqlite", real, size).close()
     settings = Settings(workspace=folder, starter=False, warm_up=False)
     async with Client(create_server(settings, start_folder=folder)) as client:
         return await search_ms(client, requests)
@@ -79,7 +79,7 @@ async def _first_search_s(server: StdioServerParameters) -> float:
         return time.perf_counter() - started
 
 
-def _make_catalog(path: Path, real: Sequence[ScenarioFacts], count: int) -> sqlite3.Connection:
+def make_catalog(path: Path, real: Sequence[ScenarioFacts], count: int) -> sqlite3.Connection:
     """A database with ``count`` entries; every layer of an entry comes from another real scenario."""
     connection = sqlite3.connect(path, isolation_level=None)
     connection.execute("PRAGMA journal_mode = WAL")

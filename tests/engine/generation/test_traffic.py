@@ -1,12 +1,14 @@
 """Numbers of vehicles: as asked, or refused with the number that found room; what is missed is told."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.generation import make
 
-from plannerforge.engine.generation import traffic
+from plannerforge.engine.generation import generator, traffic
 from plannerforge.engine.generation.record import density_notes
+from plannerforge.engine.traffic.simulation import RawTrack
 from plannerforge.engine.traffic.vehicle_counts import Demand, plan_counts
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.generation import DensityFacts, VehicleDemand
@@ -25,6 +27,29 @@ def test_more_than_find_room_are_refused_with_the_number_that_does(tmp_path: Pat
     name, _, count = str(room).partition("=")
     assert name == "trailer"
     assert 0 < int(count) < 120
+
+
+@pytest.mark.parametrize(("asked_for", "simulations"), [(120, 1), (4, traffic.ATTEMPTS)])
+def test_a_site_that_is_full_is_not_filled_again_but_one_that_lacks_few_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked_for: int, simulations: int
+) -> None:
+    rounds, made_traffic, filled = list[int](), generator.generate_traffic, list[int]()
+    simulate = traffic.simulate_traffic
+
+    def counted_round(request: Any, demand: Any, site: Any, number: int, *rest: Any) -> Any:
+        rounds.append(number)
+        return made_traffic(request, demand, site, number, *rest)
+
+    def no_trailer(*given: Any, **named: Any) -> tuple[RawTrack, ...]:
+        filled.append(len(rounds))
+        return tuple(one for one in simulate(*given, **named) if one.vehicle_class.name != "trailer")
+
+    monkeypatch.setattr(generator, "generate_traffic", counted_round)
+    monkeypatch.setattr(traffic, "simulate_traffic", no_trailer)
+    crowd = [VehicleDemand(vehicle_class="trailer", least=asked_for)]
+    with pytest.raises(NotPossible, match="of them 0 trailer found room"):
+        make("Landmoor", tmp_path, scenario_type="intersection", vehicles=crowd)
+    assert filled.count(1) == simulations  # of the first round
 
 
 def test_an_ego_is_found_in_a_crowd_of_trucks_as_spare_cars_may_become_it(shared_data: Path, tmp_path: Path) -> None:
