@@ -11,8 +11,9 @@ from the fewest to the most cars of ``--cars``. ``run_small_s``: a run of a publ
 ``read_ratio``: processor time in which commonroad-io reads public files and generated ones, over ours.
 
 ``import_10k_per_s``: files a second of ``--imports`` copies of public files with ids of their own, the larger half
-of the files left out; ``import_memory_slope_mb``: by how much the server's memory grows for a thousand files after the
-first thousand. ``million_search_ms``: a filtered search among ``--entries`` entries, the median of the corpus;
+of the files left out; ``import_memory_slope_mb``: by how much the server's memory grows for a thousand files after
+those of two calls, in which it has loaded all that it needs. ``million_search_ms``: a filtered search among
+``--entries`` entries made of the facts of those, the median of the corpus;
 ``million_memory_mb``: the largest memory of the server that searches. ``demo_stages_s``: all calls of the demo.
 """
 
@@ -217,7 +218,7 @@ async def _volume(folder: Path, imports: int, entries: int) -> Figures:
             memory_mb.append((number * _A_FOLDER, server.memory_info().rss / 1e6))
             sys.stderr.write(f"{memory_mb[-1][0]} files, server {memory_mb[-1][1]:.0f} MB\n")
         import_s = time.perf_counter() - began
-    (few, before_mb), (many, after_mb) = memory_mb[0], memory_mb[-1]
+    (few, before_mb), (many, after_mb) = memory_mb[:2][-1], memory_mb[-1]
     database = Database(folder / "workspace" / "workspace.sqlite")
     rows = database.connection().execute("SELECT artifact_id FROM artifacts WHERE kind = 'scenario' LIMIT 500")
     real = list(facts_of(database.connection(), [row[0] for row in rows.fetchall()]).values())
@@ -253,7 +254,8 @@ def _copies(folder: Path, count: int) -> list[Path]:
 async def _server_process(workspace: Path, root: Path) -> AsyncIterator[tuple[Client, psutil.Process]]:
     """A client of a server in a process of its own, and that process."""
     arguments = ["-m", "plannerforge.server", "serve", "--workspace", str(workspace), "--roots", str(root)]
-    environment = {**os.environ, "PLANNERFORGE_STARTER": "false", "PLANNERFORGE_WORKERS": str(WORKERS)}
+    settings = {"STARTER": "false", "WARM_UP": "false", "WORKERS": str(WORKERS)}
+    environment = {**os.environ, **{f"PLANNERFORGE_{name}": value for name, value in settings.items()}}
     before = {child.pid for child in psutil.Process().children()}
     server = StdioServerParameters(command=sys.executable, args=arguments, env=environment)
     async with Client(server) as client:

@@ -78,11 +78,16 @@ class Constraint:
     def found(self, connection: sqlite3.Connection, among: Sequence[int] | None = None) -> frozenset[int]:
         """Numbers that the query selects, all or only among these (a few thousand at most)."""
         if among is None:
-            rows = connection.execute(self.query, self.values)
-        else:
-            holes = ", ".join("?" * len(among))
-            rows = connection.execute(f"{self.query} AND number IN ({holes})", (*self.values, *among))
-        return frozenset(chain.from_iterable(rows))
+            return numbers_from(connection, self.query, self.values)
+        holes = ", ".join("?" * len(among))
+        return numbers_from(connection, f"{self.query} AND number IN ({holes})", (*self.values, *among))
+
+
+def numbers_from(connection: sqlite3.Connection, query: str, values: Sequence[str | float] = ()) -> frozenset[int]:
+    """The numbers of a query's only column; as plain tuples, because there may be a million of them."""
+    cursor = connection.cursor()
+    cursor.row_factory = None
+    return frozenset(chain.from_iterable(cursor.execute(query, values)))
 
 
 def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constraint]) -> tuple[Constraint, ...]:

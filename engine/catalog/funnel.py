@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from heapq import nsmallest
-from itertools import chain
 
 from ...schemas.catalog import STAGES, Stage
-from .constraints import Constraint
+from .constraints import Constraint, numbers_from
 
 FEW = 5000
 """Up to this number of entries, a condition is looked up for each of them (chosen)."""
@@ -77,7 +76,7 @@ class Funnel:
         """Numbers of all entries that are searched."""
         if self.within is not None:
             return self.within
-        return frozenset(chain.from_iterable(self._connection.execute("SELECT number FROM catalog_scenarios")))
+        return numbers_from(self._connection, "SELECT number FROM catalog_scenarios")
 
     @cached_property
     def size(self) -> int:
