@@ -6,8 +6,9 @@ the map.
 
 import random
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from ..traffic import (
     WARM_UP_S,
     Demand,
     GeneratedVehicle,
+    TooFewFoundRoom,
     TripMaker,
     drop_infeasible,
     generated_vehicles,
@@ -39,8 +41,8 @@ SPARE_SHARE = 0.12
 """More vehicles than wanted are simulated, because some leave before step 0 or are left out (chosen)."""
 MORE_FOR_EACH_ABSENT = 2
 """For each vehicle of a class that was missing, vehicles that the next attempt simulates beyond the wanted ones."""
-FEW_ABSENT, ABSENT_SHARE = 10, 0.1
-"""Where more vehicles than both are absent, the site is full: further attempts gained a fifth of that (measured)."""
+FEW_ABSENT, ABSENT_SHARE = 10, 0.05
+"""Where more vehicles than both are absent, the site is full: further attempts never found room for all (measured)."""
 NO_ROOM = "no_room"
 """Reason of the refusal of a site that is full."""
 LASTING_S = 30.0
@@ -85,16 +87,21 @@ def generate_traffic(
             trips.check_open(vehicle_classes()[name])
         part = _Part(report, 0.3 + 0.4 * attempt / ATTEMPTS, 0.4 / ATTEMPTS)
         part(0.0, "simulating traffic")
-        recorded = simulate_traffic(
-            site.net_path,
-            demand.with_spares(SPARE_SHARE, more),
-            trips,
-            duration_s=request.duration_s,
-            step_s=STEP_S,
-            seed=seed,
-            scratch=scratch,
-            report=part,
-        )
+        try:
+            recorded = simulate_traffic(
+                site.net_path,
+                demand.with_spares(SPARE_SHARE, more),
+                trips,
+                is_enough=partial(_is_not_full, demand),
+                duration_s=request.duration_s,
+                step_s=STEP_S,
+                seed=seed,
+                scratch=scratch,
+                report=part,
+            )
+        except TooFewFoundRoom as full:
+            shortfalls.append(_absent(demand, full.counts))
+            break
         states = sum(len(track.front) - track.lead_in for track in recorded) / (1 + SPARE_SHARE)
         if states > MOST_STATES:
             demand = _fewer(demand, MOST_STATES / states, request.duration_s)
@@ -103,11 +110,11 @@ def generate_traffic(
         smoothed = generated_vehicles(recorded, STEP_S)
         part(1.0, "looking for overlaps")
         kept = drop_infeasible(smoothed, needed)
-        absent = _missing(demand, kept)
+        absent = _absent(demand, Counter(vehicle.vehicle_class.name for vehicle in kept))
         if not absent:
             return _GeneratedTraffic(kept, len(smoothed) - len(kept), demand)
         shortfalls.append(absent)
-        if sum(absent.values()) > max(FEW_ABSENT, ABSENT_SHARE * sum(demand.least.values())):
+        if _is_hopeless(demand, absent):
             break
         more.update({name: MORE_FOR_EACH_ABSENT * count for name, count in absent.items()})
     if not shortfalls:
@@ -150,11 +157,20 @@ def _too_large(duration_s: float) -> NotPossible:
     )
 
 
-def _missing(demand: Demand, vehicles: Sequence[GeneratedVehicle]) -> dict[str, int]:
-    """How many vehicles of the classes asked for are not there; one car is the ego and does not count."""
-    here = Counter(vehicle.vehicle_class.name for vehicle in vehicles)
+def _absent(demand: Demand, counts: Mapping[str, int]) -> dict[str, int]:
+    """How many vehicles of the classes asked for are not among so many; one car is the ego and does not count."""
+    here = Counter(counts)
     here["car"] -= 1
     return {name: least - here[name] for name, least in demand.least.items() if here[name] < least}
+
+
+def _is_hopeless(demand: Demand, absent: Mapping[str, int]) -> bool:
+    """Whether so many are absent that the site is full."""
+    return sum(absent.values()) > max(FEW_ABSENT, ABSENT_SHARE * sum(demand.least.values()))
+
+
+def _is_not_full(demand: Demand, counts: Mapping[str, int]) -> bool:
+    return not _is_hopeless(demand, _absent(demand, counts))
 
 
 def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:

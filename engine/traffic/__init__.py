@@ -15,6 +15,7 @@
 ``PAPER_TRIPS``: The paper's numbers of trips by density.
 ``VEHICLES_PER_LANE_KM``: Vehicles on a kilometre of lane at the first step, the ego included, by density.
 ``TripMaker``: Makes trips of a class on a net, each long enough to last through the recording where the net allows it.
+``TooFewFoundRoom``: What is raised where too few vehicles are there at step 0.
 ``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 ``WARM_UP_S``: How long vehicles drive before the first recorded step, in s.
 ``GeneratedVehicle``: A generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
@@ -30,7 +31,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .demand import TripMaker, lane_km_of
     from .motions import DECIMALS, GeneratedVehicle, drop_infeasible, generated_vehicles
-    from .simulation import WARM_UP_S, simulate_traffic
+    from .simulation import WARM_UP_S, TooFewFoundRoom, simulate_traffic
     from .sumo import NO_LANE, LaneChanges, LaneHint, Sumo, sumo_pose, sumo_running, sumo_version, vehicle_type
     from .vehicle_counts import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, plan_counts
 

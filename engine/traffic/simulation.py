@@ -1,6 +1,8 @@
 """Traffic made by SUMO: a site is filled with vehicles, they drive for a while, and what follows is recorded."""
 
 import random
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -41,11 +43,20 @@ class RawTrack:
     lead_in: int
 
 
+class TooFewFoundRoom(Exception):
+    """At step 0 there are too few vehicles; ``counts``: of each class."""
+
+    def __init__(self, counts: Mapping[str, int]) -> None:
+        super().__init__("too few vehicles found room")
+        self.counts = counts
+
+
 def simulate_traffic(
     net_path: Path,
     demand: Demand,
     trips: TripMaker,
     *,
+    is_enough: Callable[[Mapping[str, int]], bool],
     duration_s: float,
     step_s: float,
     seed: int,
@@ -57,8 +68,12 @@ def simulate_traffic(
     All that are there at step 0, in the order of their insertion, until they leave or time is up. Those that leave
     during the warm-up are replaced until shortly before its end; none enters later.
 
+    Args:
+        is_enough: whether to go on with so many vehicles of each class at step 0.
+
     Raises:
         NotPossible: SUMO refuses the net, naming its reason.
+        TooFewFoundRoom: those at step 0 are not enough.
         WorkerFailure: SUMO stopped.
     """
     known = vehicle_classes()
@@ -73,7 +88,7 @@ def simulate_traffic(
     )
     with running as sumo:
         source = _Source(sumo, demand, trips, random.Random(seed))  # noqa: S311 - reproducible, not secret
-        return _record(sumo, source, duration_s, step_s, report)
+        return _record(sumo, source, is_enough, duration_s, step_s, report)
 
 
 def _vehicle_type(vehicle_class: VehicleClass) -> str:
@@ -126,7 +141,12 @@ class _Source:
 
 
 def _record(
-    sumo: Sumo, source: _Source, duration_s: float, step_s: float, report: ProgressReporter
+    sumo: Sumo,
+    source: _Source,
+    is_enough: Callable[[Mapping[str, int]], bool],
+    duration_s: float,
+    step_s: float,
+    report: ProgressReporter,
 ) -> tuple[RawTrack, ...]:
     warm_up, last_insertion = round(WARM_UP_S / step_s), round(LAST_INSERTION_S / step_s)
     steps = round(duration_s / step_s)
@@ -147,6 +167,9 @@ def _record(
             seen[key].sideways_mps.append(sumo.lateral_speed_mps(key))
         if step == warm_up:
             before = {key: len(seen[key].fronts) - 1 for key in sorted(present)}
+            counts = Counter(source.classes[key].name for key in before)
+            if not is_enough(counts):
+                raise TooFewFoundRoom(counts)
     tracks = (seen[key].track(key, source.classes[key], lead_in, step_s) for key, lead_in in before.items())
     return tuple(track for track in tracks if len(track.front) - track.lead_in >= 2)
 
