@@ -5,7 +5,7 @@ copied. Formats: CommonRoad XML 2018b (``<obstacle>`` with ``<role>``) and 2020a
 
 Nearly all of a large file are states, and an edit leaves nearly all of them as they are. So a file is split into its
 moving obstacles, each the bytes that it takes up, and the rest. Only files are split where bytes tell what a parser
-would find: in UTF-8, without comments, CDATA sections, processing instructions, document types, default namespaces and
+would find: in UTF-8, without comments, CDATA sections, processing instructions, document types, namespaces and
 carriage returns.
 """
 
@@ -24,7 +24,7 @@ from .benchmark_id import is_benchmark_id
 _CHUNK = "chunk"
 """The attribute of a stand-in that tells the number of its chunk; a file that has such an attribute is not split."""
 _DECLARED_UTF8 = re.compile(rb"(\xef\xbb\xbf)?<\?xml version=[\"']1\.0[\"']( encoding=[\"'](?i:utf-8)[\"'])?[^>\w]*\?>")
-_NOT_PLAIN = (b"<!", b"\r", b"xmlns=", f" {_CHUNK}=".encode())
+_NOT_PLAIN = (b"<!", b"\r", b"xmlns", f" {_CHUNK}=".encode())
 _BEGIN = re.compile(rb"<(dynamicObstacle|obstacle)\s([^>]*[^/>])>")
 _ID = re.compile(rb"(?<!\S)id\s*=\s*([\"'])([^\"'<>&]*)\1")
 _STAND_IN = re.compile(rb"<(?:dynamicObstacle|obstacle) id=\"[^\"]*\" chunk=\"(\d+)\"/>")
@@ -90,8 +90,12 @@ class ScenarioDocument:
     def read(cls, path: Path) -> "ScenarioDocument":
         """Parse a file that was scanned before; entities are not resolved."""
         content = path.read_bytes()
-        split = SplitDocument.of(content) or SplitDocument((), content)
-        return cls(_parsed(split.rest).getroottree(), split)
+        whole = SplitDocument((), content)
+        split = SplitDocument.of(content) or whole
+        try:
+            return cls(_parsed(split.rest).getroottree(), split)
+        except etree.XMLSyntaxError:  # an obstacle in another, say: taken apart, it is no document
+            return cls(_parsed(content).getroottree(), whole)
 
     @property
     def root(self) -> "etree._Element":

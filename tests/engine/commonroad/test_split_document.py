@@ -39,8 +39,20 @@ def test_the_parts_together_are_the_file() -> None:
         document(b"\r\n" + OBSTACLE),
         document(OBSTACLE).replace(b"<commonRoad", b'<commonRoad xmlns="urn:x"'),
         document(b'<dynamicObstacle id="7" chunk="0"/>' + OBSTACLE),
+        document(OBSTACLE).replace(b"<commonRoad", b'<commonRoad xmlns:x="urn:x"'),
     ],
-    ids=["comment", "cdata", "doctype", "instruction", "utf16", "undeclared", "return", "namespace", "stand_in"],
+    ids=[
+        "comment",
+        "cdata",
+        "doctype",
+        "instruction",
+        "utf16",
+        "undeclared",
+        "return",
+        "namespace",
+        "stand_in",
+        "prefix",
+    ],
 )
 def test_what_bytes_may_not_tell_is_not_split(content: bytes) -> None:
     assert SplitDocument.of(content) is None
@@ -70,6 +82,17 @@ def test_an_obstacle_inside_another_element_is_left_to_the_reader_of_the_whole(t
     path.write_text(text.replace("</commonRoad>", f"<other>{OBSTACLE.decode()}</other></commonRoad>"), encoding="utf-8")
     assert reader._split_document(path, reader.XmlLimits()) is None
     assert 7 not in read_recorded(path).tracks
+
+
+def test_an_obstacle_inside_an_obstacle_is_read_and_written_as_a_whole(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "town.xml")
+    text = path.read_text(encoding="utf-8")
+    nested = text.replace("<type>car</type>", f"<type>car</type>{OBSTACLE.decode()}", 1)
+    assert nested != text
+    path.write_text(nested, encoding="utf-8")
+    assert SplitDocument.of(path.read_bytes()) is not None
+    assert sorted(read_recorded(path).tracks) == [31, 32, 33, 34, 35]
+    assert _written(path, tmp_path) == _written_by_libxml2(path)
 
 
 def test_an_obstacle_that_was_read_before_is_not_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
