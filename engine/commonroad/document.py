@@ -24,9 +24,11 @@ from .benchmark_id import is_benchmark_id
 _CHUNK = "chunk"
 """The attribute of a stand-in that tells the number of its chunk; a file that has such an attribute is not split."""
 _DECLARED_UTF8 = re.compile(rb"(\xef\xbb\xbf)?<\?xml version=[\"']1\.0[\"']( encoding=[\"'](?i:utf-8)[\"'])?[^>\w]*\?>")
-_NOT_PLAIN = (b"<!", b"\r", b"xmlns", f" {_CHUNK}=".encode())
-_BEGIN = re.compile(rb"<(dynamicObstacle|obstacle)\s([^>]*[^/>])>")
-_ID = re.compile(rb"(?<!\S)id\s*=\s*([\"'])([^\"'<>&]*)\1")
+_NOT_PLAIN = (b"<!", b"\r", b"xmlns", _CHUNK.encode())
+_BEGIN = re.compile(rb"<(dynamicObstacle|obstacle)((?:\s+[\w.-]+\s*=\s*(?:\"[^\"<>]*\"|'[^'<>]*'))+)\s*>")
+_ATTRIBUTE = re.compile(rb"\s+([\w.-]+)\s*=\s*(?:\"([^\"<>]*)\"|'([^'<>]*)')")
+_AN_ID = re.compile(rb"id\s*=")
+_PLAIN_ID = re.compile(rb"[^\"'<>&]*")
 _STAND_IN = re.compile(rb"<(?:dynamicObstacle|obstacle) id=\"[^\"]*\" chunk=\"(\d+)\"/>")
 _AFTER_OBSTACLES = ("phantomObstacle", "environmentObstacle", "planningProblem")
 """Elements that the schema wants behind the dynamic obstacles."""
@@ -67,16 +69,20 @@ class SplitDocument:
 
 
 def _obstacles(content: bytes) -> Iterator[tuple[int, int, bytes, bytes]]:
-    """Where obstacles begin and end that have one id, which tells them, and no element with an id inside."""
+    """Where obstacles begin and end that have one id, which tells them, and no id or obstacle inside."""
     at = 0
     while found := _BEGIN.search(content, at):
         closing = b"</%b>" % found[1]
         at = content.find(closing, found.end()) + len(closing)
         if at < len(closing):
             return
-        number = _ID.search(found[2])
-        if number is not None and content.count(b"id=", found.start(), at) == 1:
-            yield found.start(), at, found[1], number[2]
+        given = {name: double or single for name, double, single in _ATTRIBUTE.findall(found[2])}
+        number = given.get(b"id")
+        is_alone = content.count(b"bstacle", found.start(), at) == 2 and (  # its own two tags
+            len(_AN_ID.findall(content, found.start(), at)) == 1
+        )
+        if number is not None and is_alone and _PLAIN_ID.fullmatch(number):
+            yield found.start(), at, found[1], number
 
 
 @dataclass(frozen=True)

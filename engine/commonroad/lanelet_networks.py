@@ -62,3 +62,7 @@ class _Lanelets(LaneletFactory):  # type: ignore[misc]  # commonroad-io has no t
         if any([inner.tag for inner in point.iter()] != _POINT for point in points):
             return np.asarray(super()._vertices(xml_node))
         return np.array([[float(point[0].text or ""), float(point[1].text or "")] for point in points])
+
+    @classmethod
+    def _speed_limit_exists(cls, xml_node: Element) -> None:
+        """None: limits of lanelets belong to format 2018b, and commonroad-io would keep them in the class."""

@@ -255,11 +255,13 @@ class _ReadObstacle:
 
 _KEPT_OBSTACLES = 1_000
 """Obstacles that a worker knows by their bytes, some kB each (chosen): an edited scenario has most of its base's."""
+LARGEST_KEPT_BYTES = 1_000_000
+"""A larger obstacle is read anew each time (chosen): what is kept of it may be as large."""
 
 
 def _read_obstacle(chunk: bytes) -> _ReadObstacle:
     """Raises what lxml raises where the bytes are no element."""
-    known = _known_obstacle(hashlib.sha256(chunk).digest())
+    known = _known_obstacle(hashlib.sha256(chunk).digest()) if len(chunk) <= LARGEST_KEPT_BYTES else []
     if not known:
         holder = etree.Element("commonRoad")
         holder.append(etree.fromstring(chunk, _parser()))

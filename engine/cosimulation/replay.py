@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..geometry import Points, Values
 from ..traffic import Sumo, sumo_running
@@ -27,7 +28,7 @@ ROUTES_FILE = "driven.rou.xml"
 LANE_CHANGES_LAST = ("--lanechange.duration", LANE_CHANGE_S)
 """SUMO's usual lane change is a leap; the alternative to a duration is to divide the lanes into sublanes."""
 SEEN_BEFORE_S = 2.0
-"""What is around a vehicle is there from this long before its hand-over on (chosen)."""
+"""What is around a recorded vehicle is there from this long before its hand-over on (chosen)."""
 LOOKS_AHEAD_S = 1.5
 """SUMO's drivers plan for as far as they get in a step and then need to stop; this is many steps (chosen)."""
 SOFT_BRAKING_MPS2 = 4.0
@@ -38,6 +39,8 @@ AROUND_M = 45.0
 Without imperfection of the drivers (sigma 0) the driven tracks are bit for bit those with every vehicle there down to
 30 m, 1 s and 4.5 m/s² on all of 140 vehicles of 35 generated scenarios; with 10 m, 0.5 s and 6 m/s² on 136.
 """
+STEPS_AT_ONCE = 256
+"""Steps whose places are held at once (chosen): 6 kB for each replayed road user."""
 STAYS_FACTOR = 1.2
 """A vehicle that is there stays until it is farther away than it was when it came, by this factor (chosen)."""
 
@@ -182,23 +185,40 @@ class _Surroundings:
         self._driven = tuple(actor for actor in actors if actor.drive_from is not None)
         self._replayed = tuple(actor for actor in actors if actor.drive_from is None)
         self._before = round(SEEN_BEFORE_S / setup.step_s)
-        shape = (len(self._replayed), setup.last_step + 1)
-        self._places, self._reach_m = np.full((*shape, 2), np.nan), np.zeros(shape)
-        for row, actor in enumerate(self._replayed):
-            steps = np.arange(max(actor.track.first_step, 0), min(actor.track.last_step, setup.last_step) + 1)
-            states = steps - actor.track.first_step
-            self._places[row, steps] = actor.track.positions[states]
-            self._reach_m[row, steps] = _reach_m(actor, actor.track.speeds_mps[states])
+        self._last_step, self._first_looked_at = setup.last_step, 0
+        self._places, self._reach_m = self._seen_from(0)
         self._everywhere = everywhere
         self._there = np.zeros(len(self._replayed), dtype=bool)
 
+    def _seen_from(self, begin: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Places (n, steps, 2) in m and reaches (n, steps) in m of some steps, NaN where one is not there.
+
+        Some at a time: what is parked is there at every step, and takes no room in its track.
+        """
+        shape = (len(self._replayed), STEPS_AT_ONCE)
+        places, reach_m = np.full((*shape, 2), np.nan), np.zeros(shape)
+        end = min(begin + STEPS_AT_ONCE, self._last_step + 1)
+        for row, actor in enumerate(self._replayed):
+            steps = np.arange(max(actor.track.first_step, begin), min(actor.track.last_step + 1, end))
+            states = steps - actor.track.first_step
+            places[row, steps - begin] = actor.track.positions[states]
+            reach_m[row, steps - begin] = _reach_m(actor, actor.track.speeds_mps[states])
+        return places, reach_m
+
     def at(self, step: int, driven: Iterable[_Place]) -> set[str]:
-        """SUMO's ids of the replayed actors that are there after a step; ``driven``: those that drive, before it."""
+        """SUMO's ids of the replayed actors that are there after a step; ``driven``: those that drive, before it.
+
+        Asked for step after step.
+        """
+        if step >= self._first_looked_at + STEPS_AT_ONCE:
+            self._first_looked_at = step
+            self._places, self._reach_m = self._seen_from(step)
+        now = step - self._first_looked_at
         was_there = self._there
-        self._there = ~np.isnan(self._places[:, step, 0]) if self._everywhere else np.zeros_like(was_there)
-        reach_m = self._reach_m[:, step] + AROUND_M
+        self._there = ~np.isnan(self._places[:, now, 0]) if self._everywhere else np.zeros_like(was_there)
+        reach_m = self._reach_m[:, now] + AROUND_M
         for place in (*driven, *self._about_to_drive(step)):
-            away_m = np.linalg.norm(self._places[:, step] - place.front, axis=1)
+            away_m = np.linalg.norm(self._places[:, now] - place.front, axis=1)
             self._there |= away_m <= (reach_m + place.reach_m) * np.where(was_there, STAYS_FACTOR, 1.0)
         return {self._replayed[row].key for row in np.flatnonzero(self._there)}
 

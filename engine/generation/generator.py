@@ -147,7 +147,7 @@ class _Attempts:
                 return
             if self._spec.goal.lanelet is not None:  # an id means another lanelet elsewhere
                 break
-        if len(fit) == 1:
+        if len(fit) == 1 and not any(refusal.reason == NO_ROOM for refusal in self.refusals):
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def best(self, osm: OsmMap) -> _Attempt:

@@ -75,12 +75,35 @@ class SiteNetwork:
 def prepare_site(
     request: GenerationRequest, osm: OsmMap, site: Site, folder: Path, report: ProgressReporter
 ) -> SiteNetwork:
-    """Build a site's network in a folder and judge it.
+    """Build a site's network in a folder and judge it; it is wider where the vehicles that are counted need more road.
 
     Raises:
         NotPossible: the network does not show the site's type, breaks a rule, or no road there is open to cars.
     """
-    built = _built_roomy(request, osm, site, folder, report)
+    usual_m = radius_for(site, request)
+    built = build_network(request, osm, site, usual_m, folder, report)
+    counted = 1 + sum(demand.needed for demand in request.vehicles)
+    share = counted / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
+    if share <= MOST_CROWDED:
+        return judged(built, report)
+    wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
+    wider.mkdir()
+    try:
+        roomy = judged(build_network(request, osm, site, wider_m, wider, report), report)
+    except NotPossible as refusal:
+        note = f"a wider cut for so many vehicles is refused: {refusal.message}"
+        return judged(replace(built, notes=(*built.notes, note)), report)
+    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {counted} vehicles"
+    return replace(roomy, notes=(*roomy.notes, note))
+
+
+def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
+    """A network with what the rules find in it.
+
+    Raises:
+        NotPossible: it does not show the site's type, or breaks a rule.
+    """
+    site = built.site
     if (reason := why_not_realised(site, built.net)) is not None:
         raise NotPossible(reason, next_step="choose another scenario_type, or another place", reason=SITE_LOST)
     report(0.25, "checking the network")
@@ -92,30 +115,6 @@ def prepare_site(
             next_step="choose another place, scenario_type or seed",
         )
     return replace(built, findings=findings)
-
-
-def _built_roomy(
-    request: GenerationRequest, osm: OsmMap, site: Site, folder: Path, report: ProgressReporter
-) -> SiteNetwork:
-    """The network of a site that is cut out as usual, or wider where the vehicles that are counted need more road.
-
-    Raises:
-        NotPossible: no road there is open to cars.
-    """
-    usual_m = radius_for(site, request)
-    built = build_network(request, osm, site, usual_m, folder, report)
-    counted = 1 + sum(demand.needed for demand in request.vehicles)
-    share = counted / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
-    if share <= MOST_CROWDED:
-        return built
-    wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
-    wider.mkdir()
-    try:
-        roomy = build_network(request, osm, site, wider_m, wider, report)
-    except NotPossible as refusal:
-        return replace(built, notes=(*built.notes, f"a wider cut for so many vehicles is refused: {refusal.message}"))
-    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {counted} vehicles"
-    return replace(roomy, notes=(*roomy.notes, note))
 
 
 def build_network(

@@ -180,7 +180,7 @@ def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:
         f"of them {_listed(room)} found room at this site",
         valid=[f"{name}={count}" for name, count in room.items() if count],
         next_step="ask for fewer, or choose another place, scenario_type or seed",
-        reason=NO_ROOM,
+        reason=NO_ROOM if _is_hopeless(demand, absent) else "",
     )
 
 

@@ -40,6 +40,7 @@ def test_the_parts_together_are_the_file() -> None:
         document(OBSTACLE).replace(b"<commonRoad", b'<commonRoad xmlns="urn:x"'),
         document(b'<dynamicObstacle id="7" chunk="0"/>' + OBSTACLE),
         document(OBSTACLE).replace(b"<commonRoad", b'<commonRoad xmlns:x="urn:x"'),
+        document(b'<obstacle id="900" chunk ="99"/>' + OBSTACLE),
     ],
     ids=[
         "comment",
@@ -52,6 +53,7 @@ def test_the_parts_together_are_the_file() -> None:
         "namespace",
         "stand_in",
         "prefix",
+        "spaced",
     ],
 )
 def test_what_bytes_may_not_tell_is_not_split(content: bytes) -> None:
@@ -66,8 +68,11 @@ def test_what_bytes_may_not_tell_is_not_split(content: bytes) -> None:
         b'<dynamicObstacle id="7"><type id="9">car</type></dynamicObstacle>',
         b'<dynamicObstacle id="&#55;"><type>car</type></dynamicObstacle>',
         b'<dynamicObstacle id="7"><type>car</type>',
+        b"""<dynamicObstacle note=' id="7"' id ="8"><type>car</type></dynamicObstacle>""",
+        b'<dynamicObstacle id="7"><type>car</type></dynamicObstacle ><dynamicObstacle id ="8"></dynamicObstacle>',
+        b'<obstacle id="7"><obstacle ref="8"/></obstacle>',
     ],
-    ids=["empty", "no_id", "id_inside", "reference", "open"],
+    ids=["empty", "no_id", "id_inside", "reference", "open", "id_in_text", "two_at_once", "nested"],
 )
 def test_an_obstacle_that_its_id_does_not_tell_stays_where_it_is(inside: bytes) -> None:
     content = document(inside)
@@ -108,6 +113,13 @@ def test_an_obstacle_that_was_read_before_is_not_read_again(tmp_path: Path, monk
     more = town.with_vehicles(*town.vehicles, driving(77, (10, 3.5), 9.0, 30))
     assert 77 in read_recorded(more.write(tmp_path / "more.xml")).tracks
     assert looked_at == ["77"]
+
+
+def test_a_large_obstacle_is_read_but_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reader, "LARGEST_KEPT_BYTES", 10)
+    reader.forget_obstacles()
+    assert 31 in read_recorded(town_road().write(tmp_path / "base.xml")).tracks
+    assert reader._known_obstacle.cache_info().currsize == 0
 
 
 @pytest.mark.parametrize("name", ["town", "crossing"])

@@ -92,6 +92,26 @@ def test_a_site_stays_as_wide_as_usual_where_a_wider_one_is_refused(
     assert site.notes[-1] == "a wider cut for so many vehicles is refused: too many nodes"
 
 
+def test_a_wider_site_that_breaks_a_rule_gives_way_to_the_usual_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judge = site_network.judged
+
+    def refuses_wide(built: SiteNetwork, *rest: Any) -> SiteNetwork:
+        if built.radius_m > RADIUS_M["intersection"]:
+            raise NotPossible("the road network is wrong")
+        return judge(built, *rest)
+
+    monkeypatch.setattr(site_network, "judged", refuses_wide)
+    crowded = request_for_fahrhausen().model_copy(
+        update={"vehicles": (VehicleDemand(vehicle_class="car", least=90, most=90),)}
+    )
+    osm = read_map_file(Path(crowded.map_path))
+    site = prepare_site(crowded, osm, fitting_sites(osm, crowded)[0], tmp_path, silent)
+    assert site.radius_m == RADIUS_M["intersection"]
+    assert site.notes[-1] == "a wider cut for so many vehicles is refused: the road network is wrong"
+
+
 def _empty(folder: Path) -> Path:
     folder.mkdir()
     return folder
