@@ -59,7 +59,7 @@ def take_plain_states(document: "etree._Element") -> dict[int, PlainStates]:
     between them: who checks the document finds it there.
     """
     taken = {}
-    for obstacle in document.iterchildren("dynamicObstacle", "obstacle"):
+    for obstacle in document.iterchildren(moving_obstacle(document)):
         trajectory, number = obstacle.find("trajectory"), obstacle.get("id", "")
         is_id = number.isdecimal() and len(number) <= _LONGEST_ID
         if trajectory is not None and is_id and 2 < len(trajectory) <= LAST_STEP:
@@ -68,6 +68,11 @@ def take_plain_states(document: "etree._Element") -> dict[int, PlainStates]:
                 taken[int(number)] = states
                 del trajectory[1:-1]
     return taken
+
+
+def moving_obstacle(document: "etree._Element") -> str:
+    """The name of moving obstacles in the format of a document: commonroad-io passes over the other one."""
+    return "obstacle" if document.get("commonRoadVersion") == "2018b" else "dynamicObstacle"
 
 
 def _plain_states(trajectory: "etree._Element") -> PlainStates | None:

@@ -31,7 +31,7 @@ from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import quoted
 from .document import SplitDocument, is_declared_utf8
 from .lanelet_networks import scenario_of
-from .plain_states import PlainStates, put_states, take_plain_states
+from .plain_states import PlainStates, moving_obstacle, put_states, take_plain_states
 from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
 
@@ -234,8 +234,9 @@ def _split_document(path: Path, limits: XmlLimits) -> "tuple[etree._Element, dic
         whole = etree.fromstring(split.with_chunks(split.rest, taken_from), _parser())
     except (etree.XMLSyntaxError, ValueError, LookupError):
         return None
-    are_direct = all(obstacle.getparent() is whole for obstacle in whole.iter("dynamicObstacle", "obstacle"))
-    return (whole, states) if are_direct and not _is_too_deep(whole, limits) else None
+    name = moving_obstacle(whole)
+    are_read = all(each.getparent() is whole and each.tag == name for each in whole.iter("dynamicObstacle", "obstacle"))
+    return (whole, states) if are_read and not _is_too_deep(whole, limits) else None
 
 
 def _small_content(path: Path) -> bytes:
@@ -263,8 +264,9 @@ def _read_obstacle(chunk: bytes) -> _ReadObstacle:
     """Raises what lxml raises where the bytes are no element."""
     known = _known_obstacle(hashlib.sha256(chunk).digest()) if len(chunk) <= LARGEST_KEPT_BYTES else []
     if not known:
-        holder = etree.Element("commonRoad")
-        holder.append(etree.fromstring(chunk, _parser()))
+        obstacle = etree.fromstring(chunk, _parser())
+        holder = etree.Element("commonRoad", commonRoadVersion="2018b" if obstacle.tag == "obstacle" else "2020a")
+        holder.append(obstacle)
         states = take_plain_states(holder)
         known.append(_ReadObstacle(states, etree.tostring(holder[0]) if states else chunk))
     return known[0]

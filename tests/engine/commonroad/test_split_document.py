@@ -81,6 +81,16 @@ def test_an_obstacle_that_its_id_does_not_tell_stays_where_it_is(inside: bytes) 
     assert (split.chunks, split.rest) == ((), content)
 
 
+def test_an_obstacle_of_the_other_format_is_passed_over_as_commonroad_io_does(tmp_path: Path) -> None:
+    path = town_road().write(tmp_path / "town.xml")
+    before = read_recorded(path).tracks[31].positions
+    text = path.read_text(encoding="utf-8")
+    begin, end = text.index('<dynamicObstacle id="31"'), text.index("</dynamicObstacle>") + len("</dynamicObstacle>")
+    other = text[begin:end].replace("dynamicObstacle", "obstacle").replace('"31"', '"031"').replace("<x>", "<x>1")
+    path.write_text(text.replace("</commonRoad>", f"{other}</commonRoad>"), encoding="utf-8")
+    assert read_recorded(path).tracks[31].positions.tolist() == before.tolist()
+
+
 def test_an_obstacle_inside_another_element_is_left_to_the_reader_of_the_whole(tmp_path: Path) -> None:
     path = town_road().write(tmp_path / "town.xml")
     text = path.read_text(encoding="utf-8")
