@@ -39,6 +39,16 @@ def is_declared_utf8(content: bytes) -> bool:
     return _DECLARED_UTF8.match(content) is not None
 
 
+def is_2018b(root: "etree._Element") -> bool:
+    """Whether a document is of format 2018b, in which obstacles carry their role in an element."""
+    return root.get("commonRoadVersion") == "2018b"
+
+
+def moving_obstacle(root: "etree._Element") -> str:
+    """The name of moving obstacles in the format of a document: commonroad-io passes over the other one."""
+    return "obstacle" if is_2018b(root) else "dynamicObstacle"
+
+
 @dataclass(frozen=True)
 class SplitDocument:
     """``chunks``: moving obstacles in the order of the file; ``rest``: the file with a stand-in for each of them.
@@ -65,6 +75,8 @@ class SplitDocument:
 
     def with_chunks(self, rest: bytes, made_of: Callable[[bytes], bytes] = bytes) -> bytes:
         """A rest, as it was or serialised anew, with the chunks, or what is made of them, in place of stand-ins."""
+        if not self.chunks:
+            return rest
         return _STAND_IN.sub(lambda found: made_of(self.chunks[int(found[1])]), rest)
 
 
@@ -111,7 +123,7 @@ class ScenarioDocument:
     @property
     def is_2018b(self) -> bool:
         """Whether obstacles carry their role in an element."""
-        return self.root.get("commonRoadVersion") == "2018b"
+        return is_2018b(self.root)
 
     @property
     def highest_id(self) -> int:
@@ -191,7 +203,7 @@ class ScenarioDocument:
         """Write the tree under a new benchmark id; UTF-8 with a declaration."""
         self.root.set("benchmarkID", benchmark_id)
         written = etree.tostring(self.tree, xml_declaration=True, encoding="UTF-8")
-        path.write_bytes(self.split.with_chunks(written) if self.split.chunks else written)
+        path.write_bytes(self.split.with_chunks(written))
 
     def _indent(self, element: "etree._Element", level: int) -> None:
         etree.indent(element, space=self._indent_unit() or " ", level=level)

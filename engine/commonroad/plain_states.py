@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..geometry import Points, Values
+from .document import moving_obstacle
 from .value_limits import LAST_STEP, is_within
 
 if TYPE_CHECKING:
@@ -58,21 +59,21 @@ def take_plain_states(document: "etree._Element") -> dict[int, PlainStates]:
     region, or holds a text that is no number, none that is finite or one beyond its limits, and where steps are missing
     between them: who checks the document finds it there.
     """
-    taken = {}
-    for obstacle in document.iterchildren(moving_obstacle(document)):
-        trajectory, number = obstacle.find("trajectory"), obstacle.get("id", "")
-        is_id = number.isdecimal() and len(number) <= _LONGEST_ID
-        if trajectory is not None and is_id and 2 < len(trajectory) <= LAST_STEP:
-            states = _plain_states(trajectory)
-            if states is not None:
-                taken[int(number)] = states
-                del trajectory[1:-1]
-    return taken
+    taken = (take_states(obstacle) for obstacle in document.iterchildren(moving_obstacle(document)))
+    return dict(states for states in taken if states is not None)
 
 
-def moving_obstacle(document: "etree._Element") -> str:
-    """The name of moving obstacles in the format of a document: commonroad-io passes over the other one."""
-    return "obstacle" if document.get("commonRoadVersion") == "2018b" else "dynamicObstacle"
+def take_states(obstacle: "etree._Element") -> tuple[int, PlainStates] | None:
+    """Take the states of one obstacle, with its id; None where its trajectory is left whole."""
+    trajectory, number = obstacle.find("trajectory"), obstacle.get("id", "")
+    is_id = number.isdecimal() and len(number) <= _LONGEST_ID
+    if trajectory is None or not is_id or not 2 < len(trajectory) <= LAST_STEP:
+        return None
+    states = _plain_states(trajectory)
+    if states is None:
+        return None
+    del trajectory[1:-1]
+    return int(number), states
 
 
 def _plain_states(trajectory: "etree._Element") -> PlainStates | None:

@@ -29,9 +29,9 @@ from lxml import etree
 
 from ...schemas.errors import UnknownName, UnsafeInput
 from ...schemas.text import quoted
-from .document import SplitDocument, is_declared_utf8
+from .document import SplitDocument, is_declared_utf8, moving_obstacle
 from .lanelet_networks import scenario_of
-from .plain_states import PlainStates, moving_obstacle, put_states, take_plain_states
+from .plain_states import PlainStates, put_states, take_plain_states, take_states
 from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
 
@@ -201,8 +201,8 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
 
     commonroad-io fails on a scenario without lanelets, and its error does not say why.
     """
-    split = _split_document(path, limits or XmlLimits())
-    whole, states = (parse_document(path, limits), None) if split is None else split
+    content, limits = _small_content(path), limits or XmlLimits()
+    whole, states = _split_document(content, limits) or (_parsed_document(path, content, limits), None)
     refuse_another_root(path, str(whole.tag))
     if whole.find("lanelet") is None:
         raise UnsafeInput(
@@ -215,11 +215,10 @@ def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[
     return root, states
 
 
-def _split_document(path: Path, limits: XmlLimits) -> "tuple[etree._Element, dict[int, PlainStates]] | None":
+def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element, dict[int, PlainStates]] | None":
     """The document without the states of plain trajectories, and these; an obstacle that is known by its bytes is not
     parsed again. None where the file has to be looked at as a whole: that tells what is wrong with it too.
     """
-    content = _small_content(path)
     split = SplitDocument.of(content) if _is_surely_within(content, limits, limits.elements) else None
     if split is None or not split.chunks:
         return None
@@ -227,7 +226,8 @@ def _split_document(path: Path, limits: XmlLimits) -> "tuple[etree._Element, dic
 
     def taken_from(chunk: bytes) -> bytes:
         read = _read_obstacle(chunk)
-        states.update(read.states)
+        if read.taken is not None:
+            key, states[key] = read.taken
         return read.left
 
     try:
@@ -240,6 +240,7 @@ def _split_document(path: Path, limits: XmlLimits) -> "tuple[etree._Element, dic
 
 
 def _small_content(path: Path) -> bytes:
+    """The bytes of a small file; nothing of a large one, or of one that cannot be read, which a scan says."""
     try:
         return path.read_bytes() if path.stat().st_size <= _SMALL_BYTES else b""
     except OSError:
@@ -248,9 +249,9 @@ def _small_content(path: Path) -> bytes:
 
 @dataclass(frozen=True)
 class _ReadObstacle:
-    """The plain states of an obstacle by its id, and the element without them."""
+    """The plain states of an obstacle with its id, None where it has none, and the element without them."""
 
-    states: Mapping[int, PlainStates]
+    taken: tuple[int, PlainStates] | None
     left: bytes
 
 
@@ -265,10 +266,8 @@ def _read_obstacle(chunk: bytes) -> _ReadObstacle:
     known = _known_obstacle(hashlib.sha256(chunk).digest()) if len(chunk) <= LARGEST_KEPT_BYTES else []
     if not known:
         obstacle = etree.fromstring(chunk, _parser())
-        holder = etree.Element("commonRoad", commonRoadVersion="2018b" if obstacle.tag == "obstacle" else "2020a")
-        holder.append(obstacle)
-        states = take_plain_states(holder)
-        known.append(_ReadObstacle(states, etree.tostring(holder[0]) if states else chunk))
+        taken = take_states(obstacle)
+        known.append(_ReadObstacle(taken, chunk if taken is None else etree.tostring(obstacle)))
     return known[0]
 
 
@@ -402,9 +401,12 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Eleme
     Raises:
         UnsafeInput: naming what was found and the limit.
     """
-    limits = limits or XmlLimits()
+    return _parsed_document(path, _small_content(path), limits or XmlLimits())
+
+
+def _parsed_document(path: Path, content: bytes, limits: XmlLimits) -> "etree._Element":
+    """As ``parse_document``, for a file whose bytes are read already where it is small."""
     try:
-        content = _small_content(path)
         if not _is_surely_within(content, limits, _FEW_TAGS):
             scan_xml(path, limits)
             content = path.read_bytes()

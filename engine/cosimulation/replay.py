@@ -172,6 +172,11 @@ class _Place:
     front: Points
     reach_m: float
 
+    @classmethod
+    def of(cls, actor: Actor, front: Points, speed_mps: float) -> "_Place":
+        """That of an actor with its front there."""
+        return cls(front, float(_reach_m(actor, np.array(speed_mps))))
+
 
 class _Surroundings:
     """Which replayed actors may matter to those that SUMO drives, step by step.
@@ -227,8 +232,7 @@ class _Surroundings:
         for actor in self._driven:
             index = actor.track.index_at(step)
             if index is not None and not actor.drives_at(step) and step >= (actor.drive_from or 0) - self._before:
-                speed_mps = float(actor.track.speeds_mps[index])
-                yield _place(actor, actor.track.front_at(index), speed_mps)
+                yield _Place.of(actor, actor.track.front_at(index), float(actor.track.speeds_mps[index]))
 
 
 def _reach_m(actor: Actor, speeds_mps: Values) -> Values:
@@ -237,10 +241,6 @@ def _reach_m(actor: Actor, speeds_mps: Values) -> Values:
     braking_mps2 = min(driver["decel"], SOFT_BRAKING_MPS2)
     way_m = max(driver["tau"], LOOKS_AHEAD_S) * speeds_mps + speeds_mps**2 / (2 * braking_mps2)
     return np.asarray(driver["minGap"] + way_m)
-
-
-def _place(actor: Actor, front: Points, speed_mps: float) -> _Place:
-    return _Place(front, float(_reach_m(actor, np.array(speed_mps))))
 
 
 class _Run:
@@ -254,7 +254,7 @@ class _Run:
         self._present: set[str] = set()
         self._known: set[str] = set()
         self._held: set[str] = set()
-        self._places: dict[str, _Place] = {}
+        self._driving: list[_Place] = []
         self._used_lanes: set[tuple[str, str]] = set()
         self._seen: dict[int, list[tuple[int, float, float, str]]] = {}
         handovers = {actor.key: actor.drive_from for actor in actors if actor.drive_from is not None}
@@ -267,7 +267,7 @@ class _Run:
         self._sumo.step()
         there = self._present.intersection(self._sumo.vehicles())
         shown = [actor for actor in self._actors if actor.key in there]
-        self._places.clear()
+        self._driving.clear()
         self._show_speeds(shown, step)
         for actor in shown:
             if actor.drive_from is not None and step >= actor.drive_from:
@@ -294,7 +294,7 @@ class _Run:
 
     def _place_replayed(self, step: int) -> None:
         """Insert, place and remove, so that all replayed vehicles that matter stand right after the step."""
-        near = self._surroundings.at(step, self._places.values())
+        near = self._surroundings.at(step, self._driving)
         for actor in self._actors:
             index = actor.track.index_at(step)
             if actor.drives_at(step):
@@ -340,7 +340,7 @@ class _Run:
         self._manoeuvres.act(key, actor.manoeuvres, step, highest_mps)
         front = self._sumo.front(key)
         self._seen.setdefault(actor.track.obstacle_id, []).append((step, *front, lane))
-        self._places[key] = _place(actor, np.array(front), self._sumo.speed_mps(key))
+        self._driving.append(_Place.of(actor, np.array(front), self._sumo.speed_mps(key)))
 
     def _change_to_wanted_lane(self, actor: Actor, lane: str) -> None:
         """Send a vehicle to the lane of its edge that it has to use and has not used yet, or to that of its target."""

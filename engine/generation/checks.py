@@ -34,12 +34,13 @@ def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -
         recorded = kept_recording(path)
         loaded, tracks = recorded.loaded, recorded.tracks
         bodies = [BoxTrack(track.positions, track.headings_rad, track.size_m) for track in tracks.values()]
+        overlaps = first_overlaps([ego, *bodies])
         infeasible = tuple(key for key, track in tracks.items() if not _feasible(track, loaded.step_s))
         return Checks(
             goal_reachable=_goal_reachable(loaded),
             collisions_at_start=_collisions_at_start(loaded, tracks),
-            overlapping_pairs=len(first_overlaps(bodies)),
-            recorded_ego_collision_free=not any(first_overlaps([ego, body]) for body in bodies),
+            overlapping_pairs=sum(pair.first > 0 for pair in overlaps),
+            recorded_ego_collision_free=all(pair.first > 0 for pair in overlaps),
             centers_on_lanelets=_share_on_lanelets(loaded, tracks),
             feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
             infeasible_vehicles=infeasible,

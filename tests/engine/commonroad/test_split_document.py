@@ -95,7 +95,7 @@ def test_an_obstacle_inside_another_element_is_left_to_the_reader_of_the_whole(t
     path = town_road().write(tmp_path / "town.xml")
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace("</commonRoad>", f"<other>{OBSTACLE.decode()}</other></commonRoad>"), encoding="utf-8")
-    assert reader._split_document(path, reader.XmlLimits()) is None
+    assert reader._split_document(path.read_bytes(), reader.XmlLimits()) is None
     assert 7 not in read_recorded(path).tracks
 
 
@@ -115,11 +115,11 @@ def test_an_obstacle_that_was_read_before_is_not_read_again(tmp_path: Path, monk
     read_recorded(town.write(tmp_path / "base.xml"))
     looked_at: list[str] = []
 
-    def noting(whole: "etree._Element") -> dict[int, plain_states.PlainStates]:
-        looked_at.extend(str(obstacle.get("id")) for obstacle in whole.iterchildren("dynamicObstacle"))
-        return plain_states.take_plain_states(whole)
+    def noting(obstacle: "etree._Element") -> tuple[int, plain_states.PlainStates] | None:
+        looked_at.append(str(obstacle.get("id")))
+        return plain_states.take_states(obstacle)
 
-    monkeypatch.setattr(reader, "take_plain_states", noting)
+    monkeypatch.setattr(reader, "take_states", noting)
     more = town.with_vehicles(*town.vehicles, driving(77, (10, 3.5), 9.0, 30))
     assert 77 in read_recorded(more.write(tmp_path / "more.xml")).tracks
     assert looked_at == ["77"]

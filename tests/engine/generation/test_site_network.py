@@ -40,6 +40,14 @@ def site_at(folder: Path, country: str | None = "DEU") -> SiteNetwork:
     return prepare_site(request, osm, fitting_sites(osm, request)[0], folder, silent)
 
 
+def crowded_site(folder: Path) -> SiteNetwork:
+    """The same for more cars than high density has there."""
+    crowd = (VehicleDemand(vehicle_class="car", least=90, most=90),)
+    request = request_for_fahrhausen().model_copy(update={"vehicles": crowd})
+    osm = read_map_file(Path(request.map_path))
+    return prepare_site(request, osm, fitting_sites(osm, request)[0], folder, silent)
+
+
 def test_a_good_site_has_its_net_and_no_errors(tmp_path: Path) -> None:
     site = site_at(tmp_path)
     assert site.net_path.exists()
@@ -59,11 +67,7 @@ def test_traffic_keeps_to_the_side_of_the_country_and_an_unknown_country_is_note
 
 def test_a_site_is_cut_out_wider_for_more_vehicles_than_its_roads_hold(tmp_path: Path) -> None:
     usual = site_at(tmp_path)
-    crowded = request_for_fahrhausen().model_copy(
-        update={"vehicles": (VehicleDemand(vehicle_class="car", least=90, most=90),)}
-    )
-    osm = read_map_file(Path(crowded.map_path))
-    wider = prepare_site(crowded, osm, fitting_sites(osm, crowded)[0], _empty(tmp_path / "crowded"), silent)
+    wider = crowded_site(_empty(tmp_path / "crowded"))
     assert usual.radius_m == RADIUS_M["intersection"] < wider.radius_m
     assert lane_km_of(wider.net) > 1.3 * lane_km_of(usual.net)
     assert wider.notes == (
@@ -83,11 +87,7 @@ def test_a_site_stays_as_wide_as_usual_where_a_wider_one_is_refused(
         return build(request, osm, site, radius_m, *rest)
 
     monkeypatch.setattr(site_network, "build_network", refuses_wide)
-    crowded = request_for_fahrhausen().model_copy(
-        update={"vehicles": (VehicleDemand(vehicle_class="car", least=90, most=90),)}
-    )
-    osm = read_map_file(Path(crowded.map_path))
-    site = prepare_site(crowded, osm, fitting_sites(osm, crowded)[0], tmp_path, silent)
+    site = crowded_site(tmp_path)
     assert site.radius_m == RADIUS_M["intersection"]
     assert site.notes[-1] == "a wider cut for so many vehicles is refused: too many nodes"
 
@@ -103,11 +103,7 @@ def test_a_wider_site_that_breaks_a_rule_gives_way_to_the_usual_one(
         return judge(built, *rest)
 
     monkeypatch.setattr(site_network, "judged", refuses_wide)
-    crowded = request_for_fahrhausen().model_copy(
-        update={"vehicles": (VehicleDemand(vehicle_class="car", least=90, most=90),)}
-    )
-    osm = read_map_file(Path(crowded.map_path))
-    site = prepare_site(crowded, osm, fitting_sites(osm, crowded)[0], tmp_path, silent)
+    site = crowded_site(tmp_path)
     assert site.radius_m == RADIUS_M["intersection"]
     assert site.notes[-1] == "a wider cut for so many vehicles is refused: the road network is wrong"
 
