@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from .base import LONGEST_PATH, Arguments, Model, Result
+from .base import LONGEST_PATH, Answer, Arguments, Model, Result, first_of
 from .planning import PlannerConfiguration
 from .runs import LostCell, RunRecord
 
@@ -42,10 +42,11 @@ class ListArtifactsResult(Result):
     artifacts: tuple[ListedArtifact, ...]
     more: bool
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """One line each."""
         if not self.artifacts:
-            return "Nothing was made yet that fits. Next: generate_scenarios, find_scenarios or import_files."
+            following = "generate_scenarios, find_scenarios or import_files"
+            return Answer("Nothing was made yet that fits.", next_step=following)
         lines = [
             f"{item.kind} {item.artifact_id}"
             + (f" ({item.name})" if item.name and item.name != item.artifact_id else "")
@@ -54,7 +55,7 @@ class ListArtifactsResult(Result):
             + f", {item.made_at}"
             for item in self.artifacts
         ]
-        return "\n".join([*lines, *(["More: raise offset."] if self.more else [])])
+        return Answer(lines[0], listed=lines[1:], next_step="raise offset for more" if self.more else "")
 
 
 class ExportArtifactsArguments(Arguments):
@@ -88,12 +89,11 @@ class ExportArtifactsResult(Result):
     folder: str
     files: tuple[ExportedFile, ...]
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """The folder, then one line a file."""
         lines = [f"{file.path} ({file.size_bytes:,} bytes, {file.format} of {file.artifact_id})" for file in self.files]
-        return "\n".join(
-            [f"{len(self.files)} files in {self.folder}:", *lines[:40], *(["…"] if len(lines) > 40 else [])]
-        )
+        rest = "the structured answer names all"
+        return Answer(f"{len(self.files)} files in {self.folder}:", listed=first_of(lines, 40, rest))
 
 
 class SolutionRequest(Model):

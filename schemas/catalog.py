@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from .base import Arguments, Model, Result
+from .base import Answer, Arguments, Model, Result
 
 Facet = Literal["all", "places", "tags", "features", "road_net", "obstacles", "maps", "behaviours", "planners"]
 Method = Literal["funnel", "semantic", "hybrid", "rrf", "bm25"]
@@ -38,15 +38,15 @@ class DescribeCatalogResult(Result):
     scenarios: int
     facets: tuple[FacetCounts, ...]
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """One line a facet, the most frequent names first."""
-        lines = [f"{self.scenarios} scenarios."]
+        lines = []
         for facet in self.facets:
             note = f" ({facet.note})" if facet.note else ""
             between = ": " if facet.facet in ("lanes", "speed_limit") else " "
             names = ", ".join(f"{name}{between}{count}" if count else name for name, count in facet.counts.items())
             lines.append(f"{facet.facet}{note}: {names or 'none'}")
-        return "\n".join(lines)
+        return Answer(f"{self.scenarios} scenarios.", listed=lines)
 
 
 class FindScenariosArguments(Arguments):
@@ -147,14 +147,13 @@ class FindScenariosResult(Result):
     fallback: tuple[FoundScenario, ...] = Field((), description="not matches: each leaves conditions unmet")
     notes: tuple[str, ...] = ()
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """Counts, matches, and the way out of an empty result."""
-        lines = [f"{self.total} of {self.catalogue} scenarios match ({self.search_id}, {self.method})."]
-        lines += list(self.notes)
+        decided = [*self.notes]
         if self.stages:
             steps = [f"{stage.stage} [{', '.join(stage.conditions)}] {stage.left}" for stage in self.stages]
-            lines.append(f"Left after: {' → '.join(steps)}")
-        lines += [_line(scenario) for scenario in self.matches]
+            decided.append(f"Left after: {' → '.join(steps)}")
+        lines = [_line(scenario) for scenario in self.matches]
         if self.coverage:
             lines.append(
                 f"Chosen: {len(self.matches)}. They cover {'; '.join(_covered(coverage) for coverage in self.coverage)}"
@@ -170,7 +169,8 @@ class FindScenariosResult(Result):
         if self.fallback:
             lines.append("FALLBACK, not matches (unmet conditions named):")
             lines += [_line(scenario) for scenario in self.fallback]
-        return "\n".join(lines)
+        headline = f"{self.total} of {self.catalogue} scenarios match ({self.search_id}, {self.method})."
+        return Answer(headline, decided, listed=lines)
 
 
 def _covered(coverage: Coverage) -> str:

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, WithJsonSchema
 
-from .base import Arguments, Model, Result
+from .base import Answer, Arguments, Model, Result
 from .results import ConfigWeights, MetricName, RunSource, figure
 from .runs import Outcome
 
@@ -124,10 +124,10 @@ class CompareResultsResult(Result):
     comparisons: tuple[Comparison, ...]
     notes: tuple[str, ...] = ()
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """One block a comparison, the verdict first."""
         lines = [line for comparison in self.comparisons for line in _comparison(comparison)]
-        return "\n".join([*lines, *(f"Note: {note}" for note in self.notes)])
+        return Answer(lines[0], lines[1:], listed=self.notes)
 
 
 def _comparison(comparison: Comparison) -> list[str]:

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from .base import Arguments, Model, Result
+from .base import Answer, Arguments, Model, Result
 
 SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
 ScenarioType = Literal["any", SiteType]
@@ -288,12 +288,12 @@ class GenerateScenariosResult(Result):
     notes: list[str]
     attribution: list[str]
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """A few lines a scenario, asked beside realised; of many the first ones, and the ids of all."""
         shown = self.scenarios[:_SHOWN_IN_FULL]
         rest = ", ".join(made.scenario_id for made in self.scenarios[_SHOWN_IN_FULL:])
         body = [line for made in shown for line in made.lines()]
-        notes = [f"Note: {note}" for note in self.notes]
         more = [f"Also made, alike: {rest}"] if rest else []
         head = f"{len(self.scenarios)} scenario(s) made:"
-        return "\n".join([head, *body, *more, *notes, f"Map data: {'; '.join(self.attribution)}"])
+        source = f"Map data: {'; '.join(self.attribution)}"
+        return Answer(head, listed=[*body, *more, *self.notes, source])

@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from .base import LONGEST_PATH, Arguments, Model, Result
+from .base import LONGEST_PATH, Answer, Arguments, Model, Result
 from .jobs import JobState
 
 
@@ -50,21 +50,19 @@ class ImportFilesResult(Result):
     state: JobState = "done"
     note: str = Field("", description="why the job failed, or how far another server is with it")
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """Counts first, then a line a file."""
-        lines = [f"{self.added} added, {self.reused} known already, {self.refused} refused."]
-        if self.note and not self.added + self.reused + self.refused:
-            lines = []  # nothing is known here: the note says it
+        counts = f"{self.added} added, {self.reused} known already, {self.refused} refused."
+        told = [counts] if self.added + self.reused + self.refused or not self.note else []
         if self.job_id and (self.state != "done" or self.note):
-            lines.append(f"{self.job_id}: {self.state}. {self.note}".rstrip())
-        lines += [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
+            told.append(f"{self.job_id}: {self.state}. {self.note}".rstrip())
+        lines = [f"- {i.artifact_id}: {i.summary}{' (reused)' if i.reused else ''}" for i in self.items]
         lines += [f"- refused {item.file}: {item.reason}" for item in self.refusals]
         hidden = self.added + self.reused + self.refused - len(self.items) - len(self.refusals)
         if hidden:
             lines.append(f"… {hidden} more files; describe_catalog counts what is there.")
-        if self.state == "running":
-            lines.append("Next: get_job waits for the rest")
-        return "\n".join(lines)
+        following = "get_job waits for the rest" if self.state == "running" else ""
+        return Answer(told[0], told[1:], listed=lines, next_step=following)
 
     def to_line(self) -> str:
         """Counts and refusals in one line, as the last word of a job."""

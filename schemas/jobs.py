@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from .base import Arguments, Result
+from .base import Answer, Arguments, Result
 
 JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
 """``interrupted``: its server ended before it did."""
@@ -36,13 +36,14 @@ class JobResult(Result):
     error: str
     next_step: str
 
-    def to_text(self) -> str:
-        """One line of state, then what is finished and what to do next."""
+    def answer(self) -> Answer:
+        """The state, what is finished, why it failed and what to do next."""
         left = f", about {self.remaining_s:.0f} s left" if self.remaining_s is not None else ""
-        lines = [f"{self.job_id} ({self.kind}): {self.state}, {self.share:.0%} done{left}. {self.message}".rstrip()]
-        if self.results:
-            more = len(self.results) - 10
-            lines.append(f"Finished: {', '.join(self.results[-10:])}{f' and {more} before' if more > 0 else ''}")
-        if self.error:
-            lines.append(f"Error: {self.error}")
-        return "\n".join([*lines, f"Next: {self.next_step}"])
+        more = len(self.results) - 10
+        finished = f"Finished: {', '.join(self.results[-10:])}{f' and {more} before' if more > 0 else ''}"
+        return Answer(
+            headline=f"{self.job_id} ({self.kind}): {self.state}, {self.share:.0%} done{left}. {self.message}".rstrip(),
+            decided=[finished] if self.results else (),
+            warnings=[self.error] if self.error else (),
+            next_step=self.next_step,
+        )

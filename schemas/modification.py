@@ -7,7 +7,7 @@ from typing import Final, Literal, NamedTuple
 
 from pydantic import Field
 
-from .base import Arguments, Model, Result
+from .base import Answer, Arguments, Model, Result
 
 EditOperation = Literal[
     "reroute",
@@ -244,7 +244,7 @@ class ModifyScenarioResult(Result):
     untouched: int
     warnings: tuple[str, ...]
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """All of it in a few lines; of long lists the first items, and how many more there are."""
         head = f"{self.scenario_id} (from {self.base_id})" if self.scenario_id else f"dry run on {self.base_id}"
         lines = [head + (", reused" if self.reused else ""), *_edits_text(self.edits)]
@@ -262,7 +262,7 @@ class ModifyScenarioResult(Result):
         lines += [f"note: {note}" for note in _within(self.warnings[:_MOST_NOTES], _NOTES_CHARACTERS)]
         if len(self.warnings) > _MOST_NOTES:
             lines.append(f"… and {len(self.warnings) - _MOST_NOTES} more notes")
-        return "\n".join(lines)
+        return Answer(lines[0], lines[1:])
 
 
 _MOST_EDITS, _MOST_TOUCHED, _MOST_COLLISIONS, _MOST_NOTES, _MOST_IDS = 10, 6, 6, 6, 12

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from .base import Arguments, Model, Result
+from .base import Answer, Arguments, Model, Result
 from .runs import LostCell, Outcome, Prediction, RunRecord, RunSteps, RunTiming, Traffic
 
 LISTED_RUNS, LISTED_CONFIGURATIONS = 20, 8
@@ -138,7 +138,7 @@ class ListPlannersResult(Result):
     settings: tuple[SettingInfo, ...]
     configurations: tuple[ConfigurationInfo, ...] = Field(description="newest first, at most eight")
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """Weights, one a line, then presets, settings and configurations."""
         lines = [f"{item.name}: {item.summary}; presets {', '.join(item.presets)}" for item in self.planners]
         lines.append(f"Predictions: {', '.join(self.predictions)}.")
@@ -159,7 +159,7 @@ class ListPlannersResult(Result):
             for entry in self.configurations
         ]
         lines.append(f"Configurations made here: {', '.join(made) or 'none'}.")
-        return "\n".join(lines)
+        return Answer(lines[0], listed=lines[1:])
 
 
 class ConfigurePlannerArguments(Arguments):
@@ -192,13 +192,15 @@ class ConfigurePlannerResult(Result):
     yaml: str
     reused: bool = Field(description="the same weights were stored before under this id")
 
-    def to_text(self) -> str:
-        """Id, differences, notes, then the file."""
+    def answer(self) -> Answer:
+        """Id and differences; the file is in the structured answer, and ``export_artifacts`` writes it."""
         again = " (stored before)" if self.reused else ""
-        lines = [f"{self.config_id} ({self.name}){again}, against {self.base}:"]
-        lines += [f"  {item.name}: {item.before:g} → {item.after:g}" for item in self.changes] or ["  no difference"]
-        lines += [f"Note: {note}" for note in self.notes]
-        return "\n".join([*lines, self.yaml.rstrip(), f"Next: run_planner with configs ['{self.config_id}']"])
+        changes = ", ".join(f"{item.name} {item.before:g} → {item.after:g}" for item in self.changes)
+        return Answer(
+            headline=f"{self.config_id} ({self.name}){again}, against {self.base}: {changes or 'no difference'}.",
+            decided=self.notes,
+            next_step=f"run_planner with configs ['{self.config_id}']",
+        )
 
 
 class RunPlannerArguments(Arguments):
@@ -254,7 +256,7 @@ class RunPlannerResult(Result):
     notes: tuple[str, ...] = ()
     next_step: str
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """Summary by configuration, then the runs, one a line."""
         head = f"{self.finished} of {self.total} runs finished ({self.reused} stored before)"
         lines = [f"{head}, traffic {self.traffic}, prediction {self.prediction}."]
@@ -271,5 +273,4 @@ class RunPlannerResult(Result):
         if self.finished > len(self.runs):
             lines.append(f"  … {self.finished - len(self.runs)} more: analyze_results with detail rows")
         lines += [f"Lost: {cell.scenario_id} {cell.config_id}: {cell.error}" for cell in self.lost]
-        lines += [f"Note: {note}" for note in self.notes]
-        return "\n".join([*lines, f"Next: {self.next_step}"])
+        return Answer(lines[0], [*lines[1:], *self.notes], next_step=self.next_step)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
-from .base import Arguments, Model, Result
+from .base import Answer, Arguments, Model, Result
 from .runs import LostCell, Outcome, RunMetrics, RunRecord
 
 Breakdown = Literal[
@@ -203,7 +203,7 @@ class AnalyzeResultsResult(Result):
     timeline: tuple[TimelineStep, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """All sections that are there, one line an item."""
         lines = [] if self.runs == 1 else _rates(self)
         for section in (_rows, _groups, _metrics, _costs, _correlations, _timeline):
@@ -211,8 +211,7 @@ class AnalyzeResultsResult(Result):
         if self.findings:
             lines.append("Findings:")
             lines += [_finding_text(finding) for finding in self.findings]
-        lines += [f"Note: {note}" for note in self.notes]
-        return "\n".join(lines)
+        return Answer(lines[0], lines[1:], listed=self.notes)
 
 
 def _rates(result: AnalyzeResultsResult) -> list[str]:

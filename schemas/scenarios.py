@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from .base import Arguments, Model, Result
+from .base import Answer, Arguments, Model, Result
 from .generation import DensityFacts, ScenarioType, SiteFacts
 from .vocabulary import GoalForm
 
@@ -312,7 +312,7 @@ class DescribeScenarioResult(Result):
     generation: DescribedGeneration | None = None
     recipe: dict[str, JsonValue] | None = None
 
-    def to_text(self) -> str:
+    def answer(self) -> Answer:
         """Head, ego, vehicles, lanelets, checks, how it was generated and its recipe, a line each."""
         counts = ", ".join(f"{count} {kind}" for kind, count in self.counts.items()) or "no traffic"
         lines = [f"{self.scenario_id} ({self.origin}, {self.place}): {self.duration_s:g} s, {counts}."]
@@ -333,7 +333,7 @@ class DescribeScenarioResult(Result):
         lines += self.generation.lines() if self.generation is not None else []
         if self.recipe is not None:
             lines.append(f"Recipe: {json.dumps(self.recipe, ensure_ascii=False, sort_keys=True)}")
-        return "\n".join(lines)
+        return Answer(lines[0], listed=lines[1:])
 
 
 def ego_text(ego: DescribedEgo) -> str:

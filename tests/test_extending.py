@@ -61,7 +61,7 @@ from plannerforge.engine.scene.routing import find_route
 from plannerforge.engine.tuning import tunings
 from plannerforge.engine.vehicles.models import BMW_320I
 from plannerforge.schemas import modification
-from plannerforge.schemas.base import Arguments, Result
+from plannerforge.schemas.base import Answer, Arguments, Result
 from plannerforge.schemas.modification import Edit, EditKind, EditReport, ModificationRequest
 from plannerforge.schemas.rendering import Rendered, RenderRequest
 from plannerforge.schemas.results import Finding
@@ -81,8 +81,8 @@ class RepeatWordsArguments(Arguments):
 class RepeatWordsResult(Result):
     words: str
 
-    def to_text(self) -> str:
-        return f"You said: {self.words}"
+    def answer(self) -> Answer:
+        return Answer(f"You said: {self.words}")
 
 
 @pytest.fixture

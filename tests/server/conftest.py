@@ -8,7 +8,7 @@ from typing import Any, Literal
 import pytest
 from pydantic import Field
 
-from plannerforge.schemas.base import Arguments, Model, Result
+from plannerforge.schemas.base import Answer, Arguments, Model, Result
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.server import assembly
 from plannerforge.server.tool_calls import MOST_IMAGE_BYTES
@@ -41,8 +41,8 @@ class EchoResult(Result):
     said: EchoArguments
     note: str | None = None
 
-    def to_text(self) -> str:
-        return self.said.model_dump_json()
+    def answer(self) -> Answer:
+        return Answer(self.said.model_dump_json())
 
 
 class NoArguments(Arguments):
