@@ -1,13 +1,14 @@
 """Typed edits of a scenario: what ``modify_scenario`` takes, what its worker is asked, and what comes back."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple, TypeVar
 
 from pydantic import Field
 
-from .base import Answer, Arguments, Model, Result
+from .base import Answer, Arguments, Model, Result, first_of
 
 EditOperation = Literal[
     "reroute",
@@ -123,17 +124,18 @@ class ModifyScenarioArguments(Arguments):
 class VehicleRoute(Model):
     """Where a touched vehicle drives: lanelets in order, and whether it gets where the edit sends it.
 
-    ``arrives`` is None where no target was named; ``reason`` says why it does not arrive.
+    ``arrives`` is None where no target was named; ``reason`` says why it does not arrive, ``advice`` what may help.
     """
 
     vehicle_id: int
     lanelets: tuple[int, ...]
     arrives: bool | None = None
     reason: str = ""
+    advice: str = ""
 
 
 class EditReport(Model):
-    """What became of one edit."""
+    """What became of one edit; ``meant``: whom its words for vehicles meant."""
 
     index: int
     op: EditOperation
@@ -142,6 +144,16 @@ class EditReport(Model):
     what: str = Field(description="what was done, in one sentence with figures")
     vehicles: tuple[int, ...] = ()
     routes: tuple[VehicleRoute, ...] = ()
+    meant: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """``done``, or that nothing is left of it, or that not all get where it sends them."""
+        if not self.done:
+            return "without effect"
+        missed = sum(route.arrives is False for route in self.routes)
+        sent = sum(route.arrives is not None for route in self.routes)
+        return "done" if not missed else "not reached" if missed == sent else f"reached by {sent - missed} of {sent}"
 
 
 class EditCollision(Model):
@@ -169,8 +181,9 @@ class EgoDanger(Model):
 class TouchedVehicle(Model):
     """A vehicle whose motion was computed anew, and whether a car can drive it (judged as ``checked_by`` says).
 
-    ``handover_*``: differences between the recorded state at the hand-over and the first new step, beyond what the
-    speed explains; None for vehicles that were not recorded.
+    ``reason``: whom a vehicle that no edit names would have hit, and when. ``handover_*``: differences between the
+    recorded state at the hand-over and the first new step, beyond what the speed explains; None for vehicles that were
+    not recorded.
     """
 
     vehicle_id: int
@@ -182,6 +195,7 @@ class TouchedVehicle(Model):
     feasible_share: float
     handover_jump_m: float | None = None
     handover_speed_step_mps: float | None = None
+    reason: str = ""
 
 
 class ModificationRequest(Model):
@@ -227,11 +241,16 @@ class ModificationOutcome(Model):
 
 
 class ModifyScenarioResult(Result):
-    """The new scenario and what the edits did; no id where nothing was stored."""
+    """The new scenario and what the edits did; no id where nothing was stored.
+
+    ``traffic``: whether all others react or stay as recorded; ``detail``: how much of it the text tells.
+    """
 
     scenario_id: str | None
     base_id: str
     reused: bool = False
+    traffic: TrafficAfterEdits = "recorded"
+    detail: EditDetail = "brief"
     edits: tuple[EditReport, ...]
     touched: tuple[TouchedVehicle, ...]
     removed: tuple[int, ...]
@@ -245,69 +264,111 @@ class ModifyScenarioResult(Result):
     warnings: tuple[str, ...]
 
     def answer(self) -> Answer:
-        """All of it in a few lines; of long lists the first items, and how many more there are."""
-        head = f"{self.scenario_id} (from {self.base_id})" if self.scenario_id else f"dry run on {self.base_id}"
-        lines = [head + (", reused" if self.reused else ""), *_edits_text(self.edits)]
-        lines += [_touched_text(vehicle) for vehicle in self.touched[:_MOST_TOUCHED]]
-        if len(self.touched) > _MOST_TOUCHED:
-            infeasible = [vehicle.vehicle_id for vehicle in self.touched if not vehicle.feasible]
-            lines.append(f"{len(self.touched)} touched in all; infeasible steps in: {_ids(infeasible)}")
-        lines.append(f"removed: {_ids(self.removed)}; handed over besides: {_ids(self.handed_over)}")
-        lines.append(f"collisions caused: {_collisions_text(self.collisions)}")
-        lines.append(f"{self.untouched} vehicles exactly as recorded")
-        lines += _danger_text(self.ego_before, self.ego_after)
-        if self.checkers_agree is not None:
-            alike = f"{self.checkers_agree} of {len(self.touched)}"
-            lines.append(f"judged by the drivability checker; the closed form agrees on {alike}")
-        lines += [f"note: {note}" for note in _within(self.warnings[:_MOST_NOTES], _NOTES_CHARACTERS)]
-        if len(self.warnings) > _MOST_NOTES:
-            lines.append(f"… and {len(self.warnings) - _MOST_NOTES} more notes")
-        return Answer(lines[0], lines[1:])
-
-
-_MOST_EDITS, _MOST_TOUCHED, _MOST_COLLISIONS, _MOST_NOTES, _MOST_IDS = 10, 6, 6, 6, 12
-_MOST_ROUTES, _MOST_LANELETS = 8, 8
-_EDITS_CHARACTERS, _NOTES_CHARACTERS = 1200, 800
-"""What the text shows of long lists, and characters of all its sentences together, beyond which each is cut to an even
-share; chosen so that an answer stays below 1,500 tokens."""
-
-
-def _edits_text(edits: Sequence[EditReport]) -> Iterator[str]:
-    """Edits and routes; lanelets that were listed are not listed again, nor are their routes without a target."""
-    shown: dict[int, tuple[int, ...]] = {}
-    left = _MOST_ROUTES
-    sentences = _within([edit.what for edit in edits[:_MOST_EDITS]], _EDITS_CHARACTERS)
-    for edit, what in zip(edits, sentences, strict=False):
-        yield f"edit {edit.index} {edit.op} ({edit.letter}): {'done' if edit.done else 'not done'}: {what}"
-        routes = [
-            route for route in edit.routes if route.arrives is not None or shown.get(route.vehicle_id) != route.lanelets
+        """What was done, whether it is reached, who reacts, what is new for the ego and what was so before."""
+        stored = f"{self.scenario_id} (from {self.base_id}{', made before' if self.reused else ''})"
+        head = stored if self.scenario_id else f"Dry run on {self.base_id}, nothing stored"
+        hits = [f"{hit.vehicles[0]} hits {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
+        collisions = [f"new collision: {'; '.join(first_of(hits, *self._most(_MOST_COLLISIONS)))}"] if hits else []
+        infeasible = [
+            f"a car cannot drive {1 - share:.1%} of the steps of {_ids(keys)}{', as in the recording' * is_recorded}"
+            for (share, is_recorded), keys in _grouped(
+                (vehicle.vehicle_id, (vehicle.feasible_share, _is_recording(vehicle)))
+                for vehicle in self.touched
+                if not vehicle.feasible
+            )
         ]
-        routes.sort(key=lambda route: route.arrives is not False)
-        first = routes[:left]
-        yield from (f"  {_route_text(route, shown.get(route.vehicle_id))}" for route in first)
-        if len(routes) > len(first):
-            yield f"  … and {len(routes) - len(first)} more routes"
-        shown.update((route.vehicle_id, route.lanelets) for route in routes)
-        left -= len(first)
-    more = edits[_MOST_EDITS:]
-    if more:
-        undone = [edit.index for edit in more if not edit.done]
-        yield f"… and {len(more)} more edits, {len(more) - len(undone)} of them done; not done: {_ids(undone)}"
+        warnings = [*collisions, *infeasible[:_MOST_INFEASIBLE], *self._told(self.warnings, _NOTES_CHARACTERS)]
+        following = "run_planner" if self.scenario_id else "the same without dry_run"
+        advice = next((route.advice for edit in self.edits for route in edit.routes if route.advice), following)
+        return Answer(
+            headline=f"{head}: {_verdicts(self.edits)}.",
+            decided=[*self._edit_lines(), *self._others()],
+            figures=[*_danger_text(self.ego_before, self.ego_after, blind=bool(self.touched)), *self._judged()],
+            warnings=first_of(warnings, *self._most(_MOST_NOTES)),
+            next_step=advice,
+        )
+
+    def _most(self, brief: int) -> tuple[int, str]:
+        """How many items of a list are told, and the call that tells of the others."""
+        if self.detail == "brief":
+            return brief, "detail=checks"
+        return _MOST_IN_DETAIL, "the structured answer has all"
+
+    def _told(self, sentences: Sequence[str], characters: int) -> list[str]:
+        return _within(sentences, characters * (3 if self.detail == "checks" else 1))
+
+    def _edit_lines(self) -> Iterator[str]:
+        """An edit a line, with whether it is reached, and routes: of vehicles that an edit sends somewhere, or all."""
+        most, rest = self._most(_MOST_EDITS)
+        sentences = self._told([edit.what for edit in self.edits[:most]], _EDITS_CHARACTERS)
+        for edit, what in zip(self.edits, sentences, strict=False):
+            number = f"{edit.index} " if len(self.edits) > 1 else ""
+            verdict = f", {edit.verdict}" if edit.verdict != "done" else ""
+            who = f" ({edit.meant})" if edit.meant else ""
+            yield f"{number}{edit.op} ({edit.letter}){verdict}: {what}{who}"
+            routes = [route for route in edit.routes if route.arrives is not None or self.detail == "checks"]
+            grouped = _grouped((route.vehicle_id, _route_text(route)) for route in routes)
+            lines = [f"  {_ids(keys)} {text}" for text, keys in grouped]
+            shown, others = self._most(_MOST_ROUTES)
+            yield from first_of(lines, max(shown // len(self.edits), _MOST_ROUTES), others)
+        undone = [edit.index for edit in self.edits[most:] if edit.verdict != "done"]
+        if self.edits[most:]:
+            yield f"… {len(self.edits) - most} more edits, not done or not reached: {_ids(undone)}: {rest}"
+
+    def _others(self) -> list[str]:
+        """Who reacts besides, and why; and how many stay as they were."""
+        reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
+        lines = []
+        if self.traffic == "reactive":
+            lines.append(f"All traffic reacts: {_count(len(reacting), 'more vehicle')} driven anew.")
+        elif reacting:
+            named = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
+            most, _ = self._most(_MOST_TOUCHED)
+            more = f" and {len(named) - most} more" if len(named) > most else ""
+            lines.append(f"Driven besides, to react: {', '.join(named[:most])}{more}.")
+        if self.detail == "checks":
+            lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
+        return [*lines, f"{_count(self.untouched, 'vehicle')} exactly as recorded."]
+
+    def _judged(self) -> list[str]:
+        if self.checkers_agree is None:
+            return []
+        alike = f"{self.checkers_agree} of {len(self.touched)}"
+        return [f"Judged by the drivability checker; the closed form agrees on {alike}."]
 
 
-def _route_text(route: VehicleRoute, before: tuple[int, ...] | None) -> str:
+_MOST_EDITS, _MOST_TOUCHED, _MOST_COLLISIONS, _MOST_NOTES, _MOST_IDS, _MOST_INFEASIBLE = 6, 4, 3, 3, 8, 2
+_MOST_ROUTES, _MOST_LANELETS, _MOST_IN_DETAIL = 3, 8, 20
+_EDITS_CHARACTERS, _NOTES_CHARACTERS = 900, 450
+"""What the text shows of long lists, and characters of all its sentences together, beyond which each is cut to an even
+share; chosen so that a brief answer of an ordinary request stays below 250 tokens."""
+Key = TypeVar("Key", bound=Hashable)
+
+
+def _verdicts(edits: Sequence[EditReport]) -> str:
+    """How many edits were done, reached, or come to nothing."""
+    counts = Counter(edit.verdict for edit in edits)
+    if len(edits) == 1:
+        return f"the edit is {edits[0].verdict}"
+    return f"of {len(edits)} edits " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+
+
+def _grouped(items: Iterable[tuple[int, Key]]) -> list[tuple[Key, list[int]]]:
+    """What is the same of several vehicles once, with their ids."""
+    groups: dict[Key, list[int]] = {}
+    for key, value in items:
+        groups.setdefault(value, []).append(key)
+    return list(groups.items())
+
+
+def _route_text(route: VehicleRoute) -> str:
     lanelets: list[object] = [*route.lanelets]
     if len(lanelets) > _MOST_LANELETS:
         lanelets[_MOST_LANELETS - 1 : -1] = "…"
-    driven = "as above" if route.lanelets == before else f"lanelets {' → '.join(map(str, lanelets))}"
-    arrives = {None: "", True: ", arrives", False: f", does not arrive: {route.reason}"}[route.arrives]
-    return f"{route.vehicle_id}: {driven}{arrives}"
-
-
-def _collisions_text(collisions: Sequence[EditCollision]) -> str:
-    hits = [f"{hit.vehicles[0]} with {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in collisions[:_MOST_COLLISIONS]]
-    more = f" and {len(collisions) - _MOST_COLLISIONS} more" if len(collisions) > _MOST_COLLISIONS else ""
-    return "; ".join(hits) + more if hits else "none"
+    driven = f"lanelets {' → '.join(map(str, lanelets))}"
+    if route.arrives is False:
+        return f"does not get there: {route.reason} ({driven})"
+    return f"gets there: {driven}" if route.arrives else f"drives {driven}"
 
 
 def _within(sentences: Sequence[str], characters: int) -> list[str]:
@@ -320,45 +381,58 @@ def _within(sentences: Sequence[str], characters: int) -> list[str]:
     return [text if len(text) <= share else f"{text[: share * 2 // 3]} … {text[-share // 3 :]}" for text in sentences]
 
 
-def _danger_text(before: EgoDanger | None, after: EgoDanger | None) -> list[str]:
+def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bool) -> list[str]:
+    """What is new for an ego that drives ordinarily, and what was so before; figures that cannot be had say why."""
     if before is None or after is None:
-        return []
-    figures = [
-        f"{name} {_figure(getattr(before, field), unit)} → {_figure(getattr(after, field), unit)}"
-        for name, field, unit in (
-            ("minimum distance", "minimum_distance_m", " m"),
-            ("time to collision", "minimum_time_to_collision_s", " s"),
-            ("risk score", "risk_score", ""),
-        )
-    ]
-    ego = "to an ego that drives ordinarily, blind to edited traffic"
-    return [f"{ego}: {', '.join(figures)} (0 collision … 5 negligible){_most_critical(after)}"]
+        return ["Ego's danger: none, as no ordinary drive of an ego can be simulated here."]
+    was, now = _danger_figures(before), _danger_figures(after)
+    new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
+    same = [f"{word} {now[word]}" for word in now if was.get(word) == now[word]]
+    if not new:
+        return [f"Nothing new for the ego: {', '.join(same)}."]
+    blindness = " (it does not see the edited traffic)" if blind else ""
+    as_before = "; as before " + ", ".join(same) if same else ""
+    return [f"New for the ego{blindness}: {', '.join(new)}{as_before}."]
 
 
-def _most_critical(danger: EgoDanger) -> str:
+def _danger_figures(danger: EgoDanger) -> dict[str, str]:
+    """The figures as they are told, by their names."""
+    figures = {
+        "nearest": _figure(danger.minimum_distance_m, " m"),
+        "time to collision": _figure(danger.minimum_time_to_collision_s, " s"),
+        "risk score of 5 (0: collision)": _figure(danger.risk_score, ""),
+    }
     if danger.most_critical_id is None:
-        return ""
-    what = "collision with" if danger.risk_score == 0 else "most critical:"
-    return f"; {what} {danger.most_critical_id} at {danger.most_critical_time_s:.1f} s"
+        return figures
+    met = f"{danger.most_critical_id} at {danger.most_critical_time_s:.1f} s"
+    return figures | ({"collision": f"with {met}"} if danger.risk_score == 0 else {"most critical": met})
 
 
 def _figure(value: float | None, unit: str) -> str:
-    return "none" if value is None else f"{value:.3g}{unit}"
+    if value is None:
+        return "none within 60 s" if unit == " s" else "none, nobody is near"
+    return f"{value:.3g}{unit}"
+
+
+def _is_recording(vehicle: TouchedVehicle) -> bool:
+    """Whether the motion is the recorded one, moved in time."""
+    return vehicle.cause == "shifted" and vehicle.handover_jump_m is None
 
 
 def _touched_text(vehicle: TouchedVehicle) -> str:
-    is_shifted = vehicle.cause == "shifted"
-    is_driven = is_shifted and vehicle.handover_jump_m is not None
     verdict = "feasible" if vehicle.feasible else f"{vehicle.feasible_share:.1%} of the steps feasible"
-    verdict += ", as in its recording" if is_shifted and not is_driven else ""
+    verdict += ", as in its recording" if _is_recording(vehicle) else ""
+    is_driven = vehicle.cause == "shifted" and not _is_recording(vehicle)
     cause = f"{vehicle.cause.replace('_', ' ')}{' and driven' if is_driven else ''}"
-    end = "leaves the network" if vehicle.leaves_network else "there"
-    return (
-        f"{vehicle.vehicle_id} {cause} from {vehicle.from_time_s:.1f} s, "
-        f"{end} at {vehicle.until_time_s:.1f} s, {verdict}"
-    )
+    times = f"from {vehicle.from_time_s:.1f} to {vehicle.until_time_s:.1f} s"
+    end = " where it leaves the map" if vehicle.leaves_network else ""
+    return f"{vehicle.vehicle_id} {cause} {times}{end}, {verdict}"
 
 
-def _ids(keys: tuple[int, ...] | list[int]) -> str:
+def _count(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _ids(keys: Sequence[int]) -> str:
     more = f" and {len(keys) - _MOST_IDS} more" if len(keys) > _MOST_IDS else ""
     return ", ".join(map(str, keys[:_MOST_IDS])) + more or "none"

@@ -4,6 +4,7 @@ Lengths in m, speeds in m/s, times in s, headings in rad; posted limits in km/h.
 """
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -237,11 +238,34 @@ class DescribedLanelet(Model):
     vehicles: tuple[int, ...]
 
 
+class Reach(Model):
+    """A lanelet outside junctions that a vehicle can get to: the turns on the way, and how far its beginning is."""
+
+    lanelet_id: int
+    turns: tuple[str, ...]
+    distance_m: float
+
+
+class DescribedFocus(Model):
+    """A vehicle or lanelet that a call asked about: by which word, its recorded way, and where it can drive.
+
+    ``vehicle``: where it is, and how fast, None for a lanelet; ``route``: lanelets of the recording; ``reach``: the
+    nearest lanelets first.
+    """
+
+    name: str
+    what: str
+    vehicle: DescribedVehicle | None = None
+    route: tuple[int, ...] = ()
+    reach: tuple[Reach, ...] = ()
+
+
 class Description(Model):
-    """What the scenario's file shows, centred on the focus."""
+    """What the scenario's file shows, centred on the focus; ``asked`` says what a focus other than the ego is."""
 
     ego: DescribedEgo | None
     focus: str
+    asked: DescribedFocus | None = None
     vehicles: tuple[DescribedVehicle, ...]
     vehicles_total: int
     lanelets: tuple[DescribedLanelet, ...]
@@ -302,6 +326,7 @@ class DescribeScenarioResult(Result):
     scenario_id: str
     origin: Origin
     place: str
+    detail: Detail = "brief"
     tags: tuple[str, ...]
     features: tuple[str, ...]
     step_s: float
@@ -313,27 +338,61 @@ class DescribeScenarioResult(Result):
     recipe: dict[str, JsonValue] | None = None
 
     def answer(self) -> Answer:
-        """Head, ego, vehicles, lanelets, checks, how it was generated and its recipe, a line each."""
-        counts = ", ".join(f"{count} {kind}" for kind, count in self.counts.items()) or "no traffic"
-        lines = [f"{self.scenario_id} ({self.origin}, {self.place}): {self.duration_s:g} s, {counts}."]
-        lines.append(f"Tags: {', '.join(self.tags) or 'none'}. Computed: {', '.join(self.features) or 'nothing'}.")
-        if self.signs:
-            lines.append(f"On the ego's lane: {', '.join(self.signs)}.")
-        shown = self.description
-        lines.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
-        if shown.vehicles:
-            lines.append(f"Vehicles, nearest to {shown.focus} first ({len(shown.vehicles)} of {shown.vehicles_total}):")
-            lines += [_vehicle(vehicle) for vehicle in shown.vehicles]
-        elif shown.vehicles_total:
-            lines.append(f"No vehicle near {shown.focus}; {shown.vehicles_total} elsewhere: raise radius_m.")
-        if shown.lanelets:
-            lines.append(f"Lanelets near {shown.focus} ({len(shown.lanelets)} of {shown.lanelets_total}):")
-            lines += [_lanelet(lanelet) for lanelet in shown.lanelets]
-        lines += [f"Check: {check}" for check in shown.checks]
-        lines += self.generation.lines() if self.generation is not None else []
+        """What it is, the ego, what was asked about; then the lists that the detail asks for."""
+        shown, total = self.description, sum(self.counts.values())
+        kinds = ", ".join(f"{count} {kind}" for kind, count in self.counts.items())
+        traffic = f"{total} road user{'' if total == 1 else 's'} beside the ego ({kinds})" if total else "no traffic"
+        decided = [f"Tags: {', '.join(self.tags) or 'none'}. Computed: {', '.join(self.features) or 'nothing'}."]
+        decided += [f"On the ego's lane: {', '.join(self.signs)}."] if self.signs else []
+        decided.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")
+        decided += _focus(shown.asked) if shown.asked else []
+        listed = [*self._vehicles(), *self._lanelets(), *(f"Check: {check}" for check in shown.checks)]
+        if self.generation is not None and self.detail in ("checks", "recipe"):
+            listed += self.generation.lines()
         if self.recipe is not None:
-            lines.append(f"Recipe: {json.dumps(self.recipe, ensure_ascii=False, sort_keys=True)}")
-        return Answer(lines[0], listed=lines[1:])
+            listed.append(f"Recipe: {json.dumps(self.recipe, ensure_ascii=False, sort_keys=True)}")
+        failed = () if self.generation is None else self.generation.checks_failed
+        return Answer(
+            headline=f"{self.scenario_id} ({self.origin}, {self.place}): {self.duration_s:g} s, {traffic}.",
+            decided=decided,
+            listed=listed,
+            warnings=[f"failed when it was generated: {', '.join(failed)}"] if failed else (),
+        )
+
+    def _vehicles(self) -> list[str]:
+        """The vehicles that the detail lists; one that lists none says nothing about them."""
+        shown, most = self.description, VEHICLES_SHOWN[self.detail]
+        if not most or not shown.vehicles_total:
+            return []
+        if not shown.vehicles:
+            return [f"No vehicle within radius_m of {shown.focus}; {shown.vehicles_total} elsewhere: raise radius_m."]
+        more = shown.vehicles_total - len(shown.vehicles)
+        rest = "raise radius_m" if self.detail == "vehicles" else "detail=vehicles"
+        head = f"Vehicles, nearest to {shown.focus} first{f' ({more} more: {rest})' if more else ''}:"
+        return [head, *(_vehicle(vehicle, shown.asked) for vehicle in shown.vehicles)]
+
+    def _lanelets(self) -> list[str]:
+        shown = self.description
+        if not shown.lanelets:
+            return []
+        more = shown.lanelets_total - len(shown.lanelets)
+        head = f"Lanelets near {shown.focus}{f' ({more} more: raise radius_m, or focus)' if more else ''}:"
+        return [head, *(_lanelet(lanelet) for lanelet in shown.lanelets)]
+
+
+VEHICLES_SHOWN: Mapping[Detail, int] = {"brief": 5, "vehicles": 40, "lanelets": 0, "checks": 0, "recipe": 0}
+LANELETS_SHOWN: Mapping[Detail, int] = {"brief": 0, "vehicles": 0, "lanelets": 30, "checks": 0, "recipe": 0}
+"""How many vehicles and lanelets each detail lists, at most: a description is read by a model (chosen)."""
+
+
+def _focus(focus: DescribedFocus) -> list[str]:
+    """Whom the call asked about, where it was recorded to drive, and where it can drive."""
+    name = f"{focus.name[0].upper()}{focus.name[1:]}{f' ({focus.what})' if focus.what else ''}"
+    seen = f": {_seen(focus.vehicle)}." if focus.vehicle is not None else "."
+    recorded = f" Recorded way: lanelets {_chain(focus.route)}." if focus.route else ""
+    ways = [(" then ".join(way.turns) or "straight", way) for way in focus.reach]
+    reached = [f"{turns} {way.lanelet_id} ({way.distance_m:.0f} m)" for turns, way in ways]
+    return [f"{name}{seen}{recorded} Can reach: {', '.join(reached) or 'no other lanelet'}."]
 
 
 def ego_text(ego: DescribedEgo) -> str:
@@ -349,13 +408,20 @@ def _chain(route: tuple[int, ...]) -> str:
     return " → ".join(shown if len(route) <= 8 else [*shown[:4], "…", *shown[4:]])
 
 
-def _vehicle(vehicle: DescribedVehicle) -> str:
+def _vehicle(vehicle: DescribedVehicle, focus: DescribedFocus | None) -> str:
+    """A vehicle in a line; where something was asked about, by its distance from there too."""
+    away = f"{vehicle.distance_m:.0f} m from {focus.name}; seen from the ego " if focus is not None else ""
+    return f"- {vehicle.vehicle_id} {_seen(vehicle, away)}"
+
+
+def _seen(vehicle: DescribedVehicle, away: str = "") -> str:
+    """Kind, place as seen from the ego, speed, gap and lanelet of a vehicle."""
     gap = f", gap {vehicle.gap_m:.1f} m" if vehicle.gap_m is not None else ""
-    lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ""
+    lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ", on no lanelet"
     when = f", from {vehicle.from_s:g} s" if vehicle.from_s > 0 else ""
     speed = f"{vehicle.speed_mps:.1f} m/s" if vehicle.moves else "stands"
     kind = f"{vehicle.kind} ({vehicle.vehicle_class})" if vehicle.vehicle_class else vehicle.kind
-    return f"- {vehicle.vehicle_id} {kind}: {vehicle.where}, {speed}{gap}{lanelet}{when}"
+    return f"{kind}: {away}{vehicle.where}, {speed}{gap}{lanelet}{when}"
 
 
 def _lanelet(lanelet: DescribedLanelet) -> str:

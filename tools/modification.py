@@ -64,6 +64,8 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
         base_id=base_id,
         reused=reused and not arguments.dry_run,
         edits=outcome.edits,
+        traffic=traffic,
+        detail=arguments.detail,
         touched=outcome.touched,
         removed=outcome.removed,
         handed_over=outcome.handed_over,

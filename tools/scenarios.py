@@ -64,6 +64,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, call: ToolCall
     return DescribeScenarioResult(
         scenario_id=facts.scenario_id,
         origin=record.origin,
+        detail=arguments.detail,
         place=f"{facts.location.place}, {facts.location.country}",
         tags=facts.tags,
         features=facts.features,

@@ -23,6 +23,7 @@ from .edited_scene import SimulatedEdits, SimulationResult
 from .ego_risk import EgoDrive, drive_after, shown_ego
 from .entries import check_entries, slower_entries
 from .explanations import check_not_driven_past
+from .references import whom_words_meant
 from .report import outcome_of
 from .scene_cache import scene_of
 from .simulation import Simulation
@@ -100,9 +101,10 @@ def _resolved_edits(edits: tuple[Edit, ...], base: Scene, next_id: int, earlier:
                 raise
             message = f"edit {index - earlier} ({edit.op}): {error.message}"
             raise type(error)(message, valid=error.valid, next_step=error.next_step, reason=error.reason) from error
+        meant = whom_words_meant(edit.vehicles, step.vehicles, scene, changes)
         changes = replace(step.changes, added_by_edit=(*changes.added_by_edit, step.added))
         scene = _scene_after(base, changes)
-        steps.append(replace(step, changes=changes))
+        steps.append(replace(step, changes=changes, meant=meant))
     ego.check_goal(scene, changes)
     return _ResolvedEdits(edits, tuple(steps), changes, scene)
 

@@ -86,7 +86,7 @@ class EditStep:
     ``added``: those of the vehicles that it put in. ``aims``: by vehicle, sets of lanelets; the vehicle is to get onto
     any lanelet of each set. ``since``: the step from which on aims count. ``speeds``: the speed in m/s that a vehicle
     is to reach, and from which step on. ``parameters``: those of a driver's behaviour that it sets, each with whether
-    the new value is independent of the one before.
+    the new value is independent of the one before. ``meant``: whom its words for vehicles meant, "" for plain ids.
     """
 
     changes: Changes
@@ -97,6 +97,7 @@ class EditStep:
     since: Mapping[int, int] = field(default_factory=dict)
     speeds: Mapping[int, tuple[float, int]] = field(default_factory=dict)
     parameters: Mapping[str, bool] = field(default_factory=dict)
+    meant: str = ""
 
 
 def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:

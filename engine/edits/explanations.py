@@ -55,6 +55,8 @@ _STILL_CHANGING_MPS2 = 0.3
 """A vehicle that gained this in the last second was still speeding up (chosen)."""
 _MOST_NAMED = 3
 """A sentence names this many road users before it is cut short (chosen)."""
+_MOST_EXPLAINED = 10
+"""Vehicles for which it is looked up why they are driven (chosen)."""
 _Indices = NDArray[np.intp]
 
 
@@ -70,11 +72,12 @@ def vehicle_route(edited: EditedScene, step: EditStep, key: int) -> VehicleRoute
     if not missed:
         return VehicleRoute(vehicle_id=key, lanelets=vehicle.lanelets, arrives=True)
     if _sent_elsewhere(step, vehicle.plan, missed[0]):
-        reason = "a later edit sends it another way"
+        reason, advice = "a later edit sends it another way", "leave one of the two edits out"
     else:
         reason = vehicle.held_up(missed[0], step.since.get(key, vehicle.track.first_step))
+        advice = vehicle.advice(missed[0])
     lanelets = (*vehicle.lanelets, *vehicle.rest_of_route)
-    return VehicleRoute(vehicle_id=key, lanelets=lanelets, arrives=False, reason=reason)
+    return VehicleRoute(vehicle_id=key, lanelets=lanelets, arrives=False, reason=reason, advice=advice)
 
 
 def check_not_driven_past(edited: EditedScene, key: int) -> None:
@@ -140,6 +143,23 @@ def _why_shift_is_driven(edited: EditedScene, key: int) -> str:
         if hits:
             return f"{driven}: its recording would hit vehicle {hits[0].second} at {hits[0].step * step_s:.1f} s"
     return f"{driven}, because others react"
+
+
+def why_handed_over(edited: EditedScene) -> dict[int, str]:
+    """For vehicles that no edit names and that are driven: whom they would hit on their recording, and when.
+
+    At most ten of them, those driven first; one that hits nobody any more, because others react, has no reason.
+    """
+    tracks, recorded = edited.result.tracks, edited.scene.tracks
+    handed_over = sorted(edited.handed_over, key=lambda key: (tracks[key].first_step, key))[:_MOST_EXPLAINED]
+    as_driven = {key: edited.road_users[key] for key in tracks}
+    reasons = {}
+    for key in handed_over:
+        others = [track for other, track in as_driven.items() if other != key]
+        hits = new_overlaps([recorded[key]], others, recorded, edited.changes.shifts)
+        if hits:
+            reasons[key] = f"would hit {hits[0].second} at {hits[0].step * edited.scene.step_s:.1f} s"
+    return reasons
 
 
 @dataclass(frozen=True)
@@ -211,6 +231,17 @@ class DrivenVehicle:
         if float(track.speeds_mps[-1]) < _STANDING_MPS:
             return f"it stands on lanelet {last} when {ends}{late}"
         return f"{ends} while it is on its way to lanelet {target}{late}"
+
+    def advice(self, targets: frozenset[int]) -> str:
+        """What may bring the vehicle to one of some lanelets that it does not get to."""
+        reached, key = self.lanelets[1:], self.track.obstacle_id
+        nearer = f"send {key} to lanelet {reached[-1]}, which it reaches" if reached else f"leave {key} where it is"
+        if self.track.blocked_by:
+            blocking = ", ".join(str(other) for other in self.track.blocked_by[:_MOST_NAMED] if other > 0)
+            return f"remove_vehicle {blocking}, or {nearer}" if blocking else nearer
+        if not self.track.leaves and self.rest_of_route and not self.plan.targets.isdisjoint(targets):
+            return f"set_speed of {key} to a higher one, or {nearer}"
+        return nearer
 
     @property
     def _in_the_way(self) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
 from ..commonroad import Track
-from ..scene import NOT_DRIVEN, Ego, Scene, leader_and_follower
+from ..scene import NOT_DRIVEN, Ego, Scene, ego_lane, leader_and_follower
 from ..vehicles import vehicle_classes
 from .changes import Changes, scene_for_references
 
@@ -22,6 +22,8 @@ _TIE = 1e-3
 """Speeds in m/s or distances in m that differ by less are the same to a person who describes a vehicle by them."""
 _NAME_A_VEHICLE = "name one of these by its id; describe_scenario with detail=vehicles lists all"
 _NAME_A_LANELET = "name one of these; describe_scenario with detail=lanelets lists all"
+_MOST_MEANT = 3
+"""Vehicles that are described where a word meant several (chosen)."""
 EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
@@ -57,6 +59,28 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
             f"{', '.join(texts)} leaves no vehicle", valid=_listed(there), next_step="leave fewer of them out"
         )
     return left
+
+
+def whom_words_meant(texts: Sequence[str], vehicles: Sequence[int], scene: Scene, changes: Changes) -> str:
+    """The vehicles that words for them meant, each with its class and where it is as seen from the ego.
+
+    Empty where they were named by their ids, and for words that need no answer (all, the vehicle of an edit).
+    """
+    kinds = {parse_selector(text).kind for text in texts}
+    if kinds <= {"id", "all", "new"}:
+        return ""
+    there = scene_for_references(scene, changes)
+    lane, step = ego_lane(there, there.ego) if there.ego else None, there.ego.step if there.ego else 0
+    named = []
+    for key in vehicles[:_MOST_MEANT]:
+        track, match = there.tracks[key], there.matches.get(key)
+        index = track.index_at(step)
+        where = ""
+        if lane is not None and index is not None:
+            where = f" {lane.where(track, index, match.at(index) if match else None).words}"
+        named.append(f"{key} {track.kind}{where}")
+    more = f" and {len(vehicles) - _MOST_MEANT} more" if len(vehicles) > _MOST_MEANT else ""
+    return f"{', '.join(texts)}: {'; '.join(named)}{more}"
 
 
 def _selector(text: str, scene: Scene) -> Selector:

@@ -13,7 +13,7 @@ from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics,
 from .edited_scene import EditedScene, SimulatedEdits
 from .ego_risk import EgoRisk, ego_risk_after
 from .entries import entering_onto_ego
-from .explanations import speeds_reached, vehicle_route, why_shifts_are_driven, why_undone
+from .explanations import speeds_reached, vehicle_route, why_handed_over, why_shifts_are_driven, why_undone
 from .writing import replayed_motion
 
 
@@ -77,6 +77,7 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
                 what="; ".join([step.what, *speeds, *shifts, *([] if undone is None else [undone])]),
                 vehicles=step.vehicles,
                 routes=routes,
+                meant=step.meant,
             )
         )
     return tuple(reports)
@@ -103,6 +104,8 @@ def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) ->
     }
     for key in edited.driven_shifts:
         driven[key] = driven[key].model_copy(update={"cause": "shifted"})
+    for key, reason in why_handed_over(edited).items():
+        driven[key] = driven[key].model_copy(update={"reason": reason})
     replayed = {key: replay for key, replay in edited.changes.replays.items() if key not in driven}
     given = {key: _given(scene, replay, check) for key, replay in replayed.items()}
     return tuple(vehicle for _, vehicle in sorted((driven | given).items()))

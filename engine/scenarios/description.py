@@ -5,17 +5,28 @@ valid, the goal can be reached, and anything overlaps at the start. Lengths in m
 """
 
 from collections.abc import Mapping
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...schemas.errors import UnknownName, closest
-from ...schemas.scenarios import DescribedEgo, DescribedLanelet, DescribedVehicle, DescribeRequest, Description, Detail
+from ...schemas.scenarios import (
+    LANELETS_SHOWN,
+    VEHICLES_SHOWN,
+    DescribedEgo,
+    DescribedFocus,
+    DescribedLanelet,
+    DescribedVehicle,
+    DescribeRequest,
+    Description,
+    Reach,
+)
 from ..commonroad import Track, limits_kmh, schema_errors, signs_of
 from ..cosimulation import not_drivable
 from ..edits import Changes, scene_of, select
 from ..execution import ProgressReporter
-from ..geometry import Points, arc_length, oriented_rectangle, point_at, rectangles_overlap, wrap_angle
+from ..geometry import Points, arc_length, oriented_rectangle, point_at, project, rectangles_overlap, wrap_angle
 from ..scene import (
     NOT_DRIVEN,
     TURN_RAD,
@@ -38,9 +49,8 @@ if TYPE_CHECKING:
 
 CHECKED_SHOWN = 3
 """Vehicles that a failed check names, at most."""
-VEHICLES_SHOWN: Mapping[Detail, int] = {"brief": 8, "vehicles": 40, "lanelets": 0, "checks": 0, "recipe": 0}
-LANELETS_SHOWN: Mapping[Detail, int] = {"brief": 6, "vehicles": 0, "lanelets": 30, "checks": 0, "recipe": 0}
-"""How many vehicles and lanelets each detail lists, at most: a description is read by a model (chosen)."""
+REACH_SHOWN, _REACH_M = 8, 300.0
+"""Lanelets that a focus is told to reach, at most, and how far they may be (chosen)."""
 OWN_RECORDING = "where the ego starts, as fast: its own recording, which counts as a collision until it is removed"
 
 
@@ -54,13 +64,18 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     report(0.0, "reading the scenario")
     scene = scene_of(request.path, request.problem_id).scene
     ego = _describe_ego(scene)
-    center, name = _center(scene, request.focus)
+    center, asked = _center(scene, request.focus)
+    name = asked.name if asked is not None else "the ego" if scene.ego is not None else "the middle of the map"
     vehicles = _vehicles(scene, center)
     near = [vehicle for vehicle in vehicles if vehicle.distance_m <= request.radius_m]
+    if asked is not None:
+        own = next((vehicle for vehicle in near if asked.name == f"vehicle {vehicle.vehicle_id}"), None)
+        asked, near = asked.model_copy(update={"vehicle": own}), [vehicle for vehicle in near if vehicle is not own]
     lanelets, total = _describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
     return Description(
         ego=ego,
         focus=name,
+        asked=asked,
         vehicles=tuple(near[: VEHICLES_SHOWN[request.detail]]),
         vehicles_total=len(vehicles),
         lanelets=lanelets,
@@ -69,25 +84,52 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     )
 
 
-def _center(scene: Scene, focus: str | None) -> tuple[Points, str]:
-    """The point (2,) around which everything is listed, and its name."""
+def _center(scene: Scene, focus: str | None) -> tuple[Points, DescribedFocus | None]:
+    """The point (2,) around which everything is listed, and what was asked about; None for ego and map."""
     tracks = scene.tracks | scene.standing
     word = (focus or "ego").strip()
     if word.lower() == "ego":
         if scene.ego is not None:
-            return scene.ego.position, "the ego"
+            return scene.ego.position, None
         vertices = np.vstack([lanelet.center_vertices for lanelet in scene.network.lanelets])
-        return np.asarray(vertices.mean(axis=0)), "the middle of the map"
+        return np.asarray(vertices.mean(axis=0)), None
     if word.isdigit() and int(word) not in tracks:
         lanelet = scene.network.find_lanelet_by_id(int(word))
         if lanelet is None:
             known = [*(str(key) for key in tracks), *(str(lane.lanelet_id) for lane in scene.network.lanelets)]
             raise UnknownName(f"'{word}' is neither a vehicle nor a lanelet", valid=["ego", *closest(word, known)])
-        middle = lanelet.center_vertices[len(lanelet.center_vertices) // 2]
-        return np.asarray(middle, dtype=float), f"lanelet {word}"
-    chosen = select([word], scene, Changes(next_id=0, driven={}))[0]
+        middle = np.asarray(lanelet.center_vertices[len(lanelet.center_vertices) // 2], dtype=float)
+        what = f"{scene.lanelet_graph.length_m[int(word)]:.0f} m long"
+        return middle, DescribedFocus(name=f"lanelet {word}", what=what, reach=_reach(scene, int(word), 0.0))
+    meant = select([word], scene, Changes(next_id=0, driven={}))
+    chosen, others = meant[0], f", the first of {len(meant)}" if len(meant) > 1 else ""
     index = tracks[chosen].index_at(scene.ego.step if scene.ego else 0) or 0
-    return tracks[chosen].positions[index], f"vehicle {chosen}"
+    match, point = scene.matches.get(chosen), tracks[chosen].positions[index]
+    described = DescribedFocus(name=f"vehicle {chosen}", what="" if word == str(chosen) else f"{word}{others}")
+    if match is None:
+        return point, described
+    station_m = project(center_line(scene.network, match.at(index)), point)[0]
+    route = () if chosen in scene.standing else match.sequence
+    return point, described.model_copy(update={"route": route, "reach": _reach(scene, match.at(index), station_m)})
+
+
+def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
+    """The nearest lanelets outside junctions that a vehicle on a lanelet can get to, as SUMO's vehicles drive."""
+    if start not in scene.layout.table.lanes:
+        return ()
+    graph, ways = scene.driven_graph, []
+    for key in islice(graph.reachable([start]), 1, 5 * REACH_SHOWN):
+        route = graph.shortest_route([start], [key])
+        if route is None or key not in scene.layout.lane_of:
+            continue
+        onward = [(at, after) for at, after in pairwise(route) if after in graph.successors[at]]
+        distance_m = max(sum(graph.length_m[at] for at, _ in onward) - station_m, 0.0)
+        turns = [_direction(scene, after) for _, after in onward if after not in scene.layout.lane_of]
+        changed = ["lane change"] if len(onward) < len(route) - 1 else []
+        turned = tuple(turn for turn in turns if turn != "straight")
+        ways.append(Reach(lanelet_id=key, turns=(*changed, *turned), distance_m=round(distance_m, 1)))
+    ways.sort(key=lambda way: (way.distance_m, way.lanelet_id))
+    return tuple(way for way in ways if way.distance_m <= _REACH_M)[:REACH_SHOWN]
 
 
 def _vehicles(scene: Scene, center: Points) -> list[DescribedVehicle]:

@@ -31,7 +31,7 @@ SHIFTED = TouchedVehicle(
 WHY = "a later edit replaces it"
 
 
-def text(*touched: TouchedVehicle, ego_after: EgoDanger = RAMMING, **others: Any) -> str:
+def text(*touched: TouchedVehicle, ego_after: EgoDanger | None = RAMMING, **others: Any) -> str:
     usual: dict[str, Any] = {"edits": (), "collisions": (), "warnings": (), "removed": (), "handed_over": ()}
     result = ModifyScenarioResult(
         scenario_id=None,
@@ -56,57 +56,88 @@ def route(vehicle_id: int, *lanelets: int, arrives: bool | None = None) -> Vehic
     return VehicleRoute(vehicle_id=vehicle_id, lanelets=lanelets, arrives=arrives, reason=reason)
 
 
-def test_the_line_of_danger_names_vehicle_and_time_and_that_edits_are_not_seen() -> None:
+def test_the_answer_tells_what_is_new_for_the_ego_and_what_was_so_before() -> None:
     assert (
-        "to an ego that drives ordinarily, blind to edited traffic: minimum distance 1.49 m → 0 m, time to collision "
-        "none → 0 s, risk score 4 → 0 (0 collision … 5 negligible); collision with 39 at 6.5 s"
-    ) in text().splitlines()
-    assert text(ego_after=CLOSE).endswith("risk score 4 → 2 (0 collision … 5 negligible); most critical: 39 at 6.5 s")
-    assert text(ego_after=CALM).endswith("(0 collision … 5 negligible)")
+        "New for the ego (it does not see the edited traffic): nearest 1.49 m → 0 m, time to collision none within "
+        "60 s → 0 s, risk score of 5 (0: collision) 4 → 0, collision none → with 39 at 6.5 s."
+    ) in text(SHIFTED).splitlines()
+    same = (
+        "Nothing new for the ego: nearest 1.49 m, time to collision none within 60 s, risk score of 5 (0: collision) 4."
+    )
+    assert same in text(ego_after=CALM).splitlines()
+    assert "as before time to collision none within 60 s" in text(
+        ego_after=CALM.model_copy(update={"minimum_distance_m": 0.7})
+    )
+
+
+def test_a_figure_that_cannot_be_had_says_why() -> None:
+    assert "Ego's danger: none, as no ordinary drive of an ego can be simulated here." in text(ego_after=None)
+    nobody = EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
+    assert "nearest 1.49 m → none, nobody is near" in text(ego_after=nobody)
 
 
 def test_the_verdict_on_a_motion_that_was_only_moved_in_time_is_its_recording_s() -> None:
-    assert "44 shifted from 1.0 s, there at 10.0 s, 0.0% of the steps feasible, as in its recording" in text(SHIFTED)
+    assert "a car cannot drive 100.0% of the steps of 44, as in the recording" in text(SHIFTED)
     driven = SHIFTED.model_copy(update={"cause": "edited"})
-    assert "0.0% of the steps feasible, as" not in text(driven)
+    assert "as in the recording" not in text(driven)
 
 
 def test_an_answer_to_fifty_edits_of_a_hundred_vehicles_stays_short_and_useful() -> None:
-    routes = [route(key, *range(key, key + 20)) for key in range(70_000, 70_100)]
+    routes = [route(key, key, arrives=False) for key in range(70_000, 70_100)]
     edits = [edit(index, *routes, what=f"{'long words ' * 60}; {WHY}", done=index != 30) for index in range(50)]
     touched = [SHIFTED.model_copy(update={"vehicle_id": one.vehicle_id}) for one in routes]
-    answer = text(
-        *touched,
-        edits=tuple(edits),
-        collisions=tuple(EditCollision(vehicles=(key, key + 1), time_s=4.0) for key in range(70_000, 70_090)),
-        warnings=tuple(f"note {number} {'of many words ' * 40}" for number in range(40)),
-        removed=tuple(range(60_000, 60_100)),
-        handed_over=tuple(range(70_000, 70_100)),
-    )
-    assert count_tokens(answer) <= 1500
-    assert "… and 40 more edits, 39 of them done; not done: 30" in answer
-    assert "70005 with 70006 at 4.0 s and 84 more" in answer
-    assert "… and 34 more notes" in answer
+    told: dict[str, Any] = {
+        "edits": tuple(edits),
+        "collisions": tuple(EditCollision(vehicles=(key, key + 1), time_s=4.0) for key in range(70_000, 70_090)),
+        "warnings": tuple(f"note {number} {'of many words ' * 40}" for number in range(40)),
+        "removed": tuple(range(60_000, 60_100)),
+        "handed_over": tuple(range(70_000, 70_100)),
+    }
+    brief, whole = text(*touched, **told), text(*touched, detail="checks", **told)
+    assert count_tokens(brief) <= 1100
+    assert "… 44 more edits, not done or not reached: 6, 7, 8, 9, 10, 11, 12, 13 and 36 more: detail=checks" in brief
+    assert "70002 hits 70003 at 4.0 s; … 87 more: detail=checks" in brief
+    assert "… 39 more: detail=checks" in brief
+    assert count_tokens(brief) < count_tokens(whole) <= 6000
 
 
 def test_a_sentence_that_is_cut_keeps_its_end_where_it_says_why_nothing_was_done() -> None:
-    edits = tuple(edit(index, what=f"{'long words ' * 60}; {WHY}", done=False) for index in range(10))
-    assert text(edits=edits).count(WHY) == 10
+    edits = tuple(edit(index, what=f"{'long words ' * 60}; {WHY}", done=False) for index in range(6))
+    assert text(edits=edits).count(WHY) == 6
     assert f"{'long words ' * 60}; {WHY}" in text(edits=edits[:1])
 
 
-def test_lanelets_that_an_edit_before_has_told_of_are_not_told_again() -> None:
-    on, elsewhere = route(31, 1, 11), route(32, 1, 12)
-    told = text(edits=(edit(0, on), edit(1, on, elsewhere), edit(2, route(31, 1, 11, arrives=True))))
-    assert told.count("31: lanelets 1 → 11") == 1
-    assert told.count("32: lanelets 1 → 12") == 1
-    assert "31: as above, arrives" in told
+def test_an_edit_that_is_not_reached_is_not_called_done_and_says_what_to_do() -> None:
+    late = route(31, 1, 11, arrives=False).model_copy(update={"advice": "send 31 to lanelet 11, which it reaches"})
+    told = text(edits=(edit(0, late),))
+    assert "the edit is not reached" in told.splitlines()[0]
+    assert "  31 does not get there: the scenario ends at 10.0 s (lanelets 1 → 11)" in told
+    assert told.endswith("Next: send 31 to lanelet 11, which it reaches")
+    assert "done" not in told
 
 
-def test_of_a_long_way_the_beginning_and_the_end_are_told() -> None:
-    assert "31: lanelets 1 → 2 → 3 → 4 → 5 → 6 → 7 → … → 20" in text(edits=(edit(0, route(31, *range(1, 21))),))
+def test_of_several_edits_the_headline_counts_what_became_of_them() -> None:
+    edits = (edit(0), edit(1, done=False), edit(2, route(1, 4, arrives=True), route(2, 5, arrives=False)))
+    assert "of 3 edits 1 done, 1 without effect, 1 reached by 1 of 2." in text(edits=edits).splitlines()[0]
 
 
-def test_vehicles_that_do_not_arrive_are_listed_before_those_that_do() -> None:
-    routes = [route(key, 1, arrives=key != 29) for key in range(30)]
-    assert "29: lanelets 1, does not arrive: the scenario ends at 10.0 s" in text(edits=(edit(0, *routes),))
+def test_vehicles_that_differ_in_nothing_are_told_of_once() -> None:
+    routes = [route(key, 4, 5, arrives=True) for key in (31, 32, 33)]
+    assert text(edits=(edit(0, *routes),)).count("lanelets 4 → 5") == 1
+    assert "31, 32, 33 gets there: lanelets 4 → 5" in text(edits=(edit(0, *routes),))
+
+
+def test_routes_without_a_target_are_told_in_detail_only() -> None:
+    edits = (edit(0, route(31, *range(1, 21))),)
+    assert "lanelets" not in text(edits=edits)
+    assert "31 drives lanelets 1 → 2 → 3 → 4 → 5 → 6 → 7 → … → 20" in text(edits=edits, detail="checks")
+
+
+def test_a_vehicle_that_is_driven_besides_is_named_with_the_reason() -> None:
+    reacting = SHIFTED.model_copy(update={"cause": "handed_over", "reason": "would hit 12 at 3.4 s"})
+    assert "Driven besides, to react: 44 (would hit 12 at 3.4 s)." in text(reacting)
+
+
+def test_the_vehicles_that_a_word_meant_stand_behind_what_was_done() -> None:
+    meant = edit(0).model_copy(update={"meant": "lead: 361 car 43 m ahead, same lane"})
+    assert "set_behaviour (B): tau=1.5 for all (lead: 361 car 43 m ahead, same lane)" in text(edits=(meant,))

@@ -100,9 +100,34 @@ def test_lanelets_say_where_they_lead_and_what_lies_beside(town: Path) -> None:
 
 
 def test_the_focus_moves_the_centre(town: Path) -> None:
-    assert described(town, focus="34").vehicles[0].vehicle_id == 34
+    about = described(town, focus="34")
+    assert about.asked is not None
+    assert about.asked.vehicle is not None
+    assert about.asked.vehicle.vehicle_id == 34
+    assert 34 not in [vehicle.vehicle_id for vehicle in about.vehicles]
+    assert about.vehicles[0].distance_m < described(town).vehicles[-1].distance_m
     assert described(town, focus="class:truck").focus == "vehicle 33"
     assert described(town, "lanelets", focus="13", radius_m=5).lanelets[0].lanelet_id in (1, 13)
+
+
+def test_a_focus_says_where_it_was_recorded_to_drive_and_what_it_can_reach(town: Path) -> None:
+    asked = described(town, focus="lead").asked
+    assert asked is not None
+    assert (asked.name, asked.what) == ("vehicle 31", "lead")
+    graph = Scene.of(read_scenario(town)).driven_graph
+    reached = {way.lanelet_id: way for way in asked.reach}
+    assert reached
+    assert set(reached) <= set(graph.reachable(asked.route[:1]))
+    assert reached[13].turns == ("right",)
+    assert reached[13].distance_m == pytest.approx(130 + 10 * math.pi, abs=0.5)
+    distances = [way.distance_m for way in asked.reach]
+    assert distances == sorted(distances)
+
+
+def test_a_word_that_means_several_says_that_the_first_is_shown(town: Path) -> None:
+    asked = described(town, focus="nearest:2").asked
+    assert asked is not None
+    assert asked.what == "nearest:2, the first of 2"
 
 
 def test_the_radius_bounds_what_is_listed(town: Path) -> None:
