@@ -124,7 +124,8 @@ def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
             continue
         onward = [(at, after) for at, after in pairwise(route) if after in graph.successors[at]]
         distance_m = max(sum(graph.length_m[at] for at, _ in onward) - station_m, 0.0)
-        turns = [_direction(scene, after) for _, after in onward if after not in scene.layout.lane_of]
+        forks = [after for at, after in onward if len(graph.successors[at]) > 1 or after not in scene.layout.lane_of]
+        turns = [_direction(scene, after) for after in forks]
         changed = ["lane change"] if len(onward) < len(route) - 1 else []
         turned = tuple(turn for turn in turns if turn != "straight")
         ways.append(Reach(lanelet_id=key, turns=(*changed, *turned), distance_m=round(distance_m, 1)))
