@@ -125,11 +125,15 @@ class Emptied(Model):
 
 
 class SearchRecord(Model):
-    """A stored search: what was asked, all ids that satisfy it in order, and the counts on the way."""
+    """A stored search: what was asked, the ids that satisfy it in order, and the counts on the way.
+
+    ``total``: how many satisfy it, where those are more than are kept; None where all are.
+    """
 
     arguments: FindScenariosArguments
     scenario_ids: tuple[str, ...]
     stages: tuple[StageCount, ...]
+    total: int | None = None
 
 
 class FindScenariosResult(Result):

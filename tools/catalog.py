@@ -20,7 +20,7 @@ from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
 from .call import INDEX_FOLDER, ToolCall
 from .maps import maps_seen
 from .operations import RANK
-from .scenarios import one_scenario, searched_within
+from .scenarios import one_scenario, opened_search, searched_within
 
 _MAPS_SHOWN = 12
 """Maps that the facet lists by name; chosen to keep the answer short."""
@@ -67,7 +67,7 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
     """Filter by slots, rank by text, store the search, answer with one page of it."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     arguments = _resolved(arguments, call)
-    search = Search(call.workspace.database.connection(), arguments, searched_within(arguments.within, call))
+    search = opened_search(arguments, call)
     ranking = await _ranking(search, call) if search.needs_ranking else None
     hits = search.find(ranking)
     stages = search.stage_counts()
@@ -79,7 +79,8 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
         parents=tuple(key.partition("#")[0] for key in (arguments.within, arguments.like) if key),
     )
     search_id = f"search_{recipe.digest}"
-    record = SearchRecord(arguments=arguments, scenario_ids=hits.matches, stages=stages)
+    total = hits.total if hits.total > len(hits.matches) else None
+    record = SearchRecord(arguments=arguments, scenario_ids=hits.matches, stages=stages, total=total)
     call.workspace.put("search", search_id, recipe=recipe, record=record)
     return search.answer(search_id, hits, ranking)
 

@@ -6,12 +6,12 @@ counts of its stages only; the scenarios of a stage are looked up again.
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from ..engine.catalog import MOST_ENTRIES, Search, entries_of, open_catalogue
+from ..engine.catalog import MOST_ENTRIES, Postings, Search, entries_of, open_catalogue
 from ..engine.workspace import Artifact
-from ..schemas.catalog import SearchRecord
+from ..schemas.catalog import FindScenariosArguments, SearchRecord
 from ..schemas.errors import InvalidRequest, NotPossible, UnknownName
 from ..schemas.scenarios import DescribeRequest, DescribeScenarioArguments, DescribeScenarioResult, ScenarioRecord
 from .call import ToolCall
@@ -140,7 +140,7 @@ def _hits(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
     """The hits of a search, or with ``:STAGE`` behind its id what one of its stages left."""
     name, mark, stage = word.partition(":")
     search = call.workspace.get(name, "search")
-    ids, notes = _stage_hits(search, stage, call) if mark else (search.read(SearchRecord).scenario_ids, [])
+    ids, notes = _stage_hits(search, stage, call) if mark else (_all_hits(search, call), [])
     if not ids:
         left = [f"{name}:{count.stage}" for count in search.read(SearchRecord).stages if count.left]
         raise NotPossible(f"{word} has no hits", valid=left, next_step="relax the search with find_scenarios")
@@ -160,21 +160,49 @@ def _stage_hits(search: Artifact, stage: str, call: ToolCall) -> tuple[tuple[str
     Raises:
         UnknownName: the search has no conditions for this stage, or an earlier stage left nothing.
     """
-    record, connection = search.read(SearchRecord), call.workspace.database.connection()
+    record = search.read(SearchRecord)
     counts = {count.stage: count.left for count in record.stages}
     if stage not in counts:
         valid = [f"{search.artifact_id}:{name}" for name in counts]
         raise UnknownName(f"{search.artifact_id} has no stage '{stage}'", valid=valid)
-    again = Search(connection, record.arguments, searched_within(record.arguments.within, call))
-    numbers = next((left.numbers for left in again.funnel.stages if left.stage == stage), frozenset[int]())
-    known = frozenset(number for number in numbers if number < search.sequence * MOST_ENTRIES)
+    again = opened_search(record.arguments, call)
+    numbers = next((left.numbers for left in again.funnel.stages if left.stage == stage), ())
+    known = _known_then(search, numbers)
     changed = len(known) != counts[stage]
     note = f"{search.artifact_id}:{stage} left {counts[stage]}; {len(known)} of them are in the catalogue as they were"
-    return tuple(entry.scenario_id for entry in entries_of(connection, known)), [note] if changed else []
+    entries = entries_of(call.workspace.database.connection(), known)
+    return tuple(entry.scenario_id for entry in entries), [note] if changed else []
+
+
+def _known_then(search: Artifact, numbers: Iterable[int]) -> list[int]:
+    """Those of some entries that were in the catalogue when a search was stored."""
+    return [number for number in numbers if number < search.sequence * MOST_ENTRIES]
+
+
+def _all_hits(search: Artifact, call: ToolCall) -> tuple[str, ...]:
+    """The ids of all hits; where only the first are kept, the others follow alphabetically as the conditions find them.
+
+    What was added to the catalogue after the search is not among them.
+    """
+    record = search.read(SearchRecord)
+    if record.total is None:
+        return record.scenario_ids
+    matches = opened_search(record.arguments, call).funnel.matches
+    entries = entries_of(call.workspace.database.connection(), _known_then(search, matches))
+    return tuple(dict.fromkeys((*record.scenario_ids, *(entry.scenario_id for entry in entries))))
 
 
 def searched_within(search_id: str | None, call: ToolCall) -> tuple[str, ...] | None:
     """The hits of the search that another one refines; None where the whole catalogue is searched."""
-    if search_id is None:
-        return None
-    return call.workspace.get(search_id, "search").read(SearchRecord).scenario_ids
+    return None if search_id is None else _all_hits(call.workspace.get(search_id, "search"), call)
+
+
+def opened_search(arguments: FindScenariosArguments, call: ToolCall) -> Search:
+    """A search of the workspace's catalogue, with what is kept of it in memory.
+
+    Raises:
+        UnknownName: a word outside the vocabularies.
+        InvalidRequest: a malformed condition.
+    """
+    database = call.workspace.database
+    return Search(database.connection(), arguments, searched_within(arguments.within, call), database.kept(Postings))

@@ -9,6 +9,7 @@
 ``put_scenario``: The stored artifact of a scenario whose facts are known.
 ``build_index``: An operation: load the embedding model and build the text index.
 ``rank``: An operation: scenario ids by likeness of their descriptions to a text, with scores.
+``Postings``: The entries that conditions hold for, kept in memory while the catalogue stays as it is.
 ``Ranking``: Scenario ids by likeness of their text, best first, with their scores.
 ``Search``: A search against the tables of the catalogue, with its answer.
 ``entries_of``: The entries of these numbers by their ids.
@@ -36,6 +37,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .archives import download, unpack
+    from .entry_sets import Postings
     from .facets import scenario_facets
     from .intake import ReadFile, ScenarioIntake, net_beside, put_scenario
     from .ranking import build_index, rank

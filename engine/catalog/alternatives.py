@@ -7,6 +7,7 @@ from itertools import islice
 from ...schemas.errors import closest
 from ...schemas.vocabulary import FEATURES, ROAD_NET_KEYS, TAGS
 from .constraints import MEASURE_COLUMNS, Constraint, known_places
+from .entry_sets import EntrySet, column_of
 from .funnel import EmptiedBy, Funnel
 from .tables import NEVER_S
 
@@ -27,7 +28,7 @@ def never_carried(connection: sqlite3.Connection, constraints: Sequence[Constrai
         if constraint.negated:
             continue
         for kind, word in constraint.words:
-            if _carriers(connection, kind, word):
+            if _is_carried(connection, kind, word):
                 continue
             sentence = f"No scenario of this catalogue carries {kind.replace('sign@', 'sign on ')} '{word}'"
             if kind == "tag" and word in FEATURES and (holding := _carriers(connection, "feature", word)):
@@ -47,24 +48,20 @@ def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: Emptied
     return f"none of the {len(entering)} candidates has {names}" + (f"; there are {existing}" if existing else "")
 
 
-def _alternatives(
-    connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: frozenset[int]
-) -> str:
+def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
     """What the candidates have of what a condition is about; empty where that is not worth saying."""
     if constraint.stage == "location":
         return _places(connection, constraint, funnel.within)
     if constraint.stage == "obstacles":
-        name = constraint.words[0][1]
-        counts = dict(connection.execute("SELECT number, count FROM catalog_counts WHERE obstacle = ?", (name,)))
-        return _nearest(f"{name} counts", constraint, {counts.get(number, 0) for number in entering})
+        return _counts(connection, constraint, funnel, entering)
     if constraint.words:
-        return _words(connection, constraint, entering)
+        return _words(constraint, funnel, entering)
     if constraint.subject == "speed_limit":
         return _limits(connection, constraint, entering)
-    what, column = _column(constraint)
-    rows = connection.execute(f"SELECT number, {column} FROM catalog_scenarios")  # noqa: S608 - fixed names
-    values = {round(row[1], 1) for row in rows if row[0] in entering and row[1] is not None and row[1] < NEVER_S}
-    return _nearest(what, constraint, values)
+    what, column_name = _column(constraint)
+    column = funnel.postings.column(connection, funnel.entries, column_name)
+    held = (column[place] for place in entering.places())
+    return _nearest(what, constraint, {round(value, 1) for value in held if value < NEVER_S})
 
 
 def _column(constraint: Constraint) -> tuple[str, str]:
@@ -76,7 +73,18 @@ def _column(constraint: Constraint) -> tuple[str, str]:
     return constraint.subject, MEASURE_COLUMNS[constraint.subject]
 
 
-def _places(connection: sqlite3.Connection, constraint: Constraint, within: frozenset[int] | None) -> str:
+def _counts(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
+    """The counts of an obstacle type that occur among the candidates."""
+    name, values, without = constraint.words[0][1], set[int](), entering
+    for count in column_of(connection, "SELECT DISTINCT count FROM catalog_counts WHERE obstacle = ?", (name,)):
+        query = "SELECT number FROM catalog_counts WHERE obstacle = ? AND count = ?"
+        held = funnel.holding(query, (name, count)) & entering
+        without -= held
+        values |= {count} if held else set()
+    return _nearest(f"{name} counts", constraint, values | ({0} if without else set()))
+
+
+def _places(connection: sqlite3.Connection, constraint: Constraint, within: EntrySet | None) -> str:
     known, wanted = known_places(connection, within), constraint.label.partition(" ")[2]
     if constraint.subject == "country":
         return _listed("countries", closest(wanted, known.countries, SHOWN), len(known.countries))
@@ -84,13 +92,13 @@ def _places(connection: sqlite3.Connection, constraint: Constraint, within: froz
     return _listed("places", closest(wanted, places, SHOWN), len(places))
 
 
-def _limits(connection: sqlite3.Connection, constraint: Constraint, entering: frozenset[int]) -> str:
+def _limits(connection: sqlite3.Connection, constraint: Constraint, entering: EntrySet) -> str:
     scope = "map" if constraint.everywhere else "ego"
     rows = connection.execute("SELECT number, kmh FROM catalog_limits WHERE scope = ?", (scope,))
     return _nearest("limits in km/h", constraint, {row[1] for row in rows if row[0] in entering})
 
 
-def _words(connection: sqlite3.Connection, constraint: Constraint, entering: frozenset[int]) -> str:
+def _words(constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
     """Names of the same kind that candidates carry; nothing where they carry what was excluded."""
     if constraint.negated:
         return ""
@@ -98,7 +106,7 @@ def _words(connection: sqlite3.Connection, constraint: Constraint, entering: fro
     what, vocabulary = _KINDS[kind]
     query = "SELECT number FROM catalog_words WHERE kind = ? AND word = ?"
     like_it = closest(word, vocabulary, len(vocabulary))
-    carried = (name for name in like_it if any(row[0] in entering for row in connection.execute(query, (kind, name))))
+    carried = (name for name in like_it if funnel.holding(query, (kind, name)) & entering)
     names = list(islice(carried, SHOWN + 1))
     return _listed(what, names[:SHOWN], len(names))
 
@@ -111,13 +119,18 @@ def _nearest(what: str, constraint: Constraint, values: Collection[float]) -> st
     return f"{listed} ({min(values):g} to {max(values):g})" if len(ordered) > SHOWN else listed
 
 
-def _carriers(connection: sqlite3.Connection, kind: str, word: str) -> int:
+def _is_carried(connection: sqlite3.Connection, kind: str, word: str) -> bool:
     if kind == "obstacle":
-        row = connection.execute("SELECT count(*) FROM catalog_counts WHERE obstacle = ?", (word,)).fetchone()
+        row = connection.execute("SELECT 1 FROM catalog_counts WHERE obstacle = ? LIMIT 1", (word,)).fetchone()
     else:
-        query = "SELECT count(*) FROM catalog_words WHERE kind = ? AND word = ?"
+        query = "SELECT 1 FROM catalog_words WHERE kind = ? AND word = ? LIMIT 1"
         row = connection.execute(query, (kind, word)).fetchone()
-    return int(row[0])
+    return row is not None
+
+
+def _carriers(connection: sqlite3.Connection, kind: str, word: str) -> int:
+    query = "SELECT count(*) FROM catalog_words WHERE kind = ? AND word = ?"
+    return int(connection.execute(query, (kind, word)).fetchone()[0])
 
 
 def _listed(what: str, nearest: Sequence[str], count: int) -> str:

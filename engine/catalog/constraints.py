@@ -7,10 +7,9 @@ the vocabulary are understood in any case, in the plural and by everyday names; 
 
 import re
 import sqlite3
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
 
 from ...schemas.catalog import FindScenariosArguments, Stage
 from ...schemas.errors import InvalidRequest, UnknownName, closest
@@ -19,6 +18,7 @@ from ...schemas.text import one_line
 from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
 from ..maps import country_code, place_keys
 from .bm25 import words_of
+from .entry_sets import column_of
 
 NameOf = Callable[[str], str]
 _OBSTACLE_WORDS = {
@@ -75,19 +75,10 @@ class Constraint:
         names = [word for _, word in self.words] or [_parse_name(self.label)]
         return any(_stems(name) <= asked for name in names)
 
-    def found(self, connection: sqlite3.Connection, among: Sequence[int] | None = None) -> frozenset[int]:
-        """Numbers that the query selects, all or only among these (a few thousand at most)."""
-        if among is None:
-            return numbers_from(connection, self.query, self.values)
+    def found_among(self, connection: sqlite3.Connection, among: Sequence[int]) -> Iterator[int]:
+        """Those of a few thousand numbers, at most, that the query selects."""
         holes = ", ".join("?" * len(among))
-        return numbers_from(connection, f"{self.query} AND number IN ({holes})", (*self.values, *among))
-
-
-def numbers_from(connection: sqlite3.Connection, query: str, values: Sequence[str | float] = ()) -> frozenset[int]:
-    """The numbers of a query's only column; as plain tuples, because there may be a million of them."""
-    cursor = connection.cursor()
-    cursor.row_factory = None
-    return frozenset(chain.from_iterable(cursor.execute(query, values)))
+        return column_of(connection, f"{self.query} AND number IN ({holes})", (*self.values, *among))
 
 
 def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constraint]) -> tuple[Constraint, ...]:
@@ -267,7 +258,7 @@ class _Places:
     places: tuple[tuple[str, str], ...]
 
 
-def known_places(connection: sqlite3.Connection, among: frozenset[int] | None = None) -> _Places:
+def known_places(connection: sqlite3.Connection, among: Container[int] | None = None) -> _Places:
     """All countries and places of the catalogue, or of these entries."""
     if among is None:
         rows = connection.execute("SELECT DISTINCT place, country FROM catalog_scenarios").fetchall()

@@ -7,16 +7,20 @@ were not (Results, Slot-level extraction).
 
 import math
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from heapq import nsmallest
+from operator import and_
 
 from ...schemas.catalog import STAGES, Stage
-from .constraints import Constraint, numbers_from
+from .constraints import Constraint
+from .entry_sets import EntrySet, Postings
 
-FEW = 5000
-"""Up to this number of entries, a condition is looked up for each of them (chosen)."""
+FEW = 500
+"""Up to this number of entries, a condition is looked up for each of them, not for all that hold it (chosen)."""
+_LOOKED_AT_ALONE = 1_000
+"""Up to this number, entries are looked at one by one, as an operation on all bits takes as long (chosen)."""
 WEIGHTS: dict[Stage, float] = {"location": 8.0, "obstacles": 4.0, "road_net": 3.0, "velocity": 1.5, "tags": 1.0}
 """What a satisfied condition counts for in a fallback, before its rarity is added (chosen)."""
 MENTIONED = 3.0
@@ -25,11 +29,11 @@ MENTIONED = 3.0
 
 @dataclass(frozen=True)
 class _StageLeft:
-    """The numbers left after a stage that has conditions."""
+    """The entries left after a stage that has conditions."""
 
     stage: Stage
     constraints: tuple[Constraint, ...]
-    numbers: frozenset[int]
+    numbers: EntrySet
 
 
 @dataclass(frozen=True)
@@ -46,10 +50,10 @@ class EmptiedBy:
 
 @dataclass(frozen=True)
 class _Dropped:
-    """Conditions given up, and the numbers that satisfy all others."""
+    """Conditions given up, and the entries that satisfy all others."""
 
     constraints: tuple[Constraint, ...]
-    numbers: frozenset[int]
+    numbers: EntrySet
 
 
 class Funnel:
@@ -63,61 +67,56 @@ class Funnel:
         self,
         connection: sqlite3.Connection,
         constraints: Sequence[Constraint],
-        within: frozenset[int] | None = None,
+        within: Iterable[int] | None = None,
         text: str = "",
+        postings: Postings | None = None,
     ) -> None:
-        self._connection, self.within, self._text = connection, within, text
+        self._connection, self._text, self.postings = connection, text, postings or Postings()
+        self.entries = self.postings.entries(connection)
+        self.within = None if within is None else self.entries.of(within)
+        self.everything = self.entries.all if self.within is None else self.within
         self.constraints = tuple(constraints)
-        self._held: dict[Constraint, frozenset[int]] = {}
+        self._held: dict[Constraint, EntrySet] = {}
         self._weights: dict[Constraint, float] = {}
-
-    @cached_property
-    def everything(self) -> frozenset[int]:
-        """Numbers of all entries that are searched."""
-        if self.within is not None:
-            return self.within
-        return numbers_from(self._connection, "SELECT number FROM catalog_scenarios")
 
     @cached_property
     def size(self) -> int:
         """How many entries are searched."""
-        if self.within is not None:
-            return len(self.within)
-        return int(self._connection.execute("SELECT count(*) FROM catalog_scenarios").fetchone()[0])
+        return len(self.everything)
 
     @property
-    def matches(self) -> frozenset[int]:
-        """Numbers that satisfy every condition."""
+    def matches(self) -> EntrySet:
+        """The entries that satisfy every condition."""
         stages = self.stages
         return stages[-1].numbers if stages else self.everything
 
     @cached_property
     def stages(self) -> tuple[_StageLeft, ...]:
         """The stages that have conditions, in the paper's order; ends at the one that leaves nothing."""
-        left, stages = self.within, []
+        left, stages = self.everything, []
         for stage in STAGES:
             own = tuple(constraint for constraint in self.constraints if constraint.stage == stage)
             if not own:
                 continue
             for constraint in reversed(own):  # the city before its country: the less is left, the less is looked up
-                left = self.holds(constraint) if left is None else self._among(constraint, left)
-            stages.append(_StageLeft(stage, own, left or frozenset()))
+                left = self._among(constraint, left)
+            stages.append(_StageLeft(stage, own, left))
             if not left:
                 break
         return tuple(stages)
 
-    def holds(self, constraint: Constraint) -> frozenset[int]:
-        """Numbers of all entries that satisfy the condition."""
+    def holds(self, constraint: Constraint) -> EntrySet:
+        """All entries that satisfy the condition."""
         if constraint not in self._held:
-            numbers = constraint.found(self._connection)
-            if constraint.negated:
-                numbers = self.everything - numbers
-            elif self.within is not None:
-                numbers &= self.everything
-            self._held[constraint] = numbers
+            found = self.holding(constraint.query, constraint.values)
+            self._held[constraint] = self.everything - found if constraint.negated else self.everything & found
         return self._held[constraint]
 
-    def entering(self) -> frozenset[int]:
+    def holding(self, query: str, values: Sequence[str | float]) -> EntrySet:
+        """The entries of the catalogue whose numbers a query selects."""
+        return self.postings.holding(self._connection, self.entries, query, values)
+
+    def entering(self) -> EntrySet:
         """What the stages before the last one left."""
         return self.stages[-2].numbers if len(self.stages) > 1 else self.everything
 
@@ -149,7 +148,12 @@ class Funnel:
 
     def satisfied_by(self, number: int) -> tuple[Constraint, ...]:
         """The conditions that this entry satisfies, in their order."""
-        return tuple(constraint for constraint in self.constraints if self._among(constraint, frozenset({number})))
+        return tuple(constraint for constraint in self.constraints if self._is_held_by(constraint, number))
+
+    def _is_held_by(self, constraint: Constraint, number: int) -> bool:
+        if constraint in self._held:
+            return number in self._held[constraint]
+        return any(constraint.found_among(self._connection, [number])) != constraint.negated
 
     def nearness(self, number: int) -> float:
         """The weight of the conditions that this entry satisfies."""
@@ -162,15 +166,18 @@ class Funnel:
         (Results, Slot-level extraction), by rarity, since what few entries have is seldom met by chance, and by the
         user's own words, where they are known. Ties: the older.
         """
-        weights: dict[int, float] = {}
-        counts: dict[int, int] = {}
-        for constraint in self.constraints:
-            weight = self._weight(constraint)
-            for number in self.holds(constraint):
-                weights[number] = weights.get(number, 0.0) + weight
-                counts[number] = counts.get(number, 0) + 1
-        near = [number for number, count in counts.items() if count < len(self.constraints)]
-        return nsmallest(limit, near, key=lambda number: (-round(weights[number], 6), number))
+        near: dict[float, list[tuple[Constraint, ...]]] = {}
+        for failed in self._failed_together():
+            if 0 < len(failed) < len(self.constraints):
+                kept = (one for one in self.constraints if one not in failed)
+                near.setdefault(round(sum(map(self._weight, kept)), 6), []).append(failed)
+        nearest: list[int] = []
+        for weight in sorted(near, reverse=True):
+            alike = (number for failed in near[weight] for number in self._failing(failed))
+            nearest += nsmallest(limit - len(nearest), alike)
+            if len(nearest) >= limit:
+                break
+        return nearest
 
     def _weight(self, constraint: Constraint) -> float:
         """The weight of a condition: its stage's, the tenth logarithm of how rare it is, and that it was asked for."""
@@ -181,27 +188,38 @@ class Funnel:
             self._weights[constraint] = WEIGHTS[constraint.stage] + rarity + MENTIONED * mentioned
         return self._weights[constraint]
 
-    def _among(self, constraint: Constraint, left: frozenset[int]) -> frozenset[int]:
-        if len(left) > FEW or constraint in self._held:
+    def _among(self, constraint: Constraint, left: EntrySet) -> EntrySet:
+        if left is self.entries.all or len(left) > FEW or constraint in self._held:
             return left & self.holds(constraint)
-        numbers = constraint.found(self._connection, sorted(left))
-        return left - numbers if constraint.negated else numbers
+        found = self.entries.of(constraint.found_among(self._connection, sorted(left)))
+        return left - found if constraint.negated else found
 
-    def _all_of(self, constraints: Sequence[Constraint]) -> frozenset[int]:
-        if not constraints:
-            return self.everything
-        return frozenset.intersection(*sorted((self.holds(constraint) for constraint in constraints), key=len))
+    def _all_of(self, constraints: Sequence[Constraint]) -> EntrySet:
+        return reduce(and_, map(self.holds, constraints), self.everything)
 
-    def _failed_together(self) -> list[tuple[Constraint, ...]]:
+    def _failed_together(self) -> set[tuple[Constraint, ...]]:
         """Every set of conditions that some entry fails while it satisfies all others."""
-        groups: dict[tuple[Constraint, ...], frozenset[int]] = {(): self.everything}
-        for constraint in self.constraints:
-            split: dict[tuple[Constraint, ...], frozenset[int]] = {}
-            for failed, numbers in groups.items():
-                split[failed] = numbers & self.holds(constraint)
-                split[(*failed, constraint)] = numbers - self.holds(constraint)
-            groups = {failed: numbers for failed, numbers in split.items() if numbers}
-        return list(groups)
+        found: set[tuple[Constraint, ...]] = set()
+
+        def split(failed: tuple[Constraint, ...], numbers: EntrySet, rest: tuple[Constraint, ...]) -> None:
+            if not numbers or not rest:
+                found.update([failed] if numbers else [])
+                return
+            if len(numbers) <= _LOOKED_AT_ALONE:
+                held_by = [(one, self.holds(one)) for one in rest]
+                found.update((*failed, *(one for one, held in held_by if number not in held)) for number in numbers)
+                return
+            held = self.holds(rest[0])
+            split(failed, numbers & held, rest[1:])
+            split((*failed, rest[0]), numbers - held, rest[1:])
+
+        split((), self.everything, self.constraints)
+        return found
+
+    def _failing(self, failed: tuple[Constraint, ...]) -> EntrySet:
+        """The entries that fail some conditions and satisfy all others."""
+        kept = self._all_of([constraint for constraint in self.constraints if constraint not in failed])
+        return reduce(lambda numbers, constraint: numbers - self.holds(constraint), failed, kept)
 
     @staticmethod
     def _given_up(dropped: tuple[Constraint, ...]) -> int:

@@ -6,11 +6,14 @@ not yet covered; it reaches at least 1 − 1/e of the best cover (Nemhauser, Wol
 it begins anew with the rest.
 """
 
+import math
 import sqlite3
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import nsmallest
 from itertools import islice
+from typing import Any, TypeVar
 
 from ...schemas.catalog import (
     Coverage,
@@ -27,10 +30,13 @@ from ...schemas.scenarios import ScenarioFacts
 from .alternatives import emptied_note, never_carried
 from .bm25 import reciprocal_rank_fusion
 from .constraints import Constraint, constraints_of, location_constraints
+from .entry_sets import EntrySet, Postings, plain_rows
 from .funnel import Funnel
 from .tables import facts_of
 from .words import summary
 
+MOST_KEPT = 1_000
+"""Matches whose ids are kept with a search; of more, its conditions find the others again (chosen)."""
 FALLBACKS, EXAMPLES = 3, 3
 """Entries that come nearest, and examples of a relaxation, that an answer shows at most (chosen)."""
 RANKED_FALLBACKS = 50
@@ -69,13 +75,15 @@ class Ranking:
 
 @dataclass(frozen=True)
 class _Found:
-    """What a search gives before it is shown: all ids in the order of the method, and those that match.
+    """What a search gives before it is shown: the ids in the order of the method, and those that match.
 
+    Of matches that no text ranks the first ``MOST_KEPT`` are there, and ``total`` says how many there are in all.
     ``coverage`` says what a diverse choice covers; ``matches`` are then the chosen ones.
     """
 
     ordered: tuple[str, ...]
     matches: tuple[str, ...]
+    total: int
     coverage: tuple[Coverage, ...] = ()
 
 
@@ -88,7 +96,11 @@ class Search:
     """
 
     def __init__(
-        self, connection: sqlite3.Connection, arguments: FindScenariosArguments, within: Sequence[str] | None = None
+        self,
+        connection: sqlite3.Connection,
+        arguments: FindScenariosArguments,
+        within: Iterable[str] | None = None,
+        postings: Postings | None = None,
     ) -> None:
         if arguments.method != "funnel" and not (arguments.text or arguments.like):
             raise InvalidRequest(
@@ -97,9 +109,10 @@ class Search:
                 next_step="say in text what to look for",
             )
         self._connection, self.arguments = connection, arguments
-        numbers = None if within is None else frozenset(_numbers_of(connection, within).values())
+        numbers = None if within is None else _numbers_of(connection, within).values()
         location = location_constraints(connection, arguments.country, arguments.city)
-        self.funnel = Funnel(connection, constraints_of(arguments, location), numbers, arguments.text or "")
+        constraints = constraints_of(arguments, location)
+        self.funnel = Funnel(connection, constraints, numbers, arguments.text or "", postings)
 
     @property
     def needs_ranking(self) -> bool:
@@ -110,19 +123,20 @@ class Search:
         """What is to be ranked: the matches (or else the nearest) for the funnel, the country's for hybrid, or all."""
         numbers = self.funnel.everything
         if self.arguments.method == "funnel":
-            numbers = self.funnel.matches or frozenset(self.funnel.nearest(RANKED_FALLBACKS))
+            numbers = self.funnel.matches or self.funnel.entries.of(self.funnel.nearest(RANKED_FALLBACKS))
         elif self.arguments.method == "hybrid":
             for one in self.funnel.constraints:
                 if one.subject == "country":
                     numbers = numbers & self.funnel.holds(one)
-        return tuple(entry.scenario_id for entry in self._entries(numbers))
+        return tuple(entry.scenario_id for entry in entries_of(self._connection, self._others(numbers)))
 
     def find(self, ranking: Ranking | None) -> _Found:
         """The ids in the order of the method: matches for the funnel, else everything that was ranked."""
-        matching = {entry.scenario_id: entry for entry in self._matching}
         if ranking is None:
-            ordered = list(matching)
-        elif self.arguments.method == "funnel":
+            matches = self._first()
+            return self._chosen([entry.scenario_id for entry in matches], matches)
+        matching = {entry.scenario_id: entry for entry in entries_of(self._connection, self._matching)}
+        if self.arguments.method == "funnel":
             ordered = [key for key in ranking.scenario_ids if key in matching]
         elif self.arguments.method == "rrf":
             ordered = reciprocal_rank_fusion([list(matching), ranking.scenario_ids])
@@ -133,12 +147,33 @@ class Search:
             matches.sort(key=lambda entry: (-entry.size, entry.scenario_id))
         elif self.arguments.sort == "criticality":
             matches.sort(key=_Entry.criticality)
-        ids = [entry.scenario_id for entry in matches]
+        return self._chosen(ordered, matches)
+
+    def _first(self) -> list[_Entry]:
+        """The first matches in the order that was asked for, without a text; ``MOST_KEPT`` at most."""
+        numbers, sort = self._matching, self.arguments.sort
+        if sort == "match" or len(numbers) <= MOST_KEPT:
+            chosen: Iterable[int] = numbers.first(MOST_KEPT)
+        else:
+            sign, name = (-1.0, "size") if sort == "size" else (1.0, "ttc_s")
+            column = self.funnel.postings.column(self._connection, numbers.entries, name)
+            places = nsmallest(
+                MOST_KEPT, numbers.places(), key=lambda place: (math.isnan(column[place]), sign * column[place], place)
+            )
+            chosen = (numbers.entries.numbers[place] for place in places)
+        entries = entries_of(self._connection, chosen)
+        if sort == "size":
+            return sorted(entries, key=lambda entry: (-entry.size, entry.scenario_id))
+        return sorted(entries, key=_Entry.criticality) if sort == "criticality" else entries
+
+    def _chosen(self, ordered: Sequence[str], matches: Sequence[_Entry]) -> _Found:
+        """The matches, or those of them that are unlike each other."""
+        total = len(self._matching)
         if self.arguments.diverse is None:
-            return _Found(tuple(ordered), tuple(ids))
+            return _Found(tuple(ordered), tuple(entry.scenario_id for entry in matches), total)
         values = _covered_values(self._connection, matches[:MOST_CONSIDERED])
         chosen = _most_diverse(values, self.arguments.diverse)
-        return _Found(tuple(ordered), tuple(chosen), _coverage(values, chosen) if chosen else ())
+        return _Found(tuple(ordered), tuple(chosen), len(chosen), _coverage(values, chosen) if chosen else ())
 
     def answer(self, search_id: str, found: _Found, ranking: Ranking | None) -> FindScenariosResult:
         """The page that was asked for, and why nothing matches where nothing does."""
@@ -176,12 +211,13 @@ class Search:
         )
 
     @cached_property
-    def _matching(self) -> list[_Entry]:
-        return self._entries(self.funnel.matches)
+    def _matching(self) -> EntrySet:
+        return self._others(self.funnel.matches)
 
-    def _entries(self, numbers: frozenset[int]) -> list[_Entry]:
-        """The entries by id, without the one that others are to be like."""
-        return [entry for entry in entries_of(self._connection, numbers) if entry.scenario_id != self.arguments.like]
+    def _others(self, numbers: EntrySet) -> EntrySet:
+        """The entries without the one that others are to be like."""
+        like = [] if self.arguments.like is None else [self.arguments.like]
+        return numbers - numbers.entries.of(_numbers_of(self._connection, like).values()) if like else numbers
 
     def _emptied(self) -> Emptied | None:
         reason = self.funnel.emptied_by()
@@ -200,17 +236,20 @@ class Search:
             Relaxation(
                 drop=tuple(one.label for one in dropped.constraints),
                 matches=len(dropped.numbers),
-                examples=tuple(entry.scenario_id for entry in self._entries(dropped.numbers)[:EXAMPLES]),
+                examples=tuple(entry.scenario_id for entry in self._examples(dropped.numbers)),
             )
             for dropped in self.funnel.relaxations()[:EXAMPLES]
         )
+
+    def _examples(self, numbers: EntrySet) -> list[_Entry]:
+        return entries_of(self._connection, self._others(numbers).first(EXAMPLES))
 
     def _fallback(self, found: _Found, ranking: Ranking | None) -> list[str]:
         """What comes nearest: by text, the best that leave conditions unmet, else what satisfies most conditions."""
         if not self.funnel.constraints:
             return []
         if self.arguments.method != "funnel":
-            matches = {entry.scenario_id for entry in self._matching}
+            matches = {entry.scenario_id for entry in entries_of(self._connection, self._matching)}
             missed = [key for key in found.ordered if key not in matches]
             return missed[: max(self.arguments.limit - len(found.matches), 0)]
         if self.funnel.matches:
@@ -220,7 +259,8 @@ class Search:
     def _nearest(self, ranking: Ranking | None) -> list[str]:
         """The nearest entries; where a text ranks them, it decides between those that satisfy the same conditions."""
         numbers = self.funnel.nearest(FALLBACKS if ranking is None else RANKED_FALLBACKS)
-        ids = {entry.number: entry.scenario_id for entry in self._entries(frozenset(numbers))}
+        there = self._others(self.funnel.entries.of(numbers))
+        ids = {entry.number: entry.scenario_id for entry in entries_of(self._connection, there)}
         near = [(ids[number], self.funnel.nearness(number)) for number in numbers if number in ids]
         if ranking is not None:
             near.sort(key=lambda pair: (-pair[1], -ranking.scores.get(pair[0], -1.0), pair[0]))
@@ -290,18 +330,14 @@ def _road_net(constraint: Constraint, facts: ScenarioFacts) -> str:
     return f"{'' if present else 'no '}{name}{' on the map' if everywhere else ''}"
 
 
+Value = TypeVar("Value", str, int)
 _AT_ONCE = 500
 """Values in one query: SQLite bounds them, in old versions to 999."""
-_MANY = 20_000
-"""Of more entries the whole table is read in its order, instead of these (chosen)."""
 _COLUMNS = "number, scenario_id, size, ttc_s"
 
 
-def entries_of(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[_Entry]:
+def entries_of(connection: sqlite3.Connection, numbers: Iterable[int]) -> list[_Entry]:
     """These entries in the alphabetical order of their ids."""
-    if len(numbers) > _MANY:
-        rows = connection.execute(f"SELECT {_COLUMNS} FROM catalog_scenarios ORDER BY scenario_id")  # noqa: S608 - fixed
-        return [_Entry(*row) for row in rows if row[0] in numbers]
     entries = [_Entry(*row) for chunk in _chunks(numbers) for row in _selected(connection, "number", chunk)]
     return sorted(entries, key=lambda entry: entry.scenario_id)
 
@@ -312,13 +348,13 @@ def _numbers_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> 
     return {row[1]: row[0] for row in rows}
 
 
-def _selected(connection: sqlite3.Connection, column: str, values: list[object]) -> list[sqlite3.Row]:
+def _selected(connection: sqlite3.Connection, column: str, values: Sequence[str | float]) -> list[tuple[Any, ...]]:
     holes = ", ".join("?" * len(values))
     query = f"SELECT {_COLUMNS} FROM catalog_scenarios WHERE {column} IN ({holes})"  # noqa: S608 - fixed names, ? marks
-    return connection.execute(query, values).fetchall()
+    return plain_rows(connection, query, values).fetchall()
 
 
-def _chunks(values: Iterable[object]) -> Iterable[list[object]]:
+def _chunks(values: Iterable[Value]) -> Iterable[list[Value]]:
     remaining = iter(values)
     while chunk := list(islice(remaining, _AT_ONCE)):
         yield chunk
@@ -343,20 +379,20 @@ def _covered_values(connection: sqlite3.Connection, entries: Sequence[_Entry]) -
     chosen = {entry.number: entry.scenario_id for entry in entries}
     covered: dict[str, set[tuple[str, str]]] = {entry.scenario_id: set() for entry in entries}
 
-    def add(query: str, dimension: str) -> None:
-        for number, value in connection.execute(query):
-            if number in chosen and value is not None:
-                covered[chosen[number]].add((dimension, str(value)))
+    def add(query: str, dimension: str, edges: Sequence[float] | None = None) -> None:
+        for chunk in _chunks(chosen):
+            holes = ", ".join("?" * len(chunk))
+            for number, value in plain_rows(connection, f"{query} number IN ({holes})", chunk):
+                if value is not None:
+                    covered[chosen[number]].add((dimension, str(value) if edges is None else _band(value, edges)))
 
-    add("SELECT number, word FROM catalog_words WHERE kind = 'feature'", "features")
-    add("SELECT number, obstacle FROM catalog_counts WHERE count > 0", "obstacles")
-    add("SELECT number, lanes FROM catalog_scenarios", "lanes")
-    add("SELECT number, country FROM catalog_scenarios", "countries")
+    add("SELECT number, word FROM catalog_words WHERE kind = 'feature' AND", "features")
+    add("SELECT number, obstacle FROM catalog_counts WHERE count > 0 AND", "obstacles")
+    add("SELECT number, lanes FROM catalog_scenarios WHERE", "lanes")
+    add("SELECT number, country FROM catalog_scenarios WHERE", "countries")
     for dimension, edges in _BANDS.items():
         column = _COLUMN_OF.get(dimension, dimension)
-        for number, value in connection.execute(f"SELECT number, {column} FROM catalog_scenarios"):  # noqa: S608 - fixed
-            if number in chosen and value is not None:
-                covered[chosen[number]].add((dimension, _band(value, edges)))
+        add(f"SELECT number, {column} FROM catalog_scenarios WHERE", dimension, edges)  # noqa: S608 - fixed names
     return {key: frozenset(values) for key, values in covered.items()}
 
 

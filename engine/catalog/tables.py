@@ -21,7 +21,7 @@ from .words import description_of
 if TYPE_CHECKING:
     from ..workspace import Database
 
-_VERSION = 3
+_VERSION = 4
 """Raised when tables or descriptions change: older tables are dropped and filled again."""
 MOST_ENTRIES = 1024
 """Planning problems of one file that are entered, and the step of the numbers between two artifacts."""
@@ -48,8 +48,14 @@ CREATE TABLE IF NOT EXISTS catalog_counts (
 CREATE INDEX IF NOT EXISTS catalog_by_count ON catalog_counts (obstacle, count, number);
 CREATE TABLE IF NOT EXISTS catalog_limits (
     scope TEXT NOT NULL, kmh REAL NOT NULL, number INTEGER NOT NULL, PRIMARY KEY (scope, kmh, number)) WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS catalog_version (version INTEGER NOT NULL, last_entered INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS catalog_version (
+    version INTEGER NOT NULL, last_entered INTEGER NOT NULL, changes INTEGER NOT NULL);
+CREATE TRIGGER IF NOT EXISTS catalog_entered AFTER INSERT ON catalog_scenarios BEGIN
+    UPDATE catalog_version SET changes = changes + 1 ; END;
+CREATE TRIGGER IF NOT EXISTS catalog_taken_out AFTER DELETE ON catalog_scenarios BEGIN
+    UPDATE catalog_version SET changes = changes + 1 ; END;
 """
+"""``changes`` counts entries that came and went: what is kept of the catalogue in memory is kept for one count."""
 
 _FAMILY = """
 WITH RECURSIVE
@@ -83,9 +89,9 @@ def prepare(connection: sqlite3.Connection) -> None:
         return
     for table in _TABLES:
         connection.execute(f"DROP TABLE IF EXISTS {table}")
-    for statement in _SCHEMA.split(";"):
+    for statement in _SCHEMA.split(";\n"):
         connection.execute(statement)
-    connection.execute("INSERT INTO catalog_version VALUES (?, 0)", (_VERSION,))
+    connection.execute("INSERT INTO catalog_version VALUES (?, 0, 0)", (_VERSION,))
 
 
 def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts) -> None:

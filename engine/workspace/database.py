@@ -11,9 +11,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar, cast
 
 from ...schemas.errors import ResourceFailure
 
+Kept = TypeVar("Kept")
 logger = logging.getLogger(__name__)
 SCHEMA_VERSION = 2
 _PRIVATE = 0o700
@@ -79,6 +81,8 @@ class Database:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._opened = _Opened()
+        self._kept: dict[object, object] = {}
+        self._lock = threading.Lock()
 
     def connection(self) -> sqlite3.Connection:
         """The calling thread's connection, with rows by name; made, and its schema checked, when first needed.
@@ -90,6 +94,13 @@ class Database:
         if opened.connection is None:
             opened.connection, opened.refused = self._open()
         return opened.connection
+
+    def kept(self, make: Callable[[], Kept]) -> Kept:
+        """What is kept in memory beside the file, for all threads: one for each maker, made when first asked for."""
+        with self._lock:
+            if make not in self._kept:
+                self._kept[make] = make()
+            return cast("Kept", self._kept[make])
 
     @contextmanager
     def writing(self, undo: Callable[[], None] = lambda: None) -> Iterator[sqlite3.Connection]:

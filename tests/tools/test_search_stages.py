@@ -9,7 +9,7 @@ from support.catalog import facts
 
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
-from plannerforge.schemas.catalog import FindScenariosArguments, FindScenariosResult
+from plannerforge.schemas.catalog import FindScenariosArguments, FindScenariosResult, SearchRecord
 from plannerforge.schemas.errors import NotPossible, UnknownName
 from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
 from plannerforge.tools.call import Services, ToolCall
@@ -78,3 +78,18 @@ async def test_what_was_added_after_the_search_is_not_in_its_stage(call: ToolCal
 async def test_a_hit_that_is_a_further_planning_problem_is_run_as_one(call: ToolCall) -> None:
     found = await search(call, tags=["urban"], country="DEU")
     assert chosen(call, found.search_id) == [ChosenScenario(BONN), ChosenScenario(BONN, 7)]
+
+
+async def test_all_hits_are_run_and_refined_where_only_the_first_are_kept(
+    call: ToolCall, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("plannerforge.engine.catalog.search.MOST_KEPT", 1)
+    found = await search(call, tags=["urban"])
+    assert found.total == 3
+    kept = call.workspace.get(found.search_id, "search").read(SearchRecord)
+    assert (len(kept.scenario_ids), kept.total) == (1, 3)
+    store(call, [facts("DEU_Aachen-1_1_T-1", tags=["urban"])])
+    assert {one.scenario_id for one in chosen(call, found.search_id)} == {BONN, BILBAO}
+    assert len(chosen(call, found.search_id)) == 3
+    refined = await search(call, within=found.search_id, country="ESP")
+    assert refined.total == 1
