@@ -22,7 +22,7 @@ _PRIVATE = 0o700
 """Others on the machine need not read what somebody works on."""
 _BUSY_TIMEOUT_S = 10.0
 """How long a writer waits for another server's transaction; chosen: a batch of an import takes less."""
-_CACHE_KIB = 65_536
+_CACHE_KIB = 16_384
 """Pages that a connection keeps (chosen): SQLite's own 2 MB are read anew by each search of a large catalogue."""
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS artifacts (
