@@ -163,7 +163,10 @@ def gaps_m(met: _Encounters) -> Values:
     """Distances between the rectangles of all pairs, 0 where they overlap, shape (n,)."""
     import shapely
 
-    gaps: Values = shapely.distance(shapely.polygons(corners_of(met.ego)), shapely.polygons(corners_of(met.other)))
+    # A state of the ego makes a pair with each of many others; its polygon is made once.
+    _, first, state = np.unique(met.state, return_index=True, return_inverse=True)
+    ego = shapely.polygons(corners_of(met.ego)[first])[state]
+    gaps: Values = shapely.distance(ego, shapely.polygons(corners_of(met.other)))
     return gaps
 
 

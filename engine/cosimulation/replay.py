@@ -248,7 +248,9 @@ class _Run:
 
     def __init__(self, sumo: Sumo, actors: tuple[Actor, ...], surroundings: _Surroundings) -> None:
         self.astray: set[str] = set()
-        self._sumo, self._actors, self._surroundings = sumo, actors, surroundings
+        self._sumo, self._surroundings = sumo, surroundings
+        self._actors = {actor.key: actor for actor in actors}
+        self._order = {key: place for place, key in enumerate(self._actors)}
         self._manoeuvres = ManoeuvreExecutor(sumo)
         self._controllers = tuple(make(sumo) for make in SPEED_CONTROLLERS)
         self._present: set[str] = set()
@@ -259,14 +261,14 @@ class _Run:
         self._seen: dict[int, list[tuple[int, float, float, str]]] = {}
         handovers = {actor.key: actor.drive_from for actor in actors if actor.drive_from is not None}
         self._last_handover = max(handovers.values(), default=0)
+        self._driven = frozenset(handovers)
         self._under_way = set(handovers)
 
     def advance(self, step: int) -> None:
         """Simulate a step, with all actors where they are recorded or drive to."""
         self._place_replayed(step)
         self._sumo.step()
-        there = self._present.intersection(self._sumo.vehicles())
-        shown = [actor for actor in self._actors if actor.key in there]
+        shown = self._in_order(self._present.intersection(self._sumo.vehicles()))
         self._driving.clear()
         self._show_speeds(shown, step)
         for actor in shown:
@@ -295,7 +297,7 @@ class _Run:
     def _place_replayed(self, step: int) -> None:
         """Insert, place and remove, so that all replayed vehicles that matter stand right after the step."""
         near = self._surroundings.at(step, self._driving)
-        for actor in self._actors:
+        for actor in self._in_order(near | self._present | self._driven):
             index = actor.track.index_at(step)
             if actor.drives_at(step):
                 continue
@@ -305,6 +307,10 @@ class _Run:
                 self._present.discard(actor.key)
                 self._held.discard(actor.key)
                 self._sumo.remove(actor.key)
+
+    def _in_order(self, keys: Iterable[str]) -> list[Actor]:
+        """Some actors in the order of all: SUMO's results depend on who is placed first."""
+        return [self._actors[key] for key in sorted(keys, key=self._order.__getitem__)]
 
     def _place(self, actor: Actor, index: int) -> None:
         if actor.key not in self._present:

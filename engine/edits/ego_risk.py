@@ -7,10 +7,11 @@ Distances are in m, times in s.
 """
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...schemas.modification import EgoDanger
 from ..commonroad import Track
@@ -25,7 +26,7 @@ from ..cosimulation import (
     taken_over_track,
 )
 from ..criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores, times_to_collision_s
-from ..geometry import wrap_angle
+from ..geometry import Values, wrap_angle
 from ..scene import Ego, Scene, goal_lanelets, obstacle_of
 from ..vehicles import EGO_SIZE_M
 from .changes import Changes, car_plan
@@ -162,35 +163,69 @@ def ego_risk_after(drive: Track, edited: EditedScene) -> EgoRisk:
 
 def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, ...], step_s: float) -> EgoRisk:
     ego = replace(drive, length_m=EGO_SIZE_M[0], width_m=EGO_SIZE_M[1])
-    figures = _figures(ego, (*others, *(one.track for one in replayed)), step_s)
+    met = _Meetings.of(ego, (*others, *(one.track for one in replayed)))
+    figures = met.figures(met.last_steps, step_s)
     if figures.minimum_distance_m != 0.0:
         return EgoRisk(figures)
-    hits = {one.track.obstacle_id: step for one in replayed if (step := _recorded_hit(ego, one)) is not None}
+    touching = met.touching
+    touched = (one for at, one in enumerate(replayed, start=len(others)) if at in touching)
+    hits = {one.track.obstacle_id: step for one in touched if (step := _recorded_hit(ego, one)) is not None}
     if not hits:
         return EgoRisk(figures)
-    last_steps = {key: step - round(REACTION_S / step_s) for key, step in hits.items()}
-    counts = [(one.track, last_steps.get(one.track.obstacle_id, one.track.last_step) + 1) for one in replayed]
-    kept = (track.part(0, end - track.first_step) for track, end in counts if end > track.first_step)
-    counted = (*others, *kept)
-    return EgoRisk(_figures(ego, counted, step_s), tuple(sorted(hits)))
+    reaction_steps = round(REACTION_S / step_s)
+    last_steps = list(met.last_steps)
+    for at, one in enumerate(replayed, start=len(others)):
+        hit = hits.get(one.track.obstacle_id)
+        last_steps[at] = last_steps[at] if hit is None else hit - reaction_steps
+    return EgoRisk(met.figures(last_steps, step_s), tuple(sorted(hits)))
 
 
-def _figures(ego: Track, others: tuple[Track, ...], step_s: float) -> EgoDanger:
-    met = encounters(ego, others)
-    if not len(met.state):
-        return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
-    gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
-    times[times > _LONGEST_TIME_S] = math.inf
-    scores = risk_scores(gaps, times)
-    worst = int(np.lexsort((met.state, gaps, times, scores))[0])
-    soonest = float(times.min())
-    return EgoDanger(
-        minimum_distance_m=round(float(gaps.min()), 3),
-        minimum_time_to_collision_s=round(soonest, 3) if math.isfinite(soonest) else None,
-        risk_score=int(scores[worst]),
-        most_critical_id=obstacle_of(others[int(met.track[worst])].obstacle_id),
-        most_critical_time_s=round((ego.first_step + int(met.state[worst])) * step_s, 3),
-    )
+@dataclass(frozen=True)
+class _Meetings:
+    """All pairs of a state of the ego and another near it, with their gaps in m and times to collision in s."""
+
+    ego: Track
+    others: tuple[Track, ...]
+    state: NDArray[np.intp]
+    other: NDArray[np.intp]
+    gaps_m: Values
+    times_s: Values
+
+    @classmethod
+    def of(cls, ego: Track, others: tuple[Track, ...]) -> "_Meetings":
+        """The ego among others."""
+        met = encounters(ego, others)
+        times_s = times_to_collision_s(met.ego, met.other)
+        times_s[times_s > _LONGEST_TIME_S] = math.inf
+        return cls(ego, others, met.state, met.track, gaps_m(met), times_s)
+
+    @property
+    def last_steps(self) -> tuple[int, ...]:
+        """The last steps at which the others are there."""
+        return tuple(track.last_step for track in self.others)
+
+    @property
+    def touching(self) -> frozenset[int]:
+        """Which of the others (their places) the ego touches."""
+        return frozenset(self.other[self.gaps_m == 0.0].tolist())
+
+    def figures(self, last_steps: Sequence[int], step_s: float) -> EgoDanger:
+        """The most critical figures, where each of the others counts up to a step of its own."""
+        counts = self.ego.first_step + self.state <= np.asarray(last_steps, dtype=int)[self.other]
+        state, other = self.state[counts], self.other[counts]
+        gaps, times = self.gaps_m[counts], self.times_s[counts]
+        if not len(state):
+            return EgoDanger(minimum_distance_m=None, minimum_time_to_collision_s=None, risk_score=None)
+        scores = risk_scores(gaps, times)
+        worst = int(np.lexsort((state, gaps, times, scores))[0])
+        soonest = float(times.min())
+        return EgoDanger(
+            minimum_distance_m=round(float(gaps.min()), 3),
+            minimum_time_to_collision_s=round(soonest, 3) if math.isfinite(soonest) else None,
+            risk_score=int(scores[worst]),
+            most_critical_id=obstacle_of(self.others[int(other[worst])].obstacle_id),
+            most_critical_time_s=round((self.ego.first_step + int(state[worst])) * step_s, 3),
+        )
 
 
 def _recorded_hit(ego: Track, one: _Replayed) -> int | None:

@@ -70,13 +70,15 @@ _LEAST_SQUARED_M2 = 1e-12
 
 def project(points: Points, point: Points) -> tuple[float, float]:
     """Arc length of the point of the line nearest to ``point`` (2,), and the signed offset from it, in metres."""
-    start, step = points[:-1], np.diff(points, axis=0)
-    squared = np.maximum((step**2).sum(axis=1), _LEAST_SQUARED_M2)
-    along = np.clip(((point - start) * step).sum(axis=1) / squared, 0.0, 1.0)
-    nearest = start + step * along[:, None]
-    distance = np.linalg.norm(nearest - point, axis=1)
+    (start_x, start_y), (step_x, step_y) = points[:-1].T, np.diff(points, axis=0).T
+    x, y = point.tolist()
+    # Coordinate by coordinate: numpy is slow at reducing axes of two.
+    squared = np.maximum(step_x * step_x + step_y * step_y, _LEAST_SQUARED_M2)
+    along = np.clip(((x - start_x) * step_x + (y - start_y) * step_y) / squared, 0.0, 1.0)
+    away_x, away_y = start_x + step_x * along - x, start_y + step_y * along - y
+    distance = np.sqrt(away_x * away_x + away_y * away_y)
     index = int(np.argmin(distance))
-    cross = step[index, 0] * (point[1] - start[index, 1]) - step[index, 1] * (point[0] - start[index, 0])
+    cross = step_x[index] * (y - start_y[index]) - step_y[index] * (x - start_x[index])
     stations = arc_length(points)
     station = float(stations[index] + along[index] * math.sqrt(squared[index]))
     return station, float(math.copysign(distance[index], cross))

@@ -4,7 +4,7 @@ Described are the ego (start, goal, route), vehicles and lanelets near a focus, 
 valid, the goal can be reached, and anything overlaps at the start. Lengths in m, speeds in m/s.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import islice, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -66,18 +66,20 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     ego = _describe_ego(scene)
     center, asked = _center(scene, request.focus)
     name = asked.name if asked is not None else "the ego" if scene.ego is not None else "the middle of the map"
-    vehicles = _vehicles(scene, center)
-    near = [vehicle for vehicle in vehicles if vehicle.distance_m <= request.radius_m]
+    tracks = scene.tracks | scene.standing
+    near = _near(scene, tracks, center, request.radius_m)
+    own = next((key for key in near if asked is not None and asked.name == f"vehicle {key}"), None)
+    shown = [key for key in near if key != own][: VEHICLES_SHOWN[request.detail]]
+    vehicles = _vehicles(scene, center, [*shown, *([] if own is None else [own])])
     if asked is not None:
-        own = next((vehicle for vehicle in near if asked.name == f"vehicle {vehicle.vehicle_id}"), None)
-        asked, near = asked.model_copy(update={"vehicle": own}), [vehicle for vehicle in near if vehicle is not own]
+        asked = asked.model_copy(update={"vehicle": None if own is None else vehicles[own]})
     lanelets, total = _describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
     return Description(
         ego=ego,
         focus=name,
         asked=asked,
-        vehicles=tuple(near[: VEHICLES_SHOWN[request.detail]]),
-        vehicles_total=len(vehicles),
+        vehicles=tuple(vehicles[key] for key in shown),
+        vehicles_total=len(tracks),
         lanelets=lanelets,
         lanelets_total=total,
         checks=tuple(check(scene) for check in _CHECKS) if request.detail == "checks" else (),
@@ -133,15 +135,28 @@ def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
     return tuple(way for way in ways if way.distance_m <= _REACH_M)[:REACH_SHOWN]
 
 
-def _vehicles(scene: Scene, center: Points) -> list[DescribedVehicle]:
-    """All vehicles by their distance to the centre; each where it is at the ego's start, or first appears."""
-    lane = ego_lane(scene, scene.ego) if scene.ego else None
+def _near(scene: Scene, tracks: Mapping[int, Track], center: Points, radius_m: float) -> list[int]:
+    """Vehicles within a distance of the centre, the nearest first; each where it is described."""
+    begin = scene.ego.step if scene.ego else 0
+    away = sorted((_distance_m(track, begin, center), key) for key, track in tracks.items())
+    return [key for distance_m, key in away if distance_m <= radius_m]
+
+
+def _distance_m(track: Track, begin: int, center: Points) -> float:
+    """That of a vehicle from a place, as it is described."""
+    return round(float(np.linalg.norm(track.positions[track.index_at(begin) or 0] - center)), 1)
+
+
+def _vehicles(scene: Scene, center: Points, keys: Collection[int]) -> dict[int, DescribedVehicle]:
+    """Some vehicles by id; each where it is at the ego's start, or first appears."""
+    if not keys:
+        return {}
+    lane, known = ego_lane(scene, scene.ego) if scene.ego else None, scene.tracks | scene.standing
     begin, roles = scene.ego.step if scene.ego else 0, _roles(scene)
-    described = [
-        _with_role(scene, _vehicle(scene, lane, track, begin, center, moves=key in scene.tracks), roles)
-        for key, track in sorted((scene.tracks | scene.standing).items())
-    ]
-    return sorted(described, key=lambda vehicle: (vehicle.distance_m, vehicle.vehicle_id))
+    return {
+        key: _with_role(scene, _vehicle(scene, lane, known[key], begin, center, moves=key in scene.tracks), roles)
+        for key in keys
+    }
 
 
 def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:

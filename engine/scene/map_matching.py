@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..commonroad import Track
 from ..geometry import Points, Values, wrap_angles
@@ -75,13 +76,14 @@ class MapMatcher:
     @classmethod
     def of(cls, layout: NetLayout, network: "LaneletNetwork") -> "MapMatcher":
         """Index the lanelets of a network."""
-        from shapely import STRtree
+        from shapely import STRtree, prepare
 
         keys = tuple(layout.table.lanes)
         polygons = []
         for key in keys:
             polygon = network.find_lanelet_by_id(key).polygon.shapely_object
             polygons.append(polygon if polygon.is_valid else polygon.buffer(0))
+        prepare(polygons)
         related = {key: _related(layout, key) for key in keys}
         return cls(layout, keys, tuple(polygons), STRtree(polygons), related)
 
@@ -133,13 +135,16 @@ class MapMatcher:
 
         points = shapely.points(positions)
         near: list[list[tuple[int, float]]] = [[] for _ in positions]
-        nearby, places = self.tree.query(points, predicate="dwithin", distance=_REACH_M)
+        # Looking up boxes is ten times as fast as distances, which are needed below anyway.
+        (left, below), (right, above) = (positions - _REACH_M).T, (positions + _REACH_M).T
+        nearby, places = self.tree.query(shapely.box(left, below, right, above))
         order = np.lexsort((nearby, places))
         reached, begins = np.unique(places[order], return_index=True)
         for place, samples in zip(reached.tolist(), np.split(nearby[order], begins[1:]), strict=False):
+            outside = _outside_m(self.polygons[place], points[samples])
+            samples, outside = samples[outside <= _REACH_M], outside[outside <= _REACH_M]
             beside, direction = _offsets(self.layout.table.lanes[self.keys[place]].center, positions[samples])
             turn = np.abs(wrap_angles(direction - headings_rad[samples]))
-            outside = shapely.distance(self.polygons[place], points[samples])
             costs = _COST_PER_M_OUTSIDE * outside + _COST_PER_M_BESIDE * beside + _COST_PER_RAD * turn
             fits = (turn <= _LARGEST_TURN_RAD) | (speeds_mps[samples] <= _STANDING_MPS)
             for sample, cost in zip(samples[fits].tolist(), costs[fits].tolist(), strict=True):
@@ -148,13 +153,14 @@ class MapMatcher:
 
     def _best(self, candidates: list[list[tuple[int, float]]]) -> tuple[int, ...]:
         """The cheapest sequence of one candidate per sample."""
+        if all(len(lanelets) == 1 for lanelets in candidates):
+            return tuple(lanelets[0][0] for lanelets in candidates)
         costs = [cost for _, cost in candidates[0]]
         back: list[list[int]] = []
         for before, current in itertools.pairwise(candidates):
-            steps = [[costs[i] + self._step(old, new) for i, (old, _) in enumerate(before)] for new, _ in current]
-            least = [min(row) for row in steps]
-            back.append([row.index(cost) for row, cost in zip(steps, least, strict=True)])
-            costs = [before_it + cost for before_it, (_, cost) in zip(least, current, strict=True)]
+            cheapest = [self._cheapest(costs, before, new) for new, _ in current]
+            back.append([place for _, place in cheapest])
+            costs = [least + cost for (least, _), (_, cost) in zip(cheapest, current, strict=True)]
         place = costs.index(min(costs))
         chosen = [candidates[-1][place][0]]
         for layer in range(len(back) - 1, -1, -1):
@@ -162,10 +168,26 @@ class MapMatcher:
             chosen.append(candidates[layer][place][0])
         return tuple(reversed(chosen))
 
-    def _step(self, old: int, new: int) -> float:
-        if old == new:
-            return 0.0
-        return _COST_OF_A_STEP if new in self.related[old] else _COST_OF_A_LEAP
+    def _cheapest(self, costs: list[float], before: list[tuple[int, float]], new: int) -> tuple[float, int]:
+        """The least cost of coming to a lanelet from one of those before, whose costs are given, and from which."""
+        least, place = math.inf, 0
+        for at, (old, _) in enumerate(before):
+            cost = costs[at]
+            if old != new:
+                cost += _COST_OF_A_STEP if new in self.related[old] else _COST_OF_A_LEAP
+            if cost < least:
+                least, place = cost, at
+        return least, place
+
+
+def _outside_m(polygon: Any, points: NDArray[np.object_]) -> Values:
+    """Distances (n,) in m of points from a prepared polygon: nearly all are inside, which is soon told."""
+    import shapely
+
+    outside_m = np.zeros(len(points))
+    outside = np.flatnonzero(~shapely.intersects(polygon, points))
+    outside_m[outside] = shapely.distance(polygon, points[outside])
+    return outside_m
 
 
 def _likeliest(lanelets: list[tuple[int, float]]) -> list[tuple[int, float]]:
@@ -191,12 +213,16 @@ def _related(layout: NetLayout, key: int) -> frozenset[int]:
 
 def _offsets(center: Points, points: Points) -> tuple[Values, Values]:
     """Distance to a polyline in m, and its heading in rad there, both (n,), for n points."""
-    start, step = center[:-1], np.diff(center, axis=0)
-    relative = points[:, None] - start[None]
-    along = np.clip((relative * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-12), 0.0, 1.0)
-    distances = np.linalg.norm(relative - along[..., None] * step, axis=2)
+    step_x, step_y = np.diff(center, axis=0).T
+    # Coordinate by coordinate: numpy is slow at reducing axes of two.
+    away_x, away_y = points[:, :1] - center[:-1, 0], points[:, 1:] - center[:-1, 1]
+    squared = np.maximum(step_x * step_x + step_y * step_y, 1e-12)
+    along = np.clip((away_x * step_x + away_y * step_y) / squared, 0.0, 1.0)
+    away_x -= along * step_x
+    away_y -= along * step_y
+    distances = np.sqrt(away_x * away_x + away_y * away_y)
     nearest = distances.argmin(axis=1)
-    heading = np.arctan2(step[nearest, 1], step[nearest, 0])
+    heading = np.arctan2(step_y[nearest], step_x[nearest])
     return distances[np.arange(len(points)), nearest], heading
 
 
