@@ -159,11 +159,15 @@ class ScenarioRecord(Model):
 
 
 class ReadFactsRequest(Model):
-    """Which file to read the facts from, the SUMO network beside it where it comes in too, and their largest size."""
+    """Which file to read the facts from, the SUMO network beside it where it comes in too, and their largest size.
+
+    ``keep``: whether what was read is kept on disk for the calls that follow; of many files few are asked for again.
+    """
 
     path: Path
     net: Path | None = None
     file_bytes: int = 100_000_000
+    keep: bool = True
 
 
 Detail = Literal["brief", "vehicles", "lanelets", "checks", "recipe"]

@@ -18,6 +18,8 @@ from pydantic_settings import (
 from ..engine.execution import Limits
 from ..schemas.catalog import PACKAGED_MODEL
 
+RECORDINGS_FOLDER = "recordings"
+"""Where, in the workspace, workers keep what they read; it may be deleted at any time."""
 _APPLICATION = "plannerforge"
 _HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
 Folders = Annotated[tuple[Path, ...], NoDecode]
@@ -105,6 +107,7 @@ class Settings(BaseSettings):
             worker_memory_bytes=self.worker_memory_mb * 1024**2,
             operation_timeout_s=self.operation_timeout_s,
             file_bytes=self.file_mb * 1024**2,
+            recordings=self.workspace.expanduser().resolve() / RECORDINGS_FOLDER,
         )
 
 

@@ -81,7 +81,7 @@ async def _read(call: ToolCall, intake: ScenarioIntake, path: Path) -> ReadFile 
 
 async def _facts(call: ToolCall, path: Path, net: Path | None) -> ScenarioFacts:
     """The facts of a file; a worker that died is no fault of the file's, so a second one tries again."""
-    request = ReadFactsRequest(path=path, net=net, file_bytes=call.limits.file_bytes)
+    request = ReadFactsRequest(path=path, net=net, file_bytes=call.limits.file_bytes, keep=False)
     try:
         return await call.services.workers.run(READ_FACTS, request)
     except WorkerTimeout:

@@ -6,6 +6,8 @@
 ``schema_errors``: What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file.
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and the file it came from.
 ``RecordedScenario``: A scenario with its recording as tracks.
+``Recording``: What reading a file gives, as it is kept on disk.
+``RecordingStore``: Scenarios that were read and checked, on disk by their content.
 ``XmlLimits``: What an XML file may hold at most before any parser of a library sees it.
 ``forget_obstacles``: Read all obstacles anew from now on, as a worker does that has just started.
 ``kept_recording``: A CommonRoad file as ``read_recorded`` reads it, once for the same content.
@@ -53,6 +55,7 @@ if TYPE_CHECKING:
         read_scenario,
         scan_xml,
     )
+    from .recordings import Recording, RecordingStore
     from .road_elements import LaneletElement, RoadDocument, read_road_document, road_document
     from .tracks import Track, center_of, last_recorded_step, middle_of, recorded_tracks, size_of, static_tracks
     from .traffic_signs import (

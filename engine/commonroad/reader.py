@@ -14,11 +14,12 @@ reads the rest: ``read_recorded`` gives them as tracks, ``read_scenario`` as the
 
 import hashlib
 import logging
+import os
 import warnings
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element, ElementTree, fromstring
@@ -32,6 +33,7 @@ from ...schemas.text import quoted
 from .document import SplitDocument, is_declared_utf8, moving_obstacle
 from .lanelet_networks import scenario_of
 from .plain_states import PlainStates, put_states, take_plain_states, take_states
+from .recordings import FOLDER_VARIABLE, Recording, RecordingStore
 from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
 
@@ -153,15 +155,16 @@ _KEPT = 4
 """Scenarios that a worker keeps, some MB each (chosen): one is edited, run and drawn again and again."""
 
 
-def kept_recording(path: Path, size_bytes: int | None = None) -> RecordedScenario:
+def kept_recording(path: Path, size_bytes: int | None = None, *, keep: bool = True) -> RecordedScenario:
     """A CommonRoad file as ``read_recorded`` reads it, and the same object while its content is the same.
 
-    What a worker wrote and read back, to check it, is not parsed again when it is asked for where it was stored. Nobody
-    changes what is kept.
+    What a worker wrote and read back, to check it, is not parsed again when it is asked for where it was stored, and
+    what one worker has read another one finds on disk (``recordings``). Nobody changes what is kept.
 
     Args:
         path: the file.
         size_bytes: how large it may be; None: as large as ``XmlLimits`` says.
+        keep: keep it on disk too; not worth while for a file that is looked at once, of many.
 
     Raises:
         UnsafeInput: as ``read_recorded``.
@@ -173,16 +176,17 @@ def kept_recording(path: Path, size_bytes: int | None = None) -> RecordedScenari
         content = b""
     if not content:
         return read_recorded(path, limits)  # which says what is wrong with the file
-    return _kept(path, _Content(hashlib.sha256(content).hexdigest(), path, limits))
+    return _kept(path, _Content(hashlib.sha256(content).hexdigest(), path, limits, keep))
 
 
 @dataclass(frozen=True)
 class _Content:
-    """What a file holds, wherever it lies; ``path`` and ``limits``: where, and with which limits, it is read first."""
+    """What a file holds, wherever it lies; the rest says where, and with which limits, it is read first."""
 
     digest: str
     path: Path = field(compare=False)
     limits: XmlLimits = field(compare=False)
+    keep: bool = field(compare=False)
 
 
 @lru_cache(maxsize=_KEPT)
@@ -193,7 +197,27 @@ def _kept(path: Path, content: _Content) -> RecordedScenario:
 
 @lru_cache(maxsize=_KEPT)
 def _parsed(content: _Content) -> RecordedScenario:
-    return read_recorded(content.path, content.limits)
+    store = _recordings()
+    found = None if store is None else store.find(content.digest)
+    if found is not None:
+        return RecordedScenario(
+            LoadedScenario(found.scenario, found.planning_problems, content.path, found.declared_id, found.plain_states)
+        )
+    read = read_recorded(content.path, content.limits)
+    if store is not None and content.keep:
+        loaded = read.loaded
+        store.put(
+            content.digest,
+            Recording(loaded.scenario, loaded.planning_problems, loaded.declared_id, loaded.plain_states),
+        )
+    return read
+
+
+@cache
+def _recordings() -> RecordingStore | None:
+    """The recordings on disk that the process was given; None without any."""
+    folder = os.environ.get(FOLDER_VARIABLE)
+    return RecordingStore(Path(folder)) if folder else None
 
 
 def _road_document(path: Path, limits: XmlLimits | None) -> tuple[Element, dict[int, PlainStates]]:

@@ -25,6 +25,7 @@ class Limits:
         worker_memory_bytes: data memory of one worker process (enforced by the operating system on Linux).
         operation_timeout_s: time after which one operation of a worker is ended.
         file_bytes: largest file that is read.
+        recordings: where workers keep what they read; None: nowhere.
     """
 
     roots: tuple[Path, ...]
@@ -32,6 +33,7 @@ class Limits:
     worker_memory_bytes: int = 4 * 1024**3
     operation_timeout_s: float = 300.0
     file_bytes: int = 100_000_000
+    recordings: Path | None = None
 
     def allowed_path(self, text: str) -> Path:
         """The path, made absolute and with links resolved, if it lies inside an allowed root.

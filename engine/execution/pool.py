@@ -10,7 +10,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
 from typing import IO
 
@@ -133,7 +133,10 @@ class WorkerPool:
 
     async def _start(self, lane: Lane) -> "_WorkerProcess":
         memory = self._limits.worker_memory_bytes if lane == "compute" else _RETRIEVAL_MEMORY_BYTES
-        return await _WorkerProcess.start(memory_bytes=memory, log=self._log, preload=PRELOAD[lane])
+        environment = {"PLANNERFORGE_WORKER_MEMORY": str(memory)}
+        if self._limits.recordings is not None:
+            environment["PLANNERFORGE_RECORDINGS"] = str(self._limits.recordings)
+        return await _WorkerProcess.start(environment, log=self._log, preload=PRELOAD[lane])
 
     @staticmethod
     def _response(operation: Operation[Request, Response], report: Answer | Failure) -> Response:
@@ -157,16 +160,17 @@ class _WorkerProcess:
         self._reports = BufferedByteReceiveStream(process.stdout)
 
     @classmethod
-    async def start(cls, *, memory_bytes: int, log: Path, preload: tuple[str, ...] = ()) -> "_WorkerProcess":
+    async def start(
+        cls, environment: Mapping[str, str], *, log: Path, preload: tuple[str, ...] = ()
+    ) -> "_WorkerProcess":
         """Spawn a worker that imports ``preload`` before its first order; its stray output goes to ``log``."""
-        environment = {**os.environ, **_ONE_THREAD, "PLANNERFORGE_WORKER_MEMORY": str(memory_bytes)}
         with await anyio.to_thread.run_sync(_opened, log) as stderr:
             process = await anyio.open_process(
                 [sys.executable, "-m", "plannerforge.engine.execution.worker"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
-                env=environment,
+                env={**os.environ, **_ONE_THREAD, **environment},
                 start_new_session=True,
             )
         worker = cls(process)

@@ -55,7 +55,7 @@ def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioF
     report(0.0, f"reading {quoted(request.path.name)}")
     if request.net is not None:
         _check_net(request.net, request.file_bytes)
-    recorded = kept_recording(request.path, request.file_bytes)
+    recorded = kept_recording(request.path, request.file_bytes, keep=request.keep)
     report(0.6, "looking at the geometry")
     return _facts_of(recorded)
 

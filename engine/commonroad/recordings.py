@@ -1,0 +1,158 @@
+"""Scenarios that were read and checked, kept on disk by their content: reading one again takes a twentieth of the time.
+
+A recording is a file named by the digest of the XML and by the versions of everything that it depends on. It begins
+with the digest of what follows: one that is damaged, foreign or of another version counts for nothing, and is made
+again. What follows is a pickle that may name plain data alone (``_ALLOWED``), so that nothing is run by reading it. The
+folder may be deleted at any time; the recordings that were not used for longest go when it holds too much.
+"""
+
+import hashlib
+import io
+import logging
+import os
+import pickle
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from .plain_states import PlainStates
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblemSet
+    from commonroad.scenario.scenario import Scenario
+
+logger = logging.getLogger(__name__)
+FOLDER_VARIABLE = "PLANNERFORGE_RECORDINGS"
+"""The environment variable of a worker that names the folder; without it nothing is kept on disk."""
+_VERSION = 1
+"""Raised where the reader, or what a recording holds, changes."""
+_LIBRARIES = ("commonroad-io", "numpy", "shapely")
+_LOOKED_AT = 50
+"""How full the folder is, is looked at when the first recording is written and after each of these many (chosen)."""
+_DIGEST_BYTES = 32
+_DATA_MODULES: Final = (
+    "commonroad.common.common_lanelet",
+    "commonroad.common.util",
+    "commonroad.geometry.shape",
+    "commonroad.planning.goal",
+    "commonroad.planning.planning_problem",
+    "commonroad.prediction.prediction",
+    "commonroad.scenario.area",
+    "commonroad.scenario.intersection",
+    "commonroad.scenario.lanelet",
+    "commonroad.scenario.obstacle",
+    "commonroad.scenario.scenario",
+    "commonroad.scenario.state",
+    "commonroad.scenario.traffic_light",
+    "commonroad.scenario.traffic_sign",
+    "commonroad.scenario.trajectory",
+)
+"""Modules whose classes hold data and whose making neither reads nor writes anything."""
+_ALLOWED: Final[Mapping[str, tuple[str, ...]]] = {
+    "builtins": ("complex", "dict", "frozenset", "list", "set", "slice", "tuple"),
+    "collections": ("OrderedDict", "defaultdict"),
+    "numpy": ("dtype", "ndarray"),
+    "numpy._core.multiarray": ("_reconstruct", "scalar"),
+    "numpy._core.numeric": ("_frombuffer",),
+    "shapely.io": ("from_wkb",),
+    PlainStates.__module__: (PlainStates.__name__,),
+}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What reading a file gives: commonroad-io's objects without plain states, and these as arrays."""
+
+    scenario: "Scenario"
+    planning_problems: "PlanningProblemSet"
+    declared_id: str
+    plain_states: Mapping[int, PlainStates]
+
+
+class RecordingStore:
+    """The recordings of a folder, which is made when the first one is written.
+
+    ``most_bytes``: what it holds, some thousand scenarios (chosen).
+    """
+
+    def __init__(self, folder: Path, most_bytes: int = 512 * 2**20) -> None:
+        self.folder, self._most_bytes = folder, most_bytes
+        self._written = 0
+
+    def find(self, content: str) -> Recording | None:
+        """The recording of a file by its content's digest; None where there is none that holds."""
+        path = self._path(content)
+        try:
+            stored = path.read_bytes()
+            os.utime(path)
+        except OSError:
+            return None
+        digest, payload = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
+        try:
+            if digest != hashlib.sha256(payload).digest():
+                raise pickle.UnpicklingError("its digest is another")
+            return Recording(*_PlainData(io.BytesIO(payload)).load())
+        except Exception as error:  # noqa: BLE001 - whatever a foreign file makes a library raise, the XML is the truth
+            logger.warning("the recording %s is not used and made again: %s", path, error)
+            path.unlink(missing_ok=True)
+            return None
+
+    def put(self, content: str, recording: Recording) -> None:
+        """Keep a recording. A folder that cannot be written is logged: the XML can be read at any time."""
+        parts = recording.scenario, recording.planning_problems, recording.declared_id, dict(recording.plain_states)
+        payload = pickle.dumps(parts, protocol=5)
+        try:
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(hashlib.sha256(payload).digest() + payload)
+            Path(name).replace(self._path(content))
+            if self._written % _LOOKED_AT == 0:
+                self._make_room()
+            self._written += 1
+        except OSError as error:
+            logger.warning("no recording is kept in %s: %s", self.folder, error)
+
+    def _path(self, content: str) -> Path:
+        return self.folder / f"{content}-{_versions()}.recording"
+
+    def _make_room(self) -> None:
+        """Delete what was not used for longest, until the folder holds no more than it may."""
+        files = [(path.stat(), path) for path in self.folder.iterdir() if path.is_file()]
+        files.sort(key=lambda file: (-file[0].st_mtime, file[1].name))
+        held = 0
+        for status, path in files:
+            held += status.st_size
+            if held > self._most_bytes:
+                path.unlink(missing_ok=True)
+
+
+@cache
+def _versions() -> str:
+    """A short name for the versions of all that a recording depends on."""
+    versions = [f"{name} {version(name)}" for name in _LIBRARIES]
+    said = f"{_VERSION}; Python {sys.version_info.major}.{sys.version_info.minor}; {'; '.join(versions)}"
+    return hashlib.sha256(said.encode()).hexdigest()[:12]
+
+
+class _PlainData(pickle.Unpickler):
+    """An unpickler that knows classes of plain data alone."""
+
+    def find_class(self, module_name: str, global_name: str) -> Any:
+        """The class, if it may be named.
+
+        Raises:
+            pickle.UnpicklingError: it may not.
+        """
+        if global_name in _ALLOWED.get(module_name, ()):
+            return super().find_class(module_name, global_name)
+        if module_name in _DATA_MODULES and "." not in global_name:
+            found = super().find_class(module_name, global_name)
+            if isinstance(found, type) and found.__module__ == module_name:
+                return found
+        raise pickle.UnpicklingError(f"it names {module_name}.{global_name}, which is no plain data")
