@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field, WithJsonSchema
 
 from .base import Answer, Arguments, Model, Result
-from .results import ConfigWeights, MetricName, RunSource, figure
-from .runs import Outcome
+from .results import ConfigWeights, MetricName, figure, metric_words, with_unit
+from .runs import Outcome, RunReview, RunSource, ScenarioSource, ending
 
 UnlistedMetric = Annotated[MetricName, WithJsonSchema({"type": "string"})]
 """A metric whose name the schema leaves out, to stay small; a refusal lists them all."""
@@ -34,14 +34,52 @@ class Side(Model):
     run_ids: tuple[str, ...]
 
 
+class Lineage(Model):
+    """Where an edited scenario comes from: its ancestors, the nearest first, and its edits in order, a line each."""
+
+    scenario_id: str
+    ancestors: tuple[str, ...]
+    edits: tuple[str, ...]
+
+    @property
+    def root(self) -> str:
+        """The scenario that was never edited."""
+        return self.ancestors[-1] if self.ancestors else self.scenario_id
+
+
 class CompareRequest(Model):
-    """What the comparison operation needs: the sides in order, the baseline first."""
+    """What the comparison operation needs: the sides in order, the baseline first; ``lineage``: of edited scenarios."""
 
     sides: tuple[Side, ...]
     runs: tuple[RunSource, ...]
     configs: tuple[ConfigWeights, ...] = ()
+    scenarios: tuple[ScenarioSource, ...] = ()
+    lineage: tuple[Lineage, ...] = ()
     metrics: tuple[MetricName, ...] = ()
     limit: int = 10
+
+
+class EditedPair(Model):
+    """Two scenarios that were paired by lineage; the edits that one of them has and the other has not."""
+
+    before: str
+    after: str
+    common: str = Field(description="the scenario that both come from, or that one of them is")
+    undone: tuple[str, ...] = ()
+    done: tuple[str, ...] = ()
+
+
+class PairedRun(Model):
+    """One side of a single pair: how its run ended, and its decisive moments."""
+
+    run_id: str
+    outcome: Outcome
+    reason: str
+    review: RunReview
+
+    def in_words(self) -> str:
+        """The run, and how it ended."""
+        return f"{ending(self.outcome, self.reason, self.review)} ({self.run_id})"
 
 
 class Flip(Model):
@@ -52,6 +90,7 @@ class Flip(Model):
     after: Outcome
     before_run: str
     after_run: str
+    after_scenario_id: str = Field("", description="where another version of the scenario was run after")
 
 
 class WeightChange(Model):
@@ -82,6 +121,7 @@ class MetricTest(Model):
 
     ``shift`` is the Hodges–Lehmann estimate with its 95 % interval (None under six differing pairs), ``effect`` the
     matched-pairs rank-biserial correlation in [−1, 1]; ``better`` names the side that did better, None if neither.
+    ``direction``: of a single pair, from before to after, no test behind it; ``changed`` where neither is better.
     """
 
     name: MetricName
@@ -97,6 +137,7 @@ class MetricTest(Model):
     p: float | None
     p_holm: float | None
     better: Literal["before", "after"] | None
+    direction: Literal["better", "worse", "same", "changed"] | None = None
 
 
 class Comparison(Model):
@@ -115,6 +156,9 @@ class Comparison(Model):
     unpaired: int
     invalid_pairs: int
     verdict: str = Field(description="what the figures allow to say, in one or two sentences")
+    edited: tuple[EditedPair, ...] = Field((), description="pairs by lineage: at most ten")
+    edited_count: int = 0
+    single: tuple[PairedRun, PairedRun] | None = Field(None, description="before and after, where there is one pair")
 
 
 class CompareResultsResult(Result):
@@ -122,31 +166,34 @@ class CompareResultsResult(Result):
 
     sides: tuple[Side, ...]
     comparisons: tuple[Comparison, ...]
+    flips_asked: int | None = Field(None, description="how many flips were asked to be listed")
     notes: tuple[str, ...] = ()
 
     def answer(self) -> Answer:
         """One block a comparison, the verdict first."""
-        lines = [line for comparison in self.comparisons for line in _comparison(comparison)]
-        return Answer(lines[0], lines[1:], listed=self.notes)
+        shown = _SHOWN_FLIPS if self.flips_asked is None else self.flips_asked
+        lines = [line for comparison in self.comparisons for line in _comparison(comparison, shown)]
+        return Answer(lines[0], figures=lines[1:], listed=[f"Note: {note}" for note in self.notes])
 
 
-def _comparison(comparison: Comparison) -> list[str]:
-    test = comparison.success
+_SHOWN_EDITED, _SHOWN_EDITS, _SHOWN_FLIPS, _LEVEL = 2, 6, 3, 0.05
+"""Entries of the brief answer (chosen), and the usual level of significance."""
+
+
+def _comparison(comparison: Comparison, shown_flips: int) -> list[str]:
     lines = [f"{comparison.after} against {comparison.before}: {comparison.verdict}"]
-    interval = ""
-    if test.difference is not None and test.low is not None and test.high is not None:
-        low, high = 100 * test.low, 100 * test.high
-        interval = f", difference {100 * test.difference:+.0f} points (95 %: {low:+.0f} to {high:+.0f})"
-    lines.append(
-        f"- {test.pairs} pairs: both reach the goal {test.both}, only before {test.only_before}, "
-        f"only after {test.only_after}, neither {test.neither}{interval}; McNemar exact {_p(test.p, test.p_holm)}"
-    )
-    lines += _flips("to success", comparison.to_success, comparison.to_success_count)
-    lines += _flips("to failure", comparison.to_failure, comparison.to_failure_count)
-    lines += [_metric(metric) for metric in comparison.metrics]
-    if comparison.weights:
-        changes = ", ".join(f"{c.weight} {figure(c.before)} → {figure(c.after)}" for c in comparison.weights)
-        lines.append(f"- weights changed: {changes}")
+    if comparison.single is not None:
+        before, after = comparison.single
+        lines += [f"- before: {before.in_words()}", f"- after: {after.in_words()}"]
+        lines += _edited(comparison)
+        lines += _directions(comparison.metrics)
+    else:
+        lines += _edited(comparison)
+        lines += _success(comparison.success)
+        lines += _flips("to success", comparison.to_success, comparison.to_success_count, shown_flips)
+        lines += _flips("to failure", comparison.to_failure, comparison.to_failure_count, shown_flips)
+        lines += _tested(comparison.metrics)
+    lines += _weights(comparison.weights)
     if comparison.conditions:
         lines.append(f"- the sides also differ in {'; '.join(comparison.conditions)}")
     if comparison.unpaired or comparison.invalid_pairs:
@@ -157,26 +204,108 @@ def _comparison(comparison: Comparison) -> list[str]:
     return lines
 
 
-def _flips(title: str, flips: tuple[Flip, ...], count: int) -> list[str]:
+def _weights(changes: tuple[WeightChange, ...]) -> list[str]:
+    """What changed, in one line; of two planners, what both have, and how much only one has."""
+    one_sided = [change for change in changes if change.before is None or change.after is None]
+    shown = [change for change in changes if change not in one_sided] if len(one_sided) > _SHOWN_EDITS else changes
+    parts = [f"{change.weight} {_or_default(change.before)} → {_or_default(change.after)}" for change in shown]
+    hidden = len(changes) - len(shown)
+    parts += [f"{hidden} weights and settings that only one of the planners has"] if hidden else []
+    return [f"- weights changed: {', '.join(parts)}"] if parts else []
+
+
+def _or_default(value: float | None) -> str:
+    return "default" if value is None else figure(value)
+
+
+def _success(test: SuccessTest) -> list[str]:
+    """The pairs by success, with the difference and its test where there was anything to test."""
+    if not test.pairs:
+        return []
+    counts = {
+        "both reach the goal": test.both,
+        "only before": test.only_before,
+        "only after": test.only_after,
+        "neither": test.neither,
+    }
+    line = f"- {test.pairs} pairs: {', '.join(f'{name} {count}' for name, count in counts.items() if count)}"
+    if (
+        test.only_before + test.only_after
+        and test.difference is not None
+        and test.low is not None
+        and test.high is not None
+    ):
+        low, high = 100 * test.low, 100 * test.high
+        line += f"; {100 * test.difference:+.0f} points (95 %: {low:+.0f} to {high:+.0f}), McNemar exact "
+        line += _p(test.p, test.p_holm)
+    return [line]
+
+
+def _edited(comparison: Comparison) -> list[str]:
+    """What the edits changed between the scenarios of pairs by lineage."""
+    if not comparison.edited_count:
+        return []
+    lines = []
+    for pair in comparison.edited[:_SHOWN_EDITED]:
+        parts = [*(f"without {edit}" for edit in pair.undone), *pair.done]
+        more = len(parts) - _SHOWN_EDITS
+        said = "; ".join(parts[:_SHOWN_EDITS]) + (f"; {more} more: describe_scenario detail=recipe" if more > 0 else "")
+        lines.append(f"- edited ({pair.before} → {pair.after}): {said or 'made anew with another seed or traffic'}")
+    more = comparison.edited_count - len(lines)
+    return [*lines, *([f"- {more} more pairs of a scenario and its edited version"] if more > 0 else [])]
+
+
+def _flips(title: str, flips: tuple[Flip, ...], count: int, most: int) -> list[str]:
     if not count:
         return []
     shown = "; ".join(
-        f"{flip.scenario_id} {flip.before} → {flip.after} ({flip.before_run}, {flip.after_run})" for flip in flips
+        f"{flip.scenario_id} {flip.before} → {flip.after} ({flip.before_run}, {flip.after_run})"
+        for flip in flips[:most]
     )
-    more = f" and {count - len(flips)} more" if count > len(flips) else ""
+    more = f"; {count - len(flips[:most])} more: limit={count}" if count > len(flips[:most]) else ""
     return [f"- flipped {title} ({count}): {shown}{more}"]
+
+
+def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
+    """The metrics of a single pair by direction; those alike in three digits are the same to a reader."""
+    groups: dict[str, list[str]] = {"better": [], "worse": [], "changed": [], "same": [], "none": []}
+    for metric in metrics:
+        words, before, after = metric_words(metric.name), figure(metric.median_before), figure(metric.median_after)
+        if metric.pairs == 0:
+            groups["none"].append(words)
+        elif before == after or metric.direction is None:
+            groups["same"].append(f"{words} {with_unit(before, metric.unit)}")
+        else:
+            groups[metric.direction].append(f"{words} {with_unit(f'{before} → {after}', metric.unit)}")
+    titles = {"same": "same (three digits)", "none": "none: not defined in both, or only where both reach the goal"}
+    return [f"- {titles.get(name, name)}: {', '.join(items)}" for name, items in groups.items() if items]
+
+
+def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
+    """The metrics that differ, the smallest p first; the others in one line."""
+    differing = [metric for metric in metrics if metric.p_holm is not None and metric.p_holm < _LEVEL]
+    shown = sorted(differing, key=lambda metric: (metric.p_holm or 0.0, metric.name))
+    lines = [_metric(metric) for metric in shown]
+    others = [metric for metric in metrics if metric not in differing]
+    medians = [f"{metric_words(metric.name)} {_medians(metric)}" for metric in others if metric.pairs]
+    absent = [metric_words(metric.name) for metric in others if not metric.pairs]
+    lines += [f"- no difference shown (medians): {', '.join(medians)}"] if medians else []
+    return lines + ([f"- none: defined on no pair: {', '.join(absent)}"] if absent else [])
+
+
+def _medians(metric: MetricTest) -> str:
+    before, after = figure(metric.median_before), figure(metric.median_after)
+    return with_unit(before if before == after else f"{before} → {after}", metric.unit)
 
 
 def _metric(metric: MetricTest) -> str:
     over = "pairs that both reached the goal" if metric.basis == "both_reached_goal" else "valid pairs"
-    if metric.pairs == 0:
-        return f"- {metric.name}: defined on none of the {over}"
     interval = ""
     if metric.low is not None and metric.high is not None:
         interval = f" (95 %: {figure(metric.low)} to {figure(metric.high)})"
-    better = f", better: {metric.better}" if metric.better else ""
+    better = f"; {metric.better} is better" if metric.better else ""
     return (
-        f"- {metric.name} [{metric.unit}]: median {figure(metric.median_before)} → {figure(metric.median_after)}, "
+        f"- {metric_words(metric.name)}: median {_medians(metric)}, "
         f"shift {figure(metric.shift)}{interval}, effect {figure(metric.effect, 2)}, {_p(metric.p, metric.p_holm)}"
         f"{better} (n={metric.pairs} {over})"
     )

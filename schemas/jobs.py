@@ -10,6 +10,10 @@ JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
 """``interrupted``: its server ended before it did."""
 
 
+_SHOWN_RESULTS = 5
+"""Ids of what is finished that the brief answer shows (chosen)."""
+
+
 class GetJobArguments(Arguments):
     """State, progress, estimate and partial results of a job; waits for its end."""
 
@@ -39,11 +43,19 @@ class JobResult(Result):
     def answer(self) -> Answer:
         """The state, what is finished, why it failed and what to do next."""
         left = f", about {self.remaining_s:.0f} s left" if self.remaining_s is not None else ""
-        more = len(self.results) - 10
-        finished = f"Finished: {', '.join(self.results[-10:])}{f' and {more} before' if more > 0 else ''}"
+        share = "" if self.state == "done" else f", {self.share:.0%} done{left}"
         return Answer(
-            headline=f"{self.job_id} ({self.kind}): {self.state}, {self.share:.0%} done{left}. {self.message}".rstrip(),
-            decided=[finished] if self.results else (),
+            headline=f"{self.job_id} ({self.kind}): {self.state}{share}. {self.message}".rstrip(),
+            decided=[f"Finished: {self._finished}"] if self.results else (),
             warnings=[self.error] if self.error else (),
             next_step=self.next_step,
         )
+
+    @property
+    def _finished(self) -> str:
+        """The batch, which holds its runs; else the newest results, and how many there are beside them."""
+        batches = [key for key in self.results if key.startswith("batch_")]
+        shown = batches or list(self.results[-_SHOWN_RESULTS:])
+        more = len(self.results) - len(shown)
+        held = f" with {more} runs" if batches else f" and {more} before"
+        return ", ".join(shown) + (held if more > 0 else "")

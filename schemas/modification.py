@@ -96,6 +96,12 @@ class Edit(Arguments):
         """Names of the arguments that were given beside ``op``."""
         return tuple(name for name in type(self).model_fields if name != "op" and getattr(self, name) not in (None, []))
 
+    def in_words(self) -> str:
+        """The edit in one line: what is done, to whom, and what was given beside it."""
+        whom = f" {' '.join(self.vehicles)}" if self.vehicles else ""
+        rest = ", ".join(f"{name} {_as_written(getattr(self, name))}" for name in self.given if name != "vehicles")
+        return f"{self.op}{whom} ({rest})" if rest else f"{self.op}{whom}"
+
     def numbered_after(self, earlier: int) -> "Edit":
         """The edit with every ``new:K`` counted from the first of ``earlier`` edits that it is appended to."""
 
@@ -104,6 +110,12 @@ class Edit(Arguments):
 
         lists = {name: [counted(text) for text in getattr(self, name)] for name in ("vehicles", "to", "via")}
         return self.model_copy(update={**lists, "at": None if self.at is None else counted(self.at)})
+
+
+def _as_written(value: object) -> str:
+    if isinstance(value, list):
+        return " ".join(map(_as_written, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 class ModifyScenarioArguments(Arguments):

@@ -5,10 +5,10 @@ from typing import Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
-from .runs import LostCell, Outcome, Prediction, RunRecord, RunSteps, RunTiming, Traffic
+from .runs import LostCell, Outcome, Prediction, RunRecord, RunReview, RunSteps, RunTiming, Traffic, ending
 
-LISTED_RUNS, LISTED_CONFIGURATIONS = 20, 8
-"""How many runs and configurations an answer lists; chosen to keep it short."""
+LISTED_RUNS, LISTED_FAILURES, LISTED_CONFIGURATIONS = 20, 3, 8
+"""How many runs, failures and configurations an answer lists; chosen to keep it short."""
 
 
 class PlannerSettings(Model):
@@ -229,6 +229,16 @@ class RunLine(Model):
     reason: str
     duration_s: float | None
     minimum_distance_m: float | None
+    config_name: str = ""
+    review: RunReview | None = Field(None, description="of a single run, and of the failures that are listed")
+
+    def in_words(self) -> str:
+        """Run, scenario, configuration, and how it ended."""
+        return f"{self.run_id} on {self.scenario_id} under {self.config_name}: {self._ending}."
+
+    @property
+    def _ending(self) -> str:
+        return ending(self.outcome, self.reason, self.review)
 
 
 class ConfigurationSummary(Model):
@@ -252,25 +262,67 @@ class RunPlannerResult(Result):
     job_id: str | None = None
     summary: tuple[ConfigurationSummary, ...]
     runs: tuple[RunLine, ...] = Field(description="at most 20")
+    failures: tuple[RunLine, ...] = Field((), description="the first valid runs that did not reach the goal")
     lost: tuple[LostCell, ...] = Field((), description="at most 10: errors of ours, not the planner's failures")
     notes: tuple[str, ...] = ()
     next_step: str
 
     def answer(self) -> Answer:
-        """Summary by configuration, then the runs, one a line."""
-        head = f"{self.finished} of {self.total} runs finished ({self.reused} stored before)"
-        lines = [f"{head}, traffic {self.traffic}, prediction {self.prediction}."]
-        if self.batch_id:
-            lines.append(f"Batch: {self.batch_id}")
-        if self.job_id and self.state != "done":
-            lines.append(f"Job: {self.job_id} ({self.state})")
-        for item in self.summary:
-            counts = ", ".join(f"{count} {outcome}" for outcome, count in item.outcomes.items())
-            lines.append(f"{item.config_id} ({item.config_name}): {counts}")
-        for run in self.runs:
-            near = "" if run.minimum_distance_m is None else f", nearest {run.minimum_distance_m:.2f} m"
-            lines.append(f"  {run.run_id} {run.scenario_id} {run.config_id}: {run.outcome}: {run.reason}{near}")
-        if self.finished > len(self.runs):
-            lines.append(f"  … {self.finished - len(self.runs)} more: analyze_results with detail rows")
-        lines += [f"Lost: {cell.scenario_id} {cell.config_id}: {cell.error}" for cell in self.lost]
-        return Answer(lines[0], [*lines[1:], *self.notes], next_step=self.next_step)
+        """One run: how it ended and its moments; a grid: goal rates by configuration, then the first failures."""
+        lost = [f"{cell.scenario_id} under {cell.config_id} was lost: {cell.error}" for cell in self.lost]
+        if self.total == 1 and self.runs:
+            return Answer(self._single(), figures=self._moments(), listed=self._noted(), next_step=self.next_step)
+        before = f", {self.reused} stored before" if self.reused else ""
+        name = self.batch_id or (f"{self.job_id} ({self.state})" if self.job_id else "")
+        head = f"{f'{name}: ' if name else ''}{self.finished} of {self.total} runs finished{before}{self._modes()}."
+        return Answer(
+            head,
+            figures=[_rate_line(item) for item in self.summary],
+            listed=[*self._failed(), *self._noted()],
+            warnings=lost,
+            next_step=self.next_step,
+        )
+
+    def _modes(self) -> str:
+        """Traffic and prediction, where they are not what a call without them takes."""
+        default = RunPlannerArguments()
+        modes = [f"traffic {self.traffic}"] if self.traffic != default.traffic else []
+        modes += [f"prediction {self.prediction}"] if self.prediction != default.prediction else []
+        return f" ({', '.join(modes)})" if modes else ""
+
+    def _noted(self) -> list[str]:
+        return [f"Note: {note}" for note in self.notes]
+
+    def _single(self) -> str:
+        run = self.runs[0]
+        return f"{run.in_words()[:-1]}{self._modes()}{' (stored before)' if self.reused else ''}."
+
+    def _moments(self) -> list[str]:
+        """The closest moment of a run that hit nobody; without its steps the smallest gap."""
+        run, review = self.runs[0], self.runs[0].review
+        if run.outcome == "invalid" or (review and review.contact and review.contact.obstacle_id is not None):
+            return []
+        if review is not None and review.largest and (review.closest or run.minimum_distance_m is None):
+            return [review.nearness_in_words()]
+        return [] if run.minimum_distance_m is None else [f"Closest: {run.minimum_distance_m:.2f} m."]
+
+    def _failed(self) -> list[str]:
+        failed = ("goal_reached", "invalid")
+        count = sum(n for item in self.summary for outcome, n in item.outcomes.items() if outcome not in failed)
+        if not count:
+            return []
+        more = count - len(self.failures)
+        rest = [f"… {more} more: analyze_results with where '!outcome=goal_reached', detail rows"] if more > 0 else []
+        return [f"{count} failed:", *(f"- {run.in_words()}" for run in self.failures), *rest]
+
+
+def _rate_line(item: ConfigurationSummary) -> str:
+    """``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, in no rate: 2``."""
+    counts = dict(item.outcomes)
+    invalid, reached = counts.pop("invalid", 0), counts.pop("goal_reached", 0)
+    parts = [
+        f"goal {reached} of {reached + sum(counts.values())}",
+        *(f"{key} {count}" for key, count in counts.items()),
+    ]
+    parts += [f"invalid, in no rate: {invalid}"] if invalid else []
+    return f"{item.config_name} ({item.config_id}): {'; '.join(parts)}"

@@ -5,7 +5,8 @@ from typing import Literal
 from pydantic import Field
 
 from .base import Arguments, Model
-from .results import ConfigWeights, RunSource, ScenarioSource
+from .results import ConfigWeights
+from .runs import RunSource, ScenarioSource
 
 PictureKind = Literal["auto", "picture", "animation", "outcomes", "costs", "flips", "profile"]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
-from .runs import LostCell, Outcome, RunMetrics, RunRecord
+from .runs import LostCell, Outcome, RunMetrics, RunReview, RunSource, ScenarioSource, ending
 
 Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
@@ -17,21 +17,6 @@ if TYPE_CHECKING:
 else:
     MetricName = Literal[tuple(RunMetrics.model_fields)]
 """The name of a metric: a field of ``RunMetrics``. Type checkers know it as a string only."""
-
-
-class ScenarioSource(Model):
-    """A scenario, the CommonRoad file that holds it, and its obstacles by type where they are known."""
-
-    scenario_id: str
-    path: str
-    obstacles: dict[str, int] | None = None
-
-
-class RunSource(Model):
-    """A run's record and the file with its steps (None: only the record is at hand)."""
-
-    record: RunRecord
-    steps_path: str | None = None
 
 
 class ConfigWeights(Model):
@@ -185,46 +170,176 @@ class AnalyseRequest(Model):
     detail: AnalysisDetail = "summary"
 
 
+class UndefinedMetric(Model):
+    """A metric that none of the valid runs has, and why."""
+
+    name: MetricName
+    why: str
+
+
 class AnalyzeResultsResult(Result):
-    """Figures of a set of runs; the sections that ``detail`` did not ask for are empty."""
+    """Figures of a set of runs; the sections that ``detail`` did not ask for are empty. ``review``: of a single run."""
 
     results: tuple[str, ...]
     runs: int
+    detail: AnalysisDetail = "summary"
     success: Rate
     outcomes: tuple[OutcomeShare, ...]
     invalid: tuple[InvalidItem, ...] = Field((), description="at most ten; invalid_count has them all")
     invalid_count: int = 0
     groups: tuple[Group, ...] = ()
     metrics: tuple[MetricSummary, ...] = ()
+    undefined: tuple[UndefinedMetric, ...] = ()
     costs: tuple[CostShare, ...] = ()
     correlations: tuple[Correlation, ...] = ()
     findings: tuple[Finding, ...] = ()
     rows: tuple[RunRow, ...] = ()
     timeline: tuple[TimelineStep, ...] = ()
+    review: RunReview | None = None
     notes: tuple[str, ...] = ()
 
     def answer(self) -> Answer:
-        """All sections that are there, one line an item."""
-        lines = [] if self.runs == 1 else _rates(self)
-        for section in (_rows, _groups, _metrics, _costs, _correlations, _timeline):
-            lines += section(self)
-        if self.findings:
-            lines.append("Findings:")
-            lines += [_finding_text(finding) for finding in self.findings]
-        return Answer(lines[0], lines[1:], listed=self.notes)
+        """One run: how it ended and its moments; several: rates, failures, figures; then what the detail asks for."""
+        return _one_run(self) if self.runs == 1 and self.rows else _several_runs(self)
 
 
-def _rates(result: AnalyzeResultsResult) -> list[str]:
+_WORDS = {
+    "minimum_distance_m": "minimum distance",
+    "minimum_time_to_collision_s": "time to collision",
+    "minimum_time_headway_s": "time headway",
+    "risk_score": "risk score",
+    "duration_s": "duration",
+    "distance_m": "distance driven",
+    "mean_speed_mps": "mean speed",
+    "maximum_jerk_mps3": "largest jerk",
+    "mean_squared_jerk": "mean squared jerk",
+    "maximum_lateral_acceleration_mps2": "largest lateral acceleration",
+    "mean_total_cost": "mean total cost",
+}
+_IN_MOMENTS = frozenset(
+    ["minimum_distance_m", "minimum_time_to_collision_s", "maximum_jerk_mps3", "maximum_lateral_acceleration_mps2"]
+)
+"""Metrics that the moments of a run show with their times."""
+_SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID = 2, 2, 2
+"""Entries of the brief answer (chosen)."""
+
+
+def metric_words(name: str) -> str:
+    """The metric's name as people say it."""
+    return _WORDS.get(name, name)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A figure with its unit; ``1`` is no unit."""
+    return text if unit == "1" else f"{text} {unit}"
+
+
+def _one_run(result: AnalyzeResultsResult) -> Answer:
+    row, review = result.rows[0], result.review
+    head = f"{row.run_id} on {row.scenario_id} under {row.config_name}: {ending(row.outcome, row.reason, review)}."
+    hit = review is not None and review.contact is not None and review.contact.obstacle_id is not None
+    figures, warnings = [], []
+    if result.detail == "summary" and row.outcome != "invalid":
+        moments = review is not None and bool(review.largest)
+        if review is not None and moments:
+            figures += [] if hit or review.closest is None else [review.nearness_in_words()]
+            figures.append(review.motion_in_words())
+        shown_above = _IN_MOMENTS if moments else frozenset()
+        if moments and not hit and review is not None and review.closest is None:
+            shown_above -= {"minimum_distance_m", "minimum_time_to_collision_s"}
+        figures += _rest_of_metrics(result, shown_above | {"mean_total_cost", "duration_s"})
+        figures += _main_cost(result)
+    if result.detail == "summary" and row.outcome == "goal_reached" and review is not None and review.uncomfortable:
+        excesses = [excess.in_words() for excess in review.uncomfortable[:_SHOWN_EXCESSES]]
+        more = len(review.uncomfortable) - len(excesses)
+        over = "; ".join(excesses) + (f"; {more} more" if more > 0 else "")
+        warnings.append(f"reached the goal harder than passengers should bear: {over}.")
+    listed = [*_groups(result), *_timeline(result), *_correlations(result)]
+    if result.detail == "costs":
+        listed += _costs(result)
+    listed += [_finding_text(finding) for finding in _stated(result)]
+    failed = row.outcome not in ("goal_reached", "invalid")
+    look = "detail=timeline shows the moments" if result.detail != "timeline" else "render kind=animation shows it"
+    following = {"invalid": "describe_scenario detail=checks shows the problem"}.get(row.outcome, look)
+    return Answer(
+        head,
+        figures=figures,
+        listed=[*listed, *_noted(result)],
+        warnings=warnings,
+        next_step=following if failed or row.outcome == "invalid" or result.detail == "summary" else "",
+    )
+
+
+def _noted(result: AnalyzeResultsResult) -> list[str]:
+    return [f"Note: {note}" for note in result.notes]
+
+
+def _rest_of_metrics(result: AnalyzeResultsResult, above: frozenset[str]) -> list[str]:
+    """The metrics that stand in no other line, in one; those that there are not, with the reason."""
+    parts = [
+        f"{metric_words(item.name)} {with_unit(figure(item.median), item.unit)}"
+        for item in result.metrics
+        if item.name not in above
+    ]
+    parts += [f"{metric_words(item.name)} none: {item.why}" for item in result.undefined if item.name not in above]
+    text = "; ".join(parts)
+    return [f"{text[0].upper()}{text[1:]}."] if parts else []
+
+
+def _main_cost(result: AnalyzeResultsResult) -> list[str]:
+    """The term that made up most of the cost of one run."""
+    if not result.costs:
+        return [f"Cost: none: {item.why}." for item in result.undefined if item.name == "mean_total_cost"]
+    most = result.costs[0]
+    total = next((item.median for item in result.metrics if item.name == "mean_total_cost"), None)
+    per_step = "" if total is None else f" of {figure(total)} a planning step"
+    return [f"Cost: mostly {most.term}, {_percent(most.share)}{per_step}."]
+
+
+def _several_runs(result: AnalyzeResultsResult) -> Answer:
     valid = result.success.of
-    lines = [f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {_rate_text(result.success)}"]
-    lines += [
-        f"- {item.outcome}: {_rate_text(item.rate)} · {_listed(item.run_ids, 3)}"
+    head = f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {_rate_text(result.success)}"
+    figures = _failures(result)
+    if result.detail == "summary":
+        figures += _metrics(result)
+    listed = [*_rows(result), *_groups(result)]
+    if result.detail == "costs":
+        listed += _costs(result)
+    listed += _correlations(result)
+    stated = _stated(result)
+    shown = stated[:_SHOWN_FINDINGS] if result.detail == "summary" else stated
+    listed += ["Findings:", *(_finding_text(finding) for finding in shown)] if shown else []
+    more = len(stated) - len(shown)
+    listed += [f"… {more} more: detail=findings"] if more > 0 else []
+    main = next((finding.next_step for finding in result.findings if finding.name == "main_failure"), "")
+    return Answer(head, figures=figures, listed=[*listed, *_noted(result)], next_step=main)
+
+
+_SAID_ABOVE = frozenset(["main_failure", "dominating_cost", "near_misses", "uncomfortable_turns", "idle_weights"])
+"""Findings that repeat, of a single run, what its moments and its cost say."""
+
+
+def _stated(result: AnalyzeResultsResult) -> list[Finding]:
+    """The findings that say something beside the rest of the answer."""
+    if result.detail == "findings":
+        return list(result.findings)
+    above = _SAID_ABOVE if result.runs == 1 else {"main_failure"}
+    return [finding for finding in result.findings if finding.name not in above]
+
+
+def _failures(result: AnalyzeResultsResult) -> list[str]:
+    failed = [
+        f"{item.outcome} {item.rate.count} ({_listed(item.run_ids, 2, item.rate.count)})"
         for item in result.outcomes
         if item.outcome != "goal_reached"
     ]
-    return lines + [
-        f"- invalid, in no rate: {item.run_id} {item.scenario_id}: {item.reason}" for item in result.invalid
-    ]
+    lines = [f"Failed: {', '.join(failed)}."] if failed else []
+    if result.invalid:
+        shown = [f"{i.run_id} {i.scenario_id}: {i.reason}" for i in result.invalid[:_SHOWN_INVALID]]
+        more = result.invalid_count - len(shown)
+        rest = f"; {more} more: where outcome=invalid, detail=rows" if more > 0 else ""
+        lines.append(f"Invalid, in no rate: {'; '.join(shown)}{rest}.")
+    return lines
 
 
 def _finding_text(finding: Finding) -> str:
@@ -234,8 +349,8 @@ def _finding_text(finding: Finding) -> str:
         change = finding.suggestion
         parts.append(f"Suggest: {change.direction} {change.weight} of {change.config_id} ({change.why}).")
     if finding.next_step:
-        parts.append(f"Next: {finding.next_step}.")
-    parts.append(f"Runs: {_listed(finding.run_ids)}")
+        parts.append(f"See {finding.next_step}.")
+    parts.append(f"Runs: {_listed(finding.run_ids, 2)}")
     return " ".join(parts)
 
 
@@ -250,16 +365,26 @@ def _groups(result: AnalyzeResultsResult) -> list[str]:
 
 
 def _metrics(result: AnalyzeResultsResult) -> list[str]:
-    if result.runs == 1:
-        return ["Metrics: " + ", ".join(f"{i.name} {figure(i.median)} {i.unit}" for i in result.metrics)] * bool(
-            result.metrics
-        )
-    lines = [
-        f"- {item.name}: median {figure(item.median)}, mean {figure(item.mean)}, "
-        f"{figure(item.lowest)}–{figure(item.highest)} {item.unit} (n={item.n})"
-        for item in result.metrics
-    ]
-    return ["Metrics of valid runs:", *lines] if lines else []
+    """Median and range of every metric; one figure where all runs have it, the range alone where there are two."""
+    if not result.metrics:
+        return []
+    valid = result.success.of
+    parts = []
+    for item in result.metrics:
+        low, high, middle = _plain(item.lowest), _plain(item.highest), _plain(item.median)
+        text = middle if low == high else f"{low}–{high}" if item.n == 2 else f"{middle} ({low}–{high})"
+        some = "" if item.n == valid else f" in {item.n} runs"
+        parts.append(f"{metric_words(item.name)} {with_unit(text, item.unit)}{some}")
+    parts += [f"{metric_words(item.name)} none: {item.why}" for item in result.undefined]
+    return [f"{'Median (range)' if valid > 2 else 'Range'} over {valid} valid runs: {'; '.join(parts)}."]
+
+
+def _plain(value: float) -> str:
+    return figure(0.0 if abs(value) < _NEARLY_NOTHING else value)
+
+
+_NEARLY_NOTHING = 5e-4
+"""Figures below it are shown as 0: no metric is measured that finely."""
 
 
 def _costs(result: AnalyzeResultsResult) -> list[str]:
@@ -268,24 +393,31 @@ def _costs(result: AnalyzeResultsResult) -> list[str]:
         f"planning step (n={item.runs})"
         for item in result.costs
     ]
-    return ["Weighted cost terms of the chosen candidates:", *lines] if lines else []
+    return ["Weighted cost terms of the chosen candidates:", *lines] if lines else ["No recorded cost terms."]
 
 
 def _correlations(result: AnalyzeResultsResult) -> list[str]:
+    """All of them where findings were asked for; else those that stand after Holm's adjustment."""
+    shown = [item for item in result.correlations if result.detail == "findings" or item.p_holm < _LEVEL]
     lines = [
         f"- success × {item.feature}: ρ={item.rho:+.2f}, p={figure(item.p)}, Holm {figure(item.p_holm)} (n={item.n})"
-        for item in result.correlations
+        for item in shown
     ]
     return ["Spearman correlations:", *lines] if lines else []
 
 
+_LEVEL = 0.05
+"""The usual level of significance."""
+
+
 def _rows(result: AnalyzeResultsResult) -> list[str]:
-    lines = [
-        f"- {row.run_id} {row.scenario_id} {row.config_name}: {row.outcome}, {figure(row.duration_s)} s, "
-        f"gap {figure(row.minimum_distance_m)} m; {row.reason}"
+    if result.detail != "rows":
+        return []
+    return [
+        f"- {row.run_id} {row.scenario_id} {row.config_name}: {ending(row.outcome, row.reason)}; "
+        f"{figure(row.duration_s)} s, gap {figure(row.minimum_distance_m)} m"
         for row in result.rows
     ]
-    return ["Runs:", *lines] if lines and result.runs > 1 else [line.removeprefix("- ") for line in lines]
 
 
 def _timeline(result: AnalyzeResultsResult) -> list[str]:
@@ -294,7 +426,11 @@ def _timeline(result: AnalyzeResultsResult) -> list[str]:
         gap = f", {step.gap_m:.2f} m to {step.obstacle_id}" if step.gap_m is not None else ""
         cost = f", {step.largest_cost} {_percent(step.largest_cost_share)} of the cost" if step.largest_cost else ""
         lines.append(f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {step.acceleration_mps2:+.1f} m/s²{gap}{cost}")
-    return ["Before the end:", *lines] if lines else []
+    around = result.review is not None and result.review.contact is None and result.review.closest is not None
+    return [
+        "Around the most critical moment:" if around and result.success.count else "Before the end:",
+        *lines,
+    ] * bool(lines)
 
 
 def _percent(share: float | None) -> str:
@@ -314,8 +450,8 @@ def figure(value: float | None, digits: int = 3) -> str:
     return "–" if value is None else f"{value:.{digits}g}"
 
 
-def _listed(ids: Iterable[str], most: int = 5) -> str:
-    """The first ids, and how many more there are."""
+def _listed(ids: Iterable[str], most: int, count: int | None = None) -> str:
+    """The first ids, and how many more there are; ``count``: of all, where ``ids`` are the first of them only."""
     all_ids = list(ids)
-    more = f" +{len(all_ids) - most}" if len(all_ids) > most else ""
-    return " ".join(all_ids[:most]) + more
+    more = (len(all_ids) if count is None else count) - len(all_ids[:most])
+    return " ".join(all_ids[:most]) + (f" +{more}" if more > 0 else "")

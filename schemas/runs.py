@@ -148,6 +148,212 @@ class RunRecord(Model):
     ego_width_m: float = 1.61
 
 
+ContactKind = Literal[
+    "rear_end_by_other",
+    "rear_end_by_ego",
+    "cut_in",
+    "cut_in_by_ego",
+    "oncoming",
+    "crossing",
+    "side",
+    "into_standing",
+    "onto_standing_ego",
+    "road_boundary",
+    "unclear",
+]
+"""Who hit whom, and from where; the rules that decide are in ``docs/criticality.md``."""
+BodySide = Literal["front", "rear", "left", "right"]
+"""A side of a road user, as its driver sees it."""
+RelativeHeading = Literal["same", "oncoming", "crossing"]
+"""How another heads, seen from the ego: within 45° of it, within 45° of against it, or between."""
+
+
+class Contact(Model):
+    """How the collision of a run came about; speeds and places are those of the last step before it.
+
+    ``ego_side``, ``other_side``: the sides that met. ``closing_mps``: length of the difference of both velocities.
+    ``ego_stood_since_s``: where the ego stood, since when. ``braked_since_s``: from when on the ego braked by more than
+    1 m/s² without a break until the contact; None: it did not. ``came_in_s``: for a cut-in, when the one ahead came
+    into the way of the one behind. ``also_touched``: others that overlap the ego at the same step.
+    """
+
+    kind: ContactKind
+    time_s: float
+    ego_speed_mps: float
+    obstacle_id: int | None = None
+    obstacle_class: str = ""
+    other_speed_mps: float | None = None
+    closing_mps: float | None = None
+    ego_side: BodySide | None = None
+    other_side: BodySide | None = None
+    ego_stood_since_s: float | None = None
+    braked_since_s: float | None = None
+    came_in_s: float | None = None
+    also_touched: tuple[int, ...] = ()
+
+    def in_words(self) -> str:
+        """Who hit whom, from where, when, at which speeds, and whether the ego had braked before."""
+        if self.other_speed_mps is None:
+            where = "left the road" if self.obstacle_id is None else f"collided with {self._other}"
+            return f"{where} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
+        speeds = f"ego {self.ego_speed_mps:.1f} m/s, {self._other} {self.other_speed_mps:.1f} m/s"
+        also = f"; also touched then: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
+        return f"{self._what} at {self.time_s:.1f} s ({speeds}{self._braked}){also}"
+
+    @property
+    def _other(self) -> str:
+        return f"{self.obstacle_class} {self.obstacle_id}"
+
+    @property
+    def _braked(self) -> str:
+        if self.kind == "onto_standing_ego":
+            return "" if self.ego_stood_since_s is None else f", standing since {self.ego_stood_since_s:.1f} s"
+        return ", not braking" if self.braked_since_s is None else f", braking since {self.braked_since_s:.1f} s"
+
+    @property
+    def _what(self) -> str:
+        other, came = self._other, "" if self.came_in_s is None else f", in the way since {self.came_in_s:.1f} s"
+        whence = {"front": "ahead", "rear": "behind", "left": "the left", "right": "the right", None: "nowhere"}
+        words: dict[ContactKind, str] = {
+            "rear_end_by_other": f"hit from behind by {other}",
+            "rear_end_by_ego": f"ran into the back of {other}",
+            "cut_in": f"ran into {other} that cut in{came}",
+            "cut_in_by_ego": f"cut in ahead of {other}{came}, and was hit by it",
+            "oncoming": f"met oncoming {other}, ego's {self.ego_side} to its {self.other_side}",
+            "crossing": f"met crossing {other}, ego's {self.ego_side} to its {self.other_side}",
+            "side": f"touched {other} alongside, ego's {self.ego_side} to its {self.other_side}",
+            "into_standing": f"drove into standing {other}, ego's {self.ego_side} to its {self.other_side}",
+            "onto_standing_ego": f"hit while standing by {other} from {whence[self.ego_side]}",
+            "road_boundary": "left the road",
+            "unclear": f"collided with {other}",
+        }
+        return words[self.kind]
+
+
+class Encounter(Model):
+    """The ego and another at one moment: ``side``: on which side of the ego it is.
+
+    ``time_to_collision_s``: with both keeping course and speed; None: they would not meet.
+    """
+
+    time_s: float
+    obstacle_id: int
+    obstacle_class: str
+    gap_m: float
+    side: BodySide
+    direction: RelativeHeading
+    ego_speed_mps: float
+    other_speed_mps: float
+    time_to_collision_s: float | None
+
+    @property
+    def other(self) -> str:
+        """Class and id."""
+        return f"{self.obstacle_class} {self.obstacle_id}"
+
+    @property
+    def place(self) -> str:
+        """``ahead``, ``behind``, ``on the left``, ``oncoming on the right``."""
+        where = {"front": "ahead", "rear": "behind", "left": "on the left", "right": "on the right"}[self.side]
+        return where if self.direction == "same" else f"{self.direction} {where}"
+
+
+class LargestMotion(Model):
+    """The largest value of one motion of the ego, and when; braking and jerk are given as positive numbers."""
+
+    name: Literal["acceleration", "braking", "lateral acceleration", "jerk"]
+    value: float
+    unit: str
+    time_s: float
+
+
+class ComfortExcess(Model):
+    """A motion above a comfort limit: its largest mean over ``window_s`` (0: at a step) and where that window ends."""
+
+    name: Literal["acceleration", "braking", "braking jerk", "lateral acceleration", "lateral jerk"]
+    value: float
+    limit: float
+    unit: str
+    window_s: float
+    time_s: float
+    source: str
+
+    def in_words(self) -> str:
+        """``braking 4.2 m/s² over 2 s, until 3.1 s (limit 3.5, ISO 15622:2018)``."""
+        when = f"over {self.window_s:g} s, until {self.time_s:.1f} s" if self.window_s else f"at {self.time_s:.1f} s"
+        return f"{self.name} {self.value:.1f} {self.unit} {when} (limit {self.limit:.2g}, {self.source})"
+
+
+class RunReview(Model):
+    """The decisive moments of one run; a moment that there was not is None.
+
+    ``closest``: the smallest gap; ``most_urgent``: the smallest time to collision. ``uncomfortable``: motions above the
+    limits of ``docs/criticality.md``, whatever the outcome.
+    """
+
+    run_id: str
+    contact: Contact | None = None
+    closest: Encounter | None = None
+    most_urgent: Encounter | None = None
+    largest: tuple[LargestMotion, ...] = ()
+    uncomfortable: tuple[ComfortExcess, ...] = ()
+
+    def nearness_in_words(self) -> str:
+        """The closest moment and the shortest time to a collision, in one line; what there was not is said."""
+        if self.closest is None:
+            return "Closest: none: no other within 60 m."
+        near, urgent = self.closest, self.most_urgent
+        line = f"Closest: {near.gap_m:.2f} m to {near.other} {near.place} at {near.time_s:.1f} s"
+        line += f" (ego {near.ego_speed_mps:.1f}, it {near.other_speed_mps:.1f} m/s)"
+        if urgent is None:
+            return f"{line}; time to collision: none: never on a collision course."
+        least = f"least time to collision {urgent.time_to_collision_s:.3g} s"
+        if (urgent.obstacle_id, urgent.time_s) == (near.obstacle_id, near.time_s):
+            return f"{line}; {least}, then."
+        whom = "it" if urgent.obstacle_id == near.obstacle_id else urgent.other
+        return f"{line}; {least} with {whom} {urgent.place} at {urgent.time_s:.1f} s."
+
+    def motion_in_words(self) -> str:
+        """The largest motions with their times; empty without steps."""
+        parts = [f"{one.name} {one.value:.3g} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
+        return f"Largest: {', '.join(parts)}." if parts else ""
+
+
+def ending(outcome: Outcome, reason: str, review: RunReview | None = None) -> str:
+    """How a run ended in one sentence, its moment included; a collision by who hit whom."""
+    if review is not None and review.contact is not None:
+        return f"{outcome.replace('_', ' ')}: {review.contact.in_words()}"
+    return reason if outcome == "goal_reached" else f"{outcome.replace('_', ' ')}: {reason}"
+
+
+class ScenarioSource(Model):
+    """A scenario, the CommonRoad file that holds it, and its obstacles by type where they are known."""
+
+    scenario_id: str
+    path: str
+    obstacles: dict[str, int] | None = None
+
+
+class RunSource(Model):
+    """A run's record and the file with its steps (None: only the record is at hand)."""
+
+    record: RunRecord
+    steps_path: str | None = None
+
+
+class ReviewRequest(Model):
+    """Which runs to look at, and the files of their scenarios."""
+
+    runs: tuple[RunSource, ...]
+    scenarios: tuple[ScenarioSource, ...]
+
+
+class ReviewResponse(Model):
+    """The decisive moments of each run, in the order of the request."""
+
+    reviews: tuple[RunReview, ...]
+
+
 class LostCell(Model):
     """A cell of a batch that gave no run: an error of ours or a broken file, never a planner's failure."""
 

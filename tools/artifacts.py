@@ -89,5 +89,14 @@ def _job_result(job: Job) -> JobResult:
         remaining_s=None if job.remaining_s is None else round(job.remaining_s, 1),
         results=job.results,
         error=job.error,
-        next_step=_NEXT_AFTER_IMPORT if (job.kind, job.state) == ("import", "done") else _NEXT[job.state],
+        next_step=_next_step(job),
     )
+
+
+def _next_step(job: Job) -> str:
+    if job.state != "done":
+        return _NEXT[job.state]
+    batches = [key for key in job.results if key.startswith("batch_")]
+    if batches:
+        return f"analyze_results or compare_results with results ['{batches[-1]}']"
+    return _NEXT_AFTER_IMPORT if job.kind == "import" else _NEXT[job.state]

@@ -19,8 +19,8 @@ from ..schemas.comparison import CompareResultsArguments
 from ..schemas.errors import InvalidRequest
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.rendering import PictureKind, ReportImage, ReportRequest, ReportSection, ReportWritten
-from ..schemas.results import AnalyzeResultsArguments, RunSource
-from ..schemas.runs import BatchRecord, RunRecord
+from ..schemas.results import AnalyzeResultsArguments
+from ..schemas.runs import BatchRecord, RunRecord, RunSource
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import printable
 from .call import ToolCall

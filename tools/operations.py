@@ -24,6 +24,7 @@ from ..schemas.modification import ModificationOutcome, ModificationRequest
 from ..schemas.planning import RunRequest, RunResponse
 from ..schemas.rendering import Rendered, RenderRequest, ReportRequest, ReportWritten
 from ..schemas.results import AnalyseRequest, AnalyzeResultsResult
+from ..schemas.runs import ReviewRequest, ReviewResponse
 from ..schemas.scenarios import DescribeRequest, Description, ReadFactsRequest, ScenarioFacts
 
 # Scenarios
@@ -52,6 +53,7 @@ RUN_PLANNER = Operation("plannerforge.engine.planners:run_planner", RunRequest, 
 WRITE_SOLUTION = Operation("plannerforge.engine.planners:write_solution", SolutionRequest, FileWritten)
 WRITE_RUN_TABLE = Operation("plannerforge.engine.analysis:write_run_table", RunTableRequest, FileWritten)
 ANALYSE = Operation("plannerforge.engine.analysis:analyse", AnalyseRequest, AnalyzeResultsResult, timeout_s=50.0)
+REVIEW_RUNS = Operation("plannerforge.engine.analysis:review_runs", ReviewRequest, ReviewResponse, timeout_s=50.0)
 COMPARE = Operation("plannerforge.engine.analysis:compare", CompareRequest, CompareResultsResult, timeout_s=50.0)
 
 # Pictures and pages

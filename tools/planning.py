@@ -32,7 +32,7 @@ from ..schemas.planning import (
 from ..schemas.runs import Prediction
 from .call import ToolCall
 from .configurations import made_configurations, resolve_configuration, store_configuration
-from .runs import Cell, answer, run_cell, run_many
+from .runs import Cell, answer_of, run_cell, run_many
 from .scenarios import choose_scenarios
 
 
@@ -119,7 +119,8 @@ async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlan
         for chosen in choice.scenarios
     ]
     if len(cells) == 1:
-        return answer(cells, [await run_cell(call, cells[0], tell_client=True)], notes=choice.notes)
+        result = await run_cell(call, cells[0], tell_client=True)
+        return await answer_of(call, cells, [result], batch_id=None, notes=choice.notes)
     return await run_many(call, cells, arguments.wait_s, choice.notes)
 
 

@@ -8,18 +8,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..engine.workspace import Artifact, Workspace
-from ..schemas.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Side
+from ..schemas.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Lineage, Side
 from ..schemas.errors import InvalidRequest, NotPossible, UnknownName
+from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
-from ..schemas.results import (
-    AnalyseRequest,
-    AnalyzeResultsArguments,
-    AnalyzeResultsResult,
-    ConfigWeights,
-    RunSource,
-    ScenarioSource,
-)
-from ..schemas.runs import BatchRecord, LostCell, RunRecord
+from ..schemas.results import AnalyseRequest, AnalyzeResultsArguments, AnalyzeResultsResult, ConfigWeights
+from ..schemas.runs import BatchRecord, LostCell, RunRecord, RunSource, ScenarioSource
 from ..schemas.scenarios import ScenarioRecord
 from .call import ToolCall
 from .operations import ANALYSE, COMPARE
@@ -61,16 +55,24 @@ async def compare_results(arguments: CompareResultsArguments, call: ToolCall) ->
         sides=_sides_of(chosen, runs),
         runs=runs,
         configs=config_weights(runs, call),
+        scenarios=scenario_sources((run.record.scenario_id for run in runs), call),
+        lineage=lineages((run.record.scenario_id for run in runs), call),
         metrics=tuple(arguments.metrics),
         limit=arguments.limit,
     )
     result = await call.run(COMPARE, request)
-    return result.model_copy(update={"notes": (*notes, *result.notes)})
+    asked = arguments.limit if "limit" in arguments.model_fields_set else None
+    return result.model_copy(update={"notes": (*notes, *result.notes), "flips_asked": asked})
 
 
 def _words_of(arguments: CompareResultsArguments, workspace: Workspace) -> tuple[list[str], tuple[str, ...]]:
-    """What is compared; left out while there is one batch only, its configurations."""
-    if "results" not in arguments.model_fields_set and len(workspace.newest(kind="batch", limit=2)) == 1:
+    """What is compared; left out while there is one batch only, its configurations, and without any, two runs."""
+    if "results" in arguments.model_fields_set:
+        return arguments.results, ()
+    batches = len(workspace.newest(kind="batch", limit=2))
+    if batches == 0:
+        return ["previous_run", "latest_run"], ("there is no batch: the two newest runs are compared",)
+    if batches == 1:
         return ["latest_batch"], ("there is one batch only: its configurations are compared",)
     return arguments.results, ()
 
@@ -171,6 +173,26 @@ def scenario_sources(scenario_ids: Iterable[str], call: ToolCall) -> tuple[Scena
         )
         for artifact in (call.workspace.get(key, "scenario") for key in dict.fromkeys(scenario_ids))
     )
+
+
+def lineages(scenario_ids: Iterable[str], call: ToolCall) -> tuple[Lineage, ...]:
+    """Where the edited ones among scenarios come from, each once."""
+    found = []
+    for scenario_id in dict.fromkeys(scenario_ids):
+        artifact = call.workspace.get(scenario_id, "scenario")
+        ancestors: list[str] = []
+        edits: list[str] = []
+        while artifact.recipe.tool == "modify_scenario" and artifact.recipe.parents[0] not in ancestors:
+            own = [Edit.model_validate(edit).in_words() for edit in artifact.recipe.arguments["edits"]]
+            edits = [*own, *edits]
+            ancestors.append(artifact.recipe.parents[0])
+            parent = call.workspace.find("scenario", ancestors[-1])
+            if parent is None:
+                break
+            artifact = parent
+        if ancestors:
+            found.append(Lineage(scenario_id=scenario_id, ancestors=tuple(ancestors), edits=tuple(edits)))
+    return tuple(found)
 
 
 def _sides_of(chosen: Sequence[_ChosenResult], runs: Sequence[RunSource]) -> tuple[Side, ...]:

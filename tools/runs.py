@@ -6,8 +6,9 @@ it is run, so that batches and servers that overlap make no run twice.
 
 import logging
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import anyio
 
@@ -16,6 +17,7 @@ from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.errors import PlannerForgeError, UnexpectedFailure
 from ..schemas.jobs import JobState
 from ..schemas.planning import (
+    LISTED_FAILURES,
     LISTED_RUNS,
     ConfigurationSummary,
     PlannerConfiguration,
@@ -23,9 +25,10 @@ from ..schemas.planning import (
     RunPlannerResult,
     RunRequest,
 )
-from ..schemas.runs import BatchRecord, LostCell, Prediction, RunRecord, Traffic
+from ..schemas.runs import BatchRecord, LostCell, Prediction, ReviewRequest, RunRecord, RunReview, Traffic
 from .call import ToolCall
-from .operations import RUN_PLANNER
+from .operations import REVIEW_RUNS, RUN_PLANNER
+from .results import run_sources, scenario_sources
 
 _CLAIM_POLL_S = 0.1
 """How often a run that another call or server makes is looked at; chosen."""
@@ -174,7 +177,7 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
     if stored is not None:
         batch = stored.read(BatchRecord)
         results = [_stored(call, run_id) for run_id in batch.runs]
-        return answer(cells, results, batch_id=batch.batch_id, notes=notes)
+        return await answer_of(call, cells, results, batch_id=batch.batch_id, notes=notes)
 
     finished: list[CellResult] = []
     known = sum(call.workspace.find_by_recipe("run", cell.recipe()) is not None for cell in cells)
@@ -197,7 +200,7 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
         lost = [CellResult(None, cell) for cell in record.lost]
         reused = {r.record.run_id for r in finished if r.record is not None and r.reused}
         results = [_stored(call, run_id, reused=run_id in reused) for run_id in record.runs] + lost
-        return answer(cells, results, batch_id=batch_id, notes=notes)
+        return await answer_of(call, cells, results, batch_id=batch_id, notes=notes)
     results = [_stored(call, key, reused=False) for key in job.results if key.startswith("run_")]
     problem = [job.error] if job.error else []
     return answer(cells, results, job_id=job.job_id, state=job.state, notes=[*notes, *problem])
@@ -248,6 +251,27 @@ def _stored(call: ToolCall, run_id: str, *, reused: bool = True) -> CellResult:
     return CellResult(call.workspace.get(run_id, "run").read(RunRecord), reused=reused)
 
 
+async def answer_of(
+    call: ToolCall, cells: Sequence[Cell], results: Sequence[CellResult], *, batch_id: str | None, notes: Sequence[str]
+) -> RunPlannerResult:
+    """The answer for a finished grid, with the moments of a single run, or of the failures that are listed."""
+    records = [result.record for result in results if result.record is not None]
+    looked_at = records if len(cells) == 1 else _failures(records)[:LISTED_FAILURES]
+    reviews: dict[str, RunReview] = {}
+    if looked_at:
+        request = ReviewRequest(
+            runs=run_sources((record.run_id for record in looked_at), call),
+            scenarios=scenario_sources((record.scenario_id for record in looked_at), call),
+        )
+        response = await call.services.workers.run(REVIEW_RUNS, request)
+        reviews = {review.run_id: review for review in response.reviews}
+    return answer(cells, results, batch_id=batch_id, notes=notes, reviews=reviews)
+
+
+def _failures(records: Sequence[RunRecord]) -> list[RunRecord]:
+    return [record for record in records if record.outcome not in ("goal_reached", "invalid")]
+
+
 def answer(
     cells: Sequence[Cell],
     results: Sequence[CellResult],
@@ -256,6 +280,7 @@ def answer(
     job_id: str | None = None,
     state: JobState = "done",
     notes: Sequence[str] = (),
+    reviews: Mapping[str, RunReview] = MappingProxyType({}),
 ) -> RunPlannerResult:
     """The answer for a grid of which ``results`` are finished."""
     records = [result.record for result in results if result.record is not None]
@@ -270,7 +295,8 @@ def answer(
         batch_id=batch_id,
         job_id=job_id,
         summary=_summary(records),
-        runs=tuple(_line(record) for record in records[:LISTED_RUNS]),
+        runs=tuple(_line(record, reviews) for record in records[:LISTED_RUNS]),
+        failures=tuple(_line(record, reviews) for record in _failures(records)[:LISTED_FAILURES]),
         lost=tuple(lost[:10]),
         notes=(*notes, *_notes(records)),
         next_step=_next_step(records, batch_id, job_id, state),
@@ -299,7 +325,7 @@ def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:
     )
 
 
-def _line(record: RunRecord) -> RunLine:
+def _line(record: RunRecord, reviews: Mapping[str, RunReview]) -> RunLine:
     return RunLine(
         run_id=record.run_id,
         scenario_id=record.scenario_id,
@@ -309,6 +335,8 @@ def _line(record: RunRecord) -> RunLine:
         reason=record.reason,
         duration_s=None if record.metrics is None else record.metrics.duration_s,
         minimum_distance_m=None if record.metrics is None else record.metrics.minimum_distance_m,
+        config_name=record.config_name,
+        review=reviews.get(record.run_id),
     )
 
 
@@ -319,4 +347,11 @@ def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str |
         return "call run_planner again: finished runs are reused"
     if batch_id:
         return f"analyze_results or compare_results with results ['{batch_id}']"
-    return f"analyze_results with results ['{records[0].run_id}'], or render it" if records else "see what was lost"
+    if not records:
+        return "mend what the error names, then call run_planner again"
+    run = records[0]
+    if run.outcome == "invalid":
+        return f"describe_scenario of {run.scenario_id} with detail checks, then modify_scenario"
+    if run.outcome == "goal_reached":
+        return f"analyze_results with results ['{run.run_id}'], or render it"
+    return f"analyze_results with results ['{run.run_id}'], detail timeline, or render it as animation"

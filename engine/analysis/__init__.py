@@ -5,6 +5,7 @@
 ``write_run_table``: an operation: writes the table of a batch, a row a run.
 ``cost_shares``: mean weighted cost of each term and its share, by configuration, the largest first.
 ``mean_terms``: mean weighted cost of each term over the planning steps of a run.
+``review_runs``: an operation: who hit whom, the closest moment and the largest motions of each run.
 ``RunSet``: a set of runs with their steps, configurations and scenarios.
 ``driven_tracks``: how the obstacles of reactive traffic moved in a run, by id.
 ``read_steps``: the steps of a run, or None where none were kept.
@@ -20,8 +21,8 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .comparison import compare
-    from .costs import cost_shares, mean_terms
-    from .run_set import RunSet, driven_tracks, read_steps
+    from .moments import review_runs
+    from .run_set import RunSet, cost_shares, driven_tracks, mean_terms, read_steps
     from .run_table import write_run_table
     from .statistics import SignedRank, rate, signed_rank, wilson_interval
     from .summary import analyse

@@ -1,10 +1,10 @@
-"""A against B, paired per scenario, problem, prediction, traffic and seed.
+"""A against B, paired per scenario (or its edited version), problem, prediction, traffic and seed.
 
 Success is tested by McNemar's exact test, each metric by Wilcoxon's signed-rank test, all p values of one comparison
 adjusted by Holm; the verdict states in words what these figures allow to say.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 from typing import Literal
@@ -13,8 +13,11 @@ from ...schemas.comparison import (
     CompareRequest,
     CompareResultsResult,
     Comparison,
+    EditedPair,
     Flip,
+    Lineage,
     MetricTest,
+    PairedRun,
     Side,
     SuccessTest,
     WeightChange,
@@ -23,13 +26,18 @@ from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.results import ConfigWeights
 from ...schemas.runs import RunRecord
 from ..execution import ProgressReporter
-from .run_set import METRICS, MetricSpec
+from .moments import review
+from .run_set import METRICS, MetricSpec, RunSet
 from .statistics import FEWEST_PAIRS, holm, mcnemar_exact, paired_difference, signed_rank
 
 _CONDITIONS = ("prediction", "traffic", "seed")
 """What runs that are paired have in common besides scenario and problem."""
 _LEVEL = 0.05
 """The usual level of significance."""
+_NOISE = 1e-9
+"""Relative difference of two values up to which they are equal: what rounding leaves, far below any measurement."""
+_LISTED_EDITED = 10
+"""Pairs by lineage whose edits the structured answer holds (chosen)."""
 _Pairs = Sequence[tuple[RunRecord, RunRecord]]
 """(before, after) of each pair."""
 
@@ -56,16 +64,18 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
 
 
 def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: CompareRequest) -> Comparison:
-    pairing = _pair(before, after, records)
+    lineages = {lineage.scenario_id: lineage for lineage in request.lineage}
+    pairing = _pair(before, after, records, lineages)
     if not pairing.pairs and not pairing.invalid:
         raise NotPossible(
-            f"{before.label} and {after.label} have no scenario and planning problem in common",
+            f"{before.label} and {after.label} have no scenario and planning problem in common, nor versions of one",
             valid=[_conditions(side, records) for side in (before, after)],
             next_step="run both configurations on the same scenarios in one run_planner call, or analyze_results them",
         )
     weights = _weight_changes(before.config_id, after.config_id, request.configs)
     specs = [spec for spec in METRICS if _wanted(spec, request, weights_differ=before.config_id != after.config_id)]
     success, metrics = _with_holm(_success(pairing.pairs), [_metric(spec, pairing.pairs) for spec in specs])
+    edited = [pair for pair in pairing.pairs if pair[0].scenario_id != pair[1].scenario_id]
     to_success = [pair for pair in pairing.pairs if _mastered(pair) == (False, True)]
     to_failure = [pair for pair in pairing.pairs if _mastered(pair) == (True, False)]
     return Comparison(
@@ -81,7 +91,10 @@ def _compare(before: Side, after: Side, records: dict[str, RunRecord], request: 
         conditions=pairing.differing,
         unpaired=pairing.unpaired,
         invalid_pairs=pairing.invalid,
-        verdict=_verdict(success, metrics),
+        verdict=_verdict(success, metrics, pairing.pairs),
+        edited=tuple(_edited(pair, lineages) for pair in edited[:_LISTED_EDITED]),
+        edited_count=len(edited),
+        single=_single(pairing.pairs[0], request) if len(pairing.pairs) == 1 else None,
     )
 
 
@@ -132,7 +145,7 @@ def _metric(spec: MetricSpec, pairs: _Pairs) -> MetricTest:
     kept = [pair for pair in pairs if spec.basis == "valid" or _mastered(pair) == (True, True)]
     values = [(spec.value(first), spec.value(second)) for first, second in kept]
     defined = [(first, second) for first, second in values if first is not None and second is not None]
-    test = signed_rank([second - first for first, second in defined]) if defined else None
+    test = signed_rank([_difference(first, second) for first, second in defined]) if defined else None
     # A one-sided look at a shift that the interval does not separate from 0 would be a guess.
     separated = test is not None and test.low is not None and test.high is not None and (test.low > 0 or test.high < 0)
     better: Literal["before", "after"] | None = None
@@ -152,7 +165,55 @@ def _metric(spec: MetricSpec, pairs: _Pairs) -> MetricTest:
         p=test.p if test and test.pairs >= FEWEST_PAIRS else None,
         p_holm=None,
         better=better,
+        direction=_direction(spec, *defined[0]) if len(pairs) == 1 and defined else None,
     )
+
+
+def _difference(before: float, after: float) -> float:
+    """After − before; noise of floating point, up to a billionth of the larger one, is no difference."""
+    return 0.0 if abs(after - before) <= _NOISE * max(abs(before), abs(after)) else after - before
+
+
+def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better", "worse", "same", "changed"]:
+    difference = _difference(before, after)
+    if difference == 0:
+        return "same"
+    if spec.better is None:
+        return "changed"
+    return "better" if (difference > 0) == (spec.better == "higher") else "worse"
+
+
+def _edited(pair: tuple[RunRecord, RunRecord], lineages: Mapping[str, Lineage]) -> EditedPair:
+    """What distinguishes the two scenarios of a pair by lineage: their edits from the first that differs on."""
+    before, after = (_lineage(record, lineages) for record in pair)
+    shared = 0
+    for first, second in zip(before.edits, after.edits, strict=False):
+        if first != second:
+            break
+        shared += 1
+    ancestors = (after.scenario_id, *after.ancestors)
+    common = next(name for name in (before.scenario_id, *before.ancestors) if name in ancestors)
+    return EditedPair(
+        before=before.scenario_id,
+        after=after.scenario_id,
+        common=common,
+        undone=before.edits[shared:],
+        done=after.edits[shared:],
+    )
+
+
+def _lineage(record: RunRecord, lineages: Mapping[str, Lineage]) -> Lineage:
+    own = lineages.get(record.scenario_id)
+    return own if own is not None else Lineage(scenario_id=record.scenario_id, ancestors=(), edits=())
+
+
+def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple[PairedRun, PairedRun]:
+    """How both runs of the only pair ended, with their moments."""
+    runs = RunSet(request.runs, request.configs, request.scenarios)
+    before, after = (
+        PairedRun(run_id=one.run_id, outcome=one.outcome, reason=one.reason, review=review(runs, one)) for one in pair
+    )
+    return before, after
 
 
 def _with_holm(success: SuccessTest, metrics: list[MetricTest]) -> tuple[SuccessTest, list[MetricTest]]:
@@ -183,6 +244,7 @@ def _flip(pair: tuple[RunRecord, RunRecord]) -> Flip:
         after=after.outcome,
         before_run=before.run_id,
         after_run=after.run_id,
+        after_scenario_id="" if after.scenario_id == before.scenario_id else after.scenario_id,
     )
 
 
@@ -207,11 +269,12 @@ class _Pairing:
     differing: tuple[str, ...]
 
 
-def _pair(before: Side, after: Side, records: dict[str, RunRecord]) -> _Pairing:
+def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Mapping[str, Lineage]) -> _Pairing:
     """Pair runs on the same scenario and planning problem under the same prediction, traffic mode and seed.
 
     A condition that is one value on all of a side and another on all of the other is what is being compared: it is
-    left out of the key and named.
+    left out of the key and named. What is left over is paired by lineage: with the one run of the other side whose
+    scenario comes from the same one by edits; where several come into question, none is taken.
 
     Raises:
         InvalidRequest: a side holds two runs of the same problem under the same conditions.
@@ -225,13 +288,36 @@ def _pair(before: Side, after: Side, records: dict[str, RunRecord]) -> _Pairing:
     )
     shared = sorted(first.keys() & second.keys(), key=repr)
     both = [(first[key], second[key]) for key in shared]
+    alone = [[record for key, record in side.items() if key not in shared] for side in (first, second)]
+    both += _by_lineage(alone[0], alone[1], lineages, shared_conditions)
     valid = tuple(pair for pair in both if "invalid" not in (pair[0].outcome, pair[1].outcome))
     return _Pairing(
         pairs=valid,
-        unpaired=len(first) + len(second) - 2 * len(shared),
+        unpaired=len(first) + len(second) - 2 * len(both),
         invalid=len(both) - len(valid),
         differing=tuple(f"{name}: {getattr(sides[0][0], name)} → {getattr(sides[1][0], name)}" for name in differing),
     )
+
+
+def _by_lineage(
+    before: Sequence[RunRecord],
+    after: Sequence[RunRecord],
+    lineages: Mapping[str, Lineage],
+    conditions: tuple[str, ...],
+) -> list[tuple[RunRecord, RunRecord]]:
+    """The pairs of runs that are alone on their side with the scenario that they come from."""
+
+    def by_root(records: Sequence[RunRecord]) -> dict[tuple[object, ...], list[RunRecord]]:
+        groups: dict[tuple[object, ...], list[RunRecord]] = {}
+        for record in records:
+            root = _lineage(record, lineages).root
+            key = (root, record.problem_id, *(getattr(record, name) for name in conditions))
+            groups.setdefault(key, []).append(record)
+        return groups
+
+    first, second = by_root(before), by_root(after)
+    shared = sorted(first.keys() & second.keys(), key=repr)
+    return [(first[key][0], second[key][0]) for key in shared if len(first[key]) == len(second[key]) == 1]
 
 
 def _differ_as_a_whole(condition: str, first: list[RunRecord], second: list[RunRecord]) -> bool:
@@ -252,9 +338,36 @@ def _by_key(label: str, side: list[RunRecord], conditions: tuple[str, ...]) -> d
     return by_key
 
 
-def _verdict(success: SuccessTest, metrics: Sequence[MetricTest]) -> str:
-    """One or two sentences: success first, then the metrics that differ after Holm's adjustment."""
+def _verdict(success: SuccessTest, metrics: Sequence[MetricTest], pairs: _Pairs) -> str:
+    """Better, worse or no difference shown, in plain words: success first, then metrics that differ after Holm's."""
+    if len(pairs) == 1:
+        return _about_one(pairs[0], metrics)
     return " ".join([_about_success(success), *_about_metrics(success, metrics)])
+
+
+def _about_one(pair: tuple[RunRecord, RunRecord], metrics: Sequence[MetricTest]) -> str:
+    """What one pair shows of itself."""
+    only = "one pair shows what happened here, nothing in general."
+    mastered = _mastered(pair)
+    if mastered[0] != mastered[1]:
+        return f"{'better' if mastered[1] else 'worse'}: {pair[0].outcome} → {pair[1].outcome}; {only}"
+    both = "both reach the goal" if mastered[1] else _both_fail(pair)
+    directions = {metric.direction for metric in metrics}
+    figures = " and ".join(
+        f"{word} in {_counted(sum(metric.direction == word for metric in metrics))}"
+        for word in ("better", "worse")
+        if word in directions
+    )
+    return f"same outcome: {both}; {figures or 'no metric better or worse'}; {only}"
+
+
+def _counted(metrics: int) -> str:
+    return f"{metrics} metric{'' if metrics == 1 else 's'}"
+
+
+def _both_fail(pair: tuple[RunRecord, RunRecord]) -> str:
+    before, after = pair[0].outcome, pair[1].outcome
+    return f"both end as {before}" if before == after else f"neither reaches the goal ({before} → {after})"
 
 
 def _about_success(test: SuccessTest) -> str:
@@ -263,9 +376,8 @@ def _about_success(test: SuccessTest) -> str:
     flips = test.only_before + test.only_after
     if test.pairs < FEWEST_PAIRS:
         same = "none flipped" if flips == 0 else f"{flips} flipped"
-        plural = "pair" if test.pairs == 1 else "pairs"
         needed = f"at least {FEWEST_PAIRS} differing pairs are needed"
-        return f"{test.pairs} {plural}, {same}: no test can be significant ({needed})."
+        return f"No difference shown: {test.pairs} pairs, {same}: no test can be significant ({needed})."
     if flips == 0:
         return f"No difference in success: none of {test.pairs} pairs flipped."
     if flips < FEWEST_PAIRS:
@@ -274,11 +386,10 @@ def _about_success(test: SuccessTest) -> str:
             f"and fewer than {FEWEST_PAIRS} flips never reach 5 %."
         )
     p = test.p if test.p_holm is None else test.p_holm
-    side = "after" if test.only_after > test.only_before else "before"
+    side, word = ("after", "Better") if test.only_after > test.only_before else ("before", "Worse")
     if p < _LEVEL:
-        return (
-            f"'{side}' reaches the goal more often: {test.only_after} flips to success, {test.only_before} to failure."
-        )
+        counts = f"{test.only_after} flips to success, {test.only_before} to failure"
+        return f"{word}: '{side}' reaches the goal more often: {counts}."
     return f"No difference in success shown ({test.only_after} flips to success, {test.only_before} to failure)."
 
 

@@ -10,8 +10,7 @@ from statistics import median
 
 from ...schemas.results import Finding, Suggestion
 from ...schemas.runs import RunRecord
-from .costs import config_terms, mean_terms, share_of
-from .run_set import RunSet
+from .run_set import RunSet, config_terms, mean_terms, share_of
 
 
 def find_all(runs: RunSet) -> tuple[Finding, ...]:
@@ -121,7 +120,7 @@ def _rejecting_constraint(runs: RunSet) -> Iterator[Finding]:
 
 _CRITICAL_GAP_M = 0.5
 """Gap between rectangles below which a run was close (chosen)."""
-_CRITICAL_TIME_TO_COLLISION_S = 1.5
+CRITICAL_TIME_TO_COLLISION_S = 1.5
 """Encounters below it are critical (van der Horst and Hogema 1993, "Time-to-collision and collision avoidance")."""
 
 
@@ -133,7 +132,7 @@ def _near_misses(runs: RunSet) -> Iterator[Finding]:
             continue
         statement = (
             f"{len(close)} of {len(records)} successes of {records[0].config_name} came closer than "
-            f"{_CRITICAL_GAP_M} m or {_CRITICAL_TIME_TO_COLLISION_S} s to a collision."
+            f"{_CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s to a collision."
         )
         suggestion = _suggestion(runs, config_id, "distance_to_obstacles")
         yield Finding(name="near_misses", statement=statement, run_ids=close, suggestion=suggestion)
@@ -143,7 +142,7 @@ def _is_close(record: RunRecord) -> bool:
     if record.metrics is None:
         return False
     gap, time = record.metrics.minimum_distance_m, record.metrics.minimum_time_to_collision_s
-    return (gap is not None and gap < _CRITICAL_GAP_M) or (time is not None and time < _CRITICAL_TIME_TO_COLLISION_S)
+    return (gap is not None and gap < _CRITICAL_GAP_M) or (time is not None and time < CRITICAL_TIME_TO_COLLISION_S)
 
 
 _COMFORTABLE_MPS2 = 3.0

@@ -22,16 +22,16 @@ from ...schemas.results import (
     MetricSummary,
     OutcomeShare,
     RunRow,
+    UndefinedMetric,
 )
-from ...schemas.runs import RunRecord
+from ...schemas.runs import Encounter, RunRecord, RunReview
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter
-from .costs import cost_shares
 from .filters import matching
-from .findings import find_all
-from .run_set import METRICS, RunSet
+from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
+from .moments import review, timeline
+from .run_set import METRICS, RunSet, cost_shares
 from .statistics import holm, rate
-from .timeline import timeline
 
 _Name = TypeVar("_Name", bound=str)
 _SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_ROWS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 30, 20, 8
@@ -64,9 +64,12 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     report(0.7, "findings done")
     invalid = [record for record in runs.records if record.outcome == "invalid"]
     grouped = _groups(runs, request.breakdown)
+    looked_at = review(runs, runs.records[0]) if len(runs.sources) == 1 else None
+    moment = _most_critical(looked_at) if looked_at is not None and runs.successes else None
     result = AnalyzeResultsResult(
         results=request.results,
         runs=len(runs.sources),
+        detail=detail,
         success=rate(len(runs.successes), len(runs.valid)),
         outcomes=_outcome_shares(runs),
         invalid=tuple(
@@ -76,15 +79,24 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         invalid_count=len(invalid),
         groups=grouped[:_MOST_GROUPS],
         metrics=_metric_summaries(runs) if detail == "summary" else (),
+        undefined=_undefined(runs) if detail == "summary" else (),
         costs=_costs(runs, detail),
         correlations=correlated,
         findings=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in stated),
         rows=_rows((*runs.failures, *runs.successes, *invalid)) if detail == "rows" or len(runs.sources) == 1 else (),
-        timeline=timeline(runs, runs.records[0]) if detail == "timeline" else (),
+        timeline=timeline(runs, runs.records[0], moment) if detail == "timeline" else (),
+        review=looked_at,
         notes=_notes(runs, request, note, len(grouped), len(findings)),
     )
     report(1.0, "analysed")
     return result
+
+
+def _most_critical(looked_at: RunReview) -> Encounter | None:
+    """The shortest time to a collision where it is critical, else the smallest gap."""
+    urgent = looked_at.most_urgent
+    time_s = None if urgent is None else urgent.time_to_collision_s
+    return urgent if time_s is not None and time_s < CRITICAL_TIME_TO_COLLISION_S else looked_at.closest
 
 
 def _costs(runs: RunSet, detail: AnalysisDetail) -> tuple[CostShare, ...]:
@@ -120,9 +132,7 @@ def _notes(
         )
     if request.where:
         notes.append(f"{len(runs.sources)} of {len(request.runs)} runs meet {' and '.join(request.where)}")
-    if len(runs.sources) == 1 and request.detail != "timeline":
-        notes.append("one run says nothing about a rate; detail=timeline shows the moments before its end")
-    elif correlation and request.detail == "findings":
+    if correlation and request.detail == "findings" and len(runs.sources) > 1:
         notes.append(correlation)
     if request.detail == "summary" and finding_count > _SUMMARY_FINDINGS:
         notes.append(f"more findings ({finding_count - _SUMMARY_FINDINGS}) with detail=findings")
@@ -167,6 +177,22 @@ def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
                 )
             )
     return tuple(summaries)
+
+
+_WHY_UNDEFINED: dict[str, str] = {
+    "minimum_distance_m": "no other came within 60 m",
+    "minimum_time_to_collision_s": "never on a collision course with another",
+    "minimum_time_headway_s": "no vehicle ahead on the ego's way",
+    "risk_score": "no other came within 60 m",
+    "mean_total_cost": "the planner has no costs, or planned nothing",
+}
+"""Why a run does not have a metric that others have."""
+
+
+def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
+    """The metrics that none of the valid runs has; empty without valid runs."""
+    absent = [spec.name for spec in METRICS if runs.valid and all(spec.value(record) is None for record in runs.valid)]
+    return tuple(UndefinedMetric(name=name, why=_WHY_UNDEFINED[name]) for name in absent if name in _WHY_UNDEFINED)
 
 
 def _groups(runs: RunSet, breakdown: Breakdown) -> tuple[Group, ...]:

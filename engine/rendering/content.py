@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...schemas.results import RunSource
-from ...schemas.runs import RunRecord
+from ...schemas.runs import RunRecord, RunSource
 from ..analysis import driven_tracks, read_steps
 from ..commonroad import Track, last_recorded_step, size_of
 from ..geometry import Points, Values, oriented_rectangle

@@ -29,7 +29,7 @@ from ...schemas.generation import MapFacts, ReadMapRequest
 from ...schemas.modification import Edit, ModificationRequest, ModifyScenarioArguments
 from ...schemas.planning import RunPlannerArguments
 from ...schemas.rendering import RenderRequest
-from ...schemas.results import ScenarioSource
+from ...schemas.runs import ScenarioSource
 from ...schemas.scenarios import DescribeRequest, ReadFactsRequest, ScenarioFacts
 from ...server.argument_errors import read_arguments
 from ..harness import built_in

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from plannerforge.schemas.results import ConfigWeights, RunSource
-from plannerforge.schemas.runs import CollisionRecord, Outcome, RunMetrics, RunRecord, RunSteps
+from plannerforge.schemas.results import ConfigWeights
+from plannerforge.schemas.runs import CollisionRecord, Outcome, RunMetrics, RunRecord, RunSource, RunSteps
 
 DEFAULT = ConfigWeights(
     config_id="cfg_a",

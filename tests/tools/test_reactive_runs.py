@@ -14,8 +14,7 @@ from plannerforge.engine.rendering.content import driven_path
 from plannerforge.engine.rendering.pictures import render
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.schemas.rendering import RenderRequest
-from plannerforge.schemas.results import RunSource, ScenarioSource
-from plannerforge.schemas.runs import RunRecord
+from plannerforge.schemas.runs import RunRecord, RunSource, ScenarioSource
 from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 

@@ -5,10 +5,9 @@ from support.runs import DEFAULT, SAFE, metrics, record, source
 
 from plannerforge.engine.analysis.comparison import compare
 from plannerforge.engine.execution.executor import silent
-from plannerforge.schemas.comparison import CompareRequest, CompareResultsResult, Side
+from plannerforge.schemas.comparison import CompareRequest, CompareResultsResult, Lineage, Side
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
-from plannerforge.schemas.results import RunSource
-from plannerforge.schemas.runs import Outcome
+from plannerforge.schemas.runs import Outcome, RunSource
 
 
 def side(label: str, runs: list[RunSource]) -> Side:
@@ -52,7 +51,7 @@ def test_few_pairs_are_said_plainly() -> None:
 
 def test_a_single_pair_is_a_pair_and_none_is_none() -> None:
     one = compared(runs(["goal_reached"]), runs(["goal_reached"], SAFE)).comparisons[0]
-    assert one.verdict.startswith("1 pair, none flipped: no test can be significant")
+    assert one.verdict.startswith("same outcome: both reach the goal; no metric better or worse; one pair shows")
     none = compared(runs(["invalid"]), runs(["goal_reached"], SAFE)).comparisons[0]
     assert none.verdict == "No valid pair: nothing can be compared."
 
@@ -131,3 +130,75 @@ def test_the_same_problem_twice_on_a_side_is_refused() -> None:
     with pytest.raises(InvalidRequest, match="which one is meant"):
         # The other side has one seed only, so the seed is no condition that differs as a whole.
         compared([*twice, source(record(config=SAFE))], runs(["goal_reached"], SAFE))
+
+
+def edited(scenario_id: str, *edits: str, base: str = "ZAM_A-1_1_T-1") -> Lineage:
+    return Lineage(scenario_id=scenario_id, ancestors=(base,), edits=edits)
+
+
+def test_a_scenario_and_its_edited_version_are_a_pair_and_the_edit_is_told() -> None:
+    before = [source(record("ZAM_A-1_1_T-1"))]
+    after = [source(record("ZAM_A-1_1_T-2", "collision"))]
+    result = compared(before, after, lineage=(edited("ZAM_A-1_1_T-2", "set_speed lead (speed 10m/s)"),))
+    found = result.comparisons[0]
+    assert (found.success.pairs, found.edited_count, found.unpaired) == (1, 1, 0)
+    assert (found.edited[0].common, found.edited[0].done) == ("ZAM_A-1_1_T-1", ("set_speed lead (speed 10m/s)",))
+    assert found.to_failure[0].after_scenario_id == "ZAM_A-1_1_T-2"
+    assert found.verdict.startswith("worse: goal_reached → collision")
+    assert "- edited (ZAM_A-1_1_T-1 → ZAM_A-1_1_T-2): set_speed lead (speed 10m/s)" in result.to_text()
+
+
+def test_versions_of_one_scenario_are_paired_and_differ_in_their_own_edits() -> None:
+    lineage = (edited("ZAM_A-1_1_T-2", "one", "two"), edited("ZAM_A-1_1_T-3", "one", "three"))
+    before, after = [source(record("ZAM_A-1_1_T-2"))], [source(record("ZAM_A-1_1_T-3"))]
+    pair = compared(before, after, lineage=lineage).comparisons[0].edited[0]
+    assert (pair.common, pair.undone, pair.done) == ("ZAM_A-1_1_T-1", ("two",), ("three",))
+
+
+def test_the_same_scenario_is_preferred_and_several_versions_are_no_pair() -> None:
+    lineage = (edited("ZAM_A-1_1_T-2", "one"), edited("ZAM_A-1_1_T-3", "two"))
+    before = [source(record("ZAM_A-1_1_T-1"))]
+    after = [source(record("ZAM_A-1_1_T-1", config=SAFE)), source(record("ZAM_A-1_1_T-2", config=SAFE))]
+    found = compared(before, after, lineage=lineage).comparisons[0]
+    assert (found.success.pairs, found.edited_count, found.unpaired) == (1, 0, 1)
+    unclear = [source(record(f"ZAM_A-1_1_T-{n}", config=SAFE)) for n in (2, 3)]
+    with pytest.raises(NotPossible, match="nor versions of one"):
+        compared(before, unclear, lineage=lineage)
+
+
+def test_a_single_pair_gives_directions_and_no_tests() -> None:
+    first = [source(record(figures=metrics(minimum_distance_m=2.0, maximum_jerk_mps3=2.0, distance_m=50.0)))]
+    better = metrics(minimum_distance_m=3.0, maximum_jerk_mps3=4.0, distance_m=51.0)
+    result = compared(first, [source(record(config=SAFE, figures=better))])
+    said = result.to_text()
+    assert "better in 1 metric and worse in 1 metric" in said
+    assert "- better: minimum distance 2 → 3 m" in said
+    assert "- worse: largest jerk 2 → 4 m/s³" in said
+    assert "- changed: distance driven 50 → 51 m" in said
+    assert "test" not in said.replace("tests", "")
+
+
+def test_noise_of_floating_point_is_no_difference() -> None:
+    gaps = [1.0 + n / 10 for n in range(8)]
+    noisy = [gap * (1 + 1e-13) for gap in gaps]
+    result = compared(runs(["goal_reached"] * 8, gaps=gaps), runs(["goal_reached"] * 8, SAFE, noisy))
+    test = next(test for test in result.comparisons[0].metrics if test.name == "minimum_distance_m")
+    assert (test.shift, test.p, test.better) == (0.0, 1.0, None)
+    one = compared(runs(["goal_reached"], gaps=gaps[:1]), runs(["goal_reached"], SAFE, noisy[:1])).comparisons[0]
+    assert {test.direction for test in one.metrics} == {"same"}
+
+
+def test_metrics_that_differ_come_first_and_the_others_stand_in_one_line() -> None:
+    gaps = [1.0 + n / 10 for n in range(12)]
+    wider = [gap + 0.5 + n / 100 for n, gap in enumerate(gaps)]
+    result = compared(runs(["goal_reached"] * 12, gaps=gaps), runs(["goal_reached"] * 12, SAFE, wider))
+    lines = result.to_text().splitlines()
+    assert lines[2].startswith("- minimum distance: median 1.55 → 2.1 m, shift")
+    assert lines[3].startswith("- no difference shown (medians): time to collision 4 s, time headway 2 s")
+    assert len(lines) == 5
+
+
+def test_planners_without_common_weights_are_not_listed_weight_by_weight() -> None:
+    other = DEFAULT.model_copy(update={"config_id": "cfg_b", "weights": {f"idm_{n}": 1.0 for n in range(5)}})
+    result = compared(runs(["goal_reached"]), runs(["goal_reached"], SAFE), configs=(DEFAULT, other))
+    assert "weights changed: 9 weights and settings that only one of the planners has" in result.to_text()

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 from support.runs import record, source
 
-from plannerforge.engine.analysis.costs import cost_shares, mean_terms, share_of
-from plannerforge.engine.analysis.run_set import RunSet
+from plannerforge.engine.analysis.run_set import RunSet, cost_shares, mean_terms, share_of
 
 
 def test_a_share_of_no_cost_is_undefined() -> None:

@@ -7,7 +7,8 @@ from support.runs import DEFAULT, SAFE, metrics, record, source
 
 from plannerforge.engine.analysis.findings import FINDINGS, find_all
 from plannerforge.engine.analysis.run_set import RunSet
-from plannerforge.schemas.results import Finding, RunSource
+from plannerforge.schemas.results import Finding
+from plannerforge.schemas.runs import RunSource
 
 
 def found(*runs: RunSource) -> dict[str, Finding]:

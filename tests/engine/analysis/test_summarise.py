@@ -9,8 +9,8 @@ from support.runs import DEFAULT, SAFE, metrics, record, source
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure, UnknownName
-from plannerforge.schemas.results import AnalyseRequest, AnalyzeResultsResult, RunSource, ScenarioSource
-from plannerforge.schemas.runs import LostCell
+from plannerforge.schemas.results import AnalyseRequest, AnalyzeResultsResult
+from plannerforge.schemas.runs import LostCell, RunSource, ScenarioSource
 
 
 def analysed(*runs: RunSource, **changes: object) -> AnalyzeResultsResult:

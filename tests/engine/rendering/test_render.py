@@ -14,7 +14,7 @@ from plannerforge.engine.rendering.charts import CHARTS
 from plannerforge.engine.rendering.pictures import render
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 from plannerforge.schemas.rendering import PictureKind, RenderedImage, RenderRequest
-from plannerforge.schemas.results import RunSource, ScenarioSource
+from plannerforge.schemas.runs import RunSource, ScenarioSource
 
 TOWN = "ZAM_Builder-1_1_T-1"
 

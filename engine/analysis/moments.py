@@ -1,0 +1,468 @@
+"""The decisive moments of one run: who hit whom, the closest moment, the largest motions, the moments before the end.
+
+Kinds of contacts and limits of comfort are defined in ``docs/criticality.md``; the rules are deterministic and read the
+driven steps and the tracks of the others only.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ...schemas.results import TimelineStep
+from ...schemas.runs import (
+    BodySide,
+    ComfortExcess,
+    Contact,
+    ContactKind,
+    Encounter,
+    LargestMotion,
+    RelativeHeading,
+    ReviewRequest,
+    ReviewResponse,
+    RunRecord,
+    RunReview,
+    RunSteps,
+)
+from ..commonroad import Track, kept_recording, static_tracks
+from ..criticality import encounters, gaps_m, times_to_collision_s
+from ..execution import ProgressReporter
+from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
+from .run_set import RunSet, driven_tracks
+
+_MOMENTS, _LAST_S = 10, 3.0
+"""Entries of a timeline and the span that they cover (chosen): a collision is decided in its last seconds."""
+_SAME_RAD, _AGAINST_RAD = math.pi / 4, 3 * math.pi / 4
+"""Chosen as in the criticality figures: headings that differ by less, or by more, are of one or of opposite ways."""
+_STANDING_MPS = 0.1
+"""Slower than this is standing, as in the time headway."""
+_CAME_IN_S = 3.0
+"""Chosen: who was in the way for longer did not cut in. UN Regulation 157 and most cut-in studies look at 1 to 3 s."""
+_BRAKING_MPS2 = -1.0
+"""Chosen: a stronger deceleration is braking, a weaker one may be coasting."""
+_AGREES_M = 1e-3
+"""A closest gap that differs by more from the run's own metric is one that the tracks here do not show."""
+
+
+def review_runs(request: ReviewRequest, report: ProgressReporter) -> ReviewResponse:
+    """The decisive moments of each run."""
+    runs = RunSet(request.runs, scenarios=request.scenarios)
+    reviews = []
+    for number, record in enumerate(runs.records):
+        reviews.append(review(runs, record))
+        report((number + 1) / len(runs.records), record.run_id)
+    return ReviewResponse(reviews=tuple(reviews))
+
+
+def review(runs: RunSet, record: RunRecord) -> RunReview:
+    """The decisive moments of one run; what needs its steps is left out where none were kept."""
+    steps = runs.steps.get(record.run_id)
+    if steps is None or not steps.x_m or record.metrics is None:
+        return RunReview(run_id=record.run_id)
+    drive = _Drive(record, steps, _tracks(runs, record, steps))
+    closest, urgent = drive.nearest_moments()
+    return RunReview(
+        run_id=record.run_id,
+        contact=drive.contact(),
+        closest=closest,
+        most_urgent=urgent,
+        largest=tuple(_largest(drive.motion)),
+        uncomfortable=tuple(_uncomfortable(drive.motion)),
+    )
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """What passengers feel, a value a step after the first, whose acceleration is the scenario's and not the planner's.
+
+    ``lateral_mps2`` is signed, to the left; ``speed_mps`` is that of the same steps.
+    """
+
+    step_s: float
+    speed_mps: Values
+    acceleration_mps2: Values
+    lateral_mps2: Values
+
+    def time_s(self, index: int) -> float:
+        """The time of an entry since the first state."""
+        return round((index + 1) * self.step_s, 9)
+
+
+class _Drive:
+    """One run with the tracks of all others."""
+
+    def __init__(self, record: RunRecord, steps: RunSteps, tracks: dict[int, Track]) -> None:
+        self._record, self._tracks = record, tracks
+        self._ego = Track(
+            obstacle_id=-1,
+            kind="car",
+            length_m=record.ego_length_m,
+            width_m=record.ego_width_m,
+            first_step=steps.first_step,
+            positions=np.column_stack([steps.x_m, steps.y_m]),
+            headings_rad=np.asarray(steps.heading_rad, dtype=float),
+            speeds_mps=np.asarray(steps.speed_mps, dtype=float),
+        )
+        turn = wrap_angles(np.diff(self._ego.headings_rad))
+        self.motion = _Motion(
+            step_s=record.step_s,
+            speed_mps=self._ego.speeds_mps[1:],
+            acceleration_mps2=np.asarray(steps.acceleration_mps2[1:], dtype=float),
+            lateral_mps2=self._ego.speeds_mps[1:] * turn / record.step_s,
+        )
+
+    def nearest_moments(self) -> tuple[Encounter | None, Encounter | None]:
+        """The moments of the smallest gap and of the smallest time to collision; the first of equal ones."""
+        others = list(self._tracks.values())
+        met = encounters(self._ego, others)
+        if not len(met.state):
+            return None, None
+        gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
+
+        def moment(pair: int) -> Encounter:
+            other = others[int(met.track[pair])]
+            index = int(met.state[pair])
+            at = index + self._ego.first_step - other.first_step
+            side, _ = _sides_of_approach(self._ego, index, other, at)
+            return Encounter(
+                time_s=round(index * self._record.step_s, 9),
+                obstacle_id=other.obstacle_id,
+                obstacle_class=other.kind,
+                gap_m=float(gaps[pair]),
+                side=side,
+                direction=_relative_heading(self._ego, index, other, at),
+                ego_speed_mps=float(self._ego.speeds_mps[index]),
+                other_speed_mps=float(other.speeds_mps[at]),
+                time_to_collision_s=float(times[pair]) if np.isfinite(times[pair]) else None,
+            )
+
+        order = np.lexsort((met.state, np.round(gaps, 9)))
+        known = self._record.metrics.minimum_distance_m if self._record.metrics is not None else None
+        shown = known is not None and abs(float(gaps[order[0]]) - known) < _AGREES_M
+        urgent = int(np.lexsort((met.state, np.round(times, 9)))[0])
+        return (
+            moment(int(order[0])) if shown else None,
+            moment(urgent) if shown and np.isfinite(times[urgent]) else None,
+        )
+
+    def contact(self) -> Contact | None:
+        """How the collision came about; None without one. Places and speeds are those of the step before it."""
+        hit = self._record.collision
+        if hit is None:
+            return None
+        index = max(min(hit.step - self._ego.first_step, len(self._ego.positions)) - 1, 0)
+        speed = float(self._ego.speeds_mps[index])
+        braked = self._braked_since_s(index)
+        if hit.obstacle_id is None or hit.obstacle_id not in self._tracks:
+            return Contact(
+                kind="road_boundary" if hit.obstacle_id is None else "unclear",
+                time_s=hit.time_s,
+                ego_speed_mps=speed,
+                obstacle_id=hit.obstacle_id,
+                obstacle_class="" if hit.obstacle_id is None else hit.kind,
+                braked_since_s=braked,
+            )
+        other = self._tracks[hit.obstacle_id]
+        at = other.index_at(self._ego.first_step + index)
+        if at is None:
+            at = 0 if hit.step <= other.first_step else len(other.positions) - 1
+        ego_side, other_side = _sides_of_approach(self._ego, index, other, at)
+        kind, came_in = self._kind(index, other, at, (ego_side, other_side))
+        velocities = [_velocity(self._ego, index), _velocity(other, at)]
+        return Contact(
+            kind=kind,
+            time_s=hit.time_s,
+            ego_speed_mps=speed,
+            obstacle_id=hit.obstacle_id,
+            obstacle_class=hit.kind,
+            other_speed_mps=float(other.speeds_mps[at]),
+            closing_mps=float(np.linalg.norm(velocities[0] - velocities[1])),
+            ego_side=ego_side,
+            other_side=other_side,
+            ego_stood_since_s=self._stood_since_s(index),
+            braked_since_s=braked,
+            came_in_s=came_in,
+            also_touched=self._also_touched(hit.step, hit.obstacle_id),
+        )
+
+    def _kind(
+        self, index: int, other: Track, at: int, sides: tuple[BodySide, BodySide]
+    ) -> tuple[ContactKind, float | None]:
+        """The first rule that holds, in the order of ``docs/criticality.md``; the time of a cut-in beside it."""
+        ego_stands = self._ego.speeds_mps[index] < _STANDING_MPS
+        other_stands = other.speeds_mps[at] < _STANDING_MPS
+        if ego_stands != other_stands:
+            return ("onto_standing_ego" if ego_stands else "into_standing"), None
+        heading = _relative_heading(self._ego, index, other, at)
+        if heading != "same":
+            return heading, None
+        if sides[0] == "rear" or (sides[1] == "front" and sides[0] != "front"):
+            came = self._came_in(index, ahead=(self._ego, index), behind=(other, at))
+            return ("rear_end_by_other" if came is None else "cut_in_by_ego"), came
+        if sides[0] == "front":
+            came = self._came_in(index, ahead=(other, at), behind=(self._ego, index))
+            return ("rear_end_by_ego" if came is None else "cut_in"), came
+        return "side", None
+
+    def _came_in(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
+        """When the one ahead came into the way of the one behind; None: longer ago, or by the other's lane change.
+
+        The way of the one behind is what it drove in the last three seconds, and straight on from there. Who moved
+        sideways is who came farther across from where its heading pointed three seconds ago.
+        """
+        (front, front_at), (rear, rear_at) = ahead, behind
+        back = min(round(_CAME_IN_S / self._record.step_s), front_at, rear_at)
+        if back < 1:
+            return None
+        way = rear.positions[rear_at - back : rear_at + 1]
+        end = way[-1] + 100.0 * _along(float(rear.headings_rad[rear_at]))
+        away = _distances(front.positions[front_at - back : front_at + 1], np.vstack([way, end]))
+        outside = np.flatnonzero(away > (front.width_m + rear.width_m) / 2)
+        if not len(outside) or abs(_sideways_m(front, front_at, back)) <= abs(_sideways_m(rear, rear_at, back)):
+            return None
+        return round((index - back + int(outside[-1]) + 1) * self._record.step_s, 9)
+
+    def _stood_since_s(self, index: int) -> float | None:
+        moving = np.flatnonzero(self._ego.speeds_mps[: index + 1] >= _STANDING_MPS)
+        first = int(moving[-1]) + 1 if len(moving) else 0
+        return round(first * self._record.step_s, 9) if first <= index else None
+
+    def _braked_since_s(self, index: int) -> float | None:
+        """From when on the ego braked without a break until a state."""
+        felt = self.motion.acceleration_mps2[:index]
+        weak = np.flatnonzero(felt > _BRAKING_MPS2)
+        first = int(weak[-1]) + 1 if len(weak) else 0
+        return round(first * self._record.step_s, 9) if first < len(felt) else None
+
+    def _also_touched(self, step: int, hit: int) -> tuple[int, ...]:
+        import shapely
+
+        index = step - self._ego.first_step
+        if not 0 <= index < len(self._ego.positions):
+            return ()
+        own = shapely.Polygon(self._ego.corners_at(index))
+        touched = []
+        for track in self._tracks.values():
+            at = track.index_at(step)
+            if track.obstacle_id != hit and at is not None and own.intersects(shapely.Polygon(track.corners_at(at))):
+                touched.append(track.obstacle_id)
+        return tuple(sorted(touched))
+
+
+def _along(heading_rad: float) -> Points:
+    direction: Points = np.array([math.cos(heading_rad), math.sin(heading_rad)])
+    return direction
+
+
+def _velocity(track: Track, index: int) -> Points:
+    velocity: Points = float(track.speeds_mps[index]) * _along(float(track.headings_rad[index]))
+    return velocity
+
+
+def _relative_heading(ego: Track, index: int, other: Track, at: int) -> RelativeHeading:
+    turned = abs(wrap_angle(float(other.headings_rad[at]) - float(ego.headings_rad[index])))
+    return "same" if turned <= _SAME_RAD else "oncoming" if turned >= _AGAINST_RAD else "crossing"
+
+
+def _sides_of_approach(ego: Track, index: int, other: Track, at: int) -> tuple[BodySide, BodySide]:
+    """On which side of the ego the other is, and on which side of the other the ego is."""
+    return _side_of(ego, index, other.corners_at(at)), _side_of(other, at, ego.corners_at(index))
+
+
+def _side_of(body: Track, index: int, corners: Points) -> BodySide:
+    """The side of a body beyond which another lies farthest: of the four gaps along its axes the largest."""
+    along = _along(float(body.headings_rad[index]))
+    away = corners - body.positions[index]
+    forward, left = away @ along, away @ np.array([-along[1], along[0]])
+    gaps: dict[BodySide, float] = {
+        "front": float(forward.min()) - body.length_m / 2,
+        "rear": -float(forward.max()) - body.length_m / 2,
+        "left": float(left.min()) - body.width_m / 2,
+        "right": -float(left.max()) - body.width_m / 2,
+    }
+    return max(gaps, key=lambda side: gaps[side])
+
+
+def _sideways_m(track: Track, at: int, back: int) -> float:
+    """How far a track came across (left positive) from where its heading pointed ``back`` steps ago."""
+    along = _along(float(track.headings_rad[at - back]))
+    moved = track.positions[at] - track.positions[at - back]
+    return float(along[0] * moved[1] - along[1] * moved[0])
+
+
+def _distances(points: Points, path: Points) -> Values:
+    import shapely
+
+    distances: Values = shapely.distance(shapely.points(points), shapely.LineString(path))
+    return distances
+
+
+def _largest(motion: _Motion) -> Iterator[LargestMotion]:
+    """Acceleration, braking, lateral acceleration and jerk, each where the ego had any."""
+    felt = motion.acceleration_mps2
+    if not len(felt):
+        return
+    series: tuple[tuple[Literal["acceleration", "braking", "lateral acceleration", "jerk"], Values, str], ...] = (
+        ("acceleration", felt, "m/s²"),
+        ("braking", -felt, "m/s²"),
+        ("lateral acceleration", np.abs(motion.lateral_mps2), "m/s²"),
+        ("jerk", np.abs(np.diff(felt)) / motion.step_s, "m/s³"),
+    )
+    for name, values, unit in series:
+        if len(values) and (most := float(values.max())) > 0:
+            index = int(values.argmax()) + (name == "jerk")
+            yield LargestMotion(name=name, value=most, unit=unit, time_s=motion.time_s(index))
+
+
+_ACC, _LKA, _STEERING = "ISO 15622:2018", "ISO 11270:2014", "UN R79"
+
+
+def _by_speed(speed_mps: Values, slow: float, fast: float) -> Values:
+    """A limit of ISO 15622: one value up to 5 m/s, another from 20 m/s on, straight between."""
+    limits: Values = np.interp(speed_mps, [5.0, 20.0], [slow, fast])
+    return limits
+
+
+def _uncomfortable(motion: _Motion) -> Iterator[ComfortExcess]:
+    """What was above a comfort limit.
+
+    ISO 15622:2018 (adaptive cruise control): acceleration averaged over 2 s up to 2.0 m/s², braking so averaged up to
+    3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³, all at 20 m/s and above; at 5 m/s and below 4.0,
+    5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation 79 (automatically
+    commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only windows that the run has in full are
+    averaged; the speed is that of the window's end. The filter of UN R79 is left out: nothing is measured here.
+    """
+    step_s, felt = motion.step_s, motion.acceleration_mps2
+    mean = _window_means(felt, round(2.0 / step_s))
+    speed = motion.speed_mps[len(felt) - len(mean) :]
+    yield from _excess(motion, "acceleration", mean, _by_speed(speed, 4.0, 2.0), 2.0, _ACC)
+    yield from _excess(motion, "braking", -mean, _by_speed(speed, 5.0, 3.5), 2.0, _ACC)
+    jerk = _rates(felt, round(1.0 / step_s), step_s)
+    speed = motion.speed_mps[len(felt) - len(jerk) :]
+    yield from _excess(motion, "braking jerk", -jerk, _by_speed(speed, 5.0, 2.5), 1.0, _ACC)
+    lateral = np.abs(motion.lateral_mps2)
+    yield from _excess(motion, "lateral acceleration", lateral, np.full(len(lateral), 3.0), 0.0, _LKA)
+    jerk = np.abs(_rates(motion.lateral_mps2, round(0.5 / step_s), step_s))
+    yield from _excess(motion, "lateral jerk", jerk, np.full(len(jerk), 5.0), 0.5, _STEERING)
+
+
+def _excess(
+    motion: _Motion,
+    name: Literal["acceleration", "braking", "braking jerk", "lateral acceleration", "lateral jerk"],
+    values: Values,
+    limits: Values,
+    window_s: float,
+    source: str,
+) -> Iterator[ComfortExcess]:
+    """The entry that is farthest above its limit; the last one of ``values`` is that of the motion's last step."""
+    if not len(values):
+        return
+    index = int((values - limits).argmax())
+    value, limit = float(values[index]), float(limits[index])
+    if value > limit * (1 + 1e-9):
+        yield ComfortExcess(
+            name=name,
+            value=value,
+            limit=limit,
+            unit="m/s³" if "jerk" in name else "m/s²",
+            window_s=window_s,
+            time_s=motion.time_s(len(motion.speed_mps) - len(values) + index),
+            source=source,
+        )
+
+
+def _window_means(values: Values, steps: int) -> Values:
+    """The mean over every full window of so many entries, in order of the windows' ends."""
+    if steps < 1 or len(values) < steps:
+        return np.zeros(0)
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    means: Values = (sums[steps:] - sums[:-steps]) / steps
+    return means
+
+
+def _rates(values: Values, steps: int, step_s: float) -> Values:
+    """The mean rate of change over every full window of so many steps."""
+    steps = max(steps, 1)
+    if len(values) <= steps:
+        return np.zeros(0)
+    rates: Values = (values[steps:] - values[:-steps]) / (steps * step_s)
+    return rates
+
+
+def timeline(runs: RunSet, record: RunRecord, moment: Encounter | None = None) -> tuple[TimelineStep, ...]:
+    """At most ten moments of three seconds: those before the end, or around the moment that is given.
+
+    Empty without steps.
+    """
+    steps = runs.steps.get(record.run_id)
+    if steps is None or not steps.x_m:
+        return ()
+    tracks = _tracks(runs, record, steps)
+    last = len(steps.x_m) - 1
+    if moment is not None:
+        last = min(last, round((moment.time_s + _LAST_S / 2) / record.step_s))
+    first = max(last - round(_LAST_S / record.step_s), 0)
+    chosen = sorted({round(float(index)) for index in np.linspace(first, last, min(_MOMENTS, last - first + 1))})
+    return tuple(_moment(record, steps, index, tracks) for index in chosen)
+
+
+def _tracks(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:
+    """All others as they moved in a run, static obstacles included; without a file only those of reactive traffic."""
+    path = next((source.path for source in runs.scenarios if source.scenario_id == record.scenario_id), None)
+    if path is None:
+        return driven_tracks(steps)
+    recording = kept_recording(Path(path))
+    standing = static_tracks(recording.loaded.scenario, steps.first_step + len(steps.x_m))
+    return standing | recording.tracks | driven_tracks(steps)
+
+
+def _moment(record: RunRecord, steps: RunSteps, index: int, tracks: dict[int, Track]) -> TimelineStep:
+    hit = record.collision.obstacle_id if record.collision is not None else None
+    considered = {hit: tracks[hit]} if hit is not None and hit in tracks else tracks
+    nearest, gap = _nearest(steps, index, considered, (record.ego_length_m, record.ego_width_m))
+    term, share = _largest_cost(steps, steps.first_step + index)
+    return TimelineStep(
+        time_s=round(index * record.step_s, 9),
+        speed_mps=steps.speed_mps[index],
+        acceleration_mps2=steps.acceleration_mps2[index],
+        obstacle_id=nearest,
+        gap_m=gap,
+        largest_cost=term,
+        largest_cost_share=share,
+    )
+
+
+def _nearest(
+    steps: RunSteps, index: int, tracks: dict[int, Track], size: tuple[float, float]
+) -> tuple[int | None, float | None]:
+    import shapely
+
+    center = np.array([steps.x_m[index], steps.y_m[index]])
+    ego = shapely.Polygon(oriented_rectangle(center, steps.heading_rad[index], size))
+    gaps = []
+    for track in tracks.values():
+        at = track.index_at(steps.first_step + index)
+        if at is not None:
+            heading = float(track.headings_rad[at])
+            other = oriented_rectangle(track.positions[at], heading, (track.length_m, track.width_m))
+            gaps.append((float(ego.distance(shapely.Polygon(other))), track.obstacle_id))
+    if not gaps:
+        return None, None
+    gap, obstacle_id = min(gaps)
+    return obstacle_id, gap
+
+
+def _largest_cost(steps: RunSteps, step: int) -> tuple[str | None, float | None]:
+    planned = [i for i, plan_step in enumerate(steps.plan_steps) if plan_step <= step]
+    if not planned:
+        return None, None
+    at = planned[-1]
+    terms = {term: values[at] for term, values in sorted(steps.costs.items()) if at < len(values)}
+    total = sum(terms.values())
+    if total <= 0:
+        return None, None
+    term = max(terms, key=lambda name: (terms[name], name))
+    return term, terms[term] / total
