@@ -302,7 +302,7 @@ class RunPlannerResult(Result):
         run, review = self.runs[0], self.runs[0].review
         if run.outcome == "invalid" or (review and review.contact and review.contact.obstacle_id is not None):
             return []
-        if review is not None and review.largest and (review.closest or run.minimum_distance_m is None):
+        if review is not None and (review.closest or run.minimum_distance_m is None):
             return [review.nearness_in_words()]
         return [] if run.minimum_distance_m is None else [f"Closest: {run.minimum_distance_m:.2f} m."]
 

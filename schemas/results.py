@@ -216,10 +216,8 @@ _WORDS = {
     "maximum_lateral_acceleration_mps2": "largest lateral acceleration",
     "mean_total_cost": "mean total cost",
 }
-_IN_MOMENTS = frozenset(
-    ["minimum_distance_m", "minimum_time_to_collision_s", "maximum_jerk_mps3", "maximum_lateral_acceleration_mps2"]
-)
-"""Metrics that the moments of a run show with their times."""
+_LARGEST = {"jerk": "maximum_jerk_mps3", "lateral acceleration": "maximum_lateral_acceleration_mps2"}
+"""Metrics that stand among the largest motions, by their names there."""
 _SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID = 2, 2, 2
 """Entries of the brief answer (chosen)."""
 
@@ -237,17 +235,10 @@ def with_unit(text: str, unit: str) -> str:
 def _one_run(result: AnalyzeResultsResult) -> Answer:
     row, review = result.rows[0], result.review
     head = f"{row.run_id} on {row.scenario_id} under {row.config_name}: {ending(row.outcome, row.reason, review)}."
-    hit = review is not None and review.contact is not None and review.contact.obstacle_id is not None
     figures, warnings = [], []
     if result.detail == "summary" and row.outcome != "invalid":
-        moments = review is not None and bool(review.largest)
-        if review is not None and moments:
-            figures += [] if hit or review.closest is None else [review.nearness_in_words()]
-            figures.append(review.motion_in_words())
-        shown_above = _IN_MOMENTS if moments else frozenset()
-        if moments and not hit and review is not None and review.closest is None:
-            shown_above -= {"minimum_distance_m", "minimum_time_to_collision_s"}
-        figures += _rest_of_metrics(result, shown_above | {"mean_total_cost", "duration_s"})
+        told, above = _moments(review)
+        figures += told + _rest_of_metrics(result, above | {"mean_total_cost", "duration_s"})
         figures += _main_cost(result)
     if result.detail == "summary" and row.outcome == "goal_reached" and review is not None and review.uncomfortable:
         excesses = [excess.in_words() for excess in review.uncomfortable[:_SHOWN_EXCESSES]]
@@ -259,8 +250,10 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
         listed += _costs(result)
     listed += [_finding_text(finding) for finding in _stated(result)]
     failed = row.outcome not in ("goal_reached", "invalid")
-    look = "detail=timeline shows the moments" if result.detail != "timeline" else "render kind=animation shows it"
-    following = {"invalid": "describe_scenario detail=checks shows the problem"}.get(row.outcome, look)
+    look = f"analyze_results with results ['{row.run_id}'], detail timeline"
+    if result.detail == "timeline":
+        look = f"render with ids ['{row.run_id}'], kind animation"
+    following = f"describe_scenario of {row.scenario_id} with detail checks" if row.outcome == "invalid" else look
     return Answer(
         head,
         figures=figures,
@@ -268,6 +261,19 @@ def _one_run(result: AnalyzeResultsResult) -> Answer:
         warnings=warnings,
         next_step=following if failed or row.outcome == "invalid" or result.detail == "summary" else "",
     )
+
+
+def _moments(review: RunReview | None) -> tuple[list[str], frozenset[str]]:
+    """The lines on a run's moments, and the metrics that these hold."""
+    if review is None:
+        return [], frozenset()
+    lines, held = [], {_LARGEST[one.name] for one in review.largest if one.name in _LARGEST}
+    hit = review.contact is not None and review.contact.obstacle_id is not None
+    if review.closest is not None and not hit:
+        lines.append(review.nearness_in_words())
+    if review.closest is not None or hit:
+        held |= {"minimum_distance_m", "minimum_time_to_collision_s"}
+    return [*lines, *([review.motion_in_words()] if review.largest else [])], frozenset(held)
 
 
 def _noted(result: AnalyzeResultsResult) -> list[str]:
@@ -433,9 +439,14 @@ def _timeline(result: AnalyzeResultsResult) -> list[str]:
     ] * bool(lines)
 
 
+_ONE_PERCENT = 0.01
+
+
 def _percent(share: float | None) -> str:
-    """A share as a percentage without decimals; a dash where there is none."""
-    return "–" if share is None else f"{100 * share:.0f} %"
+    """A share as a percentage without decimals, less than one said so; a dash where there is none."""
+    if share is None:
+        return "–"
+    return "<1 %" if 0 < share < _ONE_PERCENT / 2 else f"{100 * share:.0f} %"
 
 
 def _rate_text(rate: Rate) -> str:

@@ -158,3 +158,25 @@ async def test_a_job_goes_on_behind_the_call(call: Call) -> None:
     job = await call("get_job", job_id=started["job_id"], wait_s=50)
     assert job["state"] == "done"
     assert job["results"][-1].startswith("batch_")
+
+
+async def test_the_first_run_against_the_second_after_an_edit_is_a_pair(call: Call) -> None:
+    first = await call("run_planner", scenarios=["ZAM_Builder-1_1_T-1"])
+    edited = await call(
+        "modify_scenario", scenario_id="ZAM_Builder-1_1_T-1", edits=[{"op": "remove_vehicle", "vehicles": ["all"]}]
+    )
+    second = await call("run_planner", scenarios=[edited["scenario_id"]])
+    compared = await call("compare_results")
+    assert compared["notes"] == ["there is no batch: the two newest runs are compared"]
+    found = compared["comparisons"][0]
+    assert found["edited"][0]["done"] == ["remove_vehicle all"]
+    assert (found["edited"][0]["before"], found["edited"][0]["after"]) == ("ZAM_Builder-1_1_T-1", edited["scenario_id"])
+    runs = [side["run_ids"][0] for side in compared["sides"]]
+    assert runs == [first["runs"][0]["run_id"], second["runs"][0]["run_id"]]
+
+
+async def test_a_finished_grid_is_told_by_its_batch(call: Call) -> None:
+    grid = await call("run_planner", scenarios=["ZAM_Builder-1_1_T-1"], configs=["frenetix", "idm"], wait_s=50)
+    job = await call("get_job")
+    assert job["next_step"] == f"analyze_results or compare_results with results ['{grid['batch_id']}']"
+    assert job["results"][-1] == grid["batch_id"]

@@ -1,5 +1,6 @@
 """The analysis of a set of runs."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -157,3 +158,60 @@ def test_default_answer_of_a_large_batch_stays_small() -> None:
     found = analysed(*runs)
     assert len(found.to_text()) < 4500
     assert len(found.model_dump_json()) < 9000
+
+
+def test_a_brief_answer_of_one_run_is_short_and_says_nothing_twice(tmp_path: Path) -> None:
+    scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().write(tmp_path / "town.xml")))
+    run = source(record(), tmp_path, velocity_offset=3.0, prediction=1.0)
+    said = analysed(run, scenarios=(scenario,)).to_text()
+    assert len(said.splitlines()) <= 12
+    assert "Cost: mostly velocity_offset, 75 % of 3 a planning step." in said
+    assert "prediction" not in said
+    assert said.count("Minimum distance 2 m") == 1
+
+
+def test_a_metric_that_there_is_not_is_none_with_the_reason(tmp_path: Path) -> None:
+    alone = metrics(
+        minimum_distance_m=None, minimum_time_to_collision_s=None, minimum_time_headway_s=None, risk_score=None
+    )
+    result = analysed(source(record(figures=alone), tmp_path))
+    assert {item.name for item in result.undefined} == {
+        "minimum_distance_m",
+        "minimum_time_to_collision_s",
+        "minimum_time_headway_s",
+        "risk_score",
+    }
+    assert "risk score none: no other came within 60 m" in result.to_text()
+    both = analysed(source(record(figures=alone)), source(record("ZAM_B-1_1_T-1", figures=alone)))
+    assert "time headway none: no vehicle ahead on the ego's way" in both.to_text()
+
+
+def test_two_runs_have_a_range_and_equal_values_are_one_figure() -> None:
+    near = metrics(minimum_distance_m=1.0, mean_total_cost=9.93)
+    said = analysed(source(record(figures=near)), source(record("ZAM_B-1_1_T-1"))).to_text()
+    assert "Range over 2 valid runs: minimum distance 1–2 m; time to collision 4 s;" in said
+    assert "mean total cost 3–9.93." in said
+    three = [source(record(f"ZAM_T-{n}_1_T-1", figures=metrics(minimum_distance_m=n + 1.0))) for n in range(3)]
+    assert "Median (range) over 3 valid runs: minimum distance 2 (1–3) m;" in analysed(*three).to_text()
+
+
+def test_a_success_shows_its_most_critical_moment_instead_of_its_end(tmp_path: Path) -> None:
+    scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().write(tmp_path / "town.xml")))
+    near = analysed(source(record(), tmp_path), scenarios=(scenario,)).review
+    assert near is not None
+    assert near.closest is None  # the record's gap is not what the tracks show
+    # The truck begins 20 m ahead in the next lane and draws away.
+    gap = math.hypot(20 - (4.508 + 8) / 2, 3.5 - (1.61 + 2.5) / 2)
+    run = source(record(figures=metrics(minimum_distance_m=gap)), tmp_path)
+    found = analysed(run, detail="timeline", scenarios=(scenario,))
+    assert found.review is not None
+    assert found.review.closest is not None
+    assert (found.review.closest.obstacle_id, found.review.closest.time_s) == (33, 0.0)
+    assert found.timeline[-1].time_s == 1.5
+    assert "Around the most critical moment:" in found.to_text()
+
+
+def test_costs_and_rows_are_shown_where_they_are_asked_for(tmp_path: Path) -> None:
+    run = source(record(), tmp_path, velocity_offset=3.0, prediction=1.0)
+    assert "prediction: 25 % of the cost" in analysed(run, detail="costs").to_text()
+    assert "run_cfg_a_DEU_Town-1_1_T-1_constant_velocity_0" in analysed(*five_runs(), detail="rows").to_text()
