@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
-from .runs import LostCell, Outcome, RunMetrics, RunReview, RunSource, ScenarioSource, ending
+from .runs import Contact, LostCell, Outcome, RunMetrics, RunReview, RunSource, ScenarioSource, ending
 
 Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
@@ -107,11 +107,12 @@ class Suggestion(Model):
 
 
 class Finding(Model):
-    """A computed statement with its evidence."""
+    """A computed statement with its evidence; ``run_count``: all runs, ``run_ids`` the first of them."""
 
     name: str
     statement: str
     run_ids: tuple[str, ...]
+    run_count: int | None = None
     suggestion: Suggestion | None = None
     next_step: str = ""
 
@@ -126,6 +127,7 @@ class RunRow(Model):
     duration_s: float | None
     minimum_distance_m: float | None
     reason: str
+    contact: Contact | None = Field(None, description="of the first ten collisions, where rows were asked for")
 
 
 class TimelineStep(Model):
@@ -207,7 +209,7 @@ _WORDS = {
     "minimum_distance_m": "minimum distance",
     "minimum_time_to_collision_s": "time to collision",
     "minimum_time_headway_s": "time headway",
-    "risk_score": "risk score",
+    "risk_score": "risk score (0 worst)",
     "duration_s": "duration",
     "distance_m": "distance driven",
     "mean_speed_mps": "mean speed",
@@ -356,7 +358,7 @@ def _finding_text(finding: Finding) -> str:
         parts.append(f"Suggest: {change.direction} {change.weight} of {change.config_id} ({change.why}).")
     if finding.next_step:
         parts.append(f"See {finding.next_step}.")
-    parts.append(f"Runs: {_listed(finding.run_ids, 2)}")
+    parts.append(f"Runs: {_listed(finding.run_ids, 2, finding.run_count)}")
     return " ".join(parts)
 
 
@@ -420,7 +422,7 @@ def _rows(result: AnalyzeResultsResult) -> list[str]:
     if result.detail != "rows":
         return []
     return [
-        f"- {row.run_id} {row.scenario_id} {row.config_name}: {ending(row.outcome, row.reason)}; "
+        f"- {row.run_id} {row.scenario_id} {row.config_name}: {ending(row.outcome, row.reason, contact=row.contact)}; "
         f"{figure(row.duration_s)} s, gap {figure(row.minimum_distance_m)} m"
         for row in result.rows
     ]
@@ -456,9 +458,15 @@ def _rate_text(rate: Rate) -> str:
     return f"{rate.count}/{rate.of} = {_percent(rate.share)} (95 %: {100 * rate.low:.0f}–{100 * rate.high:.0f} %)"
 
 
+_LONGEST = 1e7
+"""Figures below it are written out."""
+
+
 def figure(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant digits; a dash for None."""
-    return "–" if value is None else f"{value:.{digits}g}"
+    """A number with ``digits`` significant digits, a larger one as an integer; a dash for None."""
+    if value is None:
+        return "–"
+    return f"{value:.0f}" if 10**digits <= abs(value) < _LONGEST else f"{value:.{digits}g}"
 
 
 def _listed(ids: Iterable[str], most: int, count: int | None = None) -> str:

@@ -169,7 +169,7 @@ RelativeHeading = Literal["same", "oncoming", "crossing"]
 
 
 class Contact(Model):
-    """How the collision of a run came about; speeds and places are those of the last step before it.
+    """How the collision of a run came about: speeds at its step, places at the last step before it.
 
     ``ego_side``, ``other_side``: the sides that met. ``closing_mps``: length of the difference of both velocities.
     ``ego_stood_since_s``: where the ego stood, since when. ``braked_since_s``: from when on the ego braked by more than
@@ -319,10 +319,11 @@ class RunReview(Model):
         return f"Largest: {', '.join(parts)}." if parts else ""
 
 
-def ending(outcome: Outcome, reason: str, review: RunReview | None = None) -> str:
+def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, contact: Contact | None = None) -> str:
     """How a run ended in one sentence, its moment included; a collision by who hit whom."""
-    if review is not None and review.contact is not None:
-        return f"{outcome.replace('_', ' ')}: {review.contact.in_words()}"
+    hit = contact if review is None else review.contact
+    if hit is not None:
+        return f"{outcome.replace('_', ' ')}: {hit.in_words()}"
     return reason if outcome == "goal_reached" else f"{outcome.replace('_', ' ')}: {reason}"
 
 

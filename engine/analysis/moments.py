@@ -74,6 +74,14 @@ def review(runs: RunSet, record: RunRecord) -> RunReview:
     )
 
 
+def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
+    """How the collision of a run came about; None without one, or without the run's steps."""
+    steps = runs.steps.get(record.run_id)
+    if record.collision is None or steps is None or not steps.x_m:
+        return None
+    return _Drive(record, steps, _tracks(runs, record, steps)).contact()
+
+
 @dataclass(frozen=True)
 class _Motion:
     """What passengers feel, a value a step after the first, whose acceleration is the scenario's and not the planner's.
@@ -149,12 +157,14 @@ class _Drive:
         )
 
     def contact(self) -> Contact | None:
-        """How the collision came about; None without one. Places and speeds are those of the step before it."""
+        """How the collision came about; None without one. Speeds are those at it, places those of the step before."""
         hit = self._record.collision
         if hit is None:
             return None
-        index = max(min(hit.step - self._ego.first_step, len(self._ego.positions)) - 1, 0)
-        speed = float(self._ego.speeds_mps[index])
+        last = len(self._ego.positions) - 1
+        reached = min(max(hit.step - self._ego.first_step, 0), last)
+        index = max(reached - 1, 0)
+        speed = float(self._ego.speeds_mps[reached])
         braked = self._braked_since_s(index)
         if hit.obstacle_id is None or hit.obstacle_id not in self._tracks:
             return Contact(
@@ -171,14 +181,16 @@ class _Drive:
             at = 0 if hit.step <= other.first_step else len(other.positions) - 1
         ego_side, other_side = _sides_of_approach(self._ego, index, other, at)
         kind, came_in = self._kind(index, other, at, (ego_side, other_side))
-        velocities = [_velocity(self._ego, index), _velocity(other, at)]
+        met = other.index_at(hit.step)
+        met = at if met is None else met
+        velocities = [_velocity(self._ego, reached), _velocity(other, met)]
         return Contact(
             kind=kind,
             time_s=hit.time_s,
             ego_speed_mps=speed,
             obstacle_id=hit.obstacle_id,
             obstacle_class=hit.kind,
-            other_speed_mps=float(other.speeds_mps[at]),
+            other_speed_mps=float(other.speeds_mps[met]),
             closing_mps=float(np.linalg.norm(velocities[0] - velocities[1])),
             ego_side=ego_side,
             other_side=other_side,

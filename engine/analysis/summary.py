@@ -29,13 +29,15 @@ from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter
 from .filters import matching
 from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
-from .moments import review, timeline
+from .moments import contact_of, review, timeline
 from .run_set import METRICS, RunSet, cost_shares
 from .statistics import holm, rate
 
 _Name = TypeVar("_Name", bound=str)
 _SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_ROWS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 30, 20, 8
 """Entries of each list (chosen): the default answer stays under 4,500 characters; notes say what is left out."""
+_SHOWN_CONTACTS = 10
+"""Collisions of which rows say who hit whom (chosen): each reads its scenario, and an answer has 50 s."""
 _SHOWN_RUNS = 5
 """Run ids that an outcome lists (chosen): enough to look at some of them."""
 
@@ -82,8 +84,13 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         undefined=_undefined(runs) if detail == "summary" else (),
         costs=_costs(runs, detail),
         correlations=correlated,
-        findings=tuple(one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS]}) for one in stated),
-        rows=_rows((*runs.failures, *runs.successes, *invalid)) if detail == "rows" or len(runs.sources) == 1 else (),
+        findings=tuple(
+            one.model_copy(update={"run_ids": one.run_ids[:_FINDING_RUNS], "run_count": len(one.run_ids)})
+            for one in stated
+        ),
+        rows=_rows(runs, (*runs.failures, *runs.successes, *invalid))
+        if detail == "rows" or len(runs.sources) == 1
+        else (),
         timeline=timeline(runs, runs.records[0], moment) if detail == "timeline" else (),
         review=looked_at,
         notes=_notes(runs, request, note, len(grouped), len(findings)),
@@ -105,7 +112,9 @@ def _costs(runs: RunSet, detail: AnalysisDetail) -> tuple[CostShare, ...]:
     return cost_shares(runs)[:_SUMMARY_COSTS] if detail == "summary" and len(runs.sources) == 1 else ()
 
 
-def _rows(records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
+def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
+    hits = [record for record in records[:_MOST_ROWS] if record.collision is not None][:_SHOWN_CONTACTS]
+    contacts = {record.run_id: contact_of(runs, record) for record in hits}
     return tuple(
         RunRow(
             run_id=record.run_id,
@@ -115,6 +124,7 @@ def _rows(records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
             duration_s=record.metrics.duration_s if record.metrics else None,
             minimum_distance_m=record.metrics.minimum_distance_m if record.metrics else None,
             reason=record.reason,
+            contact=contacts.get(record.run_id),
         )
         for record in records[:_MOST_ROWS]
     )

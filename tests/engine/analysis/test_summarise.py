@@ -181,7 +181,7 @@ def test_a_metric_that_there_is_not_is_none_with_the_reason(tmp_path: Path) -> N
         "minimum_time_headway_s",
         "risk_score",
     }
-    assert "risk score none: no other came within 60 m" in result.to_text()
+    assert "risk score (0 worst) none: no other came within 60 m" in result.to_text()
     both = analysed(source(record(figures=alone)), source(record("ZAM_B-1_1_T-1", figures=alone)))
     assert "time headway none: no vehicle ahead on the ego's way" in both.to_text()
 
@@ -215,3 +215,20 @@ def test_costs_and_rows_are_shown_where_they_are_asked_for(tmp_path: Path) -> No
     run = source(record(), tmp_path, velocity_offset=3.0, prediction=1.0)
     assert "prediction: 25 % of the cost" in analysed(run, detail="costs").to_text()
     assert "run_cfg_a_DEU_Town-1_1_T-1_constant_velocity_0" in analysed(*five_runs(), detail="rows").to_text()
+
+
+def test_rows_say_of_collisions_where_they_came_from(tmp_path: Path) -> None:
+    scenario = ScenarioSource(scenario_id="ZAM_Town-1_1_T-1", path=str(town_road().write(tmp_path / "town.xml")))
+    runs = [source(record(outcome="collision", obstacle_id=32, seed=seed), tmp_path) for seed in range(2)]
+    found = analysed(*runs, detail="rows", scenarios=(scenario,))
+    assert [row.contact.kind for row in found.rows if row.contact] == ["rear_end_by_other"] * 2
+    assert "collision: hit from behind by car 32 at 4.0 s (ego 10.0 m/s, car 32 10.0 m/s" in found.to_text()
+
+
+def test_a_finding_counts_all_of_its_runs_and_names_the_first() -> None:
+    close = metrics(minimum_distance_m=0.1)
+    runs = [source(record(f"ZAM_T-{n}_1_T-1", figures=close)) for n in range(12)]
+    result = analysed(*runs)
+    finding = next(finding for finding in result.findings if finding.name == "near_misses")
+    assert (len(finding.run_ids), finding.run_count) == (8, 12)
+    assert f"Runs: {runs[0].record.run_id} {runs[1].record.run_id} +10" in result.to_text()
