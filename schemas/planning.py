@@ -181,12 +181,16 @@ class WeightChange(Model):
 
 
 class ConfigurePlannerResult(Result):
-    """The configuration that was made; ``changes`` against the base, ``notes`` on what changed nothing."""
+    """The configuration that was made, which is the current one now; ``notes`` on what changed nothing.
+
+    ``base``: what it was made of; ``changes``: against what was named, ``against``: the preset, else the base.
+    """
 
     config_id: str
     name: str
     planner: str
     base: str
+    against: str
     changes: tuple[WeightChange, ...]
     notes: tuple[str, ...]
     yaml: str
@@ -197,9 +201,9 @@ class ConfigurePlannerResult(Result):
         again = " (stored before)" if self.reused else ""
         changes = ", ".join(f"{item.name} {item.before:g} → {item.after:g}" for item in self.changes)
         return Answer(
-            headline=f"{self.config_id} ({self.name}){again}, against {self.base}: {changes or 'no difference'}.",
-            decided=self.notes,
-            next_step=f"run_planner with configs ['{self.config_id}']",
+            headline=f"{self.config_id} ({self.name}){again} is current.",
+            decided=[f"Against {self.against}: {changes or 'no difference'}.", *self.notes],
+            next_step="run_planner",
         )
 
 

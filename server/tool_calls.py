@@ -3,7 +3,7 @@
 import base64
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mcp.types import CallToolResult, ContentBlock, ImageContent, ResourceLink, TextContent
@@ -26,7 +26,7 @@ async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> Ca
     """Call a tool; whatever goes wrong becomes a result that says what was wrong and what to do next."""
     try:
         arguments = read_arguments(spec.arguments_type, given)
-        return _shaped(await spec.load_function()(arguments, call))
+        return _shaped(await spec.load_function()(arguments, call), call.remarks)
     except Exception as raised:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
         error = as_told(raised, spec.name)
         if isinstance(error, UnexpectedFailure):
@@ -39,18 +39,18 @@ def answer_text(result: CallToolResult) -> str:
     return "\n".join(block.text for block in result.content if isinstance(block, TextContent))
 
 
-def _shaped(result: Result | ImageAnswer) -> CallToolResult:
-    """The answer as content blocks and structured content, each of which says the whole."""
+def _shaped(result: Result | ImageAnswer, remarks: Sequence[str]) -> CallToolResult:
+    """The answer as content blocks and structured content, each of which says the whole; remarks come last."""
     if isinstance(result, ImageAnswer):
         shown, left_out = _shown_images(result)
         notes = [f"Note: too large for this answer, to be opened by their links: {left_out}"] if left_out else []
-        text = _bounded(printable("\n".join([result.text, *notes])))
+        text = _bounded(printable("\n".join([result.text, *notes, *remarks])))
         blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
         blocks.extend(
             ResourceLink(type="resource_link", name=link.rpartition("/")[2], uri=link) for link in result.links
         )
         return CallToolResult(content=blocks)
-    text = _bounded(printable(result.to_text()))
+    text = _bounded(printable("\n".join([result.to_text(), *remarks])))
     structured = _printable_parts(result.model_dump(mode="json"))
     _bounded(json.dumps(structured, ensure_ascii=False))
     return CallToolResult(content=[TextContent(type="text", text=text)], structured_content=structured)

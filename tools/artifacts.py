@@ -64,19 +64,30 @@ def _jobs(arguments: ListArtifactsArguments, call: ToolCall) -> ListArtifactsRes
 
 async def get_job(arguments: GetJobArguments, call: ToolCall) -> JobResult:
     """Wait for the end of a job."""
-    job = call.jobs.store.get(arguments.job_id)
-    return _job_result(await call.wait_for(job.job_id, arguments.wait_s))
+    job_id = _job_id(arguments.job_id, call)
+    return _job_result(await call.wait_for(job_id, arguments.wait_s))
 
 
 async def cancel_job(arguments: CancelJobArguments, call: ToolCall) -> JobResult:
     """Stop a job."""
-    job = await call.jobs.cancel(call.jobs.store.get(arguments.job_id).job_id)
+    job = await call.jobs.cancel(_job_id(arguments.job_id, call))
     if not job.ended:
         raise NotPossible(
             f"{job.job_id} runs in another server on this workspace",
             next_step="cancel it from the client that started it",
         )
     return _job_result(job)
+
+
+def _job_id(word: str, call: ToolCall) -> str:
+    """The id of a job; ``latest`` is the one that the client started last, else the newest, which is told."""
+    own = call.services.recent.last(["job"])
+    if word == "latest" and own:
+        return own[0][1]
+    job = call.jobs.store.get(word)
+    if word == "latest":
+        call.tell_whose("job", job.job_id)
+    return job.job_id
 
 
 def _job_result(job: Job) -> JobResult:

@@ -1,7 +1,10 @@
 """What a tool function is given beside its arguments, and what it may answer."""
 
-from dataclasses import dataclass
+import threading
+from collections.abc import Collection
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from ..engine.execution import (
     Claims,
@@ -15,18 +18,55 @@ from ..engine.execution import (
     Response,
     no_progress,
 )
-from ..engine.workspace import Workspace
+from ..engine.workspace import Artifact, ArtifactKind, Workspace
 from ..schemas.catalog import PACKAGED_MODEL
 from ..schemas.errors import OutsideRoots
 from ..schemas.text import quoted
 
+MadeKind = ArtifactKind | Literal["job"]
+_MOST_RECENT = 1_000
+"""What is remembered of a session (chosen): nobody asks for what was made so long ago without its id."""
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
 
 
+class Recent:
+    """What one client made or chose, the last one last: what its ``latest`` and ``current`` mean.
+
+    A client is a session of the protocol. What others on the workspace make does not move it.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._made: dict[tuple[MadeKind, str], None] = {}
+        self._told: set[MadeKind] = set()
+
+    def note(self, kind: MadeKind, made_id: str) -> None:
+        """Remember an artifact or a job as the last one."""
+        with self._lock:
+            self._made.pop((kind, made_id), None)
+            self._made[kind, made_id] = None
+            if len(self._made) > _MOST_RECENT:
+                del self._made[next(iter(self._made))]
+
+    def last(self, kinds: Collection[MadeKind]) -> list[tuple[MadeKind, str]]:
+        """What the client made or chose of some kinds, the last one first."""
+        with self._lock:
+            return [entry for entry in reversed(self._made) if entry[0] in kinds]
+
+    def is_untold(self, kind: MadeKind) -> bool:
+        """Whether the client was not told yet that something of a kind is not its own; from now on it was."""
+        with self._lock:
+            is_untold = kind not in self._told
+            self._told.add(kind)
+            return is_untold
+
+
 @dataclass(frozen=True)
 class Services:
-    """What lives as long as the server: the workspace, the workers, the jobs, the claims on work and the bounds."""
+    """What lives as long as a client's session with the server: the workspace, the workers, the jobs, the claims on
+    work, the bounds, and what the client made last.
+    """
 
     workspace: Workspace
     workers: Executor
@@ -36,6 +76,7 @@ class Services:
     map_folders: tuple[Path, ...] = ()
     with_starter: bool = True
     embedding_model: str = PACKAGED_MODEL
+    recent: Recent = field(default_factory=Recent)
 
 
 class ToolCall:
@@ -43,6 +84,8 @@ class ToolCall:
 
     def __init__(self, services: Services, send_progress: OnProgress = no_progress) -> None:
         self.services = services
+        self.remarks: list[str] = []
+        """Sentences that the answer tells besides."""
         self._send_progress = send_progress
 
     @property
@@ -59,6 +102,40 @@ class ToolCall:
     def limits(self) -> Limits:
         """The bounds on files, time and memory."""
         return self.services.limits
+
+    def made(self, kind: MadeKind, *made_ids: str) -> None:
+        """Take note of what the client made, or asked for again, in this order."""
+        for made_id in made_ids:
+            self.services.recent.note(kind, made_id)
+
+    def newest(self, *kinds: ArtifactKind, count: int = 1) -> list[Artifact]:
+        """What the client made or chose last of some kinds, newest first; then what others made, which is told once."""
+        last = self.services.recent.last(kinds)[:count]
+        own = [self.workspace.get(key, kind) for kind, key in last if kind != "job"]
+        if len(own) == count:
+            return own
+        known = {artifact.artifact_id for artifact in own}
+        stored = [artifact for kind in kinds for artifact in self.workspace.newest(kind=kind, limit=count + len(own))]
+        others = sorted((one for one in stored if one.artifact_id not in known), key=lambda one: -one.sequence)
+        for artifact in others[: count - len(own)]:
+            self.tell_whose(artifact.kind, artifact.artifact_id)
+        return [*own, *others[: count - len(own)]]
+
+    def tell_whose(self, kind: MadeKind, made_id: str) -> None:
+        """Have the answer say, once for each kind, that what a word meant was not made in this session."""
+        if self.services.recent.is_untold(kind):
+            self.remarks.append(f"{made_id}: the workspace's newest {kind}, as this session has made none.")
+
+    def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
+        """The artifact with this id; ``latest`` is the client's last one of the kind.
+
+        Raises:
+            UnknownName: with the nearest ids that exist.
+        """
+        if word != "latest":
+            return self.workspace.get(word, kind)
+        newest = self.newest(kind)
+        return newest[0] if newest else self.workspace.get(word, kind)
 
     def allowed_path(self, text: str) -> Path:
         """The path, if it lies inside an allowed root and not where the workspace keeps its own.

@@ -82,6 +82,7 @@ async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> F
     total = hits.total if hits.total > len(hits.matches) else None
     record = SearchRecord(arguments=arguments, scenario_ids=hits.matches, stages=stages, total=total)
     call.workspace.put("search", search_id, recipe=recipe, record=record)
+    call.made("search", search_id)
     return search.answer(search_id, hits, ranking)
 
 
@@ -91,7 +92,7 @@ def _resolved(arguments: FindScenariosArguments, call: ToolCall) -> FindScenario
     if arguments.like is not None:
         changes["like"] = _example(arguments.like, call).scenario_id
     if arguments.within is not None:
-        changes["within"] = call.workspace.get(arguments.within, "search").artifact_id
+        changes["within"] = call.artifact(arguments.within, "search").artifact_id
     return arguments.model_copy(update=changes)
 
 

@@ -26,16 +26,18 @@ _SEARCHED = 1000
 def resolve_configuration(text: str, call: ToolCall) -> PlannerConfiguration:
     """The configuration of an id, of ``PLANNER:PRESET``, or the current one.
 
-    Current is the newest that was configured or imported here; ``frenetix:Default`` where there is none.
+    Current is what the client configured or imported last, else the newest of the workspace, which is told;
+    ``frenetix:Default`` where there is none.
 
     Raises:
         UnknownName: nothing of that name.
     """
     if text.lower() in _CURRENT:
-        made = made_configurations(call, 1)
+        own = call.services.recent.last(["config"])
+        made = [] if own else made_configurations(call, 1)
         if made:
-            return made[0]
-        text = DEFAULT_CONFIGURATION
+            call.tell_whose("config", f"{made[0].config_id} ({made[0].name})")
+        text = own[0][1] if own else made[0].config_id if made else DEFAULT_CONFIGURATION
     stored = call.workspace.find("config", text)
     if stored is not None:
         return stored.read(PlannerConfiguration)

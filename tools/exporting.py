@@ -25,7 +25,7 @@ from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import printable
 from .call import ToolCall
 from .operations import WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
-from .rendering import draw
+from .rendering import draw, named_artifact
 from .results import analyze_results, compare_results, run_sources
 
 _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "goal_late", "goal_early")
@@ -35,7 +35,8 @@ _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "g
 async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) -> ExportArtifactsResult:
     """Write what was asked for; every name is checked before the first file is written."""
     folder = call.allowed_path(arguments.folder)
-    artifacts = [call.workspace.get(key, call.workspace.kind_of(key)) for key in dict.fromkeys(arguments.ids)]
+    named = [named_artifact(word, call) for word in dict.fromkeys(arguments.ids)]
+    artifacts = list({(artifact.kind, artifact.artifact_id): artifact for artifact in named}.values())
     planned = plan_exports(call.workspace, artifacts, arguments.formats, folder)
     report = folder / REPORT_NAME if "html" in arguments.formats else None
     if not arguments.overwrite:

@@ -41,6 +41,7 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     plan = plan_maps(arguments, at_hand.entries)
     sites = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, sites)
+    call.made("scenario", *(summary.scenario_id for summary in made))
     notes = [*plan.notes, *at_hand.notes, *failures]
     if len(sites.planned) < arguments.count:
         notes.append(f"only {len(sites.planned)} different site(s) fit; {arguments.count} were asked for")

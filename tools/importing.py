@@ -152,6 +152,7 @@ async def _import_as_job(
     resolved = {"path": str(call.allowed_path(arguments.path))}
     recipe = Recipe(tool="import_files", arguments=arguments.model_dump(mode="json") | resolved)
     job = call.jobs.start("import", recipe, work)
+    call.made("job", job.job_id)
     job = await call.wait_for(job.job_id, WAIT_S)
     result = tally.result(job.job_id, job.state)
     return result.model_copy(update={"note": job.error or ("" if tally.done else job.message)})
@@ -165,12 +166,18 @@ async def _take_in(
     report: OnProgress,
 ) -> None:
     """Import the files; the share done is reported every half second."""
+
+    def note(path: Path, item: ImportedItem | PlannerForgeError) -> None:
+        tally.note(path, item)
+        if isinstance(item, ImportedItem):
+            call.made(item.kind, item.artifact_id)
+
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(_keep_reporting, tally, report)
-        await import_scenarios(call, [path for path, kind in files if kind == "scenario"], tally.note)
+        await import_scenarios(call, [path for path, kind in files if kind == "scenario"], note)
         for path, kind in files:
             if kind != "scenario":
-                await _import_other(call, path, kind, arguments, tally)
+                note(path, await _imported_other(call, path, kind, arguments))
         tasks.cancel_scope.cancel()
 
 
@@ -180,15 +187,14 @@ async def _keep_reporting(tally: _Tally, report: OnProgress) -> None:
         await anyio.sleep(_REPORT_EVERY_S)
 
 
-async def _import_other(
-    call: ToolCall, path: Path, kind: _ImportKind, arguments: ImportFilesArguments, tally: _Tally
-) -> None:
+async def _imported_other(
+    call: ToolCall, path: Path, kind: _ImportKind, arguments: ImportFilesArguments
+) -> ImportedItem | PlannerForgeError:
     try:
         checked = call.allowed_path(str(path))
         call.limits.check_size(checked)
         if kind == "map":
-            tally.note(path, await import_map(call, checked, arguments.name, arguments.country))
-        else:
-            tally.note(path, await import_configuration(call, checked, arguments.name))
+            return await import_map(call, checked, arguments.name, arguments.country)
+        return await import_configuration(call, checked, arguments.name)
     except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
-        tally.note(path, as_told(raised, f"import of {kind} {path.name}"))
+        return as_told(raised, f"import of {kind} {path.name}")

@@ -59,6 +59,7 @@ async def modify_scenario(arguments: ModifyScenarioArguments, call: ToolCall) ->
         outcome = await call.run(APPLY_EDITS, request, share=(0.0, 0.8))
         if outcome.xml is not None:
             await store_scenario(call, xml=Path(outcome.xml), net=outcome.net, recipe=recipe, origin="modified")
+            call.made("scenario", new_id)
     return ModifyScenarioResult(
         scenario_id=None if arguments.dry_run else new_id,
         base_id=base_id,

@@ -8,6 +8,7 @@ from ..engine.tuning import (
     changed_configuration,
     differences,
     known_settings,
+    preset_configuration,
     setting_values,
     to_yaml,
     tuning_of,
@@ -90,15 +91,15 @@ async def configure_planner(arguments: ConfigurePlannerArguments, call: ToolCall
         parents=(base.config_id,),
     )
     stored = store_configuration(call, made, recipe).read(PlannerConfiguration)
-    current = resolve_configuration("current", call)
-    if current.config_id != stored.config_id:
-        notes = (*notes, f"'current' still means {current.config_id}; name this one by its id")
+    call.made("config", stored.config_id)
+    named = base if arguments.preset is None else preset_configuration(base.planner, arguments.preset)
     return ConfigurePlannerResult(
         config_id=stored.config_id,
         name=stored.name,
         planner=stored.planner,
         base=base.config_id,
-        changes=differences(base, stored),
+        against=named.name,
+        changes=differences(named, stored),
         notes=notes,
         yaml=to_yaml(stored),
         reused=known,
@@ -120,6 +121,7 @@ async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlan
     ]
     if len(cells) == 1:
         result = await run_cell(call, cells[0], tell_client=True)
+        call.made("run", *([result.record.run_id] if result.record is not None else []))
         return await answer_of(call, cells, [result], batch_id=None, notes=choice.notes)
     return await run_many(call, cells, arguments.wait_s, choice.notes)
 

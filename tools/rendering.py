@@ -11,8 +11,9 @@ from ..resources.templates import SCHEME
 from ..schemas.errors import InvalidRequest, UnknownName
 from ..schemas.rendering import PictureKind, RenderArguments, Rendered, RenderedImage, RenderRequest
 from .call import Image, ImageAnswer, ToolCall
+from .configurations import resolve_configuration, store_configuration
 from .operations import RENDER
-from .results import WORDS, choose_results, config_weights, run_sources, scenario_sources
+from .results import WORDS, choose_results, config_weights, result_named, run_sources, scenario_sources
 
 FOLDER = "pictures"
 """The folder of the drawn pictures in the workspace."""
@@ -30,28 +31,44 @@ async def render(arguments: RenderArguments, call: ToolCall) -> ImageAnswer:
 
 
 def _meant(words: list[str], call: ToolCall) -> tuple[list[str], list[str]]:
-    """Scenario ids and run ids; ``latest`` is the newest scenario, run or batch."""
+    """Scenario ids and run ids; ``latest`` is the client's last scenario, run or batch."""
     scenarios: list[str] = []
     runs: list[str] = []
     for word in words:
-        artifact = _newest(call) if word == "latest" else None
-        name = artifact.artifact_id if artifact is not None else word
-        kind = artifact.kind if artifact is not None else None if name in WORDS else call.workspace.kind_of(name)
-        if kind == "scenario":
-            scenarios.append(name)
-        elif kind in (None, "run", "batch"):
-            runs += [run_id for result in choose_results([name], call) for run_id in result.run_ids]
+        artifact = named_artifact(word, call)
+        if artifact.kind == "scenario":
+            scenarios.append(artifact.artifact_id)
+        elif artifact.kind in ("run", "batch"):
+            results = choose_results([artifact.artifact_id], call)
+            runs += [run_id for result in results for run_id in result.run_ids]
         else:
-            raise InvalidRequest(f"'{name}' is a {kind}, which cannot be drawn", valid=["scenario", "run", "batch"])
+            raise InvalidRequest(
+                f"'{artifact.artifact_id}' is a {artifact.kind}, which cannot be drawn",
+                valid=["scenario", "run", "batch"],
+            )
     return scenarios, runs
 
 
-def _newest(call: ToolCall) -> Artifact:
-    kinds = ("scenario", "run", "batch")
-    newest = [artifact for kind in kinds for artifact in call.workspace.newest(kind=kind, limit=1)]  # type: ignore[arg-type]
-    if not newest:
-        raise UnknownName("there is nothing to draw yet", next_step="call find_scenarios or generate_scenarios")
-    return max(newest, key=lambda artifact: artifact.sequence)
+def named_artifact(word: str, call: ToolCall) -> Artifact:
+    """The artifact with this id, or of a word for what the client made last (docs/answers.md).
+
+    ``latest`` is the last scenario, run or batch; ``current`` the configuration in force.
+
+    Raises:
+        UnknownName: nothing of that name, or nothing was made yet.
+    """
+    if word == "latest":
+        newest = call.newest("scenario", "run", "batch")
+        if newest:
+            return newest[0]
+        raise UnknownName("nothing was made yet", next_step="call find_scenarios or generate_scenarios")
+    if word in WORDS:
+        return result_named(word, call)
+    if word == "latest_scenario":
+        return call.artifact("latest", "scenario")
+    if word == "current":
+        return store_configuration(call, resolve_configuration(word, call))
+    return call.workspace.get(word, call.workspace.kind_of(word))
 
 
 async def draw(

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ..engine.workspace import Artifact, Workspace
+from ..engine.workspace import Artifact
 from ..schemas.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Lineage, Side
 from ..schemas.errors import InvalidRequest, NotPossible, UnknownName
 from ..schemas.modification import Edit
@@ -49,7 +49,7 @@ async def analyze_results(arguments: AnalyzeResultsArguments, call: ToolCall) ->
 
 async def compare_results(arguments: CompareResultsArguments, call: ToolCall) -> CompareResultsResult:
     """Paired tests of every side against the first."""
-    words, notes = _words_of(arguments, call.workspace)
+    words, notes = _words_of(arguments, call)
     chosen, runs = _chosen_runs(words, call)
     request = CompareRequest(
         sides=_sides_of(chosen, runs),
@@ -65,11 +65,11 @@ async def compare_results(arguments: CompareResultsArguments, call: ToolCall) ->
     return result.model_copy(update={"notes": (*notes, *result.notes), "flips_asked": asked})
 
 
-def _words_of(arguments: CompareResultsArguments, workspace: Workspace) -> tuple[list[str], tuple[str, ...]]:
+def _words_of(arguments: CompareResultsArguments, call: ToolCall) -> tuple[list[str], tuple[str, ...]]:
     """What is compared; left out while there is one batch only, its configurations, and without any, two runs."""
     if "results" in arguments.model_fields_set:
         return arguments.results, ()
-    batches = len(workspace.newest(kind="batch", limit=2))
+    batches = len(_newest("batch", 2, call))
     if batches == 0:
         return ["previous_run", "latest_run"], ("there is no batch: the two newest runs are compared",)
     if batches == 1:
@@ -97,15 +97,21 @@ def choose_results(words: Sequence[str], call: ToolCall) -> tuple[_ChosenResult,
         UnknownName: nothing of that name, or no such run or batch yet.
         InvalidRequest: the id of something that is no result.
     """
-    chosen = (_chosen(_artifact(word.strip(), call)) for word in words)
+    chosen = (_chosen(result_named(word.strip(), call)) for word in words)
     return tuple({result.result_id: result for result in chosen}.values())
 
 
-def _artifact(word: str, call: ToolCall) -> Artifact:
+def result_named(word: str, call: ToolCall) -> Artifact:
+    """The run or batch of an id, or of a word for the client's last ones (``WORDS``).
+
+    Raises:
+        UnknownName: nothing of that name, or no such run or batch yet.
+        InvalidRequest: the id of something that is no result.
+    """
     if word == "latest":
-        newest = [artifact for kind in ("run", "batch") for artifact in _newest(kind, 1, call)]
+        newest = call.newest("run", "batch")
         if newest:
-            return max(newest, key=lambda artifact: artifact.sequence)
+            return newest[0]
         raise UnknownName("there is no run yet", next_step="call run_planner")
     if word in WORDS:
         age, _, kind = word.partition("_")
@@ -124,7 +130,7 @@ def _artifact(word: str, call: ToolCall) -> Artifact:
 
 
 def _newest(kind: Literal["run", "batch"], count: int, call: ToolCall) -> list[Artifact]:
-    return call.workspace.newest(kind=kind, limit=count)
+    return call.newest(kind, count=count)
 
 
 def _chosen(artifact: Artifact) -> _ChosenResult:

@@ -176,6 +176,7 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
     stored = call.workspace.find_by_recipe("batch", recipe)
     if stored is not None:
         batch = stored.read(BatchRecord)
+        _take_note(call, batch)
         results = [_stored(call, run_id) for run_id in batch.runs]
         return await answer_of(call, cells, results, batch_id=batch.batch_id, notes=notes)
 
@@ -190,13 +191,17 @@ async def run_many(call: ToolCall, cells: Sequence[Cell], wait_s: float, notes: 
             progress.report(own_share(finished, known, len(cells)), f"{len(finished)} of {len(cells)} runs")
 
         results = await run_grid(call, cells, on_done)
-        progress.add_result(_store_batch(call, cells, results))
+        batch = _store_batch(call, cells, results)
+        _take_note(call, batch)
+        progress.add_result(batch.batch_id)
 
     job = call.jobs.start("batch", recipe, work)
+    call.made("job", job.job_id)
     job = await call.wait_for(job.job_id, wait_s)
     batch_id = next((key for key in job.results if key.startswith("batch_")), None)
     if batch_id is not None:
         record = call.workspace.get(batch_id, "batch").read(BatchRecord)
+        _take_note(call, record)
         lost = [CellResult(None, cell) for cell in record.lost]
         reused = {r.record.run_id for r in finished if r.record is not None and r.reused}
         results = [_stored(call, run_id, reused=run_id in reused) for run_id in record.runs] + lost
@@ -231,8 +236,14 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
     )
 
 
-def _store_batch(call: ToolCall, cells: Sequence[Cell], results: Sequence[CellResult]) -> str:
-    """Store the finished grid as a batch and give its id."""
+def _take_note(call: ToolCall, batch: BatchRecord) -> None:
+    """Make a batch and its runs the client's last ones."""
+    call.made("run", *batch.runs)
+    call.made("batch", batch.batch_id)
+
+
+def _store_batch(call: ToolCall, cells: Sequence[Cell], results: Sequence[CellResult]) -> BatchRecord:
+    """Store the finished grid as a batch."""
     lost = tuple(result.lost for result in results if result.lost is not None)
     recipe = _batch_recipe(cells, [f"{cell.scenario_id} {cell.config_id}" for cell in lost])
     record = BatchRecord(
@@ -244,7 +255,7 @@ def _store_batch(call: ToolCall, cells: Sequence[Cell], results: Sequence[CellRe
         runs=tuple(result.record.run_id for result in results if result.record is not None),
         lost=lost,
     )
-    return call.workspace.put("batch", record.batch_id, recipe=recipe, record=record).artifact_id
+    return call.workspace.put("batch", record.batch_id, recipe=recipe, record=record).read(BatchRecord)
 
 
 def _stored(call: ToolCall, run_id: str, *, reused: bool = True) -> CellResult:

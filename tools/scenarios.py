@@ -85,7 +85,7 @@ def one_scenario(word: str, call: ToolCall) -> tuple[Artifact, int | None]:
         UnknownName: there is no such scenario or planning problem.
     """
     scenario, mark, problem = word.partition("#")
-    artifact = call.workspace.get(scenario, "scenario")
+    artifact = call.artifact(scenario, "scenario")
     if not mark:
         return artifact, None
     known = [ego.problem_id for ego in artifact.read(ScenarioRecord).facts.egos]
@@ -139,7 +139,7 @@ def _preset(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]
 def _hits(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
     """The hits of a search, or with ``:STAGE`` behind its id what one of its stages left."""
     name, mark, stage = word.partition(":")
-    search = call.workspace.get(name, "search")
+    search = call.artifact(name, "search")
     ids, notes = _stage_hits(search, stage, call) if mark else (_all_hits(search, call), [])
     if not ids:
         left = [f"{name}:{count.stage}" for count in search.read(SearchRecord).stages if count.left]
@@ -194,7 +194,7 @@ def _all_hits(search: Artifact, call: ToolCall) -> tuple[str, ...]:
 
 def searched_within(search_id: str | None, call: ToolCall) -> tuple[str, ...] | None:
     """The hits of the search that another one refines; None where the whole catalogue is searched."""
-    return None if search_id is None else _all_hits(call.workspace.get(search_id, "search"), call)
+    return None if search_id is None else _all_hits(call.artifact(search_id, "search"), call)
 
 
 def opened_search(arguments: FindScenariosArguments, call: ToolCall) -> Search:

@@ -9,6 +9,8 @@ from ..planners import PLANNERS, known_planner
 from .settings import apply_assignments, changed_settings, known_settings, setting_values
 from .tunings import tuning_of
 
+_MOST_NAMED = 3
+"""Weights and settings that a configuration's name tells (chosen)."""
 DEFAULT_CONFIGURATION = "frenetix:Default"
 """The configuration in force while none is named: the reference's own tuning of Frenetix."""
 
@@ -97,7 +99,7 @@ def _idle_notes(base: PlannerConfiguration, made: PlannerConfiguration) -> list[
 def _configuration(
     planner: str, preset: str, weights: dict[str, float], external: dict[str, float], settings: PlannerSettings
 ) -> PlannerConfiguration:
-    """The configuration with its id; its name is ``planner:preset`` while it equals one, else with a ``+`` part.
+    """The configuration with its id; its name is ``planner:preset``, with what differs from it.
 
     Default settings are no part of the id: it stays what it was before there were settings.
     """
@@ -107,7 +109,11 @@ def _configuration(
     known = () if any(external.values()) else tuning_of(planner).presets.values()
     same = [entry.name for entry in known if entry.weights == weights]
     origin = same[0] if same else preset
-    name = f"{planner}:{origin}" if same and not stated else f"{planner}:{origin}+{digest[:4]}"
+    usual = tuning_of(planner).presets[origin].weights if origin in tuning_of(planner).presets else {}
+    changed = {key: value for key, value in (weights | external).items() if value != usual.get(key, 0.0)} | stated
+    parts = [f"{key}={value:g}" for key, value in changed.items()]
+    more = f" and {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""
+    name = ", ".join([f"{planner}:{origin}", *parts[:_MOST_NAMED]]) + more
     return PlannerConfiguration(
         config_id=f"cfg_{digest}",
         planner=planner,

@@ -3,6 +3,7 @@
 ``ARTIFACT_KINDS``: The names of all kinds of artifacts.
 ``Artifact``: What was made: id, kind, recipe and record; its files lie in the workspace.
 ``NewArtifact``: An artifact that is to be stored, with the files to copy.
+``ArtifactKind``: The kinds of artifacts.
 ``Workspace``: One folder with everything that was made.
 ``disk_failure``: The error of a file or folder that cannot be written, by default one of the workspace.
 ``stage``: Copy the files of an artifact into a new folder, before the database is locked.
@@ -26,7 +27,16 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .artifacts import ARTIFACT_KINDS, Artifact, NewArtifact, Workspace, disk_failure, stage, write_text
+    from .artifacts import (
+        ARTIFACT_KINDS,
+        Artifact,
+        ArtifactKind,
+        NewArtifact,
+        Workspace,
+        disk_failure,
+        stage,
+        write_text,
+    )
     from .database import Database, make_private, still_runs
     from .export import REPORT_NAME, Export, plan_exports, refuse_taken, write_export, write_whole
     from .recipe import Recipe, content_digest, versions_of

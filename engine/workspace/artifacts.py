@@ -37,7 +37,10 @@ _MAKERS: dict[ArtifactKind, str] = {
 }
 """What makes an artifact of each kind, for the next step of a refusal."""
 _OWN_FOLDERS = frozenset(
-    {"scratch", "index", "logs", "journal", "pictures", "reports", *(f"{kind}s" for kind in get_args(ArtifactKind))}
+    {
+        *("scratch", "index", "logs", "recordings", "journal", "pictures", "reports"),
+        *(f"{kind}s" for kind in get_args(ArtifactKind)),
+    }
 )
 _ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
 

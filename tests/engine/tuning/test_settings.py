@@ -30,7 +30,7 @@ def test_settings_are_part_of_the_configuration() -> None:
     made = changed("vehicle=1", "length_m=5", "horizon_s=4", "replan_steps=1", "sampling_level=1")
     assert made.settings == PlannerSettings(vehicle=1, length_m=5, horizon_s=4, replan_steps=1, sampling_level=1)
     assert made.config_id != base().config_id
-    assert made.name.startswith("frenetix:Default+")
+    assert made.name == "frenetix:Default, vehicle=1, length_m=5, horizon_s=4 and 2 more"
     assert {c.name: (c.before, c.after) for c in differences(base(), made)}["length_m"] == (4.508, 5.0)
     assert made.assignments[0] == "vehicle=1"
 
