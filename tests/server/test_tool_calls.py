@@ -218,5 +218,5 @@ async def test_job_is_waited_for_listed_and_cancelled(connect: Any) -> None:
     assert cancelled.structured_content["state"] == "cancelled"
     assert cancelled.structured_content["results"] == ["run_0123456789ab"]
     assert done.structured_content["state"] == "done"
-    assert "done, 100% done" in text_of(done)
+    assert "(batch): done." in text_of(done)
     assert [job["name"] for job in listed.structured_content["artifacts"]] == ["done, 100%", "cancelled, 50%"]
