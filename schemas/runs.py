@@ -161,7 +161,7 @@ ContactKind = Literal[
     "road_boundary",
     "unclear",
 ]
-"""Who hit whom, and from where; the rules that decide are in ``docs/criticality.md``."""
+"""Who hit whom, and from where; the rules that decide are in ``docs/runs.md``."""
 BodySide = Literal["front", "rear", "left", "right"]
 """A side of a road user, as its driver sees it."""
 RelativeHeading = Literal["same", "oncoming", "crossing"]
@@ -288,7 +288,7 @@ class RunReview(Model):
     """The decisive moments of one run; a moment that there was not is None.
 
     ``closest``: the smallest gap; ``most_urgent``: the smallest time to collision. ``uncomfortable``: motions above the
-    limits of ``docs/criticality.md``, whatever the outcome.
+    limits of ``docs/runs.md``, whatever the outcome.
     """
 
     run_id: str

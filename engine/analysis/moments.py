@@ -1,6 +1,6 @@
 """The decisive moments of one run: who hit whom, the closest moment, the largest motions, the moments before the end.
 
-Kinds of contacts and limits of comfort are defined in ``docs/criticality.md``; the rules are deterministic and read the
+Kinds of contacts and limits of comfort are defined in ``docs/runs.md``; the rules are deterministic and read the
 driven steps and the tracks of the others only.
 """
 
@@ -203,7 +203,7 @@ class _Drive:
     def _kind(
         self, index: int, other: Track, at: int, sides: tuple[BodySide, BodySide]
     ) -> tuple[ContactKind, float | None]:
-        """The first rule that holds, in the order of ``docs/criticality.md``; the time of a cut-in beside it."""
+        """The first rule that holds, in the order of ``docs/runs.md``; the time of a cut-in beside it."""
         ego_stands = self._ego.speeds_mps[index] < _STANDING_MPS
         other_stands = other.speeds_mps[at] < _STANDING_MPS
         if ego_stands != other_stands:
