@@ -121,7 +121,8 @@ class MetricTest(Model):
 
     ``shift`` is the Hodges–Lehmann estimate with its 95 % interval (None under six differing pairs), ``effect`` the
     matched-pairs rank-biserial correlation in [−1, 1]; ``better`` names the side that did better, None if neither.
-    ``direction``: of a single pair, from before to after, no test behind it; ``changed`` where neither is better.
+    ``direction``: of a single pair, from before to after, no test behind it; ``changed`` where neither is better,
+    ``same`` where the first three digits are alike.
     """
 
     name: MetricName
@@ -273,7 +274,7 @@ def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
         words, before, after = metric_words(metric.name), figure(metric.median_before), figure(metric.median_after)
         if metric.pairs == 0:
             groups["none"].append(words)
-        elif before == after or metric.direction is None:
+        elif metric.direction in (None, "same"):
             groups["same"].append(f"{words} {with_unit(before, metric.unit)}")
         else:
             groups[metric.direction].append(f"{words} {with_unit(f'{before} → {after}', metric.unit)}")

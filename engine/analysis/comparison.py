@@ -23,7 +23,7 @@ from ...schemas.comparison import (
     WeightChange,
 )
 from ...schemas.errors import InvalidRequest, NotPossible
-from ...schemas.results import ConfigWeights
+from ...schemas.results import ConfigWeights, figure
 from ...schemas.runs import RunRecord
 from ..execution import ProgressReporter
 from .moments import review
@@ -175,12 +175,12 @@ def _difference(before: float, after: float) -> float:
 
 
 def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better", "worse", "same", "changed"]:
-    difference = _difference(before, after)
-    if difference == 0:
+    """From before to after; values whose three shown digits are alike are the same to a reader."""
+    if _difference(before, after) == 0 or figure(before) == figure(after):
         return "same"
     if spec.better is None:
         return "changed"
-    return "better" if (difference > 0) == (spec.better == "higher") else "worse"
+    return "better" if (after > before) == (spec.better == "higher") else "worse"
 
 
 def _edited(pair: tuple[RunRecord, RunRecord], lineages: Mapping[str, Lineage]) -> EditedPair:

@@ -202,3 +202,12 @@ def test_planners_without_common_weights_are_not_listed_weight_by_weight() -> No
     other = DEFAULT.model_copy(update={"config_id": "cfg_b", "weights": {f"idm_{n}": 1.0 for n in range(5)}})
     result = compared(runs(["goal_reached"]), runs(["goal_reached"], SAFE), configs=(DEFAULT, other))
     assert "weights changed: 9 weights and settings that only one of the planners has" in result.to_text()
+
+
+def test_the_verdict_of_a_single_pair_counts_what_is_listed() -> None:
+    first = [source(record(figures=metrics(minimum_time_headway_s=0.8200, maximum_jerk_mps3=2.0)))]
+    second = [source(record(config=SAFE, figures=metrics(minimum_time_headway_s=0.8204, maximum_jerk_mps3=3.0)))]
+    said = compared(first, second).to_text()
+    assert "; worse in 1 metric; one pair" in said
+    assert "- worse: largest jerk 2 → 3 m/s³" in said
+    assert "time headway 0.82 s" in said
