@@ -139,21 +139,19 @@ class ListPlannersResult(Result):
     configurations: tuple[ConfigurationInfo, ...] = Field(description="newest first, at most eight")
 
     def answer(self) -> Answer:
-        """Weights, one a line, then presets, settings and configurations."""
+        """Planners and presets, weights of the configuration that act with what they do, settings, configurations."""
         lines = [f"{item.name}: {item.summary}; presets {', '.join(item.presets)}" for item in self.planners]
         lines.append(f"Predictions: {', '.join(self.predictions)}.")
         lines.append(f"Weights of {self.config_id} ({self.config_name}), 0 to 1e6 (0: off) unless a range is given:")
-        for item in self.weights:
-            idle = "" if item.acts else " [does not act]"
+        for item in (weight for weight in self.weights if weight.acts):
             ranged = "" if (item.lowest, item.highest) == (0, 1e6) else f" ({item.lowest:g} to {item.highest:g})"
-            lines.append(f"  {item.name}={item.value:g}{ranged}{idle}: {item.meaning}; raising: {item.raising}")
-        lines.append("Presets (weights not named are 0):")
-        for preset in self.presets:
-            values = " ".join(f"{name}={value:g}" for name, value in preset.weights.items())
-            short = f" or {preset.short_name}" if preset.short_name != preset.name else ""
-            lines.append(f"  {preset.name}{short}: {preset.intent}: {values}")
-        lines.append("Settings:")
-        lines += [f"  {item.name}={item.value:g} ({item.range}): {item.meaning}" for item in self.settings]
+            lines.append(f"  {item.name}={item.value:g}{ranged}: {item.meaning}; raising: {item.raising}")
+        intents = [
+            f"{preset.name}{f' or {preset.short_name}' if preset.short_name != preset.name else ''} ({preset.intent})"
+            for preset in self.presets
+        ]
+        lines.append(f"Presets: {'; '.join(intents)}.")
+        lines.append(f"Settings: {'; '.join(f'{item.name}={item.value:g} ({item.range})' for item in self.settings)}.")
         made = [
             f"{entry.config_id} ({entry.name}{f' from {entry.base}' if entry.base else ''})"
             for entry in self.configurations
