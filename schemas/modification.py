@@ -9,6 +9,7 @@ from typing import Final, Literal, NamedTuple, TypeVar
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result, first_of
+from .text import counted
 
 EditOperation = Literal[
     "reroute",
@@ -332,7 +333,7 @@ class ModifyScenarioResult(Result):
         reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
         lines = []
         if self.traffic == "reactive":
-            lines.append(f"All traffic reacts: {_count(len(reacting), 'more vehicle')} driven anew.")
+            lines.append(f"All traffic reacts: {counted(len(reacting), 'more vehicle')} driven anew.")
         elif reacting:
             named = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
             most, _ = self._most(_MOST_TOUCHED)
@@ -340,7 +341,7 @@ class ModifyScenarioResult(Result):
             lines.append(f"Driven besides, to react: {', '.join(named[:most])}{more}.")
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
-        return [*lines, f"{_count(self.untouched, 'vehicle')} exactly as recorded."]
+        return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
 
     def _judged(self) -> list[str]:
         if self.checkers_agree is None:
@@ -439,10 +440,6 @@ def _touched_text(vehicle: TouchedVehicle) -> str:
     times = f"from {vehicle.from_time_s:.1f} to {vehicle.until_time_s:.1f} s"
     end = " where it leaves the map" if vehicle.leaves_network else ""
     return f"{vehicle.vehicle_id} {cause} {times}{end}, {verdict}"
-
-
-def _count(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _ids(keys: Sequence[int]) -> str:

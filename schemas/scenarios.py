@@ -12,6 +12,7 @@ from pydantic import ConfigDict, Field, JsonValue
 
 from .base import Answer, Arguments, Model, Result
 from .generation import DensityFacts, ScenarioType, SiteFacts
+from .text import counted
 from .vocabulary import GoalForm
 
 
@@ -306,7 +307,7 @@ class DescribedGeneration(Model):
         site, density = self.site, self.density
         streets = ", ".join(site.streets) or "unnamed roads"
         mark = f", OSM {site.osm_id}" if site.osm_id else ""
-        classes = ", ".join(f"{count} {name}" for name, count in self.classes_realised.items()) or "the ego alone"
+        classes = ", ".join(counted(count, name) for name, count in self.classes_realised.items()) or "the ego alone"
         asked = "".join(f", at least {count} {name}" for name, count in self.classes_asked.items())
         listed = [f"Generation note: {note}" for note in self.notes]
         listed += [f"Road network: {warning}" for warning in self.network_warnings]
@@ -344,8 +345,8 @@ class DescribeScenarioResult(Result):
     def answer(self) -> Answer:
         """What it is, the ego, what was asked about; then the lists that the detail asks for."""
         shown, total = self.description, sum(self.counts.values())
-        kinds = ", ".join(f"{count} {kind}" for kind, count in self.counts.items())
-        traffic = f"{total} road user{'' if total == 1 else 's'} beside the ego ({kinds})" if total else "no traffic"
+        kinds = ", ".join(counted(count, kind) for kind, count in self.counts.items())
+        traffic = f"{counted(total, 'road user')} beside the ego ({kinds})" if total else "no traffic"
         decided = [f"Tags: {', '.join(self.tags) or 'none'}. Computed: {', '.join(self.features) or 'nothing'}."]
         decided += [f"On the ego's lane: {', '.join(self.signs)}."] if self.signs else []
         decided.append(ego_text(shown.ego) if shown.ego else "No planning problem, so no ego.")

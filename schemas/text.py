@@ -4,6 +4,7 @@ Such text is data: it may hold line breaks that forge lines of an answer, charac
 megabyte. What repeats it does so through :func:`quoted` or :func:`one_line`.
 """
 
+import re
 import unicodedata
 from typing import Any
 
@@ -36,6 +37,16 @@ def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
     if value is None or isinstance(value, int | float):
         return str(value)
     return "'" + one_line(str(value), longest).replace("'", "’") + "'"
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun, ``16 buses``; obstacle types of two words are written apart."""
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
+    if count == 1:
+        return f"1 {words}"
+    ending = "es" if words.endswith(("s", "x", "ch", "sh")) else "s"
+    is_regular = not (words.endswith("y") and words[-2:-1] not in "aeiou")
+    return f"{count:,} {words}{ending}" if is_regular else f"{count:,} {words[:-1]}ies"
 
 
 def _is_shown(character: str) -> bool:

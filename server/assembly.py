@@ -54,6 +54,8 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
     workspace_root = settings.workspace.expanduser().resolve()
     limits = settings.limits(start_folder)
     make_private(workspace_root)
+    for missing in (root for root in limits.roots if not root.is_dir()):
+        logger.warning("the root %s does not exist (yet): nothing can be read from there", missing)
     workspace = Workspace(workspace_root)
     try:
         log = workspace_root / "logs" / "workers.log"

@@ -1,5 +1,6 @@
 """Settings: by flag, by environment (``PLANNERFORGE_…``), by ``plannerforge.toml``, in this order."""
 
+import json
 import os
 import re
 from pathlib import Path
@@ -23,7 +24,7 @@ RECORDINGS_FOLDER = "recordings"
 _APPLICATION = "plannerforge"
 _HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
 Folders = Annotated[tuple[Path, ...], NoDecode]
-"""In a variable, folders are separated as in PATH."""
+"""In a variable, folders are separated as in PATH, or a JSON list."""
 
 
 class Settings(BaseSettings):
@@ -60,7 +61,14 @@ class Settings(BaseSettings):
     @field_validator("roots", "map_folders", mode="before")
     @classmethod
     def _separated(cls, value: Any) -> Any:
-        return [part for part in value.split(os.pathsep) if part] if isinstance(value, str) else value
+        if not isinstance(value, str):
+            return value
+        if not value.lstrip().startswith("["):
+            return [part for part in value.split(os.pathsep) if part]
+        try:
+            return json.loads(value)
+        except json.JSONDecodeError as error:
+            raise ValueError(f"'{value}' begins like a JSON list of folders and is none: {error}") from error
 
     @field_validator("journal_redact")
     @classmethod

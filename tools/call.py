@@ -118,7 +118,8 @@ class ToolCall:
         stored = [artifact for kind in kinds for artifact in self.workspace.newest(kind=kind, limit=count + len(own))]
         others = sorted((one for one in stored if one.artifact_id not in known), key=lambda one: -one.sequence)
         for artifact in others[: count - len(own)]:
-            self.tell_whose(artifact.kind, artifact.artifact_id)
+            if not own:
+                self.tell_whose(artifact.kind, artifact.artifact_id)
         return [*own, *others[: count - len(own)]]
 
     def tell_whose(self, kind: MadeKind, made_id: str) -> None:

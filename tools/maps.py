@@ -20,7 +20,7 @@ from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.importing import ImportedItem
-from ..schemas.text import one_line
+from ..schemas.text import counted, one_line
 from .call import ToolCall
 from .operations import CONVERT_MAP, READ_MAP
 
@@ -121,7 +121,7 @@ async def import_map(call: ToolCall, path: Path, name: str | None, country: str 
         before = call.workspace.find_by_recipe("map", recipe)
         artifact = before or await _store_map(call, plain, recipe, name, country)
     facts = artifact.read(MapFacts)
-    sites = ", ".join(f"{count} {kind}" for kind, count in sorted(facts.sites.items()) if count) or "no sites"
+    sites = ", ".join(counted(count, kind) for kind, count in sorted(facts.sites.items()) if count) or "no sites"
     return ImportedItem(
         file=one_line(path.name),
         kind="map",

@@ -26,6 +26,7 @@ from ..schemas.planning import (
     RunRequest,
 )
 from ..schemas.runs import BatchRecord, LostCell, Prediction, ReviewRequest, RunRecord, RunReview, Traffic
+from ..schemas.text import counted
 from .call import ToolCall
 from .operations import REVIEW_RUNS, RUN_PLANNER
 from .results import run_sources, scenario_sources
@@ -317,19 +318,15 @@ def answer(
 def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     """What could not be done as asked: predictions, reacting traffic, starts without a way along the lane's centre."""
     if off_the_lanes := [len(record.off_the_lanes) for record in records if record.off_the_lanes]:
-        counts = f"{_counted(sum(off_the_lanes), 'obstacle')} in {_counted(len(off_the_lanes), 'run')}"
+        counts = f"{counted(sum(off_the_lanes), 'obstacle')} in {counted(len(off_the_lanes), 'run')}"
         yield f"lane prediction: {counts} off the lanes: constant velocity there"
     if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
         shown = f"{sum(on_recording)} (in {len(on_recording)} of {len(records)} runs)"
         yield f"reactive traffic: moving obstacles that followed their recording all the same: {shown}"
     if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
-        where = _counted(len(lengths_m), "run")
+        where = counted(len(lengths_m), "run")
         yield f"the ego's start allows no way along the lane's centre in {where}: joined within {span}"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _summary(records: Sequence[RunRecord]) -> tuple[ConfigurationSummary, ...]:

@@ -17,7 +17,7 @@ from ...schemas.errors import NotPossible, PlannerForgeError, as_told
 from ...schemas.importing import ImportedItem
 from ...schemas.scenarios import Origin, ScenarioFacts, ScenarioRecord
 from ...schemas.text import one_line, quoted
-from ..commonroad import derived_benchmark_id
+from ..commonroad import derived_benchmark_id, follows_naming
 from ..workspace import Artifact, NewArtifact, Recipe, Workspace, content_digest, stage
 from .tables import family, list_again, listed_version, refresh
 from .words import summary
@@ -250,6 +250,8 @@ def _artifact(file: ReadFile, record: ScenarioRecord, files: dict[str, Path]) ->
 
 def _item(file: ReadFile, artifact: Artifact, *, reused: bool = False, note: str = "") -> ImportedItem:
     text = summary(artifact.read(ScenarioRecord).facts)
+    if not follows_naming(artifact.artifact_id):
+        text = f"{text}; its id does not follow CommonRoad's naming (COUNTRY_Place-1_1_T-1) and is kept as it is"
     return ImportedItem(
         file=one_line(file.path.name),
         kind="scenario",

@@ -1,6 +1,7 @@
 """A scenario in words, from its facts: the description that is embedded and searched, and a line for lists."""
 
 from ...schemas.scenarios import EgoFacts, ScenarioFacts
+from ...schemas.text import counted
 
 _FEATURE_WORDS = {
     "intersection": "an intersection",
@@ -34,7 +35,7 @@ def description_of(facts: ScenarioFacts) -> str:
 
 def summary(facts: ScenarioFacts) -> str:
     """A scenario in one line: traffic, lanes, ego speed, manoeuvre."""
-    counts = ", ".join(f"{count} {kind}" for kind, count in _by_number(facts.participants.counts)) or "no traffic"
+    counts = ", ".join(_counted(kind, count) for kind, count in _by_number(facts.participants.counts)) or "no traffic"
     ego = facts.ego
     parts = [counts]
     if ego:
@@ -64,7 +65,7 @@ def _traffic_sentence(facts: ScenarioFacts) -> str:
     if not counts:
         return "No other traffic."
     amount = "Dense" if facts.participants.total >= 20 else "Some" if facts.participants.total >= 6 else "Little"
-    return f"{amount} traffic: {', '.join(f'{count} {_plural(kind, count)}' for kind, count in counts)}."
+    return f"{amount} traffic: {', '.join(_counted(kind, count) for kind, count in counts)}."
 
 
 def _ego_sentence(facts: ScenarioFacts, ego: EgoFacts) -> str:
@@ -78,10 +79,8 @@ def _by_number(counts: dict[str, int]) -> list[tuple[str, int]]:
     return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
 
-def _plural(kind: str, count: int) -> str:
-    words = {"parkedVehicle": "parked vehicle", "priorityVehicle": "priority vehicle", "unknown": "unknown object"}
-    word = words.get(kind, kind)
-    return word if count == 1 else f"{word}es" if word == "bus" else f"{word}s"
+def _counted(kind: str, count: int) -> str:
+    return counted(count, "unknown object" if kind == "unknown" else kind)
 
 
 def _lanes(count: int) -> str:

@@ -1,6 +1,7 @@
 """CommonRoad files: read without trust, written with what is untouched as it was; names of benchmarks.
 
 ``parse_benchmark_id``: country and place of a benchmark id; refuses what does not follow COUNTRY_Place.
+``follows_naming``: whether country and place can be read from a benchmark id by CommonRoad's naming.
 ``derived_benchmark_id``: The base's id with a prediction number made of the recipe's digest (hexadecimal).
 ``ScenarioDocument``: The XML tree of a scenario file, with what edits replace in it.
 ``schema_errors``: What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file.
@@ -43,7 +44,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .benchmark_id import derived_benchmark_id, parse_benchmark_id
+    from .benchmark_id import derived_benchmark_id, follows_naming, parse_benchmark_id
     from .document import ScenarioDocument, schema_errors
     from .reader import (
         LoadedScenario,

@@ -13,7 +13,12 @@ from ...schemas.text import quoted
 _VALID_ID = re.compile(r"[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
 _USUAL_ID = re.compile(r"^(?P<head>(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+)(_(?P<config>\d+)(_(?P<kind>[A-Z])-[\d-]+)?)?$")
 _READABLE_ID = re.compile(r"(?:C-)?([A-Z]{3})_([A-Za-z0-9][A-Za-z0-9_]{0,60}?)(?:-[A-Za-z0-9_,]{1,30}){0,3}")
-"""What is taken of a file: more than the scheme allows, but nothing that is no name of a file."""
+"""Ids from which country and place can be read: more than the scheme allows."""
+_SAFE_ID = re.compile(
+    r"(?:C-)?(?:(?P<country>[A-Z]{3})[_-](?=[A-Za-z0-9]))?(?P<place>[A-Za-z0-9]{0,40})[A-Za-z0-9_.\-]{0,60}"
+)
+"""What is taken of a file, under the id as it is: nothing that is no name of a file."""
+_ARTIFICIAL = "ZAM"
 _DIGITS = 9
 """Chosen: of a thousand derived scenarios two have the same number once in about 2,000 times."""
 
@@ -36,17 +41,27 @@ def derived_benchmark_id(base_id: str, digest: str) -> str:
     return f"{match['head']}_{match['config'] or 1}_{match['kind'] or 'T'}-{number}"
 
 
+def follows_naming(benchmark_id: str) -> bool:
+    """Whether country and place can be read from an id by CommonRoad's naming, COUNTRY_Place-…"""
+    return _READABLE_ID.fullmatch(benchmark_id) is not None
+
+
 def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
     """Country and place of a CommonRoad benchmark id; the cooperative prefix ``C-`` is left out.
 
+    Of an id that does not follow the naming they are read as far as they can be: ``ZAM`` where there is no country.
+
     Raises:
-        UnsafeInput: the id does not follow COUNTRY_Place-…; ids become file names, so nothing else is taken.
+        UnsafeInput: the id cannot be the name of a file, which ids become.
     """
     match = _READABLE_ID.fullmatch(benchmark_id)
-    if match is None:
+    if match is not None:
+        return match[1], match[2]
+    safe = _SAFE_ID.fullmatch(benchmark_id)
+    if safe is None or not safe["place"]:
         raise UnsafeInput(
-            f"the benchmark id {quoted(benchmark_id, 80)} does not follow CommonRoad's naming",
-            valid=["COUNTRY_Place-1_1_T-1"],
+            f"the benchmark id {quoted(benchmark_id, 80)} does not follow CommonRoad's naming and cannot name a file",
+            valid=["COUNTRY_Place-1_1_T-1", "letters, digits, _ - and . (at most 100)"],
             next_step="correct benchmarkID in the file's root element",
         )
-    return match[1], match[2]
+    return safe["country"] or _ARTIFICIAL, safe["place"]

@@ -6,11 +6,13 @@ scenario at that step shows them. Lanelets are named by id, by SUMO's edges and 
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
+from ...schemas.text import counted
 from ..commonroad import Track
 from ..scene import NOT_DRIVEN, Ego, Scene, ego_lane, leader_and_follower
 from ..vehicles import vehicle_classes
@@ -24,6 +26,8 @@ _NAME_A_VEHICLE = "name one of these by its id; describe_scenario with detail=ve
 _NAME_A_LANELET = "name one of these; describe_scenario with detail=lanelets lists all"
 _MOST_MEANT = 3
 """Vehicles that are described where a word meant several (chosen)."""
+_MEAN_ALL = ("id", "new", "all", "class")
+"""Selectors that mean the same whoever else is excluded."""
 EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
@@ -46,8 +50,8 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
         raise InvalidRequest(
             "only exclusions are given", valid=["all", "class:car"], next_step="add whom they exclude from"
         )
-    meant = {key for selector in wanted for key in _resolve(selector, there, changes)}
     excluded = {key for selector in selectors if selector.negated for key in _resolve(selector, there, changes)}
+    meant = {key for selector in wanted for key in _resolve_without(selector, there, excluded, changes)}
     left = tuple(sorted(meant - excluded))
     gone = _gone(there, changes) & set(left)
     if gone:
@@ -59,6 +63,17 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
             f"{', '.join(texts)} leaves no vehicle", valid=_listed(there), next_step="leave fewer of them out"
         )
     return left
+
+
+def _resolve_without(selector: Selector, scene: Scene, excluded: set[int], changes: Changes) -> tuple[int, ...]:
+    """What a selector means where some vehicles are excluded: the nearest, the fastest, the only one of the others."""
+    if not excluded or selector.kind in _MEAN_ALL:
+        return _resolve(selector, scene, changes)
+    if selector.kind in ("one", "only"):
+        left = tuple(key for key in _of_class(selector.argument, scene) if key not in excluded)
+        return _the_only(selector.argument, left, scene) if left else ()
+    others = {key: track for key, track in scene.tracks.items() if key not in excluded}
+    return _resolve(selector, replace(scene, tracks=others), changes)
 
 
 def whom_words_meant(texts: Sequence[str], vehicles: Sequence[int], scene: Scene, changes: Changes) -> str:
@@ -111,10 +126,10 @@ def _resolve(selector: Selector, scene: Scene, changes: Changes) -> tuple[int, .
         case "class":
             return _of_class(word, scene)
         case "one" | "only":
-            return _the_only(f"{word}s", _of_class(word, scene), scene)
+            return _the_only(word, _of_class(word, scene), scene)
         case "leftmost" | "rightmost" | "lane":
             side = word if selector.kind == "lane" else selector.kind
-            return _the_only(f"vehicles in the {side} lane", _outermost(side, scene), scene)
+            return _the_only("vehicle", _outermost(side, scene), scene, f" in the {side} lane")
         case _:
             return _described(selector, scene)
 
@@ -162,10 +177,10 @@ def _of_class(word: str, scene: Scene) -> tuple[int, ...]:
     return vehicles
 
 
-def _the_only(what: str, vehicles: tuple[int, ...], scene: Scene) -> tuple[int, ...]:
+def _the_only(what: str, vehicles: tuple[int, ...], scene: Scene, where: str = "") -> tuple[int, ...]:
     if len(vehicles) != 1:
         raise NotPossible(
-            f"there are {len(vehicles)} {what}",
+            f"there {'is no' if not vehicles else 'are'} {counted(len(vehicles), what) if vehicles else what}{where}",
             valid=[_name(scene.tracks[key]) for key in vehicles] or _listed(scene),
             next_step="name one by its id",
         )

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plannerforge.schemas.text import LONGEST_TEXT, one_line, printable, quoted
+from plannerforge.schemas.text import LONGEST_TEXT, counted, one_line, printable, quoted
 
 
 @given(st.text())
@@ -43,3 +43,20 @@ def test_values_are_quoted_short_and_containers_by_their_size(value: object, sho
 
 def test_printable_keeps_the_breaks_of_an_answer() -> None:
     assert printable("a\n\tb\x00\u202ec\u200bd 5\u00a0m") == "a\n\tbcd 5\u00a0m"
+
+
+@pytest.mark.parametrize(
+    ("count", "noun", "words"),
+    [
+        (1, "bus", "1 bus"),
+        (16, "bus", "16 buses"),
+        (2, "parkedVehicle", "2 parked vehicles"),
+        (0, "car", "0 cars"),
+        (3, "coach", "3 coaches"),
+        (2, "taxi", "2 taxis"),
+        (4, "emergency", "4 emergencies"),
+        (1200, "road user", "1,200 road users"),
+    ],
+)
+def test_a_number_stands_with_its_noun_in_the_right_form(count: int, noun: str, words: str) -> None:
+    assert counted(count, noun) == words

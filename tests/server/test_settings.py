@@ -54,6 +54,16 @@ def test_folders_in_a_variable_are_separated_as_in_path(monkeypatch: pytest.Monk
     assert (settings.roots, settings.map_folders) == ((one, two), (one,))
 
 
+def test_folders_in_a_variable_may_be_a_json_list(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    assert """PLANNERFORGE_ROOTS='["/a", "/b"]'""" in readme
+    monkeypatch.setenv("PLANNERFORGE_ROOTS", '["/a", "/b"]')
+    assert Settings(workspace=tmp_path).roots == (Path("/a"), Path("/b"))
+    monkeypatch.setenv("PLANNERFORGE_ROOTS", '["/a", ')
+    with pytest.raises(ValueError, match="begins like a JSON list"):
+        Settings(workspace=tmp_path)
+
+
 def test_folders_in_the_file_are_a_list(tmp_path: Path) -> None:
     write_file(f'roots = ["{tmp_path}"]')
     assert Settings().roots == (tmp_path,)

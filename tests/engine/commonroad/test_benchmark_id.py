@@ -13,6 +13,9 @@ from plannerforge.schemas.errors import UnsafeInput
         ("C-DEU_B471-1_3_T-1", ("DEU", "B471")),
         ("ZAM_OpenDrive-1", ("ZAM", "OpenDrive")),
         ("ZAM_test_0-1", ("ZAM", "test_0")),
+        ("DEU-Muc-1_1_T-1", ("DEU", "Muc")),
+        ("USA_US101-1-1-T-1-2", ("USA", "US101")),
+        ("lanker 1".replace(" ", "-"), ("ZAM", "lanker")),
     ],
 )
 def test_country_and_place_come_from_the_benchmark_id(benchmark_id: str, expected: tuple[str, str]) -> None:

@@ -32,6 +32,11 @@ def meant(apply: Apply, *selectors: str, builder: object = None) -> tuple[int, .
         (["fastest"], (33,)),
         (["slowest"], (35,)),
         (["leftmost"], (33,)),
+        (["nearest:1", "!33"], (32,)),
+        (["nearest:2", "!33", "!32"], (31, 35)),
+        (["fastest", "!one:truck"], (34,)),
+        (["one:car", "!31", "!32"], (35,)),
+        (["lead", "!31"], (35,)),
     ],
 )
 def test_selectors(apply: Apply, selectors: list[str], expected: tuple[int, ...]) -> None:
