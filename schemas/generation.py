@@ -1,16 +1,18 @@
 """Generation of scenarios from maps: arguments and result of the tool, and what the engine is asked and answers."""
 
+from dataclasses import replace
 from typing import Literal
 
 from pydantic import Field
 
-from .base import Answer, Arguments, Model, Result
+from .base import Answer, Arguments, Model, Result, first_of
+from .text import counted
 
 SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
 ScenarioType = Literal["any", SiteType]
 Density = Literal["low", "medium", "high"]
-_SHOWN_IN_FULL = 5
-"""Scenarios that an answer shows with all figures; chosen to keep it short."""
+_SHOWN, _MOST_NOTES = 10, 2
+"""Scenarios of many, and notes on one, that an answer shows (chosen)."""
 
 
 class MapFacts(Model):
@@ -263,22 +265,41 @@ class ScenarioSummary(Model):
     trial_run: str = Field("", description="outcome of the default planner, where asked")
     notes: list[str]
 
-    def lines(self) -> list[str]:
-        """The scenario in a few lines of plain text."""
-        realised = ", ".join(f"{count} {name}" for name, count in self.classes_realised.items())
-        asked = ", ".join(f"{name} at least {count}" for name, count in self.classes_asked.items())
-        specified = f"; asked: {asked}" if asked else ""
+    @property
+    def traffic(self) -> str:
+        """The ego and the others by class; beside how many the request comes to where those are not as many."""
+        classes = ", ".join(["the ego", *(counted(count, name) for name, count in self.classes_realised.items())])
+        differs = self.vehicles_realised != self.vehicles_asked
+        wanted = f" of {self.vehicles_asked} that the request comes to" if differs else ""
+        return f"{counted(self.vehicles_realised, 'vehicle')}{wanted}: {classes}"
+
+    @property
+    def where(self) -> str:
+        """The site, its map, and its place on earth."""
+        osm = f", OSM {self.osm_id}" if self.osm_id else ""
+        return f"{self.site}, {self.place} ({self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm})"
+
+    def answer(self) -> Answer:
+        """One scenario: where it is, its traffic, the ego's task; what failed or came out otherwise."""
+        remarks = [f"trial run: {self.trial_run}"] if self.trial_run else []
+        notes = first_of(self.notes, _MOST_NOTES, f"describe_scenario of {self.scenario_id}, detail=checks")
+        return Answer(
+            headline=f"{self.scenario_id}{' (made before)' if self.reused else ''}: {self.where}.",
+            decided=[
+                f"{self.recorded_s:g} s, {self.traffic}.",
+                f"{self.ego[0].upper()}{self.ego[1:]}; goal {self.goal}.",
+            ],
+            figures=[f"Traffic: {self.density}.", *(f"Note: {note}" for note in (*remarks, *notes))],
+            warnings=[f"failed checks: {', '.join(self.checks_failed)}"] if self.checks_failed else (),
+            next_step="run_planner",
+        )
+
+    def line(self) -> str:
+        """The same in a line, for one of many."""
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
-        where = f"{self.place} ({self.map_id}), {self.site} at {self.latitude:.5f}, {self.longitude:.5f}"
-        where += f" (OSM {self.osm_id})" if self.osm_id else ""
-        first = f"{self.scenario_id}{' (reused)' if self.reused else ''}: {where}"
-        counts = f"{self.vehicles_realised} of {self.vehicles_asked} asked ({realised}{specified})"
-        ego = f"  {self.recorded_s:g} s recorded; {self.ego}; goal {self.goal}"
-        checks = f"  checks passed: {', '.join(self.checks_passed) or 'none'}{failed}"
-        checks += f"; {self.feasible_share:.0%} of tracks drivable"
-        driven = [f"  trial run: {self.trial_run}"] if self.trial_run else []
-        notes = (f"  note: {note}" for note in self.notes)
-        return [first, f"  vehicles {counts}; {self.density}", ego, checks, *driven, *notes]
+        tried = f"; trial run: {self.trial_run}" if self.trial_run else ""
+        made = f"- {self.scenario_id}{' (made before)' if self.reused else ''}"
+        return f"{made}: {self.where}; {self.traffic}{tried}{failed}"
 
 
 class GenerateScenariosResult(Result):
@@ -289,11 +310,16 @@ class GenerateScenariosResult(Result):
     attribution: list[str]
 
     def answer(self) -> Answer:
-        """A few lines a scenario, asked beside realised; of many the first ones, and the ids of all."""
-        shown = self.scenarios[:_SHOWN_IN_FULL]
-        rest = ", ".join(made.scenario_id for made in self.scenarios[_SHOWN_IN_FULL:])
-        body = [line for made in shown for line in made.lines()]
-        more = [f"Also made, alike: {rest}"] if rest else []
-        head = f"{len(self.scenarios)} scenario(s) made:"
+        """One scenario with all that decides, of several a line each."""
         source = f"Map data: {'; '.join(self.attribution)}"
-        return Answer(head, listed=[*body, *more, *self.notes, source])
+        notes = [f"Note: {note}" for note in self.notes]
+        if len(self.scenarios) == 1:
+            one = self.scenarios[0].answer()
+            return replace(one, figures=[*one.figures, *notes, source])
+        shown = [made.line() for made in self.scenarios[:_SHOWN]]
+        rest = [f"… {len(self.scenarios) - _SHOWN} more: list_artifacts"] if len(self.scenarios) > _SHOWN else []
+        return Answer(
+            headline=f"{counted(len(self.scenarios), 'scenario')} made:",
+            listed=[*shown, *rest, *notes, source],
+            next_step=f"run_planner with scenarios {[made.scenario_id for made in self.scenarios[:2]]} and so on",
+        )

@@ -3,14 +3,15 @@
 from ..engine.workspace import Artifact
 from ..schemas.generation import Checks, DensityFacts, GeneratedScenario, GenerationRequest, ScenarioSummary
 from ..schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
+from ..schemas.text import counted
 from .call import ToolCall
 
 REPORT = "generation.json"
 """What came out of the generation, kept with the scenario for when it is asked for again."""
 _IN_FULL: tuple[Detail, ...] = ("checks", "recipe")
 """Details that list notes and warnings."""
-_SHOWN_STREETS, _SHOWN_WARNINGS = 4, 3
-"""How many of each an answer lists; chosen to keep it short."""
+_SHOWN_STREETS = 4
+"""Streets of a site that an answer names (chosen)."""
 
 
 def summarise(
@@ -20,13 +21,12 @@ def summarise(
     site, ego = scenario.site, scenario.ego
     streets = " / ".join(site.streets[:_SHOWN_STREETS]) or "unnamed roads"
     passed, failed = verdicts(scenario.checks)
-    unusual = [f"road network, {warning}" for warning in scenario.checks.network_warnings]
     return ScenarioSummary(
         scenario_id=scenario_id,
         reused=reused,
         map_id=request.map_id,
         place=request.place,
-        site=f"{site.scenario_type} ({streets}; asked: {request.scenario_type})",
+        site=f"{site.scenario_type} at {streets}" + _unlike(site.scenario_type, request.scenario_type),
         latitude=site.latitude,
         longitude=site.longitude,
         osm_id=site.osm_id,
@@ -36,33 +36,27 @@ def summarise(
         classes_realised=scenario.classes_realised,
         density=_density(scenario.density),
         recorded_s=scenario.recorded_s,
-        ego=f"ego: a car of {ego.cars_to_choose_from} at {ego.speed_mps:.1f} m/s (asked: {request.ego})",
+        ego=f"Ego: one of {counted(ego.cars_to_choose_from, 'car')} ({request.ego}), at {ego.speed_mps:.1f} m/s",
         goal=(
             f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet} within "
-            f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s (asked: {request.goal})"
+            f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s ({request.goal})"
         ),
         feasible_share=scenario.checks.feasible_share,
         checks_passed=passed,
         checks_failed=failed,
-        notes=[*scenario.notes, *_warnings(scenario.netconvert_warnings), *unusual],
+        notes=list(scenario.notes),
     )
 
 
-def _warnings(warnings: tuple[str, ...]) -> list[str]:
-    """The first of netconvert's warnings and how many there are; all of them are kept with the scenario."""
-    if not warnings:
-        return []
-    more = len(warnings) - _SHOWN_WARNINGS
-    rest = f"; and {more} more (describe_scenario with detail checks lists all)" if more > 0 else ""
-    return [f"netconvert warned {len(warnings)} time(s): {'; '.join(warnings[:_SHOWN_WARNINGS])}{rest}"]
+def _unlike(realised: str, asked: str) -> str:
+    """What was asked for, where it is another type of site."""
+    return "" if asked in ("any", realised) else f" (for the {asked} that was asked for)"
 
 
 def _density(density: DensityFacts) -> str:
     return (
         f"{density.at_start_per_lane_km:g} vehicles per lane-km at the start, "
-        f"{density.at_end_per_lane_km:g} at the end (asked: {density.wish}, "
-        f"{density.target_per_lane_km:g} on {density.lane_km:.1f} lane-km; the paper: "
-        f"{density.paper_trips} trips)"
+        f"{density.at_end_per_lane_km:g} at the end ({density.wish}: {density.target_per_lane_km:g})"
     )
 
 

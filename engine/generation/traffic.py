@@ -15,6 +15,7 @@ import numpy as np
 
 from ...schemas.errors import NotPossible
 from ...schemas.generation import GenerationRequest, SiteType
+from ...schemas.text import counted
 from ..execution import ProgressReporter
 from ..maps import FAST_ROADS, RAMP_LINKS, RURAL_CLASSES
 from ..network import LaneletLookup
@@ -176,7 +177,7 @@ def _is_not_full(demand: Demand, counts: Mapping[str, int]) -> bool:
 def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:
     room = {name: demand.least[name] - absent[name] for name in absent}
     return NotPossible(
-        f"asked for at least {_listed({name: demand.least[name] for name in absent})}; "
+        f"asked for {_listed({name: demand.least[name] for name in absent})}; "
         f"of them {_listed(room)} found room at this site",
         valid=[f"{name}={count}" for name, count in room.items() if count],
         next_step="ask for fewer, or choose another place, scenario_type or seed",
@@ -185,7 +186,7 @@ def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:
 
 
 def _listed(counts: Mapping[str, int]) -> str:
-    return " and ".join(f"{count} {name}" for name, count in counts.items())
+    return " and ".join(counted(count, name) for name, count in counts.items())
 
 
 def without_spares(vehicles: tuple[GeneratedVehicle, ...], demand: Demand) -> tuple[GeneratedVehicle, ...]:
