@@ -1,7 +1,9 @@
 """One tool call from a shell or a script: through a real client session, in this process."""
 
 import json
+import re
 import sys
+from pathlib import Path
 
 import anyio
 from mcp import Client, MCPError
@@ -9,6 +11,8 @@ from mcp.types import CallToolResult, TextContent
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 
+from ..resources.templates import SCHEME
+from ..tools.rendering import FOLDER
 from .assembly import create_server
 from .settings import Settings
 from .tool_calls import answer_text
@@ -33,8 +37,14 @@ def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool, t
     if as_json and not result.is_error:
         sys.stdout.write(json.dumps(result.structured_content, indent=1, ensure_ascii=False) + "\n")
     else:
-        (sys.stderr if result.is_error else sys.stdout).write(answer_text(result) + "\n")
+        text = _with_paths(answer_text(result), settings.workspace.expanduser().resolve() / FOLDER)
+        (sys.stderr if result.is_error else sys.stdout).write(text + "\n")
     return 1 if result.is_error else 0
+
+
+def _with_paths(text: str, pictures: Path) -> str:
+    """The text with the paths of pictures in place of links, which a shell cannot open."""
+    return re.sub(rf"{re.escape(SCHEME)}picture/([\w.\-]+)", lambda link: str(pictures / link[1]), text)
 
 
 async def _call(

@@ -29,6 +29,11 @@ def test_call_prints_the_text_of_the_answer(tmp_path: Path) -> None:
     assert (tmp_path / "workspace" / "journal" / "calls.jsonl").is_file()
 
 
+def test_a_shell_is_given_the_paths_of_pictures_not_links(tmp_path: Path) -> None:
+    result = run("call", "echo", '{"text": "see plannerforge://picture/a_12.png (9×9)"}')
+    assert f"see {tmp_path / 'workspace' / 'pictures' / 'a_12.png'} (9" in json.loads(result.stdout)["text"]
+
+
 def test_call_prints_the_structure_as_json() -> None:
     result = run("call", "echo", '{"text": "hello"}', "--json")
     assert result.exit_code == 0
