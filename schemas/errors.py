@@ -60,9 +60,10 @@ class PlannerForgeError(Exception):
 
 
 class InvalidRequest(PlannerForgeError):
-    """The arguments contradict each other or cannot be meant."""
+    """The arguments contradict each other or cannot be meant; ``faults``: those that are told together, if several."""
 
     code = "invalid_request"
+    faults: "tuple[InvalidRequest, ...]" = ()
 
 
 class UnknownName(InvalidRequest):
@@ -84,6 +85,69 @@ class NotPossible(InvalidRequest):
 
     code = "not_possible"
     usual_step = "ask for something that is possible there, or elsewhere"
+
+
+class Faults:
+    """What is wrong with a call, collected, so that all of it is told at once and not the first alone."""
+
+    _MOST_VALUES: ClassVar[int] = 5
+    _MOST_TOLD: ClassVar[int] = 8
+
+    def __init__(self) -> None:
+        self._found: list[InvalidRequest] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def collecting(self, where: str = "") -> "_Collecting":
+        """A block whose refusal is kept for later; ``where`` stands before its message."""
+        return _Collecting(self._found, where)
+
+    def raise_all(self) -> None:
+        """Raise what was collected as one error; nothing where nothing was.
+
+        Raises:
+            InvalidRequest: of the class and with the reason of the first fault; each with its own valid values.
+        """
+        if not self._found:
+            return
+        first = self._found[0]
+        if len(self._found) == 1:
+            raise first
+        told = [self._told(error) for error in self._found[: self._MOST_TOLD]]
+        more = len(self._found) - len(told)
+        steps = dict.fromkeys(error.next_step for error in self._found[: self._MOST_TOLD])
+        together = type(first)(
+            f"{len(self._found)} faults: {'; '.join(told)}{f'; and {more} more' if more else ''}",
+            next_step="; ".join(steps),
+            reason=first.reason,
+        )
+        together.faults = tuple(self._found)
+        raise together from first
+
+    def _told(self, error: "InvalidRequest") -> str:
+        more = len(error.valid) - self._MOST_VALUES
+        rest = f" and {more} more" if more > 0 else ""
+        valid = f" (valid: {', '.join(error.valid[: self._MOST_VALUES])}{rest})" if error.valid else ""
+        return f"{error.message.rstrip('.')}{valid}"
+
+
+class _Collecting:
+    def __init__(self, found: list[InvalidRequest], where: str) -> None:
+        self._found, self._where = found, where
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> bool:
+        if not isinstance(error, InvalidRequest):
+            return False
+        for fault in error.faults or (error,):
+            message = f"{self._where}: {fault.message}" if self._where else fault.message
+            kept = type(fault)(message, valid=fault.valid, next_step=fault.next_step, reason=fault.reason)
+            kept.__cause__ = error
+            self._found.append(kept)
+        return True
 
 
 class UnsafeInput(PlannerForgeError):

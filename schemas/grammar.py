@@ -143,13 +143,14 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     return Interval(value, value, exact=True)
 
 
-def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False) -> Condition:
+def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, words: bool = False) -> Condition:
     """A condition such as ``truck>=1``, ``car=2..5``, ``!yield``, ``speed_limit=50km/h`` or ``outcome=collision``.
 
     Args:
         text: the condition as written.
         unit: base unit that a quantity on the right is turned into.
         whole: counts: ``>`` and ``<`` mean at least one more or less; a fraction is refused.
+        words: a word may stand on the right, as in ``outcome=collision``.
 
     Raises:
         InvalidRequest: malformed.
@@ -165,10 +166,10 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False) -> C
     if operator is None:
         return Condition(name, Interval(1.0, None), negated=negated, scope=scope)
     if not re.match(r"[+-]?\.?\d", right):
-        if operator not in ("=", "=="):
+        if not words or operator not in ("=", "=="):
             raise InvalidRequest(
                 f"'{text}' compares with '{right}', which is no number",
-                valid=[f"{name}{operator}2"],
+                valid=[f"{name}{'=' if operator == '==' else operator}2"],
                 next_step="compare with a number",
             )
         return Condition(name, Interval(None, None), right, negated, scope)

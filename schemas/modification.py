@@ -103,6 +103,12 @@ class Edit(Arguments):
         rest = ", ".join(f"{name} {_as_written(getattr(self, name))}" for name in self.given if name != "vehicles")
         return f"{self.op}{whom} ({rest})" if rest else f"{self.op}{whom}"
 
+    @property
+    def names_added(self) -> bool:
+        """Whether it is about a vehicle that another edit adds (``new:K``)."""
+        words = [*self.vehicles, *self.to, *self.via, *([] if self.at is None else [self.at])]
+        return any(re.search(r"\bnew:\d", word) for word in words)
+
     def numbered_after(self, earlier: int) -> "Edit":
         """The edit with every ``new:K`` counted from the first of ``earlier`` edits that it is appended to."""
 

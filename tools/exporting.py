@@ -16,7 +16,7 @@ from ..schemas.artifacts import (
     SolutionRequest,
 )
 from ..schemas.comparison import CompareResultsArguments
-from ..schemas.errors import InvalidRequest
+from ..schemas.errors import Faults, InvalidRequest
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.rendering import PictureKind, ReportImage, ReportRequest, ReportSection, ReportWritten
 from ..schemas.results import AnalyzeResultsArguments
@@ -35,7 +35,11 @@ _FAILURES = ("collision", "off_road", "infeasible", "timeout", "goal_missed", "g
 async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) -> ExportArtifactsResult:
     """Write what was asked for; every name is checked before the first file is written."""
     folder = call.allowed_path(arguments.folder)
-    named = [named_artifact(word, call) for word in dict.fromkeys(arguments.ids)]
+    named, faults = list[Artifact](), Faults()
+    for word in dict.fromkeys(arguments.ids):
+        with faults.collecting():
+            named.append(named_artifact(word, call))
+    faults.raise_all()
     artifacts = list({(artifact.kind, artifact.artifact_id): artifact for artifact in named}.values())
     planned = plan_exports(call.workspace, artifacts, arguments.formats, folder)
     report = folder / REPORT_NAME if "html" in arguments.formats else None

@@ -14,7 +14,7 @@ from ..engine.tuning import (
     tuning_of,
 )
 from ..engine.workspace import Recipe
-from ..schemas.errors import InvalidRequest
+from ..schemas.errors import Faults, InvalidRequest
 from ..schemas.planning import (
     LISTED_CONFIGURATIONS,
     ConfigurationInfo,
@@ -108,9 +108,16 @@ async def configure_planner(arguments: ConfigurePlannerArguments, call: ToolCall
 
 async def run_planner(arguments: RunPlannerArguments, call: ToolCall) -> RunPlannerResult:
     """One run at once; several as a job that this call waits for."""
-    check_modes(arguments.traffic, arguments.prediction)
-    choice = choose_scenarios(arguments.scenarios, call)
-    configurations = {c.config_id: c for c in (resolve_configuration(text, call) for text in arguments.configs)}
+    faults, configurations = Faults(), dict[str, PlannerConfiguration]()
+    with faults.collecting():
+        check_modes(arguments.traffic, arguments.prediction)
+    with faults.collecting():
+        choice = choose_scenarios(arguments.scenarios, call)
+    for text in arguments.configs:
+        with faults.collecting():
+            configuration = resolve_configuration(text, call)
+            configurations[configuration.config_id] = configuration
+    faults.raise_all()
     for configuration in configurations.values():
         store_configuration(call, configuration)
     modes = (arguments.prediction, arguments.traffic, arguments.seed)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from ..engine.workspace import Artifact
 from ..schemas.comparison import CompareRequest, CompareResultsArguments, CompareResultsResult, Lineage, Side
-from ..schemas.errors import InvalidRequest, NotPossible, UnknownName
+from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
 from ..schemas.modification import Edit
 from ..schemas.planning import PlannerConfiguration
 from ..schemas.results import AnalyseRequest, AnalyzeResultsArguments, AnalyzeResultsResult, ConfigWeights
@@ -97,8 +97,13 @@ def choose_results(words: Sequence[str], call: ToolCall) -> tuple[_ChosenResult,
         UnknownName: nothing of that name, or no such run or batch yet.
         InvalidRequest: the id of something that is no result.
     """
-    chosen = (_chosen(result_named(word.strip(), call)) for word in words)
-    return tuple({result.result_id: result for result in chosen}.values())
+    faults, chosen = Faults(), dict[str, _ChosenResult]()
+    for word in words:
+        with faults.collecting():
+            result = _chosen(result_named(word.strip(), call))
+            chosen[result.result_id] = result
+    faults.raise_all()
+    return tuple(chosen.values())
 
 
 def result_named(word: str, call: ToolCall) -> Artifact:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from ..engine.catalog import MOST_ENTRIES, Postings, Search, entries_of, open_catalogue
 from ..engine.workspace import Artifact
 from ..schemas.catalog import FindScenariosArguments, SearchRecord
-from ..schemas.errors import InvalidRequest, NotPossible, UnknownName
+from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
 from ..schemas.scenarios import DescribeRequest, DescribeScenarioArguments, DescribeScenarioResult, ScenarioRecord
 from .call import ToolCall
 from .generation_record import described_generation, kept_report, with_classes
@@ -98,17 +98,20 @@ def choose_scenarios(words: Sequence[str], call: ToolCall) -> _Choice:
     """Resolve the words of a call; ``latest`` and ``search:latest`` become concrete ids.
 
     Raises:
-        UnknownName: a scenario, planning problem, search or stage of it that does not exist.
+        UnknownName: scenarios, planning problems, searches or stages of them that do not exist; all of them at once.
         InvalidRequest: ``preset:`` without a number from 1 to 500.
         NotPossible: a search without hits, or no scenario that could be run.
     """
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
     chosen: dict[ChosenScenario, None] = {}
     notes: list[str] = []
+    faults = Faults()
     for word in words:
-        scenarios, remarks = _meant(word.strip(), call)
-        chosen.update(dict.fromkeys(scenarios))
-        notes += remarks
+        with faults.collecting():
+            scenarios, remarks = _meant(word.strip(), call)
+            chosen.update(dict.fromkeys(scenarios))
+            notes += remarks
+    faults.raise_all()
     if not chosen:
         raise NotPossible("no scenario is left to run", next_step="name scenario ids, a search id or preset:10")
     return _Choice(tuple(chosen), tuple(notes))

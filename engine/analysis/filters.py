@@ -42,7 +42,7 @@ def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
     """
     kept = runs.sources
     for text in conditions:
-        condition = parse_condition(text)
+        condition = parse_condition(text, words=True)
         holds = _test(runs, condition, text)
         kept = tuple(source for source in kept if holds(source.record) != condition.negated)
     return RunSet(kept, runs.configs, runs.scenarios)

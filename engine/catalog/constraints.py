@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from ...schemas.catalog import FindScenariosArguments, Stage
-from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval
 from ...schemas.text import one_line
 from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
@@ -86,7 +86,7 @@ def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constra
 
     Raises:
         UnknownName: a tag, feature, key or obstacle outside the vocabulary; all wrong names at once.
-        InvalidRequest: a malformed condition, or a speed without a unit.
+        InvalidRequest: a malformed condition, or a speed without a unit; all faults at once.
     """
     makers: list[tuple[Callable[[str], Constraint], str]] = [
         *((partial(_word_constraint, "tag", known=_tag_name), text) for text in arguments.tags),
@@ -94,25 +94,15 @@ def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constra
         *((_road_net, text) for text in arguments.road_net),
         *((_obstacles, text) for text in arguments.obstacles),
     ]
-    constraints, unknown = list(location), list[UnknownName]()
+    constraints, faults = list(location), Faults()
     for make, text in makers:
-        try:
+        with faults.collecting():
             constraints.append(make(text))
-        except UnknownName as error:
-            unknown.append(error)
-    if unknown:
-        raise _together(unknown)
-    if arguments.ego_speed is not None:
-        constraints.append(_ego_speed(arguments.ego_speed))
+    with faults.collecting():
+        if arguments.ego_speed is not None:
+            constraints.append(_ego_speed(arguments.ego_speed))
+    faults.raise_all()
     return tuple(constraints)
-
-
-def _together(errors: list[UnknownName]) -> UnknownName:
-    """One refusal that names every unknown word, each with its nearest valid ones."""
-    if len(errors) == 1:
-        return errors[0]
-    named = [f"{error.message} (nearest: {', '.join(str(word) for word in error.valid[:4])})" for error in errors]
-    return UnknownName("; ".join(named), valid=errors[0].valid, next_step=errors[0].next_step)
 
 
 def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:

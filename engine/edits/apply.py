@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.errors import Faults, InvalidRequest, NotPossible
 from ...schemas.modification import EDITS, Edit, EditOperation, ModificationOutcome, ModificationRequest
 from ..commonroad import ScenarioDocument
 from ..cosimulation import ROUTES_FILE, TYPES_FILE, SimulationSetup
@@ -89,22 +89,24 @@ def _resolved_edits(edits: tuple[Edit, ...], base: Scene, next_id: int, earlier:
     others are counted from 0 in errors.
 
     Raises:
-        InvalidRequest: an edit that cannot be meant, or that the scenario does not allow.
+        InvalidRequest: edits that cannot be meant, or that the scenario does not allow; all that are wrong at once.
     """
-    changes, scene, steps = Changes(next_id=next_id, driven={}), base, list[EditStep]()
+    changes, scene, steps, faults = Changes(next_id=next_id, driven={}), base, list[EditStep](), Faults()
     for index, edit in enumerate(edits):
-        try:
+        if faults and edit.names_added:  # whom it is about may be what a refused edit was to add
+            continue
+        step = None
+        with faults.collecting(f"edit {index - earlier} ({edit.op})" if len(edits) - earlier > 1 else ""):
             _check_arguments(edit)
             step = OPERATIONS[edit.op](edit, scene, changes)
-        except InvalidRequest as error:
-            if len(edits) - earlier == 1:
-                raise
-            message = f"edit {index - earlier} ({edit.op}): {error.message}"
-            raise type(error)(message, valid=error.valid, next_step=error.next_step, reason=error.reason) from error
+        if step is None:
+            changes = replace(changes, added_by_edit=(*changes.added_by_edit, ()))
+            continue
         meant = whom_words_meant(edit.vehicles, step.vehicles, scene, changes)
         changes = replace(step.changes, added_by_edit=(*changes.added_by_edit, step.added))
         scene = _scene_after(base, changes)
         steps.append(replace(step, changes=changes, meant=meant))
+    faults.raise_all()
     ego.check_goal(scene, changes)
     return _ResolvedEdits(edits, tuple(steps), changes, scene)
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 
+from ...schemas.errors import Faults
 from ...schemas.planning import PlannerConfiguration, PlannerSettings, WeightChange
 from ..planners import PLANNERS, known_planner
 from .settings import apply_assignments, changed_settings, known_settings, setting_values
@@ -52,15 +53,19 @@ def changed_configuration(
     """
     tuning = tuning_of(base.planner)
     start = base
-    if preset is not None:
-        chosen = tuning.preset(preset)
-        start = base.model_copy(update={"weights": dict(chosen.weights), "preset": chosen.name})
-    changed = apply_assignments(
-        start.weights | start.external_weights, changes, limits=tuning.limits, elsewhere=_names_elsewhere(base.planner)
-    )
+    faults = Faults()
+    with faults.collecting():
+        if preset is not None:
+            chosen = tuning.preset(preset)
+            start = base.model_copy(update={"weights": dict(chosen.weights), "preset": chosen.name})
+    with faults.collecting():
+        values, elsewhere = start.weights | start.external_weights, _names_elsewhere(base.planner)
+        changed = apply_assignments(values, changes, limits=tuning.limits, elsewhere=elsewhere)
+    with faults.collecting():
+        after, setting_notes = changed_settings(base.settings, settings)
+    faults.raise_all()
     weights = {name: changed.values[name] for name in tuning.weights}
     external = {name: changed.values[name] for name in tuning.external}
-    after, setting_notes = changed_settings(base.settings, settings)
     made = _configuration(base.planner, start.preset, weights, external, after)
     if made.config_id != base.config_id:
         made = made.model_copy(update={"base": base.config_id, "assignments": (*changes, *settings)})

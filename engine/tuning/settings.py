@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
-from ...schemas.errors import InvalidRequest, UnknownName, closest
+from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Assignment, parse_assignment
 from ...schemas.planning import PlannerSettings
 from ..vehicles import VEHICLES
@@ -37,27 +37,30 @@ def apply_assignments(
 
     Raises:
         UnknownName: a weight that does not exist, with the nearest.
-        InvalidRequest: malformed, or a result outside its range or not finite.
+        InvalidRequest: malformed, or a result outside its range or not finite; all faults at once.
     """
     limits, elsewhere = limits or {}, elsewhere or {}
-    result = dict(values)
+    result, faults = dict(values), Faults()
     notes: list[str] = []
     for text in changes:
-        change = parse_assignment(text)
-        name = _known(change.name, result, kind, elsewhere)
-        before = result[name]
-        if change.copied_from is not None:
-            after = result[_known(change.copied_from, result, kind, elsewhere)]
-        else:
-            after = _value(change, before, text)
-        lowest, highest = limits.get(name, (0.0, LARGEST_WEIGHT))
-        if not math.isfinite(after) or not lowest <= after <= highest:
-            valid = f"{name} from {lowest:g} to {highest:g}" if name in limits else f"a weight from 0 to {highest:g}"
-            raise InvalidRequest(f"'{text}' would set {name} to {after:g}", valid=[valid])
-        result[name] = after
-        if after == before:
-            zero = " (0 times anything stays 0; set a value instead)" if before == 0 and change.operator == "*" else ""
-            notes.append(f"'{text}' leaves {name} at {before:g}{zero}")
+        with faults.collecting():
+            change = parse_assignment(text)
+            name = _known(change.name, result, kind, elsewhere)
+            before = result[name]
+            if change.copied_from is not None:
+                after = result[_copied(change.copied_from, result, text, kind)]
+            else:
+                after = _value(change, before, text)
+            lowest, highest = limits.get(name, (0.0, LARGEST_WEIGHT))
+            if not math.isfinite(after) or not lowest <= after <= highest:
+                most = f"{name} from {lowest:g} to {highest:g}" if name in limits else f"a weight from 0 to {highest:g}"
+                raise InvalidRequest(f"'{text}' would set {name} to {after:g}", valid=[most])
+            result[name] = after
+            if after == before:
+                is_idle = before == 0 and change.operator == "*"
+                zero = " (0 times anything stays 0; set a value instead)" if is_idle else ""
+                notes.append(f"'{text}' leaves {name} at {before:g}{zero}")
+    faults.raise_all()
     return _ChangedValues(result, tuple(notes))
 
 
@@ -70,6 +73,19 @@ def _value(change: Assignment, before: float, text: str) -> float:
     if change.operator == "+":
         return round(before + operand, 12)  # 0.1 + 0.2 shall read 0.3
     return round(before - operand, 12) if change.operator == "-" else operand
+
+
+def _copied(name: str, values: Mapping[str, float], text: str, kind: str) -> str:
+    """The name whose value another one is to have, where a number was expected."""
+    folded = name if name in values else name.lower()
+    if folded not in values:
+        near = closest(name, values, 3)
+        raise UnknownName(
+            f"'{text}': '{name}' is neither a number nor the name of a {kind}",
+            valid=["a number", *near],
+            next_step="set a number, or copy the value of another one by its name",
+        )
+    return folded
 
 
 def _known(name: str, values: Mapping[str, float], kind: str, elsewhere: Mapping[str, str]) -> str:

@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 
 from plannerforge.schemas import errors
 from plannerforge.schemas.errors import (
+    Faults,
     InvalidRequest,
     NotPossible,
     PlannerForgeError,
     UnexpectedFailure,
     UnknownName,
+    UnsafeInput,
     as_told,
     closest,
     error_classes,
@@ -144,3 +146,31 @@ def test_whatever_is_raised_a_caller_is_told_what_it_can_use(raised: Exception, 
 def test_likeness_of_long_names_is_looked_for_in_a_part_of_them() -> None:
     streets = ["x" * 200_000, "Main Street", *(f"{number}" * 1000 for number in range(5000))]
     assert closest("Main Stret" + " " * 30_000, streets, limit=1) == ["Main Street"]
+
+
+def test_all_faults_of_a_call_are_told_at_once_each_with_what_is_valid() -> None:
+    faults = Faults()
+    with faults.collecting("edit 0 (reroute)"):
+        raise UnknownName("there is no vehicle 7", valid=[1, 2, 3, 4, 5, 6], next_step="name one of these", reason="x")
+    with faults.collecting("edit 2 (set_speed)"):
+        raise NotPossible("it stands", next_step="choose another")
+    with faults.collecting():
+        pass
+    with pytest.raises(UnknownName) as told:
+        faults.raise_all()
+    assert told.value.text == (
+        "[unknown_name] 2 faults: edit 0 (reroute): there is no vehicle 7 (valid: 1, 2, 3, 4, 5 and 1 more); "
+        "edit 2 (set_speed): it stands. Next: name one of these; choose another."
+    )
+    assert told.value.reason == "x"
+
+
+def test_one_fault_is_told_as_it_is_and_other_errors_are_not_collected() -> None:
+    faults = Faults()
+    faults.raise_all()
+    with faults.collecting():
+        raise InvalidRequest("no speed", valid=["5m/s"])
+    with pytest.raises(InvalidRequest, match=r"no speed\. Valid: 5m/s"):
+        faults.raise_all()
+    with pytest.raises(UnsafeInput), faults.collecting():
+        raise UnsafeInput("broken")

@@ -118,7 +118,12 @@ def test_interval_holds_its_ends() -> None:
     ],
 )
 def test_condition(text: str, expected: Condition) -> None:
-    assert parse_condition(text) == expected
+    assert parse_condition(text, words=True) == expected
+
+
+def test_a_word_where_a_number_is_compared_is_refused() -> None:
+    with pytest.raises(InvalidRequest, match="compares with 'many', which is no number"):
+        parse_condition("car=many", whole=True)
 
 
 def test_strict_condition_of_counts_moves_by_one() -> None:
