@@ -308,7 +308,7 @@ class DescribedGeneration(Model):
         streets = ", ".join(site.streets) or "unnamed roads"
         mark = f", OSM {site.osm_id}" if site.osm_id else ""
         classes = ", ".join(counted(count, name) for name, count in self.classes_realised.items()) or "the ego alone"
-        asked = "".join(f", at least {count} {name}" for name, count in self.classes_asked.items())
+        asked = "".join(f", with {counted(count, name)}" for name, count in self.classes_asked.items())
         listed = [f"Generation note: {note}" for note in self.notes]
         listed += [f"Road network: {warning}" for warning in self.network_warnings]
         listed += [f"netconvert: {warning}" for warning in self.netconvert_warnings]
