@@ -121,7 +121,12 @@ async def import_map(call: ToolCall, path: Path, name: str | None, country: str 
         before = call.workspace.find_by_recipe("map", recipe)
         artifact = before or await _store_map(call, plain, recipe, name, country)
     facts = artifact.read(MapFacts)
-    sites = ", ".join(counted(count, kind) for kind, count in sorted(facts.sites.items()) if count) or "no sites"
+    sites = (
+        ", ".join(
+            counted(count, f"{kind.replace('_', ' ')} site") for kind, count in sorted(facts.sites.items()) if count
+        )
+        or "no sites"
+    )
     return ImportedItem(
         file=one_line(path.name),
         kind="map",

@@ -14,9 +14,11 @@ import pickle
 import sys
 import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -29,12 +31,13 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 FOLDER_VARIABLE = "PLANNERFORGE_RECORDINGS"
 """The environment variable of a worker that names the folder; without it nothing is kept on disk."""
-_VERSION = 1
-"""Raised where the reader, or what a recording holds, changes."""
+_READERS = ("document", "lanelet_networks", "plain_states", "reader", "recordings", "tracks", "value_limits")
+"""Modules that say what is read, and what is refused: a recording made by other ones counts for nothing."""
 _LIBRARIES = ("commonroad-io", "numpy", "shapely")
 _LOOKED_AT = 50
 """How full the folder is, is looked at when the first recording is written and after each of these many (chosen)."""
 _DIGEST_BYTES = 32
+_FINISHED, _UNFINISHED = ".recording", ".part"
 _DATA_MODULES: Final = (
     "commonroad.common.common_lanelet",
     "commonroad.common.util",
@@ -89,9 +92,10 @@ class RecordingStore:
         path = self._path(content)
         try:
             stored = path.read_bytes()
-            os.utime(path)
         except OSError:
             return None
+        with suppress(OSError):  # a folder that cannot be written can be read all the same
+            os.utime(path)
         digest, payload = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
         try:
             if digest != hashlib.sha256(payload).digest():
@@ -99,7 +103,8 @@ class RecordingStore:
             return Recording(*_PlainData(io.BytesIO(payload)).load())
         except Exception as error:  # noqa: BLE001 - whatever a foreign file makes a library raise, the XML is the truth
             logger.warning("the recording %s is not used and made again: %s", path, error)
-            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                path.unlink()
             return None
 
     def put(self, content: str, recording: Recording) -> None:
@@ -108,36 +113,49 @@ class RecordingStore:
         payload = pickle.dumps(parts, protocol=5)
         try:
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(hashlib.sha256(payload).digest() + payload)
-            Path(name).replace(self._path(content))
-            if self._written % _LOOKED_AT == 0:
-                self._make_room()
-            self._written += 1
+            handle, name = tempfile.mkstemp(dir=self.folder, suffix=_UNFINISHED)
+            try:
+                with os.fdopen(handle, "wb") as stream:
+                    stream.write(hashlib.sha256(payload).digest() + payload)
+                Path(name).replace(self._path(content))
+            except OSError:
+                Path(name).unlink(missing_ok=True)
+                raise
         except OSError as error:
             logger.warning("no recording is kept in %s: %s", self.folder, error)
+            return
+        if self._written % _LOOKED_AT == 0:
+            self._make_room()
+        self._written += 1
 
     def _path(self, content: str) -> Path:
-        return self.folder / f"{content}-{_versions()}.recording"
+        return self.folder / f"{content}-{_versions()}{_FINISHED}"
 
     def _make_room(self) -> None:
-        """Delete what was not used for longest, until the folder holds no more than it may."""
-        files = [(path.stat(), path) for path in self.folder.iterdir() if path.is_file()]
+        """Delete what was not used for longest, until the folder holds no more than it may.
+
+        Other workers do the same at any time; what they write just now is left alone.
+        """
+        files, held = [], 0
+        for path in self.folder.glob(f"*{_FINISHED}"):
+            with suppress(OSError):
+                files.append((path.stat(), path))
         files.sort(key=lambda file: (-file[0].st_mtime, file[1].name))
-        held = 0
         for status, path in files:
             held += status.st_size
             if held > self._most_bytes:
-                path.unlink(missing_ok=True)
+                with suppress(OSError):
+                    path.unlink()
 
 
 @cache
 def _versions() -> str:
-    """A short name for the versions of all that a recording depends on."""
-    versions = [f"{name} {version(name)}" for name in _LIBRARIES]
-    said = f"{_VERSION}; Python {sys.version_info.major}.{sys.version_info.minor}; {'; '.join(versions)}"
-    return hashlib.sha256(said.encode()).hexdigest()[:12]
+    """A short name for all that a recording depends on: the libraries, and the readers as they stand."""
+    said = [f"Python {sys.version_info.major}.{sys.version_info.minor}"]
+    said += [f"{name} {version(name)}" for name in _LIBRARIES]
+    sources = (files(__package__).joinpath(f"{name}.py").read_bytes() for name in _READERS)
+    said += [hashlib.sha256(source).hexdigest() for source in sources]
+    return hashlib.sha256("; ".join(said).encode()).hexdigest()[:12]
 
 
 class _PlainData(pickle.Unpickler):

@@ -25,7 +25,7 @@ def test_a_map_is_added_once_packed_or_plain_and_listed(tmp_path: Path) -> None:
     packed.write_bytes(gzip.compress((LIBRARY / "fahrhausen.osm").read_bytes()))
     added = maps("add", str(packed), "--place", "Harbour", "--country", "Germany")
     assert added.exit_code == 0, added.output
-    assert "Harbour (DEU): 1.9 km of roads, 4 intersection, 4 urban" in added.stdout
+    assert "Harbour (DEU): 1.9 km of roads, 4 intersection sites, 4 urban sites" in added.stdout
     plain = tmp_path / "other.osm"
     plain.write_bytes(gzip.decompress(packed.read_bytes()))
     again = maps("add", str(plain), "--place", "Harbour", "--country", "de")

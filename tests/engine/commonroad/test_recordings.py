@@ -120,6 +120,33 @@ def test_a_folder_that_cannot_be_written_is_logged(
     assert "no recording is kept" in caplog.text
 
 
+def test_a_damaged_recording_in_a_folder_that_cannot_be_written_is_passed_over(
+    store: RecordingStore, town: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store.put(digest_of(town), recording_of(town))
+    (path,) = store.folder.iterdir()
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(13, "read-only")
+
+    monkeypatch.setattr(os, "utime", refuse)
+    assert_same(town, store.find(digest_of(town)))
+    path.write_bytes(b"damaged")
+    monkeypatch.setattr(Path, "unlink", refuse)
+    assert store.find(digest_of(town)) is None
+
+
+def test_a_full_disk_leaves_nothing_half_written(
+    store: RecordingStore, town: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    store.put(digest_of(town), recording_of(town))
+    assert list(store.folder.iterdir()) == []
+
+
 def test_what_was_not_used_for_longest_makes_room(store: RecordingStore, town: Path) -> None:
     recording = recording_of(town)
     for number, name in enumerate("abc"):
