@@ -4,7 +4,7 @@
     assignment   tau=0.7 · jerk*2 · jerk+0.1 · jerk-0.1 · jerk=lateral_jerk
     selector     12 · all · one:truck · class:truck · nearest:3 · lead · new:0 · !12
     quantity     50km/h · 30mph · 13.9 · 35m · 8s · 90steps
-    interval     8..12s · <=90steps · >=20mph · 50km/h
+    interval     8..12s · 30-40 mph · 5 km/h ± 1 m/s · <=90steps · >=20mph · 50km/h
 
 Hosts drop patterns and bounds from schemas, so every error here repeats what is allowed.
 """
@@ -18,6 +18,8 @@ from .errors import InvalidRequest, UnknownName, closest
 
 _NAME = r"[A-Za-z_][A-Za-z0-9_.\-]*"
 _NUMBER = r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
+_UNSIGNED = r"\d+(?:\.\d*)?"
+"""A number without a sign, between which a dash or a word may stand."""
 _UNIT = r"[A-Za-z][A-Za-z/0-9]*"
 BaseUnit = Literal["m/s", "m", "s", ""]
 _TO_BASE: dict[str, dict[str, float]] = {
@@ -115,20 +117,28 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
 
 
 def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> Interval:
-    """``8..12s``, ``<=90steps``, ``>=20mph``, ``=3`` or a single value; ends are inclusive.
+    """``8..12s``, ``30-40 mph``, ``5 km/h ± 1 m/s``, ``<=90steps``, ``>=20mph``, ``=3`` or a value; ends are inclusive.
+
+    A unit that stands once counts for both numbers.
 
     Raises:
         InvalidRequest: malformed, or the ends are the wrong way round.
     """
     body = text.strip()
-    between = re.fullmatch(rf"=?\s*({_NUMBER}\s*(?:{_UNIT})?)\s*\.\.\s*({_NUMBER}\s*(?:{_UNIT})?)", body)
-    if between:
-        last_unit = re.search(rf"{_UNIT}$", between[2].strip())
-        first = (
-            between[1]
-            if re.search(r"[A-Za-z]$", between[1].strip())
-            else between[1] + (last_unit[0] if last_unit else "")
+    is_one = re.fullmatch(rf"=?\s*{_NUMBER}\s*(?:{_UNIT})?", body)
+    around = re.fullmatch(rf"=?\s*({_NUMBER}\s*(?:{_UNIT})?)\s*(?:±|\+/-|\+-)\s*({_NUMBER}\s*(?:{_UNIT})?)", body)
+    if around:
+        value, tolerance = (
+            parse_quantity(part, unit, step_s=step_s)
+            for part in (_with_unit(around[1], around[2]), _with_unit(around[2], around[1]))
         )
+        return Interval(value - abs(tolerance), value + abs(tolerance))
+    between = re.fullmatch(rf"=?\s*({_NUMBER}\s*(?:{_UNIT})?)\s*\.\.\s*({_NUMBER}\s*(?:{_UNIT})?)", body)
+    between = between or re.fullmatch(
+        rf"=?\s*({_UNSIGNED}\s*(?:{_UNIT})?)\s*(?:-|–|\bto\b)\s*({_UNSIGNED}\s*(?:{_UNIT})?)", body
+    )
+    if between and not is_one:
+        first = _with_unit(between[1], between[2])
         low, high = (parse_quantity(part, unit, step_s=step_s) for part in (first, between[2]))
         if low > high:
             raise InvalidRequest(
@@ -141,6 +151,12 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
             return Interval(bound, None) if operator == ">=" else Interval(None, bound)
     value = parse_quantity(body.removeprefix("="), unit, step_s=step_s)
     return Interval(value, value, exact=True)
+
+
+def _with_unit(quantity: str, other: str) -> str:
+    """The quantity as written, with the unit of the other one where it has none."""
+    unit = re.search(rf"(?<![A-Za-z]){_UNIT}$", other.strip())
+    return quantity if unit is None or re.search(r"[A-Za-z]$", quantity.strip()) else quantity + unit[0]
 
 
 def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, words: bool = False) -> Condition:

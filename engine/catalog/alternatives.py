@@ -6,7 +6,7 @@ from itertools import islice
 
 from ...schemas.errors import closest
 from ...schemas.vocabulary import FEATURES, ROAD_NET_KEYS, TAGS
-from .constraints import MEASURE_COLUMNS, Constraint, known_places
+from .constraints import MEASURE_COLUMNS, PARTICIPANTS, Constraint, known_places
 from .entry_sets import EntrySet, column_of
 from .funnel import EmptiedBy, Funnel
 from .tables import NEVER_S
@@ -52,7 +52,7 @@ def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel
     """What the candidates have of what a condition is about; empty where that is not worth saying."""
     if constraint.stage == "location":
         return _places(connection, constraint, funnel.within)
-    if constraint.stage == "obstacles":
+    if constraint.stage == "obstacles" and constraint.words:
         return _counts(connection, constraint, funnel, entering)
     if constraint.words:
         return _words(constraint, funnel, entering)
@@ -70,6 +70,8 @@ def _column(constraint: Constraint) -> tuple[str, str]:
         return "initial speeds in m/s", "speed_mps"
     if constraint.stage == "road_net":
         return "lanes", "lanes"
+    if constraint.subject == PARTICIPANTS:
+        return f"numbers of {PARTICIPANTS}", "size"
     return constraint.subject, MEASURE_COLUMNS[constraint.subject]
 
 

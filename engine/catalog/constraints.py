@@ -32,6 +32,9 @@ _OBSTACLE_WORDS = {
     "parkedcar": "parkedVehicle",
     "emergencyvehicle": "priorityVehicle",
 }
+PARTICIPANTS = "participants"
+"""What obstacles of all types together are called."""
+_TOTALS = ("participants", "participant", "roadusers", "vehicles", "obstacles", "total")
 _MEASURE_WORDS = {"timetocollision": "ttc", "duration": "horizon", "trafficdensity": "density"}
 _ROAD_NET_WORDS = {"signal": "traffic_light", "trafficsignal": "traffic_light", "stopsign": "stop", "giveway": "yield"}
 SPEED_TOLERANCE_MPS = 2.0
@@ -186,6 +189,8 @@ def _limit(text: str) -> Constraint:
 
 def _obstacles(text: str) -> Constraint:
     condition = parse_condition(text, whole=True)
+    if _key(condition.name) in _TOTALS:
+        return _total(text, condition)
     next_step = "describe_catalog lists the obstacle types"
     name = _name(condition.name, OBSTACLE_TYPES, _OBSTACLE_WORDS, "obstacle type", next_step)
     _scope(condition, ("map",))
@@ -197,6 +202,14 @@ def _obstacles(text: str) -> Constraint:
     query = outside if holds_for_none else within
     negated = condition.negated != holds_for_none
     return Constraint("obstacles", name, label, query, (name, low, high), negated, (("obstacle", name),))
+
+
+def _total(text: str, condition: Condition) -> Constraint:
+    """How many obstacles of all types there are together, the ego not counted."""
+    _scope(condition, ("map",))
+    query = "SELECT number FROM catalog_scenarios WHERE size BETWEEN ? AND ?"
+    bounds = _bounds(condition.interval, 0.0)
+    return Constraint("obstacles", PARTICIPANTS, one_line(text), query, bounds, condition.negated)
 
 
 def _ego_speed(text: str) -> Constraint:

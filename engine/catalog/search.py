@@ -29,7 +29,7 @@ from ...schemas.errors import InvalidRequest
 from ...schemas.scenarios import ScenarioFacts
 from .alternatives import emptied_note, never_carried
 from .bm25 import reciprocal_rank_fusion
-from .constraints import Constraint, constraints_of, location_constraints
+from .constraints import PARTICIPANTS, Constraint, constraints_of, location_constraints
 from .entry_sets import EntrySet, Postings, plain_rows
 from .funnel import Funnel
 from .tables import facts_of
@@ -290,6 +290,8 @@ def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
         return f"{facts.location.place}, {facts.location.country}"
     if constraint.stage == "tags":
         return _tags(constraint, facts) if constraint.words else _measure(constraint, facts)
+    if constraint.subject == PARTICIPANTS:
+        return f"{PARTICIPANTS}={facts.participants.total}"
     if constraint.stage == "obstacles":
         return f"{constraint.subject}={facts.participants.counts.get(constraint.subject, 0)}"
     if constraint.stage == "velocity":

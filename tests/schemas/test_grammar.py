@@ -268,3 +268,22 @@ def test_digits_of_other_scripts_never_crash(text: str) -> None:
     for parse in (parse_selector, parse_condition, parse_quantity, parse_interval, parse_assignment):
         with suppress(PlannerForgeError):
             parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "low", "high"),
+    [
+        ("30-40 mph", 30 * 0.44704, 40 * 0.44704),
+        ("30 – 40 mph", 30 * 0.44704, 40 * 0.44704),
+        ("10 to 15 m/s", 10.0, 15.0),
+        ("36km/h-15m/s", 10.0, 15.0),
+        ("18 km/h ± 1 m/s", 4.0, 6.0),
+        ("36 +/- 3.6 km/h", 9.0, 11.0),
+        ("5 ± 1", 4.0, 6.0),
+        ("1e-3", 1e-3, 1e-3),
+        ("-2..3m/s", -2.0, 3.0),
+    ],
+)
+def test_intervals_are_read_as_people_write_them(text: str, low: float, high: float) -> None:
+    interval = parse_interval(text, "m/s")
+    assert (interval.low, interval.high) == (pytest.approx(low), pytest.approx(high))

@@ -193,3 +193,14 @@ def test_an_empty_catalogue_has_no_facets_and_no_matches() -> None:
     search = Search(connection, FindScenariosArguments(diverse=3))
     found = search.answer("search", search.find(None), None)
     assert (found.total, found.matches, found.coverage) == (0, (), ())
+
+
+def test_all_participants_together_can_be_counted() -> None:
+    busy, quiet = facts("DEU_A-1_1_T-1", counts={"car": 14, "bus": 6}), facts("DEU_A-2_1_T-1", counts={"car": 3})
+    search = Search(catalogue([busy, quiet]), FindScenariosArguments(obstacles=["participants>=20"]))
+    answer = search.answer("search", search.find(None), None)
+    assert [(one.scenario_id, one.satisfied) for one in answer.matches] == [("DEU_A-1_1_T-1", ("participants=20",))]
+    search = Search(catalogue([quiet]), FindScenariosArguments(obstacles=["participants>=20"]))
+    emptied = search.answer("search", search.find(None), None).emptied_by
+    assert emptied is not None
+    assert "numbers of participants 3" in emptied.note
