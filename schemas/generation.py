@@ -15,11 +15,31 @@ _SHOWN, _MOST_NOTES = 10, 2
 """Scenarios of many, and notes on one, that an answer shows (chosen)."""
 
 
+class PlaceArea(Model):
+    """A settlement or a part of one inside a map: OSM's kind, all names, centre in degrees and reach around it.
+
+    ``radius_m`` comes from the outline where the map has one, otherwise from the kind and the places around it.
+    """
+
+    name: str
+    kind: str
+    other_names: tuple[str, ...] = ()
+    latitude: float
+    longitude: float
+    radius_m: float
+
+
+MAP_FACTS_VERSION = 2
+"""Raised when more is read of a map than before: what a workspace keeps of a map is then read anew."""
+
+
 class MapFacts(Model):
     """What a map shows: read from the file, nothing guessed.
 
     ``country`` is None where neither the file nor the caller names it; ``countries_near`` are then those that it may
-    lie in (none: nothing is known). ``sites`` counts sites by scenario type.
+    lie in (none: nothing is known). ``sites`` counts sites by scenario type. ``road_names``: for roads that have
+    several names the one of ``streets`` or ``refs``, then the others; ``areas``: places that the map shows in part of
+    itself.
     """
 
     map_id: str
@@ -37,6 +57,9 @@ class MapFacts(Model):
     sites: dict[SiteType, int]
     road_km: float
     attribution: str
+    road_names: tuple[tuple[str, ...], ...] = ()
+    areas: tuple[PlaceArea, ...] = ()
+    facts_version: int = 1
 
 
 class MapList(Model):

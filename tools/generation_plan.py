@@ -3,6 +3,7 @@
 Each scenario of a call is assigned a site of a map; maps without one may stand in for a map that fails.
 """
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from ..engine.maps import Box, MapEntry, MapMatch, country_code, find_maps, reso
 from ..schemas.errors import InvalidRequest, NotPossible
 from ..schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioType, VehicleDemand
 from ..schemas.grammar import parse_condition
+from ..schemas.vocabulary import vehicle_class_of
 from .call import ToolCall
 from .operations import COUNT_SITES
 
@@ -75,6 +77,8 @@ def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -
     turn = arguments.seed % len(holding)
     unnamed = sorted({word for match in holding for word in match.unnamed})
     notes = [f"the map does not name {word!r}; its street was found" for word in unnamed]
+    notes += [taken for text in arguments.vehicles if (taken := _in_our_words(text)[1])]
+    notes += list(dict.fromkeys(text for match in holding for text in match.understood))[:_SHOWN_PLACES]
     if (box := _box_of(arguments.bbox)) is not None:
         notes += _beyond_the_maps(box, holding)
     return _GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
@@ -157,7 +161,7 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
         attribution=facts.attribution,
         scenario_type=arguments.scenario_type,
         streets=site.match.streets,
-        bbox=_box_of(arguments.bbox),
+        bbox=_meant_box(arguments, site.match),
         road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
         density=arguments.density,
         vehicles=_vehicle_demands(arguments.vehicles),
@@ -170,6 +174,15 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
         site_step=site.site_step,
         folder="",
     )
+
+
+def _meant_box(arguments: GenerateScenariosArguments, match: MapMatch) -> Box | None:
+    """Where sites are looked for: the asked box, the asked part of the map, or what both have in common."""
+    asked, meant = _box_of(arguments.bbox), match.box
+    if asked is None or meant is None:
+        return asked or meant
+    south, west, north, east = zip(asked, meant, strict=True)
+    return max(south), max(west), min(north), min(east)
 
 
 def _code_of(country: str | None) -> str | None:
@@ -197,6 +210,7 @@ def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
 
 def _vehicle_demand(text: str) -> VehicleDemand:
     """``truck``: some; ``truck=2``: a least number; ``car=4..4``: bounds on both sides; ``bicycle=0``: none at all."""
+    text, _ = _in_our_words(text)
     demand = parse_condition(text, whole=True)
     low, high = demand.interval.low, demand.interval.high
     if demand.negated:
@@ -209,6 +223,15 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     if demand.value is not None or demand.scope is not None or least < 0 or (most is not None and most < least):
         raise InvalidRequest(f"vehicles {text!r} cannot be meant", valid=["truck", "truck=2", "car=4..4", "bicycle=0"])
     return VehicleDemand(vehicle_class=demand.name, least=least, most=most)
+
+
+def _in_our_words(text: str) -> tuple[str, str]:
+    """A demand with the class that its word means, and what was taken for what; empty where nothing was."""
+    found = re.fullmatch(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", text, re.DOTALL)
+    name = None if found is None else vehicle_class_of(found[2])
+    if found is None or name is None or name == found[2]:
+        return text, ""
+    return f"{found[1]}{name}{found[3]}", f"{found[2].strip()!r} is taken as {name}"
 
 
 def _box_of(bbox: list[float] | None) -> Box | None:

@@ -18,7 +18,7 @@ from ..engine.maps import (
 )
 from ..engine.workspace import Artifact, Recipe, content_digest
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
-from ..schemas.generation import ConvertMapRequest, MapFacts, ReadMapRequest
+from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.importing import ImportedItem
 from ..schemas.text import counted, one_line
 from .call import ToolCall
@@ -46,7 +46,20 @@ async def maps_at_hand(call: ToolCall) -> MapInventory:
     """
     seen = SeenFiles(call.workspace.database)
     notes = [note for folder in call.services.map_folders for note in await _taken_in(call, seen, folder)]
+    await _amend_old(call)
     return _together(call, notes)
+
+
+async def _amend_old(call: ToolCall) -> None:
+    """Read anew what an older program kept of maps: it knew fewer names, and not where the parts of a place lie."""
+    for artifact in call.workspace.newest(kind="map", limit=_MOST_MAPS):
+        facts = artifact.read(MapFacts)
+        if facts.facts_version >= MAP_FACTS_VERSION:
+            continue
+        request = ReadMapRequest(path=str(_entry(call, artifact).path), map_id=facts.map_id)
+        read = await call.run(READ_MAP, request)
+        names = {"road_names": read.road_names, "areas": read.areas, "facts_version": read.facts_version}
+        call.workspace.amend("map", artifact.artifact_id, facts.model_copy(update=names))
 
 
 def maps_seen(call: ToolCall) -> MapInventory:

@@ -15,7 +15,7 @@ from ...schemas.catalog import FindScenariosArguments, Stage
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
 from ...schemas.grammar import Condition, Interval, parse_condition, parse_interval
 from ...schemas.text import one_line
-from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
+from ...schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS, vehicle_class_of
 from ..maps import country_code, place_keys
 from .bm25 import words_of
 from .entry_sets import column_of
@@ -35,6 +35,14 @@ _OBSTACLE_WORDS = {
 PARTICIPANTS = "participants"
 """What obstacles of all types together are called."""
 _TOTALS = ("participants", "participant", "roadusers", "vehicles", "obstacles", "total")
+_TYPE_OF_CLASS = {
+    "trailer": "truck",
+    "delivery": "truck",
+    "coach": "bus",
+    "emergency": "priorityVehicle",
+    "moped": "motorcycle",
+}
+"""CommonRoad's obstacle type of the classes that it has no word for."""
 _MEASURE_WORDS = {"timetocollision": "ttc", "duration": "horizon", "trafficdensity": "density"}
 _ROAD_NET_WORDS = {"signal": "traffic_light", "trafficsignal": "traffic_light", "stopsign": "stop", "giveway": "yield"}
 SPEED_TOLERANCE_MPS = 2.0
@@ -192,7 +200,9 @@ def _obstacles(text: str) -> Constraint:
     if _key(condition.name) in _TOTALS:
         return _total(text, condition)
     next_step = "describe_catalog lists the obstacle types"
-    name = _name(condition.name, OBSTACLE_TYPES, _OBSTACLE_WORDS, "obstacle type", next_step)
+    meant = vehicle_class_of(condition.name)
+    everyday = ({_key(condition.name): _TYPE_OF_CLASS.get(meant, meant)} if meant else {}) | _OBSTACLE_WORDS
+    name = _name(condition.name, OBSTACLE_TYPES, everyday, "obstacle type", next_step)
     _scope(condition, ("map",))
     low, high = _bounds(condition.interval, 0.0)
     label = one_line(text).replace(condition.name, name, 1)

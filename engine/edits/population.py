@@ -16,6 +16,7 @@ import numpy as np
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.grammar import parse_quantity
 from ...schemas.modification import Edit
+from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, behaviour_from, own_minimum_gap_m, usual_behaviour
 from ..geometry import Points, length_m, point_at, project, without_repeats
@@ -79,6 +80,8 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         added.append(changes.next_id)
         changes = replace(changes.with_plan(plan), next_id=changes.next_id + 1)
     who = f"{vehicle_class.name} {', '.join(map(str, added))}"
+    asked = (edit.vehicle_class or "").strip()
+    who += f" ({asked!r} is taken as {vehicle_class.name})" if asked.lower() != vehicle_class.name else ""
     what = f"{who} {_where(places, spacing)}, {_entries(edit, scene, changes, added)}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
     return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
@@ -128,6 +131,9 @@ def _class(word: str | None) -> VehicleClass:
         raise InvalidRequest(
             "add_vehicle needs a vehicle_class", valid=[*classes, "pedestrian"], next_step="name one in 'vehicle_class'"
         )
+    known = vehicle_class_of(word)
+    if known is not None:
+        return classes[known]
     if word.strip().lower() not in classes:
         raise UnknownName(
             f"there is no vehicle class '{word}' that can be added",

@@ -4,45 +4,53 @@ What became of the files in the map folders is kept in the database, so that eac
 every call.
 """
 
+import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-from ...schemas.errors import UnknownName, closest
-from ...schemas.generation import MapFacts, MapList, ScenarioType
+from ...schemas.errors import UnknownName
+from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
 from ...schemas.text import LONGEST_TEXT
 from ..workspace import Database, versions_of
-from .places import country_code, fold, place_keys
+from .places import country_code, fold, latin, place_keys
+from .regions import region_of
+from .spellings import MOST_KEPT, distinctive, road_keys, road_readings, route_number, whole_road_keys
 
 LIBRARY = Path(__file__).parent / "library"
 NOT_SHOWN = "not_shown"
 """Reason of a refusal because no map shows the place, the country or the box."""
-ABBREVIATIONS = {
-    "str": "strasse",
-    "blvd": "boulevard",
-    "ave": "avenue",
-    "av": "avenue",
-    "rd": "road",
-    "st": "street",
-    "dr": "drive",
-    "ne": "northeast",
-    "nw": "northwest",
-    "se": "southeast",
-    "sw": "southwest",
-    "n": "north",
-    "s": "south",
-    "e": "east",
-    "w": "west",
-    "und": "and",
-    "&": "and",
-}
-"""Words of street names that are spelled in several ways."""
-MOST_KEPT = 50_000
-"""Names whose spellings are kept, because every call compares all of them (chosen)."""
 Box = tuple[float, float, float, float]
 """(south, west, north, east) in degrees."""
+
+
+_CROSSING_WORDS = re.compile(
+    r"\s*[/&+×@、]\s*|\s+(?:x|at|near|and|und|et|y|e|i|и|och|og|en|ve|と|和|与|Ecke|corner of|an der Ecke|bei|by)\s+"
+    r"|(?<=[路街道])[与和](?=[\u4e00-\u9fff])",
+    re.IGNORECASE,
+)
+_CROSSING_FRAME = re.compile(
+    r"^(?:(?:the\s+)?(?:corner|intersection|junction|crossing)\s+(?:of|between)|(?:kreuzung|ecke|kreuzung von)|"
+    r"angle (?:de|du)|croisement (?:de|du)|esquina (?:de)?|угол|перекрёсток|перекресток)\s+|\s*(?:路口|交叉口|交差点)$",
+    re.IGNORECASE,
+)
+_PLACE_FRAME = re.compile(
+    r"^\d{4,6}\s+|\s+\d{5}(?:-\d{4})?$|^(?:(?:the\s+)?(?:city|town|village|quarter|district|suburb)(?:\s+of)?|stadt(?:teil)?|viertel|gemeinde|"
+    r"ville de|quartier(?: de)?|ciudad de|citta di|г\.|город|район)\s+"
+    r"|\s+(?:city|town|village|quarter|district|suburb)$|(?<=[\u4e00-\u9fff])[市区區县縣]$",
+    re.IGNORECASE,
+)
+_HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
+_PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
+_EARTH_RADIUS_M = 6_371_008.8
+_LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
+"""Of 100: from which a name is worth suggesting, or a name with such words; letters of a word that tells (chosen)."""
+_MOST_NEAR, _COMPARED = 4, 2000
+"""Suggestions, and names that are compared, at most (chosen)."""
+_SHOWN_ROADS, _MOST_WORDS, _LONGEST_UNSPACED = 3, 12, 24
+"""Roads that a sentence names, words that are tried in all splits, letters that are (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +66,20 @@ class MapMatch:
     """A map that shows the asked place.
 
     ``streets``: by their names in the map, that the site must carry; ``unnamed``: words of the request that the map
-    does not name, though it names the street beside them.
+    does not name, though it names the street beside them. ``area``: the part of the map that was meant; None: all of
+    it. ``understood``: what words were taken for, a sentence each, where they are not the map's own.
     """
 
     entry: MapEntry
     streets: tuple[tuple[str, ...], ...] = ()
     unnamed: tuple[str, ...] = ()
+    area: PlaceArea | None = None
+    understood: tuple[str, ...] = ()
+
+    @property
+    def box(self) -> Box | None:
+        """The box around ``area``; None where the whole map is meant."""
+        return None if self.area is None else _box_around(self.area)
 
 
 def built_in_maps() -> list[MapEntry]:
@@ -107,8 +123,8 @@ def find_maps(
 
 
 def same_street(one: str, other: str) -> bool:
-    """Whether two spellings name one street: case, accents, spaces and common abbreviations are ignored."""
-    return bool(_street_keys(one) & _street_keys(other))
+    """Whether two spellings name one street, whatever their case, accents, script, word order, abbreviations."""
+    return bool(road_keys(one) & road_keys(other))
 
 
 def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMatch]:
@@ -154,13 +170,23 @@ def _box_text(f: MapFacts) -> str:
 
 def _showing(found: list[MapMatch], place: str, country: str | None) -> list[MapMatch]:
     """Maps in which every part of the text (``street, city`` or ``street A / street B``) is a place or a road."""
-    parts = _parts(place)
-    matches = (_match(map_.entry, [place], country) or _match(map_.entry, parts, country) for map_ in found)
+    matches = (_match(map_.entry, place[:LONGEST_TEXT], country) for map_ in found)
     return [match for match in matches if match is not None]
 
 
 def _parts(place: str) -> list[str]:
-    return [part.strip() for part in re.split(r"[,;/]|\s+(?:&|at|near|corner of)\s+", place) if part.strip()]
+    """What stands between commas, and around the words for a crossing."""
+    return [part for listed in _listed(place) for part in _crossing(listed)]
+
+
+def _listed(place: str) -> list[str]:
+    return [part.strip() for part in re.split(r"[,;，；]", place) if part.strip()]
+
+
+def _crossing(text: str) -> list[str]:
+    """The roads of a crossing (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``); otherwise the text alone."""
+    inner = _CROSSING_FRAME.sub("", text).strip()
+    return [part.strip() for part in _CROSSING_WORDS.split(inner) if part.strip()]
 
 
 def _not_shown(
@@ -189,74 +215,289 @@ def _not_shown(
             next_step="name the road alone, name its country, or add the map with its place",
             reason=NOT_SHOWN,
         )
-    names = {name for match in matches for name in _names(match.entry.facts)}
     shown = sorted({match.entry.facts.place for match in matches})
-    words = _words(place[:LONGEST_TEXT])
-    near = closest(place[:LONGEST_TEXT], sorted(names, key=lambda name: (words.isdisjoint(_words(name)), name)), 4)
+    near = _near(place[:LONGEST_TEXT], [match.entry.facts for match in matches])
+    if near:
+        return UnknownName(
+            f"no map shows {place!r}",
+            valid=near,
+            next_step="choose one of these, or import an .osm extract of the place with import_files",
+            reason=NOT_SHOWN,
+        )
     return UnknownName(
-        f"no map shows {place!r}",
-        valid=[*near, *(name for name in shown if name not in near)],
+        f"no map shows {place!r} or a name like it: there is no map of that city or country",
+        valid=shown,
         next_step="choose one of these places, or import an .osm extract of the place with import_files",
         reason=NOT_SHOWN,
     )
 
 
-def _match(entry: MapEntry, parts: list[str], country: str | None) -> MapMatch | None:
+def _near(place: str, shown: Sequence[MapFacts]) -> list[str]:
+    """Names that are like the text or a part of it in spelling or sound, the most alike first."""
+    parts = [part for part in dict.fromkeys((place, *_parts(place))) if len(part) >= _TELLING_LETTERS or part == place]
+    words = _words(place)
+    named: dict[str, str] = {}
+    for facts in shown:
+        for name in (facts.place, *facts.places, *(area.name for area in facts.areas)):
+            named.setdefault(name, name)
+        for name in (*facts.streets, *facts.refs):
+            named.setdefault(name, f"{name}, {facts.place}" if len(parts) > 1 else name)
+    names = sorted(named, key=lambda name: (words.isdisjoint(_words(name)), name))[:_COMPARED]
+    choices = [(name, _telling(name[:LONGEST_TEXT])) for name in names]
+    scores: dict[str, float] = {}
+    for part in parts:
+        asked = _telling(part)
+        for name, telling in choices:
+            if (likeness := _likeness(asked, telling)) >= _LEAST_LIKENESS:
+                scores[named[name]] = max(scores.get(named[name], 0.0), likeness)
+    return sorted(scores, key=lambda name: (-scores[name], name))[:_MOST_NEAR]
+
+
+def _likeness(asked: tuple[str, ...], telling: tuple[str, ...]) -> float:
+    """How alike two names are in spelling or sound, from 0 to 100; a part of a name is nearly as good as the whole."""
+    from rapidfuzz import fuzz
+
+    together = fuzz.ratio("".join(asked), "".join(telling), score_cutoff=_LEAST_LIKENESS)
+    heard = fuzz.ratio(_sound("".join(asked)), _sound("".join(telling)), score_cutoff=_LEAST_LIKENESS)
+    long = [word for word in asked if len(word) >= _TELLING_LETTERS]
+    each = [max((fuzz.ratio(word, other) for other in telling), default=0.0) for word in long]
+    return max(together, heard, min(each) - 1 if each and min(each) >= _LEAST_WORD_LIKENESS else 0.0)
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _telling(name: str) -> tuple[str, ...]:
+    """The words that tell a name from others, in Latin letters; all of them where it has no such words."""
+    readings = road_readings(name)
+    telling = distinctive(frozenset.intersection(*readings)) if readings else frozenset()
+    return tuple(sorted(telling)) or tuple(latin(word) for word in name.split())
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _sound(text: str) -> str:
+    """How a name sounds, roughly: letters that are spoken alike in European languages are one, doubled ones too."""
+    for letters, sound in (("sch", "s"), ("sh", "s"), ("ph", "f"), ("ck", "k"), ("th", "t"), ("ee", "i"), ("oo", "u")):
+        text = text.replace(letters, sound)
+    text = text.replace("h", "").translate(str.maketrans("czwyq", "ksvik"))
+    return re.sub(r"(.)\1+", r"\1", text)
+
+
+def _match(entry: MapEntry, place: str, country: str | None) -> MapMatch | None:
     """The map with the streets that are meant, where it shows every part.
 
     A part that it does not name is let pass beside a street where another part names the map, or where the map knows
     no place and the caller names its country.
     """
     facts = entry.facts
-    streets: list[tuple[str, ...]] = []
-    unnamed: list[str] = []
-    for part in (part[:LONGEST_TEXT] for part in parts):
-        if _names_map(part, facts):
-            continue
-        roads = _roads_called(part, facts)
-        if roads:
-            streets.append(roads)
-        else:
-            unnamed.append(part)
-    named = len(unnamed) + len(streets) < len(parts) or (not facts.places and country in _countries(facts))
-    if unnamed and not (streets and named):
+    reading = _read_part(place, facts)
+    if reading is None:
+        listed = _listed(place)
+        if not listed:
+            return None
+        reading = _Reading()
+        for part in listed:
+            found = _read_part(part, facts) or _read_crossing(part, facts) or _read_together(part, facts)
+            if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
+                return None
+            reading += found or _Reading(unnamed=(part,))
+    known = reading.named or (not facts.places and country in _countries(facts))
+    if reading.unnamed and not (reading.streets and known):
         return None
-    return MapMatch(entry, tuple(streets), tuple(unnamed)) if parts else None
+    return MapMatch(entry, reading.streets, reading.unnamed, reading.area, reading.understood)
 
 
-def _names_map(part: str, facts: MapFacts) -> bool:
-    """Whether a word means the map itself: its id, its file, a place in it, or its country."""
+@dataclass(frozen=True)
+class _Reading:
+    """What words mean on a map; ``named``: they name the map or a part of it."""
+
+    streets: tuple[tuple[str, ...], ...] = ()
+    unnamed: tuple[str, ...] = ()
+    area: PlaceArea | None = None
+    understood: tuple[str, ...] = ()
+    named: bool = False
+
+    def __add__(self, other: "_Reading") -> "_Reading":
+        areas = [area for area in (self.area, other.area) if area is not None]
+        return _Reading(
+            self.streets + other.streets,
+            self.unnamed + other.unnamed,
+            min(areas, key=lambda area: area.radius_m, default=None),
+            self.understood + other.understood,
+            self.named or other.named,
+        )
+
+
+def _read_part(part: str, facts: MapFacts) -> _Reading | None:
+    """The words as one place or one road; None where they are neither."""
+    return _read_place(part, facts) or _read_road(part, facts)
+
+
+def _read_place(part: str, facts: MapFacts) -> _Reading | None:
+    """The words as the map itself (its id, its file, its place, region or country) or as a place inside it."""
     stem = facts.file_name.partition(".")[0]
     if fold(part) in {fold(facts.map_id), fold(facts.map_id.removeprefix("map_")), fold(facts.file_name), fold(stem)}:
-        return True
-    if any(place_keys(part) & place_keys(name) for name in (facts.place, *facts.places)):
-        return True
+        return _Reading(named=True)
+    keys = place_keys(part) | place_keys(_PLACE_FRAME.sub("", part))
+    for area in facts.areas:
+        if not keys.isdisjoint(_all_keys(area.name, area.other_names)):
+            taken = "" if fold(part) == fold(area.name) else f"{part!r} is taken as "
+            if _is_whole(area, facts):
+                return _Reading(named=True, understood=(f"{taken}{area.name}",) if taken else ())
+            return _Reading(named=True, area=area, understood=(f"{taken}{_area_text(area)}",))
+    for name in (facts.place, *facts.places):
+        if keys & place_keys(name):
+            alike = fold(part) == fold(name)
+            return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {name}",))
     code = country_code(part)
-    return code is not None and code == facts.country
+    if (code is not None and code == facts.country) or region_of(
+        part, facts.country, (facts.south + facts.north) / 2, (facts.west + facts.east) / 2
+    ):
+        return _Reading(named=True)
+    return None
 
 
-def _roads_called(part: str, facts: MapFacts) -> tuple[str, ...]:
-    """Roads of that name; otherwise those whose names hold all its words (``Loop 101`` in ``AZ 101 Loop``)."""
-    known = (*facts.streets, *facts.refs)
-    same = tuple(name for name in known if same_street(part, name))
-    words = _words(part)
-    return same or tuple(name for name in known if len(words) > 1 and words <= _words(name))
+def _area_text(area: PlaceArea) -> str:
+    return (
+        f"{area.kind} {area.name}, {area.radius_m / 1000:.1f} km around its centre "
+        f"({area.latitude:.4f}, {area.longitude:.4f})"
+    )
+
+
+def _is_whole(area: PlaceArea, facts: MapFacts) -> bool:
+    """Whether a place is what the map shows and not a part of it: its largest, or one that covers the map."""
+    alone = sum(other.kind == facts.areas[0].kind for other in facts.areas) == 1
+    if alone and area == facts.areas[0] and area.kind in ("city", "town", "village"):
+        return True
+    south, west, north, east = _box_around(area)
+    return south <= facts.south and west <= facts.west and facts.north <= north and facts.east <= east
+
+
+def _box_around(area: PlaceArea) -> Box:
+    up = math.degrees(area.radius_m / _EARTH_RADIUS_M)
+    aside = up / max(math.cos(math.radians(area.latitude)), 0.05)
+    return area.latitude - up, area.longitude - aside, area.latitude + up, area.longitude + aside
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _all_keys(name: str, others: tuple[str, ...]) -> frozenset[str]:
+    return frozenset(key for spelling in (name, *others) for key in place_keys(spelling))
+
+
+def _read_road(part: str, facts: MapFacts, *, short: bool = False, whole: bool = False) -> _Reading | None:
+    """The words as a road.
+
+    ``short``: a single word that tells it is enough, as people name the roads of a crossing; ``whole``: nothing of its
+    name may be left out.
+    """
+    roads = _roads_called(part, facts, short=short, whole=whole)
+    if not roads and not whole and (unnumbered := _HOUSE_NUMBER.sub("", part)) != part:
+        roads = _roads_called(unnumbered, facts, short=short)
+    if not roads:
+        return None
+    exact = {fold(name) for name in roads} == {fold(part)}
+    more = f" and {len(roads) - _SHOWN_ROADS} more" * (len(roads) > _SHOWN_ROADS)
+    taken = f"{part!r} is taken as {' or '.join(roads[:_SHOWN_ROADS])}{more}"
+    return _Reading(streets=(roads,), understood=() if exact else (taken,))
+
+
+def _read_crossing(text: str, facts: MapFacts) -> _Reading | None:
+    """The words as several roads or a road near a place; None where one of them is unknown."""
+    parts = _crossing(text)
+    if len(parts) < 2:
+        return None if parts in ([], [text]) else _read_part(parts[0], facts)
+    reading = _Reading()
+    for part in parts:
+        found = (
+            _read_road(part, facts)
+            or _read_place(part, facts)
+            or _read_together(part, facts)
+            or _read_road(part, facts, short=True)
+        )
+        if found is None:
+            return None
+        reading += found
+    return reading
+
+
+def _read_together(text: str, facts: MapFacts) -> _Reading | None:
+    """The words as a road and a place with nothing between (``I-5 Seattle``, ``上海中山北路``), in either order."""
+    for head, tail in _splits(text):
+        if (one := _read_road(head, facts, whole=True)) and (other := _read_road(tail, facts, whole=True)):
+            return one + other
+        for first, second in ((head, tail), (tail, head)):
+            place = _read_place(second, facts)
+            if place is None or (len(second) < 3 and second.isascii() and not second.isupper()):
+                continue
+            rest = _read_road(first, facts) or _read_place(first, facts) or _read_crossing(first, facts)
+            if rest is not None:
+                return place + rest if first == tail else rest + place
+    return None
+
+
+def _splits(text: str) -> Iterator[tuple[str, str]]:
+    """All ways to part a text in two: between words, or between letters where there are no spaces as in Chinese."""
+    words = text.split()
+    if len(words) == 1 and len(text) <= _LONGEST_UNSPACED and re.search(r"[\u3040-\u30ff\u4e00-\u9fff]", text):
+        yield from ((text[:index], text[index:]) for index in range(2, len(text) - 1))
+    if len(words) <= _MOST_WORDS:
+        for index in range(1, len(words)):
+            tail = words[index:]
+            if tail[0].casefold() in _PREPOSITIONS and len(tail) > 1:
+                tail = tail[1:]
+            yield " ".join(words[:index]), " ".join(tail)
+
+
+@dataclass(frozen=True)
+class _RoadIndex:
+    """The roads of a map in their order, by key, by the key of the road that a section belongs to, and by words."""
+
+    order: dict[str, int] = field(default_factory=dict)
+    by_key: dict[str, list[str]] = field(default_factory=dict)
+    by_whole: dict[str, list[str]] = field(default_factory=dict)
+    spellings: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@lru_cache(maxsize=64)
+def _road_index(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) -> _RoadIndex:
+    others = {names[0]: names[1:] for names in several}
+    index = _RoadIndex()
+    for position, name in enumerate(known):
+        index.order.setdefault(name, position)
+        index.spellings[name] = (name, *others.get(name, ()))
+        for key in {key for spelling in index.spellings[name] for key in road_keys(spelling)}:
+            index.by_key.setdefault(key, []).append(name)
+        for key in {key for spelling in index.spellings[name] for key in whole_road_keys(spelling)}:
+            index.by_whole.setdefault(key, []).append(name)
+    return index
+
+
+def _roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool = False) -> tuple[str, ...]:
+    """Roads of that name with their sections; otherwise those whose names hold all its words (``Loop 101`` in
+    ``AZ 101 Loop``), or carry the number (``Route 99``).
+    """
+    index = _road_index((*facts.streets, *facts.refs), facts.road_names)
+    keys = road_keys(part)
+    same = {name for key in keys for name in (*index.by_key.get(key, ()), *index.by_whole.get(key, ()))}
+    if not same and (number := route_number(part)) is not None:
+        same = {name for name in facts.refs if name.split()[-1:] == [number] or re.fullmatch(rf"[A-Z]+{number}", name)}
+    if not same and not whole:
+        asked = [words for words in road_readings(part) if distinctive(words)]
+        enough = short or len(part.replace("-", " ").split()) > 1
+        same = {
+            name
+            for name, spellings in index.spellings.items()
+            if enough and any(words <= held for words in asked for held in _held(spellings))
+        }
+    return tuple(sorted(same, key=index.order.__getitem__))
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _held(spellings: tuple[str, ...]) -> tuple[frozenset[str], ...]:
+    return tuple(words for spelling in spellings for words in road_readings(spelling))
 
 
 @lru_cache(maxsize=MOST_KEPT)
 def _words(name: str) -> frozenset[str]:
     return frozenset(fold(word) for word in name.replace("-", " ").split()) - {""}
-
-
-def _names(facts: MapFacts) -> list[str]:
-    return [facts.place, *facts.places, *facts.streets, *facts.refs]
-
-
-@lru_cache(maxsize=MOST_KEPT)
-def _street_keys(name: str) -> frozenset[str]:
-    words = re.sub(r"str\.(?=\s|$)", "strasse", name.casefold()).replace(".", " ").replace("-", " ").split()
-    spelled = "".join(ABBREVIATIONS.get(word, word) for word in words)
-    return place_keys(spelled) | place_keys(name)
 
 
 @dataclass(frozen=True)

@@ -5,37 +5,60 @@ have to be searched one by one, and not the short forms that users write (``uk``
 """
 
 import unicodedata
-from functools import cache
+from functools import cache, lru_cache
 
 _CITY_NAMES = (
     "aachen aixlachapelle aken",
+    "amsterdam амстердам 阿姆斯特丹 アムステルダム",
     "antwerp antwerpen anvers amberes",
-    "athens athina athen",
-    "barcelona barcelone",
-    "basel basle bale",
+    "athens athina athen athenes αθηνα афины 雅典",
+    "barcelona barcelone барселона 巴塞罗那",
+    "basel basle bale базель",
     "beijing peking pekin pechino 北京 пекин",
-    "brussels bruxelles brussel bruessel bruselas",
-    "cologne koeln koln colonia",
+    "berlin berlino берлин 柏林 ベルリン βερολινο برلين ברלין 베를린 berlim",
+    "bristol бристоль 布里斯托尔 布里斯托 ブリストル",
+    "brussels bruxelles brussel bruessel bruselas брюссель 布鲁塞尔",
+    "cologne koeln koln colonia кельн кёльн 科隆",
     "florence firenze florenz",
-    "geneva genf geneve",
-    "hanover hannover",
-    "lisbon lisboa lissabon",
-    "milan milano mailand",
-    "munich muenchen munchen muc monaco-di-baviera",
-    "naples napoli neapel",
-    "nuremberg nuernberg nurnberg norimberga",
+    "fremantle фримантл 弗里曼特尔",
+    "geneva genf geneve женева 日内瓦",
+    "hamburg гамбург 汉堡 ハンブルク",
+    "hanover hannover ганновер",
+    "korce korca korche korça korçë korcë korcha корча 科尔察 κορυτσα korytsa",
+    "leeds лидс 利兹 リーズ",
+    "lisbon lisboa lissabon lisbonne лиссабон",
+    "london londres londra londen лондон 伦敦 倫敦 ロンドン λονδινο لندن לונדון 런던 londyn",
+    "madrid мадрид 马德里",
+    "memphis мемфис 孟菲斯 メンフィス",
+    "milan milano mailand милан",
+    "monaco монако 摩纳哥 モナコ μονακο موناكو",
+    "moscow moskva moskau moscou москва 莫斯科 モスクワ",
+    "munich muenchen munchen muc monaco-di-baviera monacodibaviera мюнхен 慕尼黑 ミュンヘン μοναχο ميونخ מינכן 뮌헨",
+    "naples napoli neapel неаполь",
+    "newcastle newcastleupontyne ньюкасл 纽卡斯尔",
+    "newyork nyc нью-йорк ньюйорк 纽约 ニューヨーク",
+    "nuremberg nuernberg nurnberg norimberga нюрнберг 纽伦堡 ニュルンベルク νυρεμβεργη",
+    "oakland окленд 奥克兰 オークランド",
+    "paris парис париж 巴黎 パリ parigi",
     "perama περαμα",
-    "prague praha prag",
+    "perth перт 珀斯",
+    "prague praha prag прага",
     "qingdao tsingtao tsingtau 青岛 青島",
-    "rome roma rom",
-    "seville sevilla",
-    "shanghai 上海",
-    "tokyo tokio 東京",
-    "turin torino",
-    "vienna wien",
-    "warsaw warszawa warschau",
+    "rome roma rom рим 罗马",
+    "santabarbara санта-барбара",
+    "seattle сиэтл 西雅图 西雅圖 シアトル σιατλ سياتل 시애틀 סיאטל",
+    "seville sevilla севилья",
+    "shanghai 上海 шанхай",
+    "stpetersburg saintpetersburg санктпетербург petersburg",
+    "tempe темпе",
+    "scottsdale скотсдейл",
+    "tokyo tokio 東京 东京 токио",
+    "turin torino турин",
+    "vaduz вадуц 瓦杜兹 ファドゥーツ βαντουζ",
+    "vienna wien vienne вена 维也纳 ウィーン",
+    "warsaw warszawa warschau варшава",
     "zaragoza saragossa",
-    "zurich zuerich",
+    "zurich zuerich цюрих 苏黎世",
 )
 _COUNTRY_NAMES = """
 ARG ar argentina argentinien argentine
@@ -62,7 +85,7 @@ IRL ie ireland irland
 ITA it italy italien italia italie
 JPN jp japan
 KOR kr southkorea korea
-LIE li liechtenstein
+LIE li fl liechtenstein
 LUX lu luxembourg luxemburg
 MCO mc monaco
 MEX mx mexico mexiko
@@ -85,6 +108,70 @@ USA us unitedstates unitedstatesofamerica america vereinigtestaaten
 ZAF za southafrica suedafrika
 ZAM artificial invented zamunda
 """
+_MORE_COUNTRY_NAMES = """
+ALB albanien albanie albania shqiperia shqiperi shqipëria албания αλβανια 阿尔巴尼亚 アルバニア
+ARE vae emirates unitedarabemirates vereinigtearabischeemirate
+ARG аргентина 阿根廷 アルゼンチン
+AUS австралия 澳大利亚 澳洲 オーストラリア αυστραλια
+AUT autriche austria австрия 奥地利 オーストリア αυστρια
+BEL бельгия 比利时 ベルギー
+BGR bulgarien bulgarie bulgaria българия болгария
+BIH bosnia bosnien bosnie
+BRA brésil бразилия 巴西 ブラジル
+CAN канада 加拿大 カナダ
+CHE швейцария 瑞士 スイス svizra ελβετια
+CHL chili чили 智利
+CHN zhongguo китай 中国 中國 kina chine cina κινα الصين
+CZE ceskarepublika tschechischerepublik чехия 捷克
+DEU bundesrepublikdeutschland brd германия 德国 德國 ドイツ tyskland
+DEU almanya γερμανια 독일 ألمانيا германия гермaния tedesca deutsch
+DNK дания 丹麦 デンマーク
+EGY aegypten egypte egypt egipto
+ESP испания 西班牙 スペイン ισπανια
+EST estland estonia eesti
+FIN suomi finlande финляндия 芬兰
+FRA франция 法国 フランス francia frankrike frankrijk fransa γαλλια 프랑스
+GBR grossbritannien grandebretagne royaumeuni reinounido regnounito vereinigteskoenigreich
+GBR великобритания англия 英国 英國 イギリス britain
+GBR scotland wales northernireland schottland ingiltere
+GRC grece grecia греция 希腊 ギリシャ hellas
+HND honduras гондурас 洪都拉斯 ホンジュラス
+HRV hrvatska croatie croacia хорватия
+HUN magyarorszag hongrie венгрия
+IND inde индия 印度 インド bharat
+IRL eire irlande ирландия 爱尔兰
+ISL island iceland islande
+ISR israel израиль
+ITA италия 意大利 イタリア ιταλια
+JPN japon japan япония 日本 giappone nippon nihon 일본 ιαπωνια
+KOR suedkorea coreedusud корея 韩国 韓国 대한민국 한국
+LIE liechtenstein лихтенштейн 列支敦士登 リヒテンシュタイン
+LTU litauen lithuania lietuva
+LUX люксембург
+LVA lettland latvia latvija
+MCO monaco монако 摩纳哥 モナコ principautedemonaco μονακο
+MEX mexique мексика 墨西哥 メキシコ
+MKD northmacedonia nordmazedonien macedonia
+NLD niederlande paesibassi нидерланды голландия 荷兰 オランダ
+NOR норвегия 挪威
+NZL neuseeland nouvellezelande
+POL pologne polonia польша 波兰 ポーランド
+PRT portogallo португалия 葡萄牙
+ROU roumanie rumania румыния 罗马尼亚
+RUS rossiya россия 俄罗斯 ロシア russie rusia
+SRB serbia serbien srbija
+SVN slovenija slowenien
+SWE suede suecia швеция 瑞典
+THA thailand
+TUR turquie turchia турция 土耳其 トルコ
+UKR украина україна
+USA usa etatsunis estadosunidos statiuniti сша соединенныештаты
+USA 美国 美國 アメリカ theunitedstates unitedstatesamerica ηπα 미국
+VIR usvirginislands virginislands jungferninseln amerikanischejungferninseln
+VNM vietnam
+XKX kosovo
+"""
+"""Names of countries in further languages; a line adds to what is known."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ø": "oe", "å": "aa", "æ": "ae"})
 
 
@@ -104,13 +191,30 @@ def _city_keys() -> tuple[frozenset[str], ...]:
 def _codes() -> dict[str, str]:
     """ISO 3166-1 alpha-3 by the key of a code or name."""
     codes: dict[str, str] = {}
-    for line in _COUNTRY_NAMES.split("\n"):
+    for line in (_COUNTRY_NAMES + _MORE_COUNTRY_NAMES).split("\n"):
         code, *names = line.split() or [""]
         for key in (code.casefold(), *(fold(name) for name in names)):
             codes.setdefault(key, code)
+    from iso3166 import countries
+
+    for country in countries:
+        for text in (country.alpha3, country.alpha2, country.name, country.apolitical_name, country.name.split(",")[0]):
+            codes.setdefault(fold(text.partition("(")[0]), country.alpha3)
     return codes
 
 
+@lru_cache(maxsize=50_000)
+def latin(text: str) -> str:
+    """A text as its sound is written in Latin letters and digits, without accents and digraphs for umlauts."""
+    folded = fold(text)
+    if not folded.isascii():
+        from anyascii import anyascii
+
+        folded = fold(anyascii(unicodedata.normalize("NFC", text).casefold()))
+    return _without_digraphs(folded).replace("aa", "a")
+
+
+@lru_cache(maxsize=50_000)
 def place_keys(text: str) -> frozenset[str]:
     """All keys that a place may be known by; two spellings mean the same place where they share one.
 
@@ -118,7 +222,7 @@ def place_keys(text: str) -> frozenset[str]:
     """
     lowered = unicodedata.normalize("NFC", text).casefold()
     spellings = {fold(lowered), fold(lowered.translate(_UMLAUTS))}
-    spellings |= {_without_digraphs(spelling) for spelling in spellings}
+    spellings |= {_without_digraphs(spelling) for spelling in spellings} | {latin(text)}
     for keys in _city_keys():
         if not spellings.isdisjoint(keys):
             spellings |= keys
@@ -126,13 +230,10 @@ def place_keys(text: str) -> frozenset[str]:
 
 
 def country_code(text: str) -> str | None:
-    """ISO 3166-1 alpha-3 of a code or a name; a word of three letters is taken as a code; None for anything else."""
+    """ISO 3166-1 alpha-3 of a code or a name in several languages; None for anything else."""
     wanted = {fold(text), fold(text.casefold().translate(_UMLAUTS))}
     known = sorted(code for key in wanted - {""} if (code := _codes().get(key)) is not None)
-    if known:
-        return known[0]
-    stripped = text.strip()
-    return stripped.upper() if len(stripped) == 3 and stripped.isascii() and stripped.isalpha() else None
+    return known[0] if known else None
 
 
 def _without_digraphs(spelling: str) -> str:

@@ -54,9 +54,12 @@ def changed_configuration(
     tuning = tuning_of(base.planner)
     start = base
     faults = Faults()
+    taken: list[str] = []
     with faults.collecting():
         if preset is not None:
             chosen = tuning.preset(preset)
+            if preset.strip().lower() not in (chosen.name.lower(), chosen.short_name.lower()):
+                taken.append(f"{preset.strip()!r} is taken as the preset {chosen.name}")
             start = base.model_copy(update={"weights": dict(chosen.weights), "preset": chosen.name})
     with faults.collecting():
         values, elsewhere = start.weights | start.external_weights, _names_elsewhere(base.planner)
@@ -69,7 +72,7 @@ def changed_configuration(
     made = _configuration(base.planner, start.preset, weights, external, after)
     if made.config_id != base.config_id:
         made = made.model_copy(update={"base": base.config_id, "assignments": (*changes, *settings)})
-    return made, (*changed.notes, *setting_notes, *_idle_notes(base, made))
+    return made, (*taken, *changed.notes, *setting_notes, *_idle_notes(base, made))
 
 
 def differences(before: PlannerConfiguration, after: PlannerConfiguration) -> tuple[WeightChange, ...]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 from ...schemas.errors import UnknownName, closest
+from ...schemas.vocabulary import preset_of
 from ..planners import known_planner
 
 LARGEST_WEIGHT = 1e6
@@ -69,7 +70,7 @@ class PlannerTuning:
         return {name: limits for name, limits in ranges.items() if limits != (0.0, LARGEST_WEIGHT)}
 
     def preset(self, word: str) -> Preset:
-        """The preset of a name or short name, whatever the case.
+        """The preset of a name, a short name or a usual word for it, whatever the case.
 
         Raises:
             UnknownName: with the names, the likeliest first.
@@ -77,6 +78,10 @@ class PlannerTuning:
         folded = word.strip().lower()
         for preset in self.presets.values():
             if folded in (preset.name.lower(), preset.short_name.lower()):
+                return preset
+        meant = preset_of(word)
+        for preset in self.presets.values():
+            if meant == preset.short_name.lower():
                 return preset
         likely = closest(word, self.presets)
         raise UnknownName(

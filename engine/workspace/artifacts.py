@@ -114,6 +114,20 @@ class Workspace:
                 self.put_staged([stage(new, folder / "files")])
         return self.get(artifact_id, kind)
 
+    def amend(self, kind: ArtifactKind, artifact_id: str, record: Model) -> None:
+        """Replace what is known of an artifact by what a newer program read from the same file.
+
+        Id, recipe and files stay: the artifact is still what they say.
+
+        Raises:
+            ResourceFailure: the database cannot be written.
+        """
+        with self.database.writing() as connection:
+            connection.execute(
+                "UPDATE artifacts SET record = ? WHERE kind = ? AND artifact_id = ?",
+                (record.model_dump_json(), kind, artifact_id),
+            )
+
     def put_staged(self, artifacts: Sequence[NewArtifact]) -> None:
         """Store artifacts in one transaction, all or none; an id that is there already keeps the stored one.
 

@@ -73,7 +73,7 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     (CAR | {"at": "1", "speed": "900km/h"}, "does not drive 900km/h", "m/s"),
     (CAR | {"at": "1", "time_s": 99.0}, "departure at 99.0 s", "0 …"),
     ({"op": "add_vehicle", "at": "1"}, "needs a vehicle_class", "car"),
-    ({"op": "add_vehicle", "at": "1", "vehicle_class": "lorry"}, "no vehicle class 'lorry'", "car"),
+    ({"op": "add_vehicle", "at": "1", "vehicle_class": "tram"}, "no vehicle class 'tram'", "car"),
     ({"op": "add_vehicle", "at": "1", "vehicle_class": "pedestrian", "speed": "9m/s"}, "does not walk 9m/s", "4 m/s"),
     ({"op": "add_vehicle", "at": "1", "vehicle_class": "pedestrian", "preset": "eco"}, "preset is for vehicles", "at"),
     ({"op": "set_goal"}, "needs a lanelet in 'to'", "2"),

@@ -44,7 +44,14 @@ def test_what_no_map_shows_is_refused_with_what_there_is(wish: dict[str, object]
 def nameless(**facts: object) -> MapEntry:
     """A map of Musterstadt that does not know its place."""
     entry = next(entry for entry in built_in_maps() if entry.facts.place == "Musterstadt")
-    changes = {"map_id": "map_old_mill", "file_name": "old_mill.osm", "place": "old_mill", "places": (), **facts}
+    changes = {
+        "map_id": "map_old_mill",
+        "file_name": "old_mill.osm",
+        "place": "old_mill",
+        "places": (),
+        "areas": (),
+        **facts,
+    }
     return replace(entry, facts=entry.facts.model_copy(update=changes))
 
 

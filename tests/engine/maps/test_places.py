@@ -27,6 +27,8 @@ def same_place(wanted: str) -> list[str]:
         ("Bilderstöckchen", "Bilderstoeckchen"),
         ("Peking", "Beijing"),
         ("北京", "Beijing"),
+        ("Μόναχο", "Munich"),
+        ("Мюнхен", "Munich"),
         ("US 101", "US101"),
     ],
 )
@@ -49,12 +51,23 @@ def test_any_text_has_keys_without_failing(text: str) -> None:
 
 @pytest.mark.parametrize(
     ("typed", "code"),
-    [("DEU", "DEU"), ("deu", "DEU"), ("Germany", "DEU"), ("Österreich", "AUT"), ("uk", "GBR"), ("JPN", "JPN")],
+    [
+        *(("DEU", "DEU"), ("deu", "DEU"), ("Germany", "DEU"), ("Österreich", "AUT"), ("uk", "GBR"), ("JPN", "JPN")),
+        *(
+            ("德国", "DEU"),
+            ("Германия", "DEU"),
+            ("日本", "JPN"),
+            ("Albanien", "ALB"),
+            ("Honduras", "HND"),
+            ("fl", "LIE"),
+        ),
+        *(("Shqipëria", "ALB"), ("Gambia", "GMB"), ("ZAM", "ZAM"), ("ALB", "ALB")),
+    ],
 )
 def test_countries_by_code_or_name(typed: str, code: str) -> None:
     assert country_code(typed) == code
 
 
-@pytest.mark.parametrize("typed", ["", "Atlantis", "12", "D3U"])
+@pytest.mark.parametrize("typed", ["", "Atlantis", "12", "D3U", "van", "XQZ"])
 def test_no_country(typed: str) -> None:
     assert country_code(typed) is None

@@ -1,0 +1,266 @@
+"""Spellings of road names in any script: abbreviations, transliteration, the order of words, numbered sections.
+
+A name becomes words in a plain form (Latin letters, no accents, no digraphs for umlauts); words that say what kind of
+road it is, or which end of it, become one English word in all languages. Two names are alike where the same words are
+left, in whatever order.
+"""
+
+import re
+from collections.abc import Iterable
+from functools import cache, lru_cache
+from itertools import islice, product
+
+from .places import fold, latin
+
+_SAME_WORDS = """
+street: street st str strasse straat strada stradal rue ulitsa
+street: ulica ul vulitsya vulytsya calle via rruga rr gata gatan
+street: gade utca odos sokak sok cadde caddesi cad jalan shari sharia rua r c dori
+road: road rd lu chaussee shosse drum drumul carretera ctra doroga daeroro
+boulevard: boulevard boul bd bld blvd bvd bulevardi bul bulevard bulevardul bulevar bulvar bulvari leoforos buliwar
+avenue: avenue ave av avenida avda avd prospekt pr prosp prospect dadao viale aleja al aleea
+drive: drive dr
+doctor: doctor dr doktor
+saint: saint st sankt sainte ste sankt san santa sant
+square: square sq platz pl plaza plaza piazza plac pl ploshchad ploscha plosca piata plein guangchang sheshi place
+place: place pl
+court: court ct
+lane: lane ln
+terrace: terrace ter terr
+crescent: crescent cres
+highway: highway hwy hiway
+freeway: freeway fwy
+parkway: parkway pkwy
+expressway: expressway expwy expy
+causeway: causeway cswy
+roundabout: roundabout rotonda rotatory kreisel kreisverkehr rondpoint
+bridge: bridge br brucke pont most ponte
+way: way wy
+alley: alley aly
+gardens: gardens gdns
+close: close cl
+mount: mount mt
+fort: fort ft
+and: and und et y
+north: north n nord norte bei severnaya severnyy
+south: south s sud sur sued nan yuzhnaya yuzhnyy
+east: east e est ost este dong vostochnaya vostochnyy
+west: west w ouest oeste xi zapadnaya zapadnyy
+northeast: northeast ne
+northwest: northwest nw
+southeast: southeast se
+southwest: southwest sw
+middle: middle mid zhong
+1: first fst one yi
+2: second two er
+3: third three san
+4: fourth four si
+5: fifth five wu
+6: sixth six liu
+7: seventh seven qi
+8: eighth eight ba
+9: ninth nine jiu
+10: tenth ten shi
+11: eleventh
+12: twelfth
+i: i interstate
+us: us usroute ushighway ushwy
+general: general gen gral
+great: great gt
+little: little ltl
+upper: upper upr
+lower: lower lwr
+professor: professor prof
+president: president pres
+princess: princess princesse
+prince: prince
+"""
+"""One word of a road name, by its kind, and how people write it; a spelling may stand for several words."""
+_JOINED = {"strasse": "street", "str": "street", "straat": "street", "platz": "square", "pl": "square"}
+"""Ends of German and Dutch words that are the kind of road: ``Hauptstr``; the longer first."""
+_KINDS = frozenset(
+    [
+        "street",
+        "road",
+        "boulevard",
+        "avenue",
+        "drive",
+        "square",
+        "place",
+        "court",
+        "lane",
+        "terrace",
+        "crescent",
+        "highway",
+        "freeway",
+        "parkway",
+        "expressway",
+        "causeway",
+        "way",
+        "alley",
+        "close",
+        "bridge",
+    ]
+)
+_DIRECTIONS = frozenset(
+    ["north", "south", "east", "west", "northeast", "northwest", "southeast", "southwest", "middle"]
+)
+_PARTICLES = frozenset(
+    [
+        "the",
+        "de",
+        "du",
+        "des",
+        "la",
+        "le",
+        "les",
+        "l",
+        "d",
+        "der",
+        "die",
+        "das",
+        "den",
+        "dem",
+        "of",
+        "do",
+        "da",
+        "di",
+        "del",
+        "della",
+        "dell",
+        "van",
+        "het",
+        "el",
+        "al",
+    ]
+)
+_CHINESE_KINDS = {"大道": "avenue", "大街": "street", "路": "road", "街": "street", "道": "road", "巷": "alley"}
+_CHINESE_DIRECTIONS = {"北": "north", "南": "south", "东": "east", "東": "east", "西": "west", "中": "middle"}
+_NUMERALS = "一二三四五六七八九十"
+_CHINESE_ROAD = re.compile(
+    rf"(?P<stem>[\u4e00-\u9fff]{{1,}}?)(?P<direction>[北南东東西中]?)(?P<section>[{_NUMERALS}]?)"
+    rf"(?P<kind>{'|'.join(_CHINESE_KINDS)})(?P<part>[{_NUMERALS}]段)?"
+)
+_ROUTE_WORDS = re.compile(
+    r"^(?:state route|state road|route|highway|hwy|sr|loop|road|motorway|autoroute|autobahn) (\d+)$"
+)
+_LETTERED = {
+    "interstate": "i",
+    "usroute": "us",
+    "ushighway": "us",
+    "ushwy": "us",
+    "bundesstrasse": "b",
+    "bundesstr": "b",
+    "autobahn": "a",
+    "autoroute": "a",
+    "motorway": "m",
+    "staatsstrasse": "st",
+    "staatsstr": "st",
+    "landesstrasse": "l",
+    "landesstr": "l",
+    "kreisstrasse": "k",
+    "kreisstr": "k",
+}
+"""The letters of a road number by the words that are said for them."""
+_MOST_READINGS = 32
+"""Readings of one name that are compared: ``St`` has two, and a name has few such words (chosen)."""
+MOST_KEPT = 50_000
+"""Names whose spellings are kept, because every call compares all of them (chosen)."""
+
+
+@cache
+def _meanings() -> dict[str, tuple[str, ...]]:
+    """The words that a spelling may stand for."""
+    found: dict[str, tuple[str, ...]] = {}
+    for line in _SAME_WORDS.strip().splitlines():
+        meaning, spellings = line.split(": ")
+        for spelling in spellings.split():
+            plain = latin(spelling)
+            found[plain] = tuple(dict.fromkeys((*found.get(plain, ()), meaning)))
+    return found
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def road_readings(name: str) -> frozenset[frozenset[str]]:
+    """What the words of a road name may mean, as sets of words; empty for a name without letters and digits."""
+    readings = [_chinese(name)] if _chinese(name) else []
+    words = [word for word in map(latin, _split(name)) if word]
+    choices = [list(_word_readings(word)) for word in words]
+    readings += islice(product(*choices), _MOST_READINGS)
+    return frozenset(
+        frozenset(word for words in reading for word in words) for reading in readings if any(map(bool, reading))
+    )
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def road_keys(name: str) -> frozenset[str]:
+    """Keys of a road name: two names are spellings of one road where they share one."""
+    keys = {" ".join(sorted(reading - _PARTICLES or reading)) for reading in road_readings(name)}
+    joined = {fold(name), latin(name), *("".join(key.split()) for key in keys)}
+    return frozenset(key for key in keys | joined | _number_keys(name) if key)
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def whole_road_keys(name: str) -> frozenset[str]:
+    """Keys of the road that a numbered section belongs to (``中山北一路``: ``中山北路``); empty for any other road."""
+    found = _CHINESE_ROAD.fullmatch(name.strip())
+    if found is not None and (found["section"] or found["part"]):
+        return road_keys(found["stem"] + found["direction"] + found["kind"])
+    return frozenset(
+        " ".join(sorted(reading - numbers))
+        for reading in road_readings(name)
+        if reading & _KINDS
+        and reading & _DIRECTIONS
+        and len(numbers := {word for word in reading if word.isdecimal()}) == 1
+        and len(reading - numbers - _KINDS - _DIRECTIONS) > 0
+    )
+
+
+def distinctive(words: Iterable[str]) -> frozenset[str]:
+    """The words that tell a road from others: neither its kind nor a direction."""
+    return frozenset(words) - _KINDS - _DIRECTIONS - _PARTICLES - {"and", "saint"}
+
+
+def _split(name: str) -> list[str]:
+    plain = re.sub(r"['’ʼ`´]", "", name.casefold()).replace("&", " and ")
+    return [word for word in re.split(r"[\W_]+", plain) if word]
+
+
+def _word_readings(word: str) -> tuple[tuple[str, ...], ...]:
+    """The readings of a word in plain Latin letters; one that ends in a kind of road becomes two words."""
+    ordinal = re.fullmatch(r"(\d+)(?:st|nd|rd|th|ya|e|er)", word)
+    if ordinal:
+        return ((ordinal[1],),)
+    known = _meanings().get(word)
+    if known is not None:
+        return tuple((meaning,) for meaning in known)
+    for end, kind in _JOINED.items():
+        if word.endswith(end) and len(word) > len(end) + 2:
+            return ((word.removesuffix(end), kind),)
+    return ((word,),)
+
+
+def _chinese(name: str) -> tuple[tuple[str, ...], ...]:
+    """The words of a Chinese road name as one reading; empty for any other name."""
+    found = _CHINESE_ROAD.fullmatch(name.strip())
+    if found is None:
+        return ()
+    words = [latin(found["stem"]), _CHINESE_DIRECTIONS.get(found["direction"], "")]
+    numerals = [_NUMERALS.find(text[0]) + 1 for text in (found["section"], found["part"]) if text]
+    return (tuple(word for word in (*words, *map(str, numerals), _CHINESE_KINDS[found["kind"]]) if word),)
+
+
+def _number_keys(name: str) -> set[str]:
+    """Keys of a road number that is written with words: ``Interstate 5``, ``Bundesstraße 96``."""
+    words = [latin(word) for word in _split(name)]
+    if len(words) < 2 or not words[-1].isdecimal():
+        return set()
+    before = "".join(words[:-1])
+    letters = {latin(said): letters for said, letters in _LETTERED.items()}.get(before)
+    return {letters + words[-1]} if letters else set()
+
+
+def route_number(name: str) -> str | None:
+    """The number of a road that is named by nothing else (``Route 99``, ``SR 99``); None for any other name."""
+    found = _ROUTE_WORDS.match(" ".join(latin(word) for word in _split(name)))
+    return found[1] if found else None

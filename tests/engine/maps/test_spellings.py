@@ -1,0 +1,158 @@
+"""Spellings of roads: abbreviations, scripts, word order, sections, crossings and parts of a map."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.maps.index import MapEntry, built_in_maps, find_maps, same_street
+from plannerforge.engine.maps.regions import region_of
+from plannerforge.engine.maps.spellings import route_number
+from plannerforge.schemas.errors import UnknownName
+from plannerforge.schemas.generation import PlaceArea
+
+SAME = [
+    ("St John's Rd", "Saint John's Road"),
+    ("Hauptstr", "Hauptstraße"),
+    ("Hauptstr.", "Haupt Straße"),
+    ("Zhongshan North Road", "中山北路"),
+    ("Zhongshan Bei Lu", "中山北路"),
+    ("ul. Tverskaya", "Тверская улица"),
+    ("Tverskaya Street", "Тверская улица"),
+    ("Str. Unirii", "Strada Unirii"),
+    ("Bd du Larvotto", "Boulevard du Larvotto"),
+    ("NE 45th St", "Northeast 45th Street"),
+    ("Fifth Ave", "5th Avenue"),
+    ("Interstate 5", "I 5"),
+    ("I-5", "I 5"),
+    ("Bundesstr. 96", "B 96"),
+    ("Fan Noli Boulevard", "Bulevardi Fan Noli"),
+    ("Elephant & Castle", "Elephant and Castle"),
+]
+OTHER = [
+    ("Main St", "High St"),
+    ("中山北一路", "中山北二路"),
+    ("5th Avenue", "6th Avenue"),
+    ("North 88th Street", "North 87th Street"),
+    ("I 5", "I 90"),
+]
+
+
+def a_map(*streets: str, country: str = "USA", **facts: object) -> MapEntry:
+    """A map of Seattle with these streets."""
+    entry = built_in_maps()[0]
+    known = {"place": "Seattle", "places": ("Seattle",), "country": country, "streets": streets, "refs": ("I 5",)}
+    here = {"map_id": "map_a", "file_name": "a.osm", "road_names": (), "areas": (), **known, **facts}
+    return MapEntry(entry.facts.model_copy(update=here), Path("a.osm"))
+
+
+def roads(entry: MapEntry, place: str) -> list[tuple[str, ...]]:
+    return list(find_maps([entry], place=place)[0].streets)
+
+
+@pytest.mark.parametrize(("one", "other"), SAME)
+def test_spellings_of_one_road(one: str, other: str) -> None:
+    assert same_street(one, other)
+
+
+@pytest.mark.parametrize(("one", "other"), OTHER)
+def test_other_roads_are_not_mistaken(one: str, other: str) -> None:
+    assert not same_street(one, other)
+
+
+def test_a_road_means_its_numbered_sections_and_a_section_itself() -> None:
+    entry = a_map("中山北一路", "中山北二路", "四平路")
+    assert roads(entry, "中山北路") == [("中山北一路", "中山北二路")]
+    assert roads(entry, "Zhongshan North Road") == [("中山北一路", "中山北二路")]
+    assert roads(entry, "中山北二路") == [("中山北二路",)]
+    assert roads(entry, "中山北一路与四平路路口") == [("中山北一路",), ("四平路",)]
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["Pine St & 5th Ave", "Pine St/5th Ave", "Pine at 5th", "corner of Pine St and Fifth Ave", "5th & Pine, Seattle"],
+)
+def test_a_crossing_is_understood_as_people_write_it(words: str) -> None:
+    entry = a_map("Pine Street", "5th Avenue", "Pine Court")
+    assert {name for street in roads(entry, words) for name in street} >= {"Pine Street", "5th Avenue"}
+
+
+@pytest.mark.parametrize(
+    "words", ["I-5 Seattle", "Seattle I-5", "I-5, Seattle", "Seattle, I-5", "Interstate 5 in Seattle"]
+)
+def test_road_and_city_stand_in_any_order(words: str) -> None:
+    match = find_maps([a_map()], place=words)[0]
+    assert (match.streets, match.unnamed) == ((("I 5",),), ())
+
+
+def test_other_names_of_a_road_mean_it_and_the_answer_says_so() -> None:
+    entry = a_map("Straße des 17. Juni", road_names=(("Straße des 17. Juni", "6月17日通り"),))
+    match = find_maps([entry], place="6月17日通り")[0]
+    assert match.streets == (("Straße des 17. Juni",),)
+    assert match.understood == ("'6月17日通り' is taken as Straße des 17. Juni",)
+
+
+def test_a_part_of_a_map_means_its_own_area_and_the_answer_says_so() -> None:
+    quarter = PlaceArea(
+        name="Old Town", kind="quarter", other_names=("Altstadt",), latitude=54.6, longitude=5.25, radius_m=300
+    )
+    match = find_maps([a_map("Pine Street", areas=(quarter,))], place="Altstadt, Seattle")[0]
+    assert match.area == quarter
+    assert match.box == pytest.approx((54.5973, 5.24534, 54.6027, 5.25466), abs=1e-4)
+    assert match.understood == ("'Altstadt' is taken as quarter Old Town, 0.3 km around its centre (54.6000, 5.2500)",)
+
+
+def test_the_largest_place_of_a_map_is_the_map() -> None:
+    town = PlaceArea(name="Seattle", kind="town", latitude=54.6, longitude=5.25, radius_m=300)
+    assert find_maps([a_map(areas=(town,))], place="Seattle")[0].box is None
+
+
+def test_a_state_is_checked_by_where_the_map_lies() -> None:
+    assert region_of("WA", "USA", 47.6, -122.3)
+    assert not region_of("WA", "USA", 30.0, -90.0)
+    assert region_of("Bayern", "DEU", 48.1, 11.6)
+    seattle = a_map(south=47.5, north=47.7, west=-122.4, east=-122.2)
+    assert find_maps([seattle], place="Seattle, WA")
+    with pytest.raises(UnknownName):
+        find_maps([seattle], place="Seattle, Oregon")
+
+
+@pytest.mark.parametrize("words", ["Seattle, France", "Pine Street, Seattle, Germany"])
+def test_a_country_that_the_map_does_not_lie_in_contradicts(words: str) -> None:
+    with pytest.raises(UnknownName):
+        find_maps([a_map("Pine Street")], place=words)
+
+
+@pytest.mark.parametrize(
+    ("words", "near"),
+    [("Seatle", "Seattle"), ("Siätl", None), ("Pyne Street", "Pine Street"), ("Quary", "Quarry Hill")],
+)
+def test_only_what_is_near_is_suggested(words: str, near: str | None) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        find_maps([a_map("Pine Street", "Quarry Hill")], place=words)
+    if near is None:
+        assert "no map of that city or country" in refusal.value.message
+    else:
+        assert refusal.value.valid[0] == near
+
+
+def test_a_place_far_from_all_is_answered_with_what_there_is() -> None:
+    with pytest.raises(UnknownName, match="there is no map of that city or country") as refusal:
+        find_maps([a_map("Pine Street")], place="Ouagadougou")
+    assert refusal.value.valid == ("Seattle",)
+
+
+def test_a_house_number_and_a_postcode_do_not_hide_the_road() -> None:
+    entry = a_map("Pine Street")
+    assert roads(entry, "12 Pine St, 98101 Seattle") == [("Pine Street",)]
+
+
+@pytest.mark.parametrize(("words", "number"), [("SR 99", "99"), ("State Route 99", "99"), ("Pine Street 9", None)])
+def test_roads_by_their_number_alone(words: str, number: str | None) -> None:
+    assert route_number(words) == number
+
+
+def test_an_older_record_without_names_still_finds_its_roads() -> None:
+    entry = replace(a_map("Pine Street"), path=Path("b.osm"))
+    assert entry.facts.road_names == ()
+    assert roads(entry, "Pine St") == [("Pine Street",)]
