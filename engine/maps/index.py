@@ -456,7 +456,7 @@ class _RoadIndex:
     spellings: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def _road_index(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) -> _RoadIndex:
     others = {names[0]: names[1:] for names in several}
     index = _RoadIndex()

@@ -92,11 +92,11 @@ def _fault(case: PlaceCase, entries: Mapping[str, MapEntry]) -> str:
         return f"not refused: {sorted(chosen)}"
     if not chosen <= case.maps:
         return f"other maps: {sorted(chosen - case.maps)}"
-    return next((fault for match in matches if (fault := _wrong_there(case.expected, match))), "")
+    return next((fault for match in matches if (fault := wrong_there(case.expected, match))), "")
 
 
-def _wrong_there(expected: str, match: MapMatch) -> str:
-    """What is wrong about the part of a map that was chosen; empty where nothing is."""
+def wrong_there(expected: str, match: MapMatch) -> str:
+    """What is wrong about the part of a map that was chosen for what was expected; empty where nothing is."""
     elements = _elements(match.entry.path)
     box = match.box
     if expected == "map":

@@ -7,6 +7,8 @@ import pytest
 from support.server import Connect
 
 from plannerforge.engine.maps.drawn_library import LIBRARY
+from plannerforge.engine.workspace import Workspace
+from plannerforge.schemas.generation import MapFacts
 from plannerforge.server.settings import Settings
 from plannerforge.tools import maps as importing_kinds
 
@@ -75,3 +77,17 @@ async def test_a_box_larger_than_the_maps_is_used_where_they_lie(connect: Connec
         answer = await client.call_tool("generate_scenarios", country)
         assert answer.structured_content is not None
         assert any("no map shows the whole bbox" in note for note in answer.structured_content["notes"])
+
+
+async def test_what_an_older_program_kept_of_a_map_is_read_anew(connect: Connect, settings: Settings) -> None:
+    async with connect() as client:
+        await client.call_tool("generate_scenarios", WISH)
+    workspace = Workspace(settings.workspace)
+    kept = workspace.newest(kind="map")[0]
+    old = kept.read(MapFacts).model_copy(update={"facts_version": 1, "areas": (), "place": "Oldtown"})
+    workspace.amend("map", kept.artifact_id, old)
+    async with connect() as client:
+        await client.call_tool("generate_scenarios", WISH)
+    read = workspace.get(kept.artifact_id, "map").read(MapFacts)
+    assert (read.facts_version, read.place, [area.name for area in read.areas]) == (2, "Oldtown", ["Fahrhausen"])
+    workspace.close()
