@@ -51,7 +51,7 @@ def ladder() -> sqlite3.Connection:
         ({"tags": ["multi_lane"]}, "tags two_lane"),
         ({"features": ["intersection"]}, "features "),
         ({"road_net": ["no_overtaking"]}, "signs on the ego's lane "),
-        ({"country": "USB"}, "countries USA"),
+        ({"country": "UGA"}, "countries USA"),
     ],
 )
 def test_the_nearest_values_are_named_first(ladder: sqlite3.Connection, slots: dict[str, Any], named: str) -> None:

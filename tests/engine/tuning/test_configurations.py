@@ -179,7 +179,7 @@ def test_names_of_planners_and_presets_are_configurations(text: str) -> None:
     assert base(text).config_id == base().config_id
 
 
-@pytest.mark.parametrize("text", ["frenetic", "frenetix:Safe", "frenetix:"])
+@pytest.mark.parametrize("text", ["frenetic", "frenetix:Saf", "frenetix:"])
 def test_unknown_names_are_refused(text: str) -> None:
     with pytest.raises(UnknownName):
         named_configuration(text)
