@@ -68,8 +68,8 @@ class FindScenariosArguments(Arguments):
     )
     obstacles: list[str] = Field(
         [],
-        description="'truck' (at least one), 'bus=2', 'car=2..5' (a few), 'car>=20' (many), 'bicycle=0', "
-        "'participants>=20' in all; without the ego",
+        description="'truck' (at least one), 'bus=2', 'car=2..5' (a few), 'bicycle=0', 'participants>=20'; "
+        "without the ego",
     )
     ego_speed: str | None = Field(None, description="at the start: '50km/h' (±2 m/s), '10..15m/s', '>=20mph'")
     text: str | None = Field(None, description="the user's words; only ranks")
