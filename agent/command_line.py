@@ -1,4 +1,4 @@
-"""The whole command line: what the server offers (``serve``, ``call``, ``tools``), and the demo, its client."""
+"""The commands of clients: the demo. ``evals/command_line.py`` adds the evaluation and holds the entry point."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,11 +6,6 @@ from typing import Annotated
 import typer
 
 from ..server.command_line import application
-
-
-def main() -> None:
-    """Entry point of the ``plannerforge`` command."""
-    application()
 
 
 @application.command()

@@ -1,6 +1,6 @@
 """The server's part of the command line: ``plannerforge serve | call | tools | maps | check``.
 
-The demo, a client, joins it in ``agent/command_line.py``.
+Clients join it in ``agent/command_line.py``, evaluations in ``evals/command_line.py``.
 
 Commands import what they need when they run, so that ``serve`` answers fast.
 """
