@@ -1,8 +1,8 @@
 """Statistics on shares and on paired runs: intervals, exact tests, Holm's adjustment.
 
 scipy has no Holm adjustment, no interval for paired shares and, with ties, no exact signed-rank test; these are written
-here. So is the Wilson interval: every analysis needs it, one of a few runs nothing else of scipy, whose ``scipy.stats``
-takes a new worker a second to import. The tests hold it against scipy's.
+here. So are the Wilson interval, the binomial test of a fair coin and mean ranks: a first comparison in a worker would
+wait for ``scipy.stats``, which takes most of a second to import. The tests hold them against scipy's.
 """
 
 import math
@@ -69,10 +69,10 @@ def paired_difference(only_after: int, only_before: int, pairs: int) -> tuple[fl
 
 def mcnemar_exact(only_before: int, only_after: int) -> float:
     """Two-sided p of the exact (binomial) McNemar test on the discordant pairs; 1 without any."""
-    from scipy.stats import binomtest
+    from scipy.special import bdtr
 
-    discordant = only_before + only_after
-    return float(binomtest(only_before, discordant).pvalue) if discordant else 1.0
+    fewer, discordant = min(only_before, only_after), only_before + only_after
+    return min(1.0, 2 * float(bdtr(fewer, discordant, 0.5))) if discordant else 1.0
 
 
 @dataclass(frozen=True)
@@ -101,12 +101,10 @@ def signed_rank(differences: Sequence[float]) -> SignedRank:
     Raises:
         ValueError: no differences.
     """
-    from scipy.stats import rankdata
-
     values = np.asarray(differences, dtype=float)
     if len(values) == 0:
         raise ValueError("no pairs, no test")
-    ranks = rankdata(np.abs(values))
+    ranks = _mean_ranks(np.abs(values))
     positive, negative = float(ranks[values > 0].sum()), float(ranks[values < 0].sum())
     total = positive + negative
     averages = walsh_averages(values)
@@ -119,6 +117,12 @@ def signed_rank(differences: Sequence[float]) -> SignedRank:
         effect=(positive - negative) / total if total else 0.0,
         p=_two_sided(ranks[values != 0], positive) if total else 1.0,
     )
+
+
+def _mean_ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rank of each value from 1; equal values share the mean of theirs."""
+    _, places, counts = np.unique(values, return_inverse=True, return_counts=True)
+    return (np.cumsum(counts) - (counts - 1) / 2)[places]
 
 
 def walsh_averages(values: NDArray[np.float64]) -> NDArray[np.float64]:
