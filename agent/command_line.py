@@ -7,6 +7,8 @@ import typer
 
 from ..server.command_line import application
 
+__all__ = ["application"]
+
 
 @application.command()
 def demo(

@@ -129,7 +129,8 @@ async def _record_map(client: Client, digests: _Digests, path: Path) -> None:
     if map_id is None:
         return
     for density, vehicles in (("low", ["truck=1"]), ("medium", ["bicycle=1", "bus=1"])):
-        arguments = {"place": map_id[0], "density": density, "vehicles": vehicles, "count": 2, "seed": 3}
+        asked = {"place": map_id[0], "density": density, "vehicles": vehicles, "count": 2, "seed": 3}
+        arguments = {**asked, "goal": "steps:50"}  # what earlier versions took where none was named
         digests.note(f"map {path.name} {density}", await client.call_tool("generate_scenarios", arguments))
 
 

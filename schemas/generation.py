@@ -1,6 +1,8 @@
 """Generation of scenarios from maps: arguments and result of the tool, and what the engine is asked and answers."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Literal
 
 from pydantic import Field
@@ -91,16 +93,24 @@ class ConvertedMap(Model):
     path: str
 
 
+NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
+"""Of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses beside 242.7
+million cars (:data:`SHARES_SOURCE`). Of the other classes no count is known here."""
+SHARES_SOURCE = "ACEA, Vehicles in use in Europe: EU, 2019"
+
+
 class VehicleDemand(Model):
     """How many vehicles of a class have to be there beside the ego.
 
-    ``least`` None: the class was named without a number, so that it gets a share of the traffic; with a number no more
-    are aimed for, except cars, which fill up the traffic. ``most`` None: no upper bound.
+    ``least``: with a number no more are aimed for, except cars, which fill up the traffic. ``most`` None: no upper
+    bound. ``share``: of all vehicles, in [0, 1], one at least. With neither number nor share the class gets a fifth of
+    the traffic, as scenarios did that were made before shares were known; a recipe does not hold a share of None.
     """
 
     vehicle_class: str
     least: int | None = None
     most: int | None = None
+    share: float | None = Field(None, ge=0, le=1, exclude_if=lambda share: share is None)
 
     @property
     def needed(self) -> int:
@@ -245,19 +255,17 @@ class GenerateScenariosArguments(Arguments):
     vehicles: list[str] = Field(
         [],
         description=(
-            "beside cars; 'truck', 'truck=2' at least, 'car=4..4' exactly. Classes: car truck bus motorcycle "
-            "bicycle trailer delivery coach taxi emergency moped (scooters)"
+            "beside cars; 'truck', 'truck=2' at least, 'car=4..4' exactly, 'taxi=30%'. Classes: car truck bus "
+            "motorcycle bicycle trailer delivery coach taxi emergency moped (scooters)"
         ),
     )
     duration_s: float = Field(20, ge=5, le=120)
     ego: str = Field(
-        "first",
-        description=(
-            "first, index:N (cars, from 0) or type:CLASS; never refuse another class: it joins traffic, the ego "
-            "stays a car"
-        ),
+        "first", description=("first, index:N (cars, from 0), type:CLASS (any: it joins traffic, the ego stays a car)")
     )
-    goal: str = Field("steps:50", description="steps:N, distance_m:X on the ego's track or lanelet:ID:POSITION")
+    goal: str = Field(
+        "through", description="through the site; steps:N, distance_m:X on the ego's track, lanelet:ID:POSITION"
+    )
     count: int = Field(1, ge=1, le=50)
     seed: int = 0
     trial_run: bool = Field(False, description="also run a planner")

@@ -10,7 +10,13 @@ from dataclasses import dataclass
 
 from ..engine.maps import Box, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
 from ..schemas.errors import InvalidRequest, NotPossible
-from ..schemas.generation import GenerateScenariosArguments, GenerationRequest, ScenarioType, VehicleDemand
+from ..schemas.generation import (
+    NATURAL_SHARES,
+    GenerateScenariosArguments,
+    GenerationRequest,
+    ScenarioType,
+    VehicleDemand,
+)
 from ..schemas.grammar import parse_condition
 from ..schemas.vocabulary import vehicle_class_of
 from .call import ToolCall
@@ -164,7 +170,7 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
         bbox=_meant_box(arguments, site.match),
         road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
         density=arguments.density,
-        vehicles=_vehicle_demands(arguments.vehicles),
+        vehicles=_with_the_ego_s_class(_vehicle_demands(arguments.vehicles), arguments.ego),
         duration_s=arguments.duration_s,
         ego=arguments.ego,
         goal=arguments.goal,
@@ -198,6 +204,13 @@ def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
             f"vehicles ask for {asked:,} vehicles on one site",
             valid=[f"at most {MOST_VEHICLES} in all classes together"],
         )
+    shared = sum(demand.share or 0.0 for demand in demands)
+    if shared > 1:
+        raise InvalidRequest(
+            f"vehicles {texts} share out {shared:.0%} of the traffic",
+            valid=["shares of at most 100% in all; cars are the rest"],
+            next_step="lower the shares, or give numbers, such as taxi=3",
+        )
     often = sorted(name for name, times in Counter(d.vehicle_class for d in demands).items() if times > 1)
     if often:
         raise InvalidRequest(
@@ -209,20 +222,46 @@ def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
 
 
 def _vehicle_demand(text: str) -> VehicleDemand:
-    """``truck``: some; ``truck=2``: a least number; ``car=4..4``: bounds on both sides; ``bicycle=0``: none at all."""
+    """``truck``: its share of traffic; ``truck=2``: a least number; ``car=4..4``: bounds on both sides; ``bicycle=0``:
+    none at all; ``taxi=30%``: a share of all vehicles.
+    """
     text, _ = _in_our_words(text)
+    if (shared := re.fullmatch(r"\s*([a-z_]+)\s*=\s*(\d{1,3}(?:\.\d+)?)\s*%\s*", text)) is not None:
+        return _shared_demand(text, shared[1], float(shared[2]) / 100)
     demand = parse_condition(text, whole=True)
     low, high = demand.interval.low, demand.interval.high
     if demand.negated:
         return VehicleDemand(vehicle_class=demand.name, least=0, most=0)
     if text.strip() == demand.name:
-        return VehicleDemand(vehicle_class=demand.name)
+        return _bare_demand(demand.name)
     least = 0 if low is None else round(low)
     at_least = demand.interval.exact and least > 0
     most = None if high is None or at_least else round(high)
     if demand.value is not None or demand.scope is not None or least < 0 or (most is not None and most < least):
         raise InvalidRequest(f"vehicles {text!r} cannot be meant", valid=["truck", "truck=2", "car=4..4", "bicycle=0"])
     return VehicleDemand(vehicle_class=demand.name, least=least, most=most)
+
+
+def _bare_demand(name: str) -> VehicleDemand:
+    """A class without a number: as many as its natural share of traffic comes to; cars fill up the traffic anyway."""
+    return VehicleDemand(vehicle_class=name, share=None if name == "car" else NATURAL_SHARES.get(name, 0.0))
+
+
+def _shared_demand(text: str, name: str, share: float) -> VehicleDemand:
+    if name == "car" or share > 1:
+        raise InvalidRequest(
+            f"vehicles {text!r} cannot be meant",
+            valid=["taxi=30%: at most 100%, of any class but car; cars are the rest"],
+        )
+    return VehicleDemand(vehicle_class=name, share=share)
+
+
+def _with_the_ego_s_class(demands: tuple[VehicleDemand, ...], ego: str) -> tuple[VehicleDemand, ...]:
+    """The demands with the class that was asked for as ego, where it is another than car: it joins the traffic."""
+    name = ego.removeprefix("type:")
+    if name in (ego, "car") or any(demand.vehicle_class == name for demand in demands):
+        return demands
+    return *demands, _bare_demand(name)
 
 
 def _in_our_words(text: str) -> tuple[str, str]:

@@ -1,7 +1,17 @@
 """A generated scenario in the words of the answer, and the report on it that is kept for ``describe_scenario``."""
 
+from collections.abc import Iterator
+
 from ..engine.workspace import Artifact
-from ..schemas.generation import Checks, DensityFacts, GeneratedScenario, GenerationRequest, ScenarioSummary
+from ..schemas.generation import (
+    NATURAL_SHARES,
+    SHARES_SOURCE,
+    Checks,
+    DensityFacts,
+    GeneratedScenario,
+    GenerationRequest,
+    ScenarioSummary,
+)
 from ..schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
 from ..schemas.text import counted
 from .call import ToolCall
@@ -44,8 +54,23 @@ def summarise(
         feasible_share=scenario.checks.feasible_share,
         checks_passed=passed,
         checks_failed=failed,
-        notes=list(scenario.notes),
+        notes=[*_shares(scenario, request), *scenario.notes],
     )
+
+
+def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator[str]:
+    """What the share of each class was that was asked for without a number, and whose statistics say so."""
+    for demand in request.vehicles:
+        name, share = demand.vehicle_class, demand.share
+        if share is None:
+            continue
+        if share == NATURAL_SHARES.get(name):
+            yield f"{name}: its share of traffic, {100 * share:g} % of all vehicles ({SHARES_SOURCE}), one at least"
+        elif share == 0:
+            yield f"{name}: one at least; how many there are in traffic is not known here, {name}=30% asks for a share"
+        else:
+            realised = scenario.classes_realised.get(name, 0) / max(scenario.vehicles_realised, 1)
+            yield f"{name}: {share:.0%} of all vehicles asked, {realised:.0%} realised"
 
 
 def _unlike(realised: str, asked: str) -> str:

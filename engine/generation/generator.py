@@ -203,12 +203,12 @@ class _Attempts:
         self._rounds += 1
         path = folder / f"scenario_{round_number}.xml"
         try:
-            scenario = _write(self._request, self._spec, site, round_number, path, self._report)
+            scenario, missed = _write(self._request, self._spec, site, round_number, path, self._report)
         except NotPossible as refusal:
             self.refusals.append(refusal)
             return False
         broken, weak = faults_of(scenario.checks)
-        self.made.append(_Attempt(scenario, path, site.net_path, (*broken, *weak), bool(broken)))
+        self.made.append(_Attempt(scenario, path, site.net_path, (*broken, *weak, *missed), bool(broken)))
         return not self.made[-1].faults
 
 
@@ -219,8 +219,8 @@ def _write(
     round_number: int,
     path: Path,
     report: ProgressReporter,
-) -> GeneratedScenario:
-    """Make one scenario at one site, write it and check the file.
+) -> tuple[GeneratedScenario, list[str]]:
+    """Make one scenario at one site, write it and check the file; and how its ego misses the site, in words.
 
     Raises:
         NotPossible: the site does not hold what was asked for.
@@ -243,11 +243,13 @@ def _write(
     obstacle_ids = write_scenario(path, site.metadata, site.network, others, task)
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
-    notes = [] if task.focus_passed else [site.focus.missed(only_car=spec.ego_index is not None)]
+    missed = [] if task.focus_passed else [site.focus.missed(only_car=spec.ego_index is not None)]
+    if task.focus_passed and not task.focus_left:
+        missed.append("the goal lies on the site, not behind it: no car that can be the ego leaves it in time")
+    if not task.takes_most:
+        missed.append("the goal takes less than half of the duration: cars leave the cut before")
+    notes = missed if spec.goal.through_s is None else []  # otherwise other traffic may do better
     if task.stands_in:
         notes.append(f"{request.ego} has no goal {spec.goal} on its way; a car after it, which has, is the ego")
-    if traffic.left_out:
-        notes.append(
-            f"{traffic.left_out} vehicle(s) left out: their motion could not be driven, or overlapped another's"
-        )
-    return record_of(request, site, demand, task, vehicles, obstacle_ids, checks, notes)
+    scenario = record_of(request, site, demand, task, vehicles, obstacle_ids, checks, notes)
+    return scenario, [] if notes else missed

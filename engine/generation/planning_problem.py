@@ -1,6 +1,6 @@
 """The ego and its goal: one of the recorded cars becomes the planning problem, its recorded path shows the goal.
 
-A request names the ego and the goal in words (``first``, ``index:2``; ``steps:50``, ``distance_m:40``,
+A request names the ego and the goal in words (``first``, ``index:2``; ``through``, ``steps:50``, ``distance_m:40``,
 ``lanelet:7:middle``), which become a :class:`TaskSpec`. Of the cars that can have such a goal, the one is chosen whose
 recorded path can be driven, passes what the site is about, and runs along lanes that a planner with a reference path
 can follow: maps have corners, and sideways jogs where netconvert joins lanes that do not face each other. Recorded cars
@@ -33,7 +33,10 @@ class _LaneletGoal:
 
 
 MIDDLE = "middle"
+THROUGH = "through"
+"""The goal that lies behind the site, as far on the ego's way as the scenario's duration allows."""
 GOAL_FORMS = (
+    "through (behind the site)",
     "steps:N (10 to 1000)",
     "distance_m:X (5 to 2000)",
     "lanelet:ID:POSITION, also lanelet:ID:POSITION:LENGTHxWIDTH",
@@ -46,18 +49,24 @@ SHORTEST_ASKED_PATH_M = 4.0
 
 @dataclass(frozen=True)
 class _GoalSpec:
-    """The goal as asked: after a number of steps, after a distance in m on the ego's own path, or on a lanelet."""
+    """The goal as asked: after a number of steps, after a distance in m on the ego's own path, or on a lanelet.
+
+    ``through_s``: behind the site, on the ego's own path as far as it comes in a scenario of this duration.
+    """
 
     steps: int | None = None
     distance_m: float | None = None
     lanelet: _LaneletGoal | None = None
+    through_s: float | None = None
 
     @property
     def shortest_path_m(self) -> float:
         """The least distance that a car has to drive to the goal."""
-        return SHORTEST_PATH_M if self.steps is not None else SHORTEST_ASKED_PATH_M
+        return SHORTEST_PATH_M if self.steps is not None or self.through_s is not None else SHORTEST_ASKED_PATH_M
 
     def __str__(self) -> str:
+        if self.through_s is not None:
+            return "behind the site"
         if self.lanelet is not None:
             return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
         return f"{self.steps} steps ahead" if self.steps is not None else f"{self.distance_m:g} m ahead"
@@ -83,15 +92,20 @@ class TaskSpec:
             forms = ["first", "index:N (cars, from 0)", "type:CLASS"]
             raise InvalidRequest(f"ego {request.ego!r} cannot be read", valid=forms)
         index, name = match.groups()
-        return cls(parse_goal(request.goal), int(index) if index else None, None if name == "car" else name)
+        goal = parse_goal(request.goal, request.duration_s)
+        return cls(goal, int(index) if index else None, None if name == "car" else name)
 
 
-def parse_goal(text: str) -> _GoalSpec:
-    """Read ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``; the usual position is the middle.
+def parse_goal(text: str, duration_s: float) -> _GoalSpec:
+    """Read ``through``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
+
+    ``duration_s`` is that of the scenario. The usual position on a lanelet is the middle.
 
     Raises:
         InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
     """
+    if text == THROUGH:
+        return _GoalSpec(through_s=duration_s)
     if (match := re.fullmatch(r"steps:(\d{1,5})", text)) and 10 <= int(match[1]) <= 1000:
         return _GoalSpec(steps=int(match[1]))
     if (match := re.fullmatch(r"distance_m:(\d{1,5}(?:\.\d+)?)", text)) and 5 <= float(match[1]) <= 2000:
@@ -108,6 +122,8 @@ def parse_goal(text: str) -> _GoalSpec:
 
 TIME_MARGIN_S = 1.5
 """The goal may be reached this much before and after the recorded car is there (chosen)."""
+THROUGH_MARGIN = 0.25
+"""The same for a goal behind the site, as a share of the time to it where that is more (chosen)."""
 HEADING_MARGIN_RAD = 0.25
 """Deviation from the recorded heading at the goal, to either side (chosen)."""
 
@@ -117,8 +133,10 @@ class PlanningTask:
     """Initial state and goal of the ego.
 
     The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, to be reached within
-    the steps of ``time_steps``. ``focus_passed``: how many areas of the site's focus the recorded path to it passes.
-    ``stands_in``: the ego is not the car that was asked for by its number, because that one has no such goal.
+    the steps of ``time_steps``. ``focus_passed``: how many areas of the site's focus the recorded path to it passes;
+    ``focus_left``: whether the goal lies behind them; ``takes_most``: whether a goal that should lie behind the site
+    takes half of the duration at least. ``stands_in``: the ego is not the car that was asked for by its number, because
+    that one has no such goal.
     """
 
     ego: GeneratedVehicle
@@ -130,6 +148,8 @@ class PlanningTask:
     size_m: tuple[float, float]
     time_steps: tuple[int, int]
     focus_passed: int = 1
+    focus_left: bool = True
+    takes_most: bool = True
     stands_in: bool = False
 
 
@@ -142,7 +162,8 @@ def choose_task(
     it stands in.
 
     Cars whose recorded path can be driven come before others, of those the ones that pass on it what the site is about,
-    of those the ones whose lanes can be followed, and of equal ones the first.
+    of those, where the goal is to lie behind the site, the ones that leave it and take most of the duration, of those
+    the ones whose lanes can be followed, and of equal ones the first.
 
     Raises:
         NotPossible: no car, fewer cars than the asked index, or none that reaches such a goal.
@@ -182,21 +203,30 @@ def _best_task(
     step_s: float,
 ) -> PlanningTask | None:
     """The task of the best car, as ``choose_task`` ranks them; None where none has such a goal."""
-    best: tuple[tuple[bool, int, bool], PlanningTask] | None = None
+    best: tuple[tuple[int, ...], PlanningTask] | None = None
     for car in cars:
         task = _task(car, goal, network, lookup, step_s)
         if task is None:
             continue
-        task = replace(task, focus_passed=focus.parts_passed(car, task.goal_step))
-        if best is not None and (car.feasible, task.focus_passed, True) <= best[0]:
+        task = _seen_from_the_site(task, goal, focus, step_s)
+        merit = (car.feasible, task.focus_passed, task.focus_left, task.takes_most)
+        if best is not None and (*merit, True) <= best[0]:
             continue
         smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup)
-        merit = (car.feasible, task.focus_passed, smooth)
-        if best is None or merit > best[0]:
-            best = merit, task
-        if merit == (True, focus.parts, True):
+        if best is None or (*merit, smooth) > best[0]:
+            best = (*merit, smooth), task
+        if best[0] == (True, focus.parts, True, True, True):
             break
     return None if best is None else best[1]
+
+
+def _seen_from_the_site(task: PlanningTask, goal: _GoalSpec, focus: SiteFocus, step_s: float) -> PlanningTask:
+    """The task with what of the site it passes and, where the goal is to lie behind it, whether it does."""
+    passed = focus.parts_passed(task.ego, task.goal_step)
+    if goal.through_s is None:
+        return replace(task, focus_passed=passed)
+    left = passed > 0 and focus.is_left_by(task.ego, task.goal_step)
+    return replace(task, focus_passed=passed, focus_left=left, takes_most=task.goal_step * step_s >= goal.through_s / 2)
 
 
 def _check_lanelet(goal: _GoalSpec, network: RoadNetwork) -> None:
@@ -227,7 +257,7 @@ def _task(
     car: GeneratedVehicle, goal: _GoalSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
 ) -> PlanningTask | None:
     """The task of a car; None where it is not at such a goal, or lanelets do not lead there."""
-    at_goal = passage(goal, car, network)
+    at_goal = passage(goal, car, network, step_s)
     if at_goal is None:
         return None
     start = _under(lookup, car, 0)
@@ -237,7 +267,6 @@ def _task(
         end = lookup.under(at_goal.center, at_goal.heading_rad)
     if start is None or end is None or end.lanelet_id not in network.graph.reachable([start.lanelet_id]):
         return None
-    margin = round(TIME_MARGIN_S / step_s)
     asked = goal.lanelet.size_m if goal.lanelet else None
     return PlanningTask(
         ego=car,
@@ -247,8 +276,17 @@ def _task(
         center=at_goal.center,
         heading_rad=at_goal.heading_rad,
         size_m=asked or _usual_size(end, at_goal.center, float(car.motion.speeds_mps[at_goal.step])),
-        time_steps=(max(1, at_goal.step - margin), at_goal.step + margin),
+        time_steps=_window(goal, at_goal.step, step_s),
     )
+
+
+def _window(goal: _GoalSpec, step: int, step_s: float) -> tuple[int, int]:
+    """The first and last step at which a goal may be reached where the recorded car is there at a step."""
+    margin = round(TIME_MARGIN_S / step_s)
+    if goal.through_s is None:
+        return max(1, step - margin), step + margin
+    margin = max(margin, round(THROUGH_MARGIN * step))
+    return max(1, step - margin), min(step + margin, round(goal.through_s / step_s))
 
 
 def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple[float, float]:
@@ -261,6 +299,8 @@ def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple
 
 LARGEST_GAP_M = 3.0
 """How far before or behind a point a car that drives over it is recorded at most: half its path between two steps."""
+STANDS_WITHIN_M = 0.5
+"""A car that waits creeps up by less (chosen)."""
 FARTHEST_ASIDE_M = 1.5
 """A car that passes a point farther beside it drives on another lane (chosen)."""
 
@@ -274,12 +314,12 @@ class _Passage:
     heading_rad: float
 
 
-def passage(goal: _GoalSpec, car: GeneratedVehicle, network: RoadNetwork) -> _Passage | None:
+def passage(goal: _GoalSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
     """Where and when a car is at the goal; None if it is not there within its recording, or too near to its start."""
     driven = arc_length(car.motion.positions)
     if goal.lanelet is not None:
         return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], driven)
-    step = _ahead(goal, driven)
+    step = _ahead(goal, driven) if goal.through_s is None else _farthest(driven, goal.through_s, step_s)
     if step is None or driven[step] < goal.shortest_path_m:
         return None
     return _Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))
@@ -291,6 +331,20 @@ def _ahead(goal: _GoalSpec, driven: Values) -> int | None:
         return goal.steps if goal.steps < len(driven) else None
     reached = np.flatnonzero(driven >= (goal.distance_m or 0.0))
     return int(reached[0]) if len(reached) else None
+
+
+def _farthest(driven: Values, duration_s: float, step_s: float) -> int | None:
+    """The step at which the car comes as far as a goal can lie; None where it leaves the cut before.
+
+    At the end of the scenario there is time to be late, and at the end of the cut there are lanes beyond the goal. A
+    car that waits at last has been there since it came.
+    """
+    last_step = round(duration_s / step_s)
+    if len(driven) > last_step:
+        farthest_m = float(driven[last_step - round(TIME_MARGIN_S / step_s)])
+    else:
+        farthest_m = float(driven[-1]) - BEYOND_M
+    return int(np.searchsorted(driven, farthest_m - STANDS_WITHIN_M)) if farthest_m > 0 else None
 
 
 def _on_lanelet(goal: _LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, driven: Values) -> _Passage | None:

@@ -313,6 +313,13 @@ class SiteFocus:
         passed = [bool(contains_xy(area, x, y).any()) for area in self._areas]
         return sum(passed) if passed[0] else 0
 
+    def is_left_by(self, car: GeneratedVehicle, step: int) -> bool:
+        """Whether the car's centre is on none of the areas at a step; so it is everywhere where a road is the site."""
+        from shapely import contains_xy
+
+        x, y = car.motion.positions[step]
+        return not any(bool(contains_xy(area, x, y)) for area in self._areas)
+
     def missed(self, *, only_car: bool) -> str:
         """The note on an ego that passes none of the areas; ``only_car``: no other could be chosen."""
         who = "the ego's way to its goal does not pass" if only_car else "no car's way to such a goal passes"

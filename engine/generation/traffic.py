@@ -52,13 +52,9 @@ LASTING_S = 30.0
 
 @dataclass(frozen=True)
 class _GeneratedTraffic:
-    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet.
-
-    ``left_out``: vehicles that could not be driven as recorded or overlapped others.
-    """
+    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet."""
 
     vehicles: tuple[GeneratedVehicle, ...]
-    left_out: int
     demand: Demand
 
 
@@ -113,7 +109,7 @@ def generate_traffic(
         kept = drop_infeasible(smoothed, needed)
         absent = _absent(demand, Counter(vehicle.vehicle_class.name for vehicle in kept))
         if not absent:
-            return _GeneratedTraffic(kept, len(smoothed) - len(kept), demand)
+            return _GeneratedTraffic(kept, demand)
         shortfalls.append(absent)
         if _is_hopeless(demand, absent):
             break

@@ -23,7 +23,7 @@ LaneHint = tuple[str, int]
 """SUMO's edge and lane index; ("", -1) where the lane is not known."""
 NO_LANE: LaneHint = ("", -1)
 
-_MATCH_REACH_M = 20.0
+_MATCH_REACH_M = 8.0
 """How far from the place SUMO looks for a lane when a vehicle is moved; far enough for all that are beside the road."""
 _KEEP_ROUTE, _KEEP_POSE = 1, 2
 """SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""

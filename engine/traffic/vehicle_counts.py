@@ -18,7 +18,7 @@ PAPER_TRIPS: dict[Density, int] = {"low": 20, "medium": 50, "high": 100}
 FEWEST, MOST = 8, 300
 """Bounds for vehicles on a site (chosen): fewer make no traffic, more would only be slow."""
 NAMED_SHARE = 0.2
-"""Share of the vehicles for a class that was asked for without a number, at least one (chosen)."""
+"""Share of the vehicles for a class that was asked for without number or share, at least one (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ def plan_counts(density: Density, vehicles: Iterable[VehicleDemand], lane_km: fl
             raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known), reason="unknown_class")
     dense = round(VEHICLES_PER_LANE_KM[density] * lane_km)
     wanted = min(max(dense, FEWEST), MOST)
-    share = max(1, round(wanted * NAMED_SHARE / max(1, len(asked) / 2)))
-    counts = {name: share if demand.least is None else demand.least for name, demand in asked.items()}
+    named = NAMED_SHARE / max(1, len(asked) / 2)
+    counts = {name: _count_of(demand, wanted, named) for name, demand in asked.items()}
     rest = max(wanted - sum(count for name, count in counts.items() if name != "car"), 1)
     if (cars := asked.get("car")) is not None:
         rest = max(rest, cars.needed + 1)
@@ -83,3 +83,10 @@ def plan_counts(density: Density, vehicles: Iterable[VehicleDemand], lane_km: fl
         most={name: limit for name, demand in sorted(asked.items()) if (limit := demand.most) is not None},
         bounded_by=f"no more than {MOST} vehicles are put on a site" if dense > MOST else "",
     )
+
+
+def _count_of(demand: VehicleDemand, wanted: int, named_share: float) -> int:
+    """How many of ``wanted`` vehicles are of a class: its number, or its share and one at least."""
+    if demand.least is not None:
+        return demand.least
+    return max(1, round(wanted * (named_share if demand.share is None else demand.share)))

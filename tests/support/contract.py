@@ -4,6 +4,7 @@ The workspace is filled by the tools themselves. A tool's case is one good call,
 name; words in angle brackets are ids of the prepared workspace.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,8 @@ class Prepared:
 def prepare(folder: Path) -> Prepared:
     """Fill a workspace below a folder."""
     settings = Settings(workspace=folder / "workspace", roots=(folder,), workers=1, warm_up=False)
-    return anyio.run(_prepare, settings, folder)
+    with ThreadPoolExecutor(1) as thread:  # where another library has marked this one as the event loop's
+        return thread.submit(anyio.run, _prepare, settings, folder).result()
 
 
 async def _prepare(settings: Settings, folder: Path) -> Prepared:

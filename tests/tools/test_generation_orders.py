@@ -66,6 +66,23 @@ def test_a_country_named_for_a_map_without_one_reaches_the_engine_as_its_code(sp
     assert request_for(arguments, AssignedSite(MapMatch(nowhere)), 0).country == "GBR"
 
 
+@pytest.mark.parametrize(
+    ("wish", "demands"),
+    [
+        ({"vehicles": ["truck"]}, [{"vehicle_class": "truck", "least": None, "most": None, "share": 0.022}]),
+        ({"vehicles": ["taxi"]}, [{"vehicle_class": "taxi", "least": None, "most": None, "share": 0.0}]),
+        ({"vehicles": ["taxi = 30 %"]}, [{"vehicle_class": "taxi", "least": None, "most": None, "share": 0.3}]),
+        ({"ego": "type:bus"}, [{"vehicle_class": "bus", "least": None, "most": None, "share": 0.0025}]),
+        ({"vehicles": ["bus=2"], "ego": "type:bus"}, [{"vehicle_class": "bus", "least": 2, "most": None}]),
+        ({"vehicles": ["car"]}, [{"vehicle_class": "car", "least": None, "most": None}]),
+    ],
+)
+def test_a_class_without_a_number_is_asked_for_by_its_share(wish: dict[str, object], demands: list[object]) -> None:
+    arguments = GenerateScenariosArguments.model_validate(wish)
+    request = request_for(arguments, AssignedSite(MAPS["Fahrhausen"]), 0)
+    assert request.model_dump(mode="json")["vehicles"] == demands
+
+
 @pytest.mark.anyio
 @pytest.mark.usefixtures("starter_ready")
 async def test_the_orders_of_a_call_reach_the_engine_with_their_step(

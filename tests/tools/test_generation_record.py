@@ -70,3 +70,18 @@ async def test_scenarios_of_other_origin_have_no_such_part(connect: Connect) -> 
         assert answer.structured_content is not None
         assert answer.structured_content["generation"] is None
         assert "Generated:" not in str(answer.content)
+
+
+async def test_shares_of_traffic_are_told_with_their_source(connect: Connect) -> None:
+    async with connect() as client:
+        wish = {"place": "Musterstadt", "vehicles": ["bus", "taxi", "truck=30%"], "duration_s": 5}
+        made = (await client.call_tool("generate_scenarios", wish)).structured_content
+        assert made is not None
+        bus, taxi, truck = made["scenarios"][0]["notes"][:3]
+        source = "ACEA, Vehicles in use in Europe: EU, 2019"
+        assert bus == f"bus: its share of traffic, 0.25 % of all vehicles ({source}), one at least"
+        assert taxi.startswith("taxi: one at least; how many there are in traffic is not known here")
+        realised = made["scenarios"][0]["classes_realised"]
+        assert (realised["bus"], realised["taxi"]) == (1, 1)
+        assert truck.startswith("truck: 30% of all vehicles asked, ")
+        assert 0.2 < realised["truck"] / made["scenarios"][0]["vehicles_realised"] < 0.4

@@ -43,7 +43,7 @@ def car() -> GeneratedVehicle:
     ],
 )
 def test_a_goal_around_the_start_is_none(goal: str, step: int | None) -> None:
-    found = passage(parse_goal(goal), car(), road())
+    found = passage(parse_goal(goal, 20.0), car(), road(), 0.1)
     assert (found.step if found else None) == step
 
 
@@ -56,6 +56,10 @@ class WholeRoad:
     def parts_passed(car: GeneratedVehicle, last_step: int) -> int:
         return int(last_step < len(car.motion.positions))
 
+    @staticmethod
+    def is_left_by(car: GeneratedVehicle, step: int) -> bool:
+        return float(car.motion.positions[step][0]) > 60.0
+
 
 def waiting(number: str) -> GeneratedVehicle:
     """Stands on the lanelet all the time."""
@@ -65,7 +69,10 @@ def waiting(number: str) -> GeneratedVehicle:
 
 def test_a_car_behind_stands_in_for_one_that_waits() -> None:
     driving, focus = replace(car(), vehicle_id="driving"), cast("SiteFocus", WholeRoad())
-    cars, goal = [driving, waiting("a"), waiting("b"), replace(driving, vehicle_id="later")], parse_goal("steps:50")
+    cars, goal = (
+        [driving, waiting("a"), waiting("b"), replace(driving, vehicle_id="later")],
+        parse_goal("steps:50", 20.0),
+    )
     chosen = [choose_task(TaskSpec(goal, index), cars, road(), focus, 0.1) for index in (0, 1, 3)]
     assert [(task.ego.vehicle_id, task.stands_in) for task in chosen] == [
         ("driving", False),
@@ -74,3 +81,35 @@ def test_a_car_behind_stands_in_for_one_that_waits() -> None:
     ]
     with pytest.raises(NotPossible, match="none of the 2 car"):
         choose_task(TaskSpec(goal, 1), cars[:3], road(), focus, 0.1)
+
+
+@pytest.mark.parametrize(("duration_s", "step"), [(30.0, 160), (18.0, 165), (10.0, 85)])
+def test_a_goal_behind_the_site_is_as_far_as_time_and_cut_allow(duration_s: float, step: int) -> None:
+    found = passage(parse_goal("through", duration_s), car(), road(), 0.1)
+    assert found is not None
+    assert abs(found.step - step) <= 1
+
+
+def test_a_goal_behind_the_site_is_where_a_car_that_waits_came_to_stand() -> None:
+    driving = car().motion
+    positions = np.concatenate([driving.positions[:100], np.repeat(driving.positions[99:100], 81, axis=0)])
+    stops = replace(car(), motion=replace(driving, positions=positions))
+    found = passage(parse_goal("through", 18.0), stops, road(), 0.1)
+    assert found is not None
+    assert found.step == 99
+
+
+def shortened(number: str, steps: int) -> GeneratedVehicle:
+    motion = car().motion
+    parts = (motion.positions, motion.headings_rad, motion.speeds_mps, motion.accelerations_mps2)
+    return replace(car(), vehicle_id=number, motion=Motion(*(part[:steps] for part in parts)))
+
+
+def test_the_ego_of_a_goal_behind_the_site_leaves_it_and_drives_for_most_of_the_time() -> None:
+    cars = [shortened("on the site", 60), shortened("short", 100), car(), replace(car(), vehicle_id="later")]
+    goal = parse_goal("through", 18.0)
+    task = choose_task(TaskSpec(goal), cars, road(), cast("SiteFocus", WholeRoad()), 0.1)
+    assert (task.ego.vehicle_id, task.focus_left, task.takes_most) == ("1", True, True)
+    assert task.time_steps[0] < task.goal_step <= task.time_steps[1] <= 180
+    second = choose_task(TaskSpec(goal), cars[:2], road(), cast("SiteFocus", WholeRoad()), 0.1)
+    assert (second.ego.vehicle_id, second.focus_left, second.takes_most) == ("short", True, False)

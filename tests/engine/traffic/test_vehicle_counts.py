@@ -39,6 +39,12 @@ def test_a_counted_class_gets_that_many_and_a_named_one_a_share(density: Density
     assert named.least == {"truck": 1}
 
 
+@pytest.mark.parametrize(("share", "buses"), [(0.0, 1), (0.0025, 1), (0.3, 42)])
+def test_a_share_is_of_all_vehicles_and_one_at_least(share: float, buses: int) -> None:
+    demand = plan_counts("high", [VehicleDemand(vehicle_class="bus", share=share)], 5.0)
+    assert (demand.counts["bus"], demand.total, demand.least) == (buses, 140, {"bus": 1})
+
+
 def test_a_large_site_gets_the_density_asked_for() -> None:
     for density, per_km in VEHICLES_PER_LANE_KM.items():
         assert plan_counts(density, [], 8.5).total == round(per_km * 8.5)
