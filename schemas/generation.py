@@ -261,7 +261,7 @@ class GenerateScenariosArguments(Arguments):
     )
     duration_s: float = Field(20, ge=5, le=120)
     ego: str = Field(
-        "first", description=("first, index:N (cars, from 0), type:CLASS (any: it joins traffic, the ego stays a car)")
+        "first", description="first, index:N (cars, from 0), type:CLASS (any: it joins traffic, the ego stays a car)"
     )
     goal: str = Field(
         "through", description="through the site; steps:N, distance_m:X on the ego's track, lanelet:ID:POSITION"
