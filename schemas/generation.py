@@ -263,12 +263,10 @@ class GenerateScenariosArguments(Arguments):
     ego: str = Field(
         "first", description="first, index:N (cars, from 0), type:CLASS (any: it joins traffic, the ego stays a car)"
     )
-    goal: str = Field(
-        "through", description="through the site; steps:N, distance_m:X on the ego's track, lanelet:ID:POSITION"
-    )
+    goal: str = Field("through", description="through; steps:N, distance_m:X on its track, lanelet:ID:POSITION")
     count: int = Field(1, ge=1, le=50)
     seed: int = 0
-    trial_run: bool = Field(False, description="also run a planner")
+    trial_run: bool = Field(False, description="run a planner too")
 
 
 class ScenarioSummary(Model):
