@@ -105,7 +105,7 @@ def shortened(number: str, steps: int) -> GeneratedVehicle:
     return replace(car(), vehicle_id=number, motion=Motion(*(part[:steps] for part in parts)))
 
 
-def test_the_ego_of_a_goal_behind_the_site_leaves_it_and_drives_for_most_of_the_time() -> None:
+def test_the_ego_of_a_goal_behind_the_site_leaves_it_and_drives_long() -> None:
     cars = [shortened("on the site", 60), shortened("short", 100), car(), replace(car(), vehicle_id="later")]
     goal = parse_goal("through", 18.0)
     task = choose_task(TaskSpec(goal), cars, road(), cast("SiteFocus", WholeRoad()), 0.1)
