@@ -1,0 +1,240 @@
+"""The MCP server that an agent works with: its tools as a model sees them, and calls of them.
+
+The connection lives in a task of its own: a call that is interrupted leaves it as it is, and a server that ended is
+started again.
+"""
+
+import base64
+import json
+import os
+import shlex
+import sys
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import anyio
+from anyio.abc import TaskGroup, TaskStatus
+from mcp import Client, MCPError, StdioServerParameters
+from mcp.server import MCPServer
+from mcp.types import CallToolResult, EmbeddedResource, ImageContent, ResourceLink, TextContent
+from pydantic import ValidationError
+
+from .errors import AgentError, SettingsFault, ToolServerGone
+from .models.interface import ToolDefinition
+from .tool_schemas import flattened
+
+ToolSet = Literal["all", "essential"]
+Server = StdioServerParameters | MCPServer | str
+"""A program to start, a server in this process, or the address of one (streamable HTTP)."""
+OnProgress = Callable[[float | None, str], None]
+"""Is told the share that is done, 0 to 1 (None: unknown), and what is being done."""
+_CLOSED = -32000
+"""The code of a closed connection; ``mcp_types.CONNECTION_CLOSED``."""
+_UNKNOWN = -32602
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of an answer; ``link`` is where the server keeps it, if it says so."""
+
+    data: bytes
+    mime_type: str
+
+
+@dataclass(frozen=True)
+class ToolAnswer:
+    """What came back of a call: text for the model, the same as a structure, pictures and links for the user."""
+
+    text: str
+    structured: Mapping[str, Any]
+    is_error: bool
+    pictures: tuple[Picture, ...] = ()
+    links: tuple[str, ...] = ()
+
+
+class ToolSource(Protocol):
+    """Whatever has tools: an MCP server, or what stands for one."""
+
+    @property
+    def tools(self) -> tuple[ToolDefinition, ...]:
+        """The tools, as the model sees them."""
+
+    @property
+    def instructions(self) -> str:
+        """What the server says about its tools together."""
+
+    async def ready(self) -> bool:
+        """See to it that calls can be made; returns whether it had to be started anew.
+
+        Raises:
+            ToolServerGone: it cannot be started.
+        """
+
+    async def call(self, tool: str, arguments: Mapping[str, Any], on_progress: OnProgress) -> ToolAnswer:
+        """Make a call and wait for its answer; a refusal is an answer.
+
+        Raises:
+            ToolServerGone: the server ended before it answered.
+        """
+
+
+def own_server(*, workspace: str = "", tools: ToolSet = "all") -> StdioServerParameters:
+    """This package's server as a child process, with the settings of this process's environment."""
+    arguments = ["-m", "plannerforge.server", "serve", "--tools", tools]
+    arguments += ["--workspace", workspace] if workspace else []
+    handed_on = ("PLANNERFORGE_", "PYTHON")
+    environment = {name: value for name, value in os.environ.items() if name.startswith(handed_on)}
+    return StdioServerParameters(command=sys.executable, args=arguments, env=environment)
+
+
+def server_of_command(command: str) -> StdioServerParameters:
+    """A server that a command line starts, with the environment of this process.
+
+    Raises:
+        SettingsFault: the command is empty or its quotes do not close.
+    """
+    try:
+        program, *arguments = shlex.split(command)
+    except ValueError as error:
+        raise SettingsFault(f"the server's command {command!r} cannot be read: {error}") from error
+    return StdioServerParameters(command=program, args=arguments, env=dict(os.environ))
+
+
+class ToolConnection:
+    """A connection to an MCP server (``open``); starts it again where it has ended."""
+
+    def __init__(self, server: Server, tasks: TaskGroup) -> None:
+        self._server, self._tasks = server, tasks
+        self._client: Client | None = None
+        self._leave = anyio.Event()
+        self._tools: tuple[ToolDefinition, ...] = ()
+        self._instructions = ""
+
+    @classmethod
+    @asynccontextmanager
+    async def open(cls, server: Server) -> AsyncIterator["ToolConnection"]:
+        """Connect to a server; it is closed when the block is left.
+
+        Raises:
+            ToolServerGone: it cannot be started, or nothing answers at its address.
+        """
+        async with anyio.create_task_group() as tasks:
+            connection = cls(server, tasks)
+            failure: AgentError | None = None
+            try:
+                await connection.ready()
+                yield connection
+            except AgentError as error:  # a task group would wrap it
+                failure = error
+            finally:
+                connection._leave.set()
+        if failure is not None:
+            raise failure
+
+    @property
+    def tools(self) -> tuple[ToolDefinition, ...]:
+        """The server's tools, flattened for models."""
+        return self._tools
+
+    @property
+    def instructions(self) -> str:
+        """The server's own words on its tools."""
+        return self._instructions
+
+    async def ready(self) -> bool:
+        """Start the server where it is not there; see ``ToolSource``."""
+        if self._client is not None:
+            return False
+        self._leave = anyio.Event()
+        problem = await self._tasks.start(self._keep, self._leave)
+        if problem:
+            raise ToolServerGone(
+                f"the MCP server cannot be reached: {problem}", next_step="see that its command or address is right"
+            )
+        return True
+
+    async def call(self, tool: str, arguments: Mapping[str, Any], on_progress: OnProgress) -> ToolAnswer:
+        """Make a call; see ``ToolSource``."""
+
+        async def progressed(progress: float, total: float | None, message: str | None) -> None:
+            on_progress(progress / total if total else None, message or "")
+
+        if self._client is None:
+            raise ToolServerGone(f"the MCP server ended before {tool} was called")
+        try:
+            result = await self._client.call_tool(tool, dict(arguments), progress_callback=progressed)
+        except MCPError as error:
+            if error.error.code == _CLOSED:
+                raise self._gone(tool) from error
+            return ToolAnswer(error.error.message, {}, is_error=True)
+        except (anyio.ClosedResourceError, anyio.BrokenResourceError, OSError) as error:
+            raise self._gone(tool) from error
+        except (ValidationError, RuntimeError, ValueError) as error:  # an answer that breaks the protocol
+            return ToolAnswer(f"the server's answer cannot be read: {error}", {}, is_error=True)
+        return _answer(result)
+
+    def _gone(self, tool: str) -> ToolServerGone:
+        self._client = None
+        self._leave.set()
+        return ToolServerGone(f"the MCP server ended while it worked on {tool}")
+
+    async def _keep(self, leave: anyio.Event, *, task_status: TaskStatus[str]) -> None:
+        """Hold a connection open until it is to be left; reports an empty word, or why there is none."""
+        started = False
+        try:
+            async with Client(self._server) as client:
+                listed = (await client.list_tools()).tools
+                self._tools = tuple(
+                    ToolDefinition(tool.name, tool.description or "", flattened(tool.input_schema)) for tool in listed
+                )
+                self._instructions = client.instructions or ""
+                self._client, started = client, True
+                task_status.started("")
+                await leave.wait()
+        except Exception as error:  # noqa: BLE001 - the boundary of the connection: it becomes the error of a turn
+            if not started:
+                task_status.started(_first_words(error))
+        finally:
+            if started and self._leave is leave:
+                self._client = None
+
+
+def _first_words(error: BaseException) -> str:
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return str(error) or type(error).__name__
+
+
+def _answer(result: CallToolResult) -> ToolAnswer:
+    texts = [block.text for block in result.content if isinstance(block, TextContent)]
+    texts += [
+        str(block.resource.text)
+        for block in result.content
+        if isinstance(block, EmbeddedResource) and hasattr(block.resource, "text")
+    ]
+    structured = result.structured_content or {}
+    pictures = tuple(
+        Picture(base64.b64decode(block.data), block.mime_type)
+        for block in result.content
+        if isinstance(block, ImageContent)
+    )
+    text = "\n".join(texts) or (json.dumps(structured, ensure_ascii=False) if structured else "")
+    links = tuple(str(block.uri) for block in result.content if isinstance(block, ResourceLink))
+    return ToolAnswer(text, structured, bool(result.is_error), pictures, links)
+
+
+def shown_to_model(answer: ToolAnswer, most_characters: int) -> str:
+    """What the model is given of an answer: its text, cut with the count where it is longer, and what the user sees."""
+    text = answer.text or "(an empty answer)"
+    if len(text) > most_characters:
+        kept = text[:most_characters]
+        text = (
+            f"{kept}\n[cut: {len(kept):,} of {len(text):,} characters are shown; ask for less at once, with a limit, a "
+            "filter or less detail]"
+        )
+    if answer.pictures:
+        count = len(answer.pictures)
+        text += f"\n[{count} picture{'s' if count > 1 else ''} shown to the user]"
+    return text

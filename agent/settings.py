@@ -1,0 +1,83 @@
+"""Settings of the agent: by flag or by environment (``PLANNERFORGE_AGENT_…``), the flag first."""
+
+from typing import Literal
+
+from pydantic import Field, SecretStr
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from .connection import ToolSet
+from .loop import TurnLimits
+from .models.interface import ModelFacts, ModelSettings
+
+SMALL_CONTEXT_TOKENS = 12_000
+"""The full list of tools takes 4,000 tokens, and a session of ten calls as many again; chosen."""
+
+
+class AgentSettings(BaseSettings):
+    """The settings of an agent, read at its start. Every field is a flag and a variable."""
+
+    model_config = SettingsConfigDict(env_prefix="PLANNERFORGE_AGENT_", frozen=True)
+
+    model: str = Field("", description="ollama:MODEL, or openai:MODEL@URL")
+    host: str = Field("", description="Ollama's address; default: OLLAMA_HOST, or this machine")
+    api_key: SecretStr = Field(SecretStr(""), description="key of an OpenAI-compatible server; default: OPENAI_API_KEY")
+    think: Literal["auto", "on", "off"] = Field("auto", description="thinking before answers; auto: as the model does")
+    context_tokens: int = Field(0, ge=0, description="context that the model is asked with; 0: its own, at most 16,384")
+    answer_tokens: int = Field(4096, ge=64, description="longest answer, its thinking included")
+    keep_alive: str = Field("5m", description="how long Ollama keeps the model in memory, such as 5m; -1: for good")
+    temperature: float | None = Field(None, ge=0, le=2, description="default: the model's own")
+    seed: int | None = Field(None, description="for the model's sampling; default: none")
+    silence_s: float = Field(300.0, gt=0, description="longest wait for the next sign of the model")
+    rounds: int = Field(24, ge=1, description="how often the model may be asked in a turn")
+    turn_tokens: int = Field(500_000, ge=1000, description="tokens of a turn, prompts and answers together")
+    turn_s: float = Field(1800.0, gt=0, description="longest turn")
+    repeats: int = Field(2, ge=1, description="how often the same call may give the same answer in a turn")
+    history_tokens: int = Field(125_000, ge=500, description="conversation past which the model summarises it")
+    result_characters: int = Field(12_000, ge=200, description="what the model is given of an answer of a tool")
+    tools: Literal["auto", "all", "essential"] = Field(
+        "auto", description="tools of the own server; auto: the essential ones for a small model"
+    )
+    small_parameters_billion: float = Field(7.0, ge=0, description="a model with fewer parameters is small")
+    server: str = Field("", description="command that starts another MCP server")
+    url: str = Field("", description="address of an MCP server (streamable HTTP)")
+
+    def for_model(self) -> ModelSettings:
+        """How the model is asked."""
+        return ModelSettings(
+            host=self.host,
+            api_key=self.api_key.get_secret_value(),
+            think=None if self.think == "auto" else self.think == "on",
+            context_tokens=self.context_tokens,
+            answer_tokens=self.answer_tokens,
+            keep_alive=self.keep_alive,
+            temperature=self.temperature,
+            seed=self.seed,
+            silence_s=self.silence_s,
+        )
+
+    def for_turns(self) -> TurnLimits:
+        """What a turn may take."""
+        return TurnLimits(
+            rounds=self.rounds,
+            tokens=self.turn_tokens,
+            turn_s=self.turn_s,
+            repeats=self.repeats,
+            answer_tokens=self.answer_tokens,
+            result_characters=self.result_characters,
+            history_tokens=self.history_tokens,
+        )
+
+    def small(self, facts: ModelFacts) -> str:
+        """Why a model is too small for the full list of tools, in words; empty where it is not."""
+        size, context = facts.parameters_billion, facts.context_tokens
+        if context is not None and context < SMALL_CONTEXT_TOKENS:
+            return f"a context of {context:,} tokens"
+        if size is not None and size < self.small_parameters_billion:
+            return f"{size:g} billion parameters"
+        return ""
+
+    def tool_set(self, facts: ModelFacts) -> ToolSet:
+        """The tools of the own server that a model gets."""
+        if self.tools == "auto":
+            return "essential" if self.small(facts) else "all"
+        return self.tools

@@ -1,0 +1,82 @@
+"""Schemas of tools for small models: flat, without references, with bounds and defaults in words.
+
+Model servers pass on the type, the items, the description and the choices of a property and drop the rest, so what a
+model has to know of it stands in the description.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+_WORDS = {
+    "minimum": "at least {}",
+    "maximum": "at most {}",
+    "exclusiveMinimum": "more than {}",
+    "exclusiveMaximum": "less than {}",
+    "minLength": "at least {} characters",
+    "maxLength": "at most {} characters",
+    "minItems": "at least {} items",
+    "maxItems": "at most {} items",
+    "pattern": "of the form {}",
+    "default": "default {}",
+}
+_KEPT = ("type", "description", "enum", "items", "properties", "required", "additionalProperties")
+_DEEPEST = 8
+"""Nesting of references at most: a schema may refer to itself; chosen."""
+
+
+def flattened(schema: Mapping[str, Any]) -> dict[str, Any]:
+    """The schema of an object with references inlined, null arms dropped, bounds and defaults told in descriptions."""
+    definitions = schema.get("$defs", {})
+    flat = _flat(schema, definitions, 0)
+    flat.pop("description", None)
+    return {"type": "object", "properties": {}, **flat}
+
+
+def _flat(schema: Mapping[str, Any], definitions: Mapping[str, Any], depth: int) -> dict[str, Any]:
+    if depth > _DEEPEST:
+        return {}
+    schema = _without_null(_resolved(schema, definitions), definitions)
+    flat = {key: schema[key] for key in _KEPT if key in schema}
+    if "const" in schema:
+        flat["enum"] = [schema["const"]]
+    if isinstance(flat.get("items"), Mapping):
+        flat["items"] = _flat(flat["items"], definitions, depth + 1)
+    if isinstance(flat.get("properties"), Mapping):
+        flat["properties"] = {name: _flat(part, definitions, depth + 1) for name, part in flat["properties"].items()}
+    told = [words.format(schema[key]) for key, words in _WORDS.items() if schema.get(key) not in (None, "", [])]
+    if told:
+        described = str(flat.get("description", "")).rstrip(". ")
+        flat["description"] = f"{described} ({', '.join(told)})".strip()
+    return flat
+
+
+def _resolved(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
+    name = str(schema.get("$ref", "")).rpartition("/")[2]
+    if not name:
+        return schema
+    beside = {key: value for key, value in schema.items() if key != "$ref"}
+    return {**definitions.get(name, {}), **beside}
+
+
+def _without_null(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A schema with ``anyOf`` as one: the single arm that is not null, or the types of all arms together."""
+    arms = [_resolved(arm, definitions) for arm in schema.get("anyOf", schema.get("oneOf", ()))]
+    arms = [arm for arm in arms if arm.get("type") != "null"]
+    beside = {key: value for key, value in schema.items() if key not in ("anyOf", "oneOf")}
+    if isinstance(beside.get("type"), list):
+        types = [kind for kind in beside["type"] if kind != "null"]
+        beside["type"] = types[0] if len(types) == 1 else types
+    if not arms:
+        return beside
+    if len(arms) == 1:
+        return {**arms[0], **beside}
+    together = dict(arms[0])
+    types = list(dict.fromkeys(str(arm["type"]) for arm in arms if "type" in arm))
+    choices = [choice for arm in arms for choice in arm.get("enum", ())]
+    if all("enum" in arm for arm in arms):
+        together["enum"] = choices
+    else:
+        together.pop("enum", None)
+    if types:
+        together["type"] = types[0] if len(types) == 1 else types
+    return {**together, **beside}
