@@ -7,6 +7,8 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
+from .text import one_line
+from .vocabulary import Origin
 
 Facet = Literal["all", "places", "tags", "features", "road_net", "obstacles", "maps", "behaviours", "planners"]
 Method = Literal["funnel", "semantic", "hybrid", "rrf", "bm25"]
@@ -17,8 +19,7 @@ STAGES: tuple[Stage, ...] = ("location", "tags", "road_net", "obstacles", "veloc
 
 
 class DescribeCatalogArguments(Arguments):
-    """What there is, with counts: places, tags, features, road_net keys, obstacles, maps, planners, presets. Read
-    before filtering."""
+    """What there is, with counts. Read before filtering."""
 
     facet: Facet = "all"
     within: str | None = Field(None, description="search id")
@@ -51,7 +52,7 @@ class DescribeCatalogResult(Result):
 
 class FindScenariosArguments(Arguments):
     """Filter the catalogue by facts, rank by text. Pass the user's words: unknown ones are refused with the nearest
-    valid; an empty result names the condition that emptied it and what would match."""
+    valid."""
 
     longest_texts: ClassVar[Mapping[str, int]] = {"text": 2000}
 
@@ -64,22 +65,35 @@ class FindScenariosArguments(Arguments):
     road_net: list[str] = Field(
         [],
         description="'stop', '!yield', 'traffic_light@map', 'lanes>=2', 'speed_limit=50km/h'; on the ego's lane, "
-        "'@map' anywhere; lanes in the ego's direction",
+        "'@map' anywhere",
     )
     obstacles: list[str] = Field(
-        [],
-        description="'truck' (at least one), 'bus=2', 'car=2..5' (a few), 'bicycle=0', 'participants>=20'; "
-        "without the ego",
+        [], description="'truck' (at least one), 'bus=2', 'car=2..5' (a few), 'bicycle=0', 'participants>=20'"
     )
     ego_speed: str | None = Field(None, description="at the start: '50km/h' (±2 m/s), '10..15m/s', '>=20mph'")
+    origin: Origin | None = None
     text: str | None = Field(None, description="the user's words; only ranks")
     like: str | None = Field(None, description="scenario id")
-    within: str | None = Field(None, description="search id to refine")
+    within: str | None = Field(None, description="search id")
     method: Method = "funnel"
     sort: Literal["match", "criticality", "size"] = "match"
     diverse: int | None = Field(None, ge=1, le=100, description="N unlike matches")
+    fallback: Literal["nearest", "none"] = "nearest"
     limit: int = Field(5, ge=1, le=50)
     offset: int = Field(0, ge=0)
+
+    def in_words(self) -> str:
+        """The conditions as they were given, with the text; for a list of searches."""
+        where = [f"{name} {value}" for name in ("country", "city") if (value := getattr(self, name))]
+        lists = [f"{name} {', '.join(value)}" for name in _LISTS if (value := getattr(self, name))]
+        others = [
+            f"{name} {value}" for name in ("ego_speed", "origin", "like", "within") if (value := getattr(self, name))
+        ]
+        text = [f"text '{self.text}'"] if self.text else []
+        return one_line("; ".join([*where, *lists, *others, *text]) or "no conditions", 200)
+
+
+_LISTS = ("tags", "features", "road_net", "obstacles")
 
 
 class FoundScenario(Model):

@@ -105,6 +105,7 @@ class ScenarioFacts(Model):
     participants: ParticipantFacts
     egos: tuple[EgoFacts, ...] = Field(description="one per planning problem, by ascending id")
     density_per_km: float = Field(0.0, description="recorded vehicles per kilometre of lanelets, mean over the time")
+    source: str = Field("", description="where the file says that its data come from; '' where it was not read")
 
     @property
     def ego(self) -> EgoFacts | None:

@@ -93,6 +93,13 @@ MEASURES: Final[dict[str, str]] = {
     "density": "recorded vehicles per kilometre of lanelets, mean over the recording",
 }
 """Numbers computed from geometry and recording, compared in the ``features`` argument (``ttc<=3s``)."""
+Origin = Literal["recorded", "simulated", "artificial"]
+ORIGINS: Final[dict[Origin, str]] = {
+    "recorded": "the traffic was observed, as its file's source says",
+    "simulated": "a simulator moved the traffic: the file's tag or source says so",
+    "artificial": "the roads are no real place (country ZAM), or the file was made by hand",
+}
+"""Where a scenario comes from; an artificial one may be simulated too."""
 GoalForm = Literal["region", "lanelet", "speed", "orientation", "time"]
 """What a goal states: a region (shape), a lanelet, a speed, a heading or only a time."""
 

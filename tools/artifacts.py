@@ -4,8 +4,10 @@ from ..engine.execution import Job
 from ..engine.workspace import Artifact
 from ..resources.templates import SCHEME
 from ..schemas.artifacts import ListArtifactsArguments, ListArtifactsResult, ListedArtifact
+from ..schemas.catalog import SearchRecord
 from ..schemas.errors import NotPossible
 from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
+from ..schemas.text import counted
 from .call import ToolCall
 
 _NEXT = {
@@ -37,12 +39,21 @@ def _listed(artifact: Artifact) -> ListedArtifact:
     return ListedArtifact(
         artifact_id=artifact.artifact_id,
         kind=artifact.kind,
-        name=artifact.name,
+        name=_name(artifact),
         made_by=artifact.recipe.tool,
         parents=artifact.recipe.parents,
         made_at=artifact.made_at,
         uri=f"{SCHEME}{artifact.kind}/{artifact.artifact_id}/record",
     )
+
+
+def _name(artifact: Artifact) -> str:
+    """What an artifact is called; a search by its conditions and the number of its matches."""
+    if artifact.kind != "search":
+        return artifact.name
+    search = artifact.read(SearchRecord)
+    count = len(search.scenario_ids) if search.total is None else search.total
+    return f"{search.arguments.in_words()}: {counted(count, 'match')}"
 
 
 def _jobs(arguments: ListArtifactsArguments, call: ToolCall) -> ListArtifactsResult:

@@ -2,11 +2,14 @@
 
 import sqlite3
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from itertools import islice
 
 from ...schemas.errors import closest
-from ...schemas.vocabulary import FEATURES, ROAD_NET_KEYS, TAGS
-from .constraints import MEASURE_COLUMNS, PARTICIPANTS, Constraint, known_places
+from ...schemas.vocabulary import FEATURES, ORIGINS, ROAD_NET_KEYS, TAGS
+from ..maps import place_keys
+from .bm25 import words_of
+from .constraints import ARTIFICIAL, MEASURE_COLUMNS, PARTICIPANTS, Constraint, is_place, known_places, obstacle_type_of
 from .entry_sets import EntrySet, column_of
 from .funnel import EmptiedBy, Funnel
 from .tables import NEVER_S
@@ -31,10 +34,104 @@ def never_carried(connection: sqlite3.Connection, constraints: Sequence[Constrai
             if _is_carried(connection, kind, word):
                 continue
             sentence = f"No scenario of this catalogue carries {kind.replace('sign@', 'sign on ')} '{word}'"
-            if kind == "tag" and word in FEATURES and (holding := _carriers(connection, "feature", word)):
-                sentence += f"; the computed feature '{word}' holds for {holding}: use features"
             sentences.append(sentence + ".")
     return sentences
+
+
+def found_elsewhere(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
+    """A sentence for every name that was asked for as a tag or feature and that other scenarios have as the other."""
+    sentences = []
+    for constraint in constraints:
+        if constraint.note:
+            sentences.append(constraint.note)
+        if constraint.subject not in ("tag", "feature"):
+            continue
+        for kind, word in constraint.words:
+            if word in TAGS and word in FEATURES:
+                tagged, computed = (_carriers(connection, each, word) for each in ("tag", "feature"))
+                other = "features" if kind == "tag" else "tags"
+                if (computed if kind == "tag" else tagged) > 0 and tagged != computed:
+                    counts = f"'{word}': tag of {tagged}, computed feature of {computed} in the catalogue"
+                    sentences.append(f"{counts}; the {kind} was asked for, {other}=['{word}'] asks for the other.")
+    return sentences
+
+
+@dataclass(frozen=True)
+class TextWords:
+    """Where the catalogue holds the words of a text: ``found`` sentences, and the words that stand ``nowhere``.
+
+    ``alone``: the text has words, and none of them stands anywhere.
+    """
+
+    found: tuple[str, ...]
+    nowhere: tuple[str, ...]
+    alone: bool
+
+
+def words_in(connection: sqlite3.Connection, text: str, asked: Sequence[Constraint]) -> TextWords:
+    """Look for the words of a text among tags, features, obstacles and signs, and else in places and descriptions."""
+    words = [word for word in dict.fromkeys(words_of(text)) if len(word) > 2 and word not in _SAYING_NOTHING]
+    known = {name for constraint in asked for _, name in constraint.words}
+    found, nowhere = dict[str, None](), []
+    for word in words[:_WORDS_LOOKED_UP]:
+        name, places = _places_of(connection, word)
+        if name and name not in known:
+            called = f"'{word}'" + (f" ({name})" if name != word else "")
+            found[f"{called} is {' and '.join(places)}" if places else f"{called} is in no scenario"] = None
+        elif not name and not _stands(connection, word):
+            nowhere.append(word)
+    looked = words[:_WORDS_LOOKED_UP]
+    return TextWords(tuple(found)[:_WORDS_TOLD], tuple(nowhere), bool(looked) and len(nowhere) == len(looked))
+
+
+_WORDS_LOOKED_UP, _WORDS_TOLD = 12, 3
+"""Words of a text that are looked up, and of which it is told where they are, at most (chosen)."""
+_SAYING_NOTHING = frozenset(
+    words_of(
+        "and for with without near any all some show find give get want need please scenario scenarios scene "
+        "scenes case cases where which that there has have are from into than more less most least about only one "
+        "two three ego vehicle vehicles traffic the der die das und mit ein eine für ohne bei les des une avec "
+        "sans para con sin los las "
+    )
+)
+"""Words of requests that say nothing of a scenario."""
+_VOCABULARIES = (("tag", TAGS), ("feature", FEATURES), ("sign@map", ROAD_NET_KEYS))
+
+
+def _places_of(connection: sqlite3.Connection, word: str) -> tuple[str, list[str]]:
+    """The name of a vocabulary that a word means, and by how many scenarios it is carried as what; '' for no name."""
+    carried: list[str] = []
+    meant = ""
+    for spelling in (word, word.removesuffix("s")):
+        for kind, vocabulary in _VOCABULARIES:
+            if spelling in vocabulary:
+                meant = spelling
+                if count := _carriers(connection, kind, spelling):
+                    carried.append(f"{kind.replace('sign@map', 'sign')} of {count}")
+        if meant:
+            break
+    obstacle = obstacle_type_of(word)
+    if obstacle is not None:
+        meant = meant or obstacle
+        if count := _holders(connection, obstacle):
+            carried.append(f"obstacle of {count}")
+    return meant, carried
+
+
+def _stands(connection: sqlite3.Connection, word: str) -> bool:
+    """Whether a word, or one that begins like it, stands in a place or description."""
+    key = word[:_LETTERS] if len(word) > _LETTERS else word
+    query = "SELECT 1 FROM catalog_scenarios WHERE instr(lower(description), ?) OR instr(lower(place), ?) LIMIT 1"
+    if connection.execute(query, (key, key)).fetchone() is not None:
+        return True
+    keys = tuple(place_keys(word))
+    holes = ", ".join("?" * len(keys))
+    query = f"SELECT 1 FROM catalog_words WHERE kind = 'place' AND word IN ({holes}) LIMIT 1"  # noqa: S608 - only ? marks
+    return connection.execute(query, keys).fetchone() is not None
+
+
+_LETTERS = 5
+"""Words that begin alike count as one (chosen; as in the conditions)."""
 
 
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
@@ -54,6 +151,9 @@ def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel
         return _places(connection, constraint, funnel.within)
     if constraint.stage == "obstacles" and constraint.words:
         return _counts(connection, constraint, funnel, entering)
+    if constraint.subject == "origin":
+        query = "SELECT number FROM catalog_words WHERE kind = 'origin' AND word = ?"
+        return _listed("origins", [one for one in ORIGINS if funnel.holding(query, (one,)) & entering], 0)
     if constraint.words:
         return _words(constraint, funnel, entering)
     if constraint.subject == "speed_limit":
@@ -89,8 +189,9 @@ def _counts(connection: sqlite3.Connection, constraint: Constraint, funnel: Funn
 def _places(connection: sqlite3.Connection, constraint: Constraint, within: EntrySet | None) -> str:
     known, wanted = known_places(connection, within), constraint.label.partition(" ")[2]
     if constraint.subject == "country":
-        return _listed("countries", closest(wanted, known.countries, SHOWN), len(known.countries))
-    places = [place for place, _ in known.places]
+        countries = [country for country in known.countries if country != ARTIFICIAL]
+        return _listed("countries", closest(wanted, countries, SHOWN), len(countries))
+    places = [place for place, country in known.places if is_place(country, place)]
     return _listed("places", closest(wanted, places, SHOWN), len(places))
 
 
@@ -128,6 +229,11 @@ def _is_carried(connection: sqlite3.Connection, kind: str, word: str) -> bool:
         query = "SELECT 1 FROM catalog_words WHERE kind = ? AND word = ? LIMIT 1"
         row = connection.execute(query, (kind, word)).fetchone()
     return row is not None
+
+
+def _holders(connection: sqlite3.Connection, obstacle: str) -> int:
+    query = "SELECT count(*) FROM catalog_counts WHERE obstacle = ? AND count > 0"
+    return int(connection.execute(query, (obstacle,)).fetchone()[0])
 
 
 def _carriers(connection: sqlite3.Connection, kind: str, word: str) -> int:

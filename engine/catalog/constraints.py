@@ -8,7 +8,7 @@ the vocabulary are understood in any case, in the plural and by everyday names; 
 import re
 import sqlite3
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from ...schemas.catalog import FindScenariosArguments, Stage
@@ -34,6 +34,8 @@ _OBSTACLE_WORDS = {
 }
 PARTICIPANTS = "participants"
 """What obstacles of all types together are called."""
+EITHER = "tag or feature"
+"""The subject of a condition on a name that may be a tag or a computed feature."""
 _TOTALS = ("participants", "participant", "roadusers", "vehicles", "obstacles", "total")
 _TYPE_OF_CLASS = {
     "trailer": "truck",
@@ -66,6 +68,7 @@ class Constraint:
     ``subject``: the name of the vocabulary that it is about, ``country`` or ``city``; ``everywhere``: on the whole map.
     ``query`` selects the numbers of the scenarios that hold it (of those that do not, where ``negated``).
     ``words``: names that no scenario at all may carry, as ``(kind, word)``, to say so.
+    ``note``: what a word was taken for that is none of its argument; empty elsewhere.
     """
 
     stage: Stage
@@ -76,6 +79,7 @@ class Constraint:
     negated: bool = False
     words: tuple[tuple[str, str], ...] = ()
     everywhere: bool = False
+    note: str = ""
 
     def is_mentioned(self, text: str) -> bool:
         """Whether all words of a name that it is about, or all numbers of a speed, stand in the text."""
@@ -100,20 +104,64 @@ def constraints_of(arguments: FindScenariosArguments, location: Sequence[Constra
         InvalidRequest: a malformed condition, or a speed without a unit; all faults at once.
     """
     makers: list[tuple[Callable[[str], Constraint], str]] = [
-        *((partial(_word_constraint, "tag", known=_tag_name), text) for text in arguments.tags),
-        *((_feature, text) for text in arguments.features),
-        *((_road_net, text) for text in arguments.road_net),
-        *((_obstacles, text) for text in arguments.obstacles),
+        *((partial(_taken, "tags"), text) for text in arguments.tags),
+        *((partial(_taken, "features"), text) for text in arguments.features),
+        *((partial(_taken, "road_net"), text) for text in arguments.road_net),
+        *((partial(_taken, "obstacles"), text) for text in arguments.obstacles),
     ]
     constraints, faults = list(location), Faults()
     for make, text in makers:
         with faults.collecting():
             constraints.append(make(text))
+    if arguments.origin is not None:
+        query = "SELECT number FROM catalog_words WHERE kind = 'origin' AND word = ?"
+        constraints.append(Constraint("tags", "origin", f"origin {arguments.origin}", query, (arguments.origin,)))
     with faults.collecting():
         if arguments.ego_speed is not None:
             constraints.append(_ego_speed(arguments.ego_speed))
     faults.raise_all()
     return tuple(constraints)
+
+
+def _taken(argument: str, text: str) -> Constraint:
+    """The condition of an argument; a word of another argument's vocabulary is looked for there, and a note says so.
+
+    Raises:
+        UnknownName: a word of no vocabulary.
+    """
+    try:
+        return _MAKERS[argument](text)
+    except UnknownName:
+        for other in _OTHERS[argument]:
+            try:
+                found = _MAKERS[other](text)
+            except (UnknownName, InvalidRequest):
+                continue
+            note = (
+                f"'{one_line(_parse_name(text))}' is in no {argument}; looked for among {other.replace('|', ' and ')}."
+            )
+            return replace(found, note=note)
+        raise
+
+
+def _tag(text: str) -> Constraint:
+    return _word_constraint("tag", text, _tag_name)
+
+
+def _tag_or_feature(text: str) -> Constraint:
+    """A name that is a tag and a computed feature, where neither was asked for: either of the two."""
+    tag, feature = _tag(text), _word_constraint("feature", text, _feature_name)
+    names = tag.values[1:]
+    holes = ", ".join("?" * len(names))
+    query = f"SELECT DISTINCT number FROM catalog_words WHERE kind IN ('tag', 'feature') AND word IN ({holes})"  # noqa: S608 - only ? marks
+    return replace(
+        tag,
+        subject=EITHER,
+        label=f"tag or feature {tag.label}",
+        query=query,
+        values=names,
+        words=(*tag.words, *feature.words),
+    )
 
 
 def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
@@ -199,10 +247,7 @@ def _obstacles(text: str) -> Constraint:
     condition = parse_condition(text, whole=True)
     if _key(condition.name) in _TOTALS:
         return _total(text, condition)
-    next_step = "describe_catalog lists the obstacle types"
-    meant = vehicle_class_of(condition.name)
-    everyday = ({_key(condition.name): _TYPE_OF_CLASS.get(meant, meant)} if meant else {}) | _OBSTACLE_WORDS
-    name = _name(condition.name, OBSTACLE_TYPES, everyday, "obstacle type", next_step)
+    name = _obstacle_name(condition.name)
     _scope(condition, ("map",))
     low, high = _bounds(condition.interval, 0.0)
     label = one_line(text).replace(condition.name, name, 1)
@@ -212,6 +257,22 @@ def _obstacles(text: str) -> Constraint:
     query = outside if holds_for_none else within
     negated = condition.negated != holds_for_none
     return Constraint("obstacles", name, label, query, (name, low, high), negated, (("obstacle", name),))
+
+
+_MAKERS: dict[str, Callable[[str], Constraint]] = {
+    "tags": _tag,
+    "features": _feature,
+    "road_net": _road_net,
+    "obstacles": _obstacles,
+    "tags|features": _tag_or_feature,
+}
+_OTHERS = {
+    "tags": ("features", "obstacles", "road_net"),
+    "features": ("tags", "obstacles", "road_net"),
+    "road_net": ("tags|features", "features", "tags", "obstacles"),
+    "obstacles": ("tags|features", "features", "tags", "road_net"),
+}
+"""Where a word is looked for that is none of its argument's own, in this order."""
 
 
 def _total(text: str, condition: Condition) -> Constraint:
@@ -263,6 +324,18 @@ def _bounds(interval: Interval, tolerance: float, factor: float = 1.0) -> tuple[
     return low, _FAR if interval.high is None else interval.high * factor + slack
 
 
+ARTIFICIAL = "ZAM"
+"""CommonRoad's country of networks that are no real place."""
+_NO_PLACES = frozenset({"test", "unittest", "example", "sample", "scenario", "unknown", "none", "map", "default"})
+"""What stands for a place in the ids of files that were made to try something (chosen)."""
+
+
+def is_place(country: str, place: str) -> bool:
+    """Whether a scenario's place is one of the world: of a country, no number and no name of a test."""
+    letters = any(letter.isalpha() for letter in place)
+    return country != ARTIFICIAL and letters and place.casefold().rstrip("0123456789") not in _NO_PLACES
+
+
 @dataclass(frozen=True)
 class _Places:
     """What the catalogue holds: countries, and places with their countries, alphabetically."""
@@ -305,6 +378,20 @@ def location_constraints(connection: sqlite3.Connection, country: str | None, ci
         query = f"SELECT DISTINCT number FROM catalog_words WHERE kind = 'place' AND word IN ({holes})"  # noqa: S608 - only ? marks
         constraints.append(Constraint("location", "city", f"city {one_line(city)}", query, keys))
     return constraints
+
+
+def obstacle_type_of(word: str) -> str | None:
+    """The obstacle type that a word means; None for a word that means none."""
+    try:
+        return _obstacle_name(word)
+    except UnknownName:
+        return None
+
+
+def _obstacle_name(word: str) -> str:
+    meant = vehicle_class_of(word)
+    everyday = ({_key(word): _TYPE_OF_CLASS.get(meant, meant)} if meant else {}) | _OBSTACLE_WORDS
+    return _name(word, OBSTACLE_TYPES, everyday, "obstacle type", "describe_catalog lists the obstacle types")
 
 
 def _tag_name(word: str) -> str:

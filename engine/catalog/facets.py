@@ -6,7 +6,9 @@ from collections.abc import Callable
 from itertools import islice
 
 from ...schemas.catalog import FacetCounts
+from ...schemas.text import counted
 from ...schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAGS
+from .constraints import ARTIFICIAL, is_place
 
 PLACES_SHOWN, COUNTRIES_SHOWN, KEYS_SHOWN, LIMITS_SHOWN = 6, 12, 3, 3
 """Of each, where all facets are asked for at once: the answer is read by a model (chosen)."""
@@ -39,13 +41,30 @@ def scenario_facets(
 
 
 def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
-    countries = _counted([country for country, _ in pairs])
-    places = _counted([f"{country} {place}" if whole else place for country, place in pairs])
+    countries = _counted([country for country, _ in pairs if country != ARTIFICIAL])
+    artificial = sum(country == ARTIFICIAL for country, _ in pairs)
+    no_country = (
+        f"and {counted(artificial, 'scenario')} on artificial networks, country {ARTIFICIAL}" if artificial else ""
+    )
+    real = [(country, place) for country, place in pairs if is_place(country, place)]
+    places = _counted([f"{country} {place}" if whole else place for country, place in real])
     shown = places if whole else _first(places, PLACES_SHOWN)
     hidden = len(places) - len(shown)
-    note = f"{hidden} more with facet places" if hidden else ""
+    invented = len({pair for pair in pairs if not is_place(*pair)})
+    notes = [
+        *(["of scenarios; those of maps: facet maps"] if whole else []),
+        *([f"{hidden} more with facet places"] if hidden else []),
+        *(
+            [f"without {counted(invented, 'name')} that {'is' if invented == 1 else 'are'} no real place"]
+            if invented
+            else []
+        ),
+    ]
+    note = "; ".join(notes)
     return [
-        FacetCounts(facet="countries", counts=countries if whole else _first(countries, COUNTRIES_SHOWN)),
+        FacetCounts(
+            facet="countries", counts=countries if whole else _first(countries, COUNTRIES_SHOWN), note=no_country
+        ),
         FacetCounts(facet="places", counts=shown, note=note),
     ]
 

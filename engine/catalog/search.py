@@ -27,13 +27,14 @@ from ...schemas.catalog import (
 )
 from ...schemas.errors import InvalidRequest
 from ...schemas.scenarios import ScenarioFacts
-from .alternatives import emptied_note, never_carried
+from ...schemas.text import one_line
+from .alternatives import TextWords, emptied_note, found_elsewhere, never_carried, words_in
 from .bm25 import reciprocal_rank_fusion
-from .constraints import PARTICIPANTS, Constraint, constraints_of, location_constraints
+from .constraints import EITHER, PARTICIPANTS, Constraint, constraints_of, location_constraints
 from .entry_sets import EntrySet, Postings, plain_rows
 from .funnel import Funnel
 from .tables import facts_of
-from .words import summary
+from .words import origins_of, summary
 
 MOST_KEPT = 1_000
 """Matches whose ids are kept with a search; of more, its conditions find the others again (chosen)."""
@@ -41,6 +42,11 @@ FALLBACKS, EXAMPLES = 3, 3
 """Entries that come nearest, and examples of a relaxation, that an answer shows at most (chosen)."""
 RANKED_FALLBACKS = 50
 """Of the nearest entries, those that a text is compared with where nothing matches (chosen)."""
+_FEW_WORDS = 3
+"""Up to this number of words that say something, a text's unknown ones are told; more are a description (chosen)."""
+_LEAST_LIKENESS = 0.24
+"""Below this likeness to every description a text of unknown words means nothing here: with the packaged model "rush
+hour" and "town" come to 0.28 and more, "pizza" and "unicorn" to 0.17 at most."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +138,8 @@ class Search:
 
     def find(self, ranking: Ranking | None) -> _Found:
         """The ids in the order of the method: matches for the funnel, else everything that was ranked."""
+        if self._means_nothing(ranking):
+            return _Found(ranking.scenario_ids if ranking else (), (), 0)
         if ranking is None:
             matches = self._first()
             return self._chosen([entry.scenario_id for entry in matches], matches)
@@ -184,15 +192,46 @@ class Search:
             search_id=search_id,
             method=self.arguments.method,
             catalogue=self.funnel.size,
-            total=len(self._matching),
+            total=0 if self._means_nothing(ranking) else len(self._matching),
             stages=self.stage_counts(),
             matches=self._found(found.matches[begin : begin + limit], scores),
             coverage=found.coverage,
             emptied_by=self._emptied(),
             relaxations=self._relaxations(),
-            fallback=self._found(self._fallback(found, ranking), scores),
-            notes=(*never_carried(self._connection, self.funnel.constraints), *self._left_out()),
+            fallback=self._found(self._fallback(found, ranking), scores, meaningless=self._means_nothing(ranking)),
+            notes=(
+                *never_carried(self._connection, self.funnel.constraints),
+                *found_elsewhere(self._connection, self.funnel.constraints),
+                *self._text_notes(ranking),
+                *self._left_out(),
+            ),
         )
+
+    def _text_notes(self, ranking: Ranking | None) -> list[str]:
+        """Where the words of the text were found, and those that were found nowhere; the text only ranks."""
+        text = self._text_words
+        few = len(text.found) + len(text.nowhere) <= _FEW_WORDS
+        notes = [f"In the text: {'; '.join(text.found)}."] if text.found else []
+        if text.nowhere and (text.alone or few):
+            words = ", ".join(f"'{one_line(word)}'" for word in text.nowhere)
+            verb = "is" if len(text.nowhere) == 1 else "are"
+            nothing = text.alone and self._is_far(ranking)
+            matched = "the text matches nothing" if nothing else "the order is by likeness of meaning"
+            notes.append(f"{words} {verb} in no title, tag, place or description; {matched}.")
+        return notes
+
+    @cached_property
+    def _text_words(self) -> TextWords:
+        return words_in(self._connection, self.arguments.text or "", self.funnel.constraints)
+
+    def _means_nothing(self, ranking: Ranking | None) -> bool:
+        """Whether a text alone was to find something, and neither its words nor their meaning are anywhere."""
+        only_text = not self.funnel.constraints and self.arguments.like is None
+        return only_text and self._text_words.alone and self._is_far(ranking)
+
+    @staticmethod
+    def _is_far(ranking: Ranking | None) -> bool:
+        return max(ranking.scores.values(), default=0.0) < _LEAST_LIKENESS if ranking else True
 
     def _left_out(self) -> list[str]:
         """What a diverse choice did not look at; its coverage says nothing about these."""
@@ -246,8 +285,10 @@ class Search:
 
     def _fallback(self, found: _Found, ranking: Ranking | None) -> list[str]:
         """What comes nearest: by text, the best that leave conditions unmet, else what satisfies most conditions."""
-        if not self.funnel.constraints:
+        if self.arguments.fallback == "none":
             return []
+        if not self.funnel.constraints:
+            return list(ranking.scenario_ids[:FALLBACKS]) if ranking and self._means_nothing(ranking) else []
         if self.arguments.method != "funnel":
             matches = {entry.scenario_id for entry in entries_of(self._connection, self._matching)}
             missed = [key for key in found.ordered if key not in matches]
@@ -266,7 +307,9 @@ class Search:
             near.sort(key=lambda pair: (-pair[1], -ranking.scores.get(pair[0], -1.0), pair[0]))
         return [key for key, _ in near[:FALLBACKS]]
 
-    def _found(self, scenario_ids: Sequence[str], scores: dict[str, float]) -> tuple[FoundScenario, ...]:
+    def _found(
+        self, scenario_ids: Sequence[str], scores: dict[str, float], *, meaningless: bool = False
+    ) -> tuple[FoundScenario, ...]:
         facts, numbers = facts_of(self._connection, scenario_ids), _numbers_of(self._connection, scenario_ids)
         shown = []
         for key in scenario_ids:
@@ -277,7 +320,10 @@ class Search:
                     scenario_id=key,
                     summary=summary(facts[key]),
                     satisfied=tuple(dict.fromkeys(_evidence(one, facts[key]) for one in satisfied)),
-                    unmet=tuple(f"{one.label} ({_evidence(one, facts[key])})" for one in unmet),
+                    unmet=(
+                        *(f"{one.label} ({_evidence(one, facts[key])})" for one in unmet),
+                        *(["the text"] if meaningless else []),
+                    ),
                     score=scores.get(key),
                 )
             )
@@ -301,6 +347,13 @@ def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
 
 def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
     kind = constraint.subject
+    if kind == EITHER:
+        held_as = [
+            f"{one} {word}"
+            for one, word in constraint.words
+            if word in (facts.tags if one == "tag" else facts.features)
+        ]
+        return ", ".join(held_as) or f"no {kind} {constraint.words[0][1]}"
     held = facts.tags if kind == "tag" else facts.features
     shown = [word if word in held else f"no {word}" for _, word in constraint.words]
     if constraint.negated or len(shown) == 1:
@@ -310,6 +363,9 @@ def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
 
 
 def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
+    if constraint.subject == "origin":
+        said = f" ({one_line(facts.source, 60)})" if facts.source else ""
+        return f"origin {' and '.join(origins_of(facts)) or 'not stated'}{said}"
     if constraint.subject == "horizon":
         return f"horizon {facts.horizon_s:g} s"
     if constraint.subject == "density":

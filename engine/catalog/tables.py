@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ..maps import place_keys
-from .words import description_of
+from .words import description_of, origins_of
 
 if TYPE_CHECKING:
     from ..workspace import Database
 
-_VERSION = 4
+_VERSION = 5
 """Raised when tables or descriptions change: older tables are dropped and filled again."""
 MOST_ENTRIES = 1024
 """Planning problems of one file that are entered, and the step of the numbers between two artifacts."""
@@ -144,7 +144,7 @@ def descriptions(connection: sqlite3.Connection) -> dict[str, str]:
 
 def _words(facts: ScenarioFacts) -> list[tuple[str, str]]:
     roads = facts.roads
-    words = [("tag", tag) for tag in facts.tags]
+    words = [("tag", tag) for tag in facts.tags] + [("origin", origin) for origin in origins_of(facts)]
     words += [("feature", feature) for feature in facts.features]
     words += [("place", key) for key in sorted(place_keys(facts.location.place))]
     words += [("sign@ego", sign) for sign in roads.signs_ego] + [("sign@map", sign) for sign in roads.signs_map]

@@ -1,7 +1,10 @@
 """A scenario in words, from its facts: the description that is embedded and searched, and a line for lists."""
 
+import re
+
 from ...schemas.scenarios import EgoFacts, ScenarioFacts
 from ...schemas.text import counted
+from ...schemas.vocabulary import Origin
 
 _FEATURE_WORDS = {
     "intersection": "an intersection",
@@ -15,6 +18,27 @@ _MANOEUVRES = {
     "ego_goes_straight": "goes straight on",
     "ego_changes_lane": "changes lane",
 }
+
+_RECORDINGS = re.compile(
+    r"ngsim|next generation simulation|\b(?:high|in|round|exi|uni)d\b|interaction|sind\b|argoverse|nuplan|nuscenes"
+    r"|waymo|opendd|pneuma|mona\b|lyft|kitti|recorded|recording|drone",
+    re.IGNORECASE,
+)
+"""Names of data sets of observed traffic, as CommonRoad's files state their source."""
+_SIMULATORS = re.compile(r"\bsumo\b|\bots\b|opentrafficsim|carla\b|simulated", re.IGNORECASE)
+_BY_HAND = re.compile(r"hand[- ]?(?:crafted|made)|synthesis|synthetic|scenario designer|unittest", re.IGNORECASE)
+
+
+def origins_of(facts: ScenarioFacts) -> tuple[Origin, ...]:
+    """Where a scenario's roads and traffic come from, by its tags, country and stated source; none where none says."""
+    origins: list[Origin] = []
+    if "simulated" in facts.tags or _SIMULATORS.search(facts.source):
+        origins.append("simulated")
+    elif _RECORDINGS.search(facts.source):
+        origins.append("recorded")
+    if facts.location.country == "ZAM" or _BY_HAND.search(facts.source):
+        origins.append("artificial")
+    return tuple(origins)
 
 
 def description_of(facts: ScenarioFacts) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...schemas.errors import UnsafeInput
 from ...schemas.scenarios import EgoFacts, LocationFacts, ParticipantFacts, ReadFactsRequest, RoadFacts, ScenarioFacts
-from ...schemas.text import quoted
+from ...schemas.text import one_line, quoted
 from ...schemas.vocabulary import GoalForm
 from ..commonroad import (
     RecordedScenario,
@@ -115,6 +115,7 @@ def _facts_of(read: RecordedScenario) -> ScenarioFacts:
         ),
         egos=egos,
         density_per_km=_density_per_km(graph, tracks.values(), _first_step(problems, tracks.values()), last_step),
+        source=one_line(str(scenario.source or "")),
     )
 
 

@@ -19,6 +19,7 @@ def facts(
     speed_mps: float = 10.0,
     lanes: int = 1,
     roads: RoadFacts | None = None,
+    source: str = "",
 ) -> ScenarioFacts:
     country, place = scenario_id.split("-")[0].split("_")
     ego = EgoFacts(
@@ -44,6 +45,7 @@ def facts(
         roads=roads or RoadFacts(lanelets=3),
         participants=ParticipantFacts(dynamic=dict(counts or {})),
         egos=(ego,),
+        source=source,
     )
 
 

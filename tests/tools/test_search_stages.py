@@ -9,9 +9,11 @@ from support.catalog import facts
 
 from plannerforge.engine.workspace.artifacts import Workspace
 from plannerforge.engine.workspace.recipe import Recipe
+from plannerforge.schemas.artifacts import ListArtifactsArguments
 from plannerforge.schemas.catalog import FindScenariosArguments, FindScenariosResult, SearchRecord
 from plannerforge.schemas.errors import NotPossible, UnknownName
 from plannerforge.schemas.scenarios import ScenarioFacts, ScenarioRecord
+from plannerforge.tools.artifacts import list_artifacts
 from plannerforge.tools.call import Services, ToolCall
 from plannerforge.tools.catalog import find_scenarios
 from plannerforge.tools.scenarios import ChosenScenario, choose_scenarios
@@ -93,3 +95,13 @@ async def test_all_hits_are_run_and_refined_where_only_the_first_are_kept(
     assert len(chosen(call, found.search_id)) == 3
     refined = await search(call, within=found.search_id, country="ESP")
     assert refined.total == 1
+
+
+async def test_searches_are_listed_by_their_conditions(call: ToolCall) -> None:
+    await search(call, country="DEU", tags=["urban"], obstacles=["truck>=1"], origin=None)
+    await search(call)
+    listed = await list_artifacts(ListArtifactsArguments(kind="search"), call)
+    assert [one.name for one in listed.artifacts] == [
+        "no conditions: 4 matches",
+        "country DEU; tags urban; obstacles truck>=1: 2 matches",
+    ]

@@ -102,4 +102,4 @@ def test_long_facets_are_cut_short_and_say_how_much_is_hidden() -> None:
     assert [len(short[name]) for name in ("countries", "places", "speed_limit", "road_net")] == [12, 6, 3, 4]
     assert [len(whole[name]) for name in ("countries", "places", "speed_limit")] == [13, 13, 4]
     assert notes(many, "all")["places"] == "7 more with facet places"
-    assert notes(many, "places")["places"] == ""
+    assert notes(many, "places")["places"] == "of scenarios; those of maps: facet maps"

@@ -1,0 +1,131 @@
+"""Where a search finds the words that it was given: among tags, features and obstacles, in texts, or nowhere."""
+
+import sqlite3
+from typing import Any
+
+import pytest
+from support.catalog import catalogue, facts
+
+from plannerforge.engine.catalog import Ranking, Search, scenario_facets
+from plannerforge.schemas.catalog import FindScenariosArguments, FindScenariosResult
+from plannerforge.schemas.errors import UnknownName
+
+TAGGED, BUILT, PLAIN = "DEU_Bonn-1_1_T-1", "ESP_Vigo-1_1_T-1", "ZAM_Test-1_1_T-1"
+
+
+@pytest.fixture
+def three() -> sqlite3.Connection:
+    return catalogue(
+        [
+            facts(TAGGED, tags=["roundabout", "simulated"], counts={"car": 2, "bus": 1}, source="OpenStreetMap, SUMO"),
+            facts(BUILT, features=["roundabout"], counts={"bicycle": 2}, source="Next Generation Simulation (NGSIM)"),
+            facts(PLAIN, counts={"car": 9}, source="hand-crafted"),
+        ]
+    )
+
+
+def answer(connection: sqlite3.Connection, likeness: float = 0.1, **slots: Any) -> FindScenariosResult:
+    search = Search(connection, FindScenariosArguments(**slots))
+    keys = (PLAIN, TAGGED, BUILT)
+    ranking = Ranking(keys, dict.fromkeys(keys, likeness)) if search.needs_ranking else None
+    return search.answer("search", search.find(ranking), ranking)
+
+
+def ids(found: FindScenariosResult) -> list[str]:
+    return sorted(one.scenario_id for one in found.matches)
+
+
+@pytest.mark.parametrize("slot", ["tags", "features", "road_net"])
+def test_an_obstacle_in_another_argument_is_looked_for_among_obstacles(three: sqlite3.Connection, slot: str) -> None:
+    found = answer(three, **{slot: ["bus"]})
+    assert ids(found) == [TAGGED]
+    assert f"'bus' is in no {slot}; looked for among obstacles." in found.notes
+
+
+def test_a_name_of_a_tag_and_a_feature_among_obstacles_means_either(three: sqlite3.Connection) -> None:
+    found = answer(three, obstacles=["roundabout"])
+    assert ids(found) == [TAGGED, BUILT]
+    assert {one.satisfied for one in found.matches} == {("tag roundabout",), ("feature roundabout",)}
+    assert "'roundabout' is in no obstacles; looked for among tags and features." in found.notes
+
+
+def test_a_word_of_no_vocabulary_is_refused_as_before(three: sqlite3.Connection) -> None:
+    with pytest.raises(UnknownName, match="'zebrafish' is no tag"):
+        answer(three, tags=["zebrafish"])
+
+
+def test_a_tag_that_is_a_feature_too_is_counted_as_both() -> None:
+    many = [facts(TAGGED, tags=["roundabout"]), facts(BUILT, features=["roundabout"])]
+    many.append(facts(PLAIN, features=["roundabout"]))
+    found = answer(catalogue(many), tags=["roundabout"])
+    assert ids(found) == [TAGGED]
+    (note,) = found.notes
+    assert note.startswith("'roundabout': tag of 1, computed feature of 2 in the catalogue; the tag was asked for, ")
+    assert note.endswith("features=['roundabout'] asks for the other.")
+
+
+def test_words_of_a_text_are_told_by_where_they_were_found(three: sqlite3.Connection) -> None:
+    found = answer(three, text="bikes at a roundabout")
+    assert found.notes == (
+        "In the text: 'bikes' (bicycle) is obstacle of 1; 'roundabout' is tag of 1 and feature of 1.",
+    )
+    assert found.total == 3
+
+
+def test_a_text_that_is_nowhere_matches_nothing_and_says_so(three: sqlite3.Connection) -> None:
+    found = answer(three, text="zebrafish")
+    assert (found.total, found.matches) == (0, ())
+    assert found.notes == ("'zebrafish' is in no title, tag, place or description; the text matches nothing.",)
+    assert [one.unmet for one in found.fallback] == [("the text",)] * 3
+
+
+def test_unknown_words_whose_meaning_is_near_still_rank(three: sqlite3.Connection) -> None:
+    found = answer(three, likeness=0.3, text="gridlock")
+    assert found.total == 3
+    assert found.notes == (
+        "'gridlock' is in no title, tag, place or description; the order is by likeness of meaning.",
+    )
+
+
+def test_conditions_match_beside_a_text_that_is_nowhere(three: sqlite3.Connection) -> None:
+    found = answer(three, text="zebrafish", country="ESP")
+    assert ids(found) == [BUILT]
+    assert "'zebrafish' is in no title, tag, place or description; the text matches nothing." in found.notes
+
+
+@pytest.mark.parametrize("slots", [{"country": "ITA", "obstacles": ["car"]}, {"text": "zebrafish"}])
+def test_without_a_fallback_only_matches_are_shown(three: sqlite3.Connection, slots: dict[str, Any]) -> None:
+    assert answer(three, **slots).fallback != ()
+    assert answer(three, fallback="none", **slots).fallback == ()
+
+
+@pytest.mark.parametrize(
+    ("origin", "matching", "evidence"),
+    [
+        ("recorded", BUILT, "origin recorded (Next Generation Simulation (NGSIM))"),
+        ("simulated", TAGGED, "origin simulated (OpenStreetMap, SUMO)"),
+        ("artificial", PLAIN, "origin artificial (hand-crafted)"),
+    ],
+)
+def test_the_origin_of_a_scenario_is_a_condition(
+    three: sqlite3.Connection, origin: str, matching: str, evidence: str
+) -> None:
+    found = answer(three, origin=origin)
+    assert ids(found) == [matching]
+    assert found.matches[0].satisfied == (evidence,)
+
+
+def test_an_origin_that_none_has_names_those_there_are(three: sqlite3.Connection) -> None:
+    found = answer(three, origin="recorded", country="DEU")
+    assert found.emptied_by is not None
+    assert "there are origins simulated" in found.emptied_by.note
+
+
+def test_lists_of_places_hold_places_only(three: sqlite3.Connection) -> None:
+    _, facets = scenario_facets(three, "places", None)
+    assert [list(facet.counts) for facet in facets] == [["DEU", "ESP"], ["DEU Bonn", "ESP Vigo"]]
+    assert facets[0].note == "and 1 scenario on artificial networks, country ZAM"
+    found = answer(three, city="Atlantis")
+    assert found.emptied_by is not None
+    assert "Test" not in found.emptied_by.note
+    assert "Bonn" in found.emptied_by.note
