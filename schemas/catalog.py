@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
-from .text import one_line
+from .text import counted, one_line
 from .vocabulary import Origin
 
 Facet = Literal["all", "places", "tags", "features", "road_net", "obstacles", "maps", "behaviours", "planners"]
@@ -22,7 +22,17 @@ class DescribeCatalogArguments(Arguments):
     """What there is, with counts. Read before filtering."""
 
     facet: Facet = "all"
-    within: str | None = Field(None, description="search id")
+    within: str | None = Field(None, description="search id, country or place")
+    offset: int = Field(0, ge=0)
+
+
+class CountryMaps(Model):
+    """The maps of a country: each with its id, place and the sites that can be cut from it, by type."""
+
+    country: str = Field(description="ISO alpha-3; '?' where it is not known")
+    maps: int
+    sites: int
+    listed: tuple[str, ...] = Field((), description="one line a map")
 
 
 class FacetCounts(Model):
@@ -38,16 +48,22 @@ class DescribeCatalogResult(Result):
 
     scenarios: int
     facets: tuple[FacetCounts, ...]
+    maps: tuple[CountryMaps, ...] = Field((), description="with facet maps: this page, by country")
+    maps_rest: str = Field("", description="what is not on this page, and the call that shows it")
 
     def answer(self) -> Answer:
-        """One line a facet, the most frequent names first."""
+        """One line a facet, the most frequent names first; maps country by country, one line a map."""
         lines = []
         for facet in self.facets:
             note = f" ({facet.note})" if facet.note else ""
             between = ": " if facet.facet in ("lanes", "speed_limit") else " "
             names = ", ".join(f"{name}{between}{count}" if count else name for name, count in facet.counts.items())
             lines.append(f"{facet.facet}{note}: {names or 'none'}")
-        return Answer(f"{self.scenarios} scenarios.", listed=lines)
+        for land in self.maps:
+            lines.append(f"{land.country}: {counted(land.maps, 'map')}, {counted(land.sites, 'site')}")
+            lines += [f"- {line}" for line in land.listed]
+        lines += [self.maps_rest] if self.maps_rest else []
+        return Answer(f"{counted(self.scenarios, 'scenario')}.", listed=lines)
 
 
 class FindScenariosArguments(Arguments):
@@ -59,9 +75,7 @@ class FindScenariosArguments(Arguments):
     country: str | None = Field(None, description="ISO alpha-3")
     city: str | None = None
     tags: list[str] = Field([], description="in the file, all of them; 'a|b' either, '!a' without")
-    features: list[str] = Field(
-        [], description="computed: roundabout, ramp, ego_turns_left, oncoming_traffic …, 'ttc<=3s'"
-    )
+    features: list[str] = Field([], description="computed: ramp, ego_turns_left, oncoming_traffic …, 'ttc<=3s'")
     road_net: list[str] = Field(
         [],
         description="'stop', '!yield', 'traffic_light@map', 'lanes>=2', 'speed_limit=50km/h'; on the ego's lane, "
@@ -70,9 +84,9 @@ class FindScenariosArguments(Arguments):
     obstacles: list[str] = Field(
         [], description="'truck' (at least one), 'bus=2', 'car=2..5' (a few), 'bicycle=0', 'participants>=20'"
     )
-    ego_speed: str | None = Field(None, description="at the start: '50km/h' (±2 m/s), '10..15m/s', '>=20mph'")
+    ego_speed: str | None = Field(None, description="'50km/h' (±2 m/s), '10..15m/s', '>=20mph'")
     origin: Origin | None = None
-    text: str | None = Field(None, description="the user's words; only ranks")
+    text: str | None = Field(None, description="only ranks")
     like: str | None = Field(None, description="scenario id")
     within: str | None = Field(None, description="search id")
     method: Method = "funnel"

@@ -1,13 +1,27 @@
 """The tools that look into the catalogue."""
 
 import hashlib
+from collections import Counter
+from collections.abc import Sequence
+from itertools import islice
 
-from ..engine.catalog import Ranking, Search, description_of, open_catalogue, scenario_facets
+from ..engine.catalog import (
+    Ranking,
+    Search,
+    description_of,
+    entries_of,
+    is_place,
+    known_places,
+    open_catalogue,
+    scenario_facets,
+)
 from ..engine.cosimulation import presets as behaviour_presets
+from ..engine.maps import country_code, find_maps
 from ..engine.planners import PLANNERS
 from ..engine.tuning import tuning_of
 from ..engine.workspace import Recipe
 from ..schemas.catalog import (
+    CountryMaps,
     DescribeCatalogArguments,
     DescribeCatalogResult,
     FacetCounts,
@@ -16,41 +30,145 @@ from ..schemas.catalog import (
     RankRequest,
     SearchRecord,
 )
+from ..schemas.errors import UnknownName, closest
+from ..schemas.generation import MapFacts
 from ..schemas.scenarios import ScenarioFacts, ScenarioRecord
+from ..schemas.text import counted, one_line, quoted
 from .call import INDEX_FOLDER, ToolCall
 from .maps import maps_seen
 from .operations import RANK
 from .scenarios import one_scenario, opened_search, searched_within
 
-_MAPS_SHOWN = 12
-"""Maps that the facet lists by name; chosen to keep the answer short."""
+_MAPS_PAGE = 40
+"""Maps on one page of their list (chosen)."""
+_COUNTRIES_SHOWN = 8
+"""Countries of maps that are counted where all facets are asked for (chosen)."""
 
 
 async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) -> DescribeCatalogResult:
     """Facets with counts."""
     open_catalogue(call.workspace, with_starter=call.services.with_starter)
-    within = searched_within(arguments.within, call)
+    within = None if arguments.within is None else _within(arguments.within, call)
     connection = call.workspace.database.connection()
-    count, facets = scenario_facets(connection, arguments.facet, frozenset(within) if within is not None else None)
-    return DescribeCatalogResult(scenarios=count, facets=(*facets, *_other_facets(arguments.facet, call)))
+    maps = _maps_within(arguments.within, call)
+    if arguments.within is not None and not within and not maps and not _is_search(arguments.within):
+        raise _nowhere(arguments.within, call)
+    count, facets = scenario_facets(connection, arguments.facet, within)
+    found = DescribeCatalogResult(scenarios=count, facets=(*facets, *_other_facets(arguments, maps, call)))
+    return _with_maps(found, maps, arguments) if arguments.facet == "maps" else found
 
 
-def _other_facets(wanted: str, call: ToolCall) -> list[FacetCounts]:
+def _within(word: str, call: ToolCall) -> frozenset[str]:
+    """The scenarios of a search, a country or a place; none where none lies there.
+
+    Raises:
+        UnknownName: there is no such search.
+    """
+    if word.startswith("search") or word == "latest":
+        return frozenset(searched_within(word, call) or ())
+    where = {"country": word} if country_code(word) else {"city": word}
+    search = opened_search(FindScenariosArguments(**where), call)
+    entries = entries_of(call.workspace.database.connection(), search.funnel.matches)
+    return frozenset(entry.scenario_id for entry in entries)
+
+
+def _other_facets(arguments: DescribeCatalogArguments, maps: Sequence[MapFacts], call: ToolCall) -> list[FacetCounts]:
     """The facets that are not about scenarios: ``maps``, ``behaviours``, ``planners``, or the wanted one of them."""
-    makers = {"maps": lambda: _maps(call), "behaviours": _behaviours, "planners": _planners}
-    return [make() for name, make in makers.items() if wanted in ("all", name)]
+    makers = {"maps": lambda: _maps(maps, arguments, call), "behaviours": _behaviours, "planners": _planners}
+    return [make() for name, make in makers.items() if arguments.facet in ("all", name)]
 
 
-def _maps(call: ToolCall) -> FacetCounts:
-    """The built-in maps and those that were imported, with the number of sites that can be cut from each."""
-    seen = maps_seen(call)
-    counts: dict[str, int] = {}
-    for facts in (entry.facts for entry in seen.entries[:_MAPS_SHOWN]):
-        name = facts.place if facts.place not in counts else f"{facts.place} ({facts.map_id})"
-        counts[name] = sum(facts.sites.values())
-    more = len(seen.entries) - _MAPS_SHOWN
-    notes = ["with their sites", *([f"{more} more maps"] if more > 0 else []), *seen.notes]
-    return FacetCounts(facet="maps", counts=counts, note="; ".join(notes))
+def _maps_within(word: str | None, call: ToolCall) -> tuple[MapFacts, ...]:
+    """The maps of a country or place, or that show the places of a search; all maps without a word. By country."""
+    known = [entry.facts for entry in maps_seen(call).entries]
+    if word is None:
+        found = known
+    elif _is_search(word):
+        ids = searched_within(word, call) or ()
+        countries = {each.partition("_")[0] for each in ids}
+        found = [facts for facts in known if facts.country in countries]
+    elif (code := country_code(word)) is not None:
+        found = [facts for facts in known if code == facts.country or code in facts.countries_near]
+    else:
+        found = _showing(word, call)
+    return tuple(
+        sorted(found, key=lambda facts: (facts.country is None, facts.country or "", facts.place, facts.map_id))
+    )
+
+
+def _showing(place: str, call: ToolCall) -> list[MapFacts]:
+    try:
+        return [match.entry.facts for match in find_maps(maps_seen(call).entries, place=place)]
+    except UnknownName:
+        return []
+
+
+def _is_search(word: str) -> bool:
+    return word.startswith("search") or word == "latest"
+
+
+def _nowhere(word: str, call: ToolCall) -> UnknownName:
+    """Neither a scenario nor a map lies there."""
+    places = {entry.facts.place for entry in maps_seen(call).entries}
+    places |= {
+        place
+        for place, country in known_places(call.workspace.database.connection()).places
+        if is_place(country, place)
+    }
+    return UnknownName(
+        f"no scenario and no map lies in {quoted(word)}, which is no search either",
+        valid=closest(word, sorted(places)),
+        next_step="leave within out for all, or choose one of these",
+    )
+
+
+def _with_maps(
+    found: DescribeCatalogResult, maps: Sequence[MapFacts], arguments: DescribeCatalogArguments
+) -> DescribeCatalogResult:
+    """The answer with one page of the maps, country by country, and the call that shows the rest."""
+    page = maps[arguments.offset : arguments.offset + _MAPS_PAGE]
+    countries = [
+        CountryMaps(
+            country=country,
+            maps=sum(_country(facts) == country for facts in maps),
+            sites=sum(sum(facts.sites.values()) for facts in maps if _country(facts) == country),
+            listed=tuple(_map_line(facts) for facts in page if _country(facts) == country),
+        )
+        for country in dict.fromkeys(_country(facts) for facts in page)
+    ]
+    after = arguments.offset + len(page)
+    shown = f"{arguments.offset + 1} to {after}" if page else "none"
+    within = "" if arguments.within is None else f", within='{one_line(arguments.within)}'"
+    following = f"; describe_catalog facet=maps{within}, offset={after} shows more" if after < len(maps) else ""
+    cut = len(page) < len(maps)
+    rest = f"Maps {shown} of {len(maps)}{following}." if cut else ""
+    return found.model_copy(update={"maps": tuple(countries), "maps_rest": rest})
+
+
+def _country(facts: MapFacts) -> str:
+    return facts.country or (f"{'/'.join(facts.countries_near)}?" if facts.countries_near else "?")
+
+
+def _map_line(facts: MapFacts) -> str:
+    """A map with the sites of each type that can be cut from it."""
+    sites = ", ".join(f"{kind} {count}" for kind, count in sorted(facts.sites.items()) if count) or "no sites"
+    return f"{facts.place} ({facts.map_id}): {sites}"
+
+
+def _maps(maps: Sequence[MapFacts], arguments: DescribeCatalogArguments, call: ToolCall) -> FacetCounts:
+    """How many maps lie in each country, with what is to be known of the map folders."""
+    counted_maps = Counter(_country(facts) for facts in maps)
+    countries = dict(sorted(counted_maps.items(), key=lambda item: (-item[1], item[0])))
+    hidden = len(countries) - _COUNTRIES_SHOWN
+    shown = dict(islice(countries.items(), _COUNTRIES_SHOWN))
+    sites = sum(sum(facts.sites.values()) for facts in maps)
+    notes = [
+        f"by country, for generate_scenarios; {counted(sites, 'site')}",
+        *([f"{counted(hidden, 'more country')}"] if hidden > 0 else []),
+        *(["facet maps lists them"] if arguments.facet == "all" else []),
+        *maps_seen(call).notes,
+    ]
+    return FacetCounts(facet="maps", counts=shown if arguments.facet == "all" else countries, note="; ".join(notes))
 
 
 def _behaviours() -> FacetCounts:

@@ -9,6 +9,8 @@
 ``put_scenario``: The stored artifact of a scenario whose facts are known.
 ``build_index``: An operation: load the embedding model and build the text index.
 ``rank``: An operation: scenario ids by likeness of their descriptions to a text, with scores.
+``is_place``: Whether a scenario's place is one of the world.
+``known_places``: The countries and the places of the catalogue's scenarios, each with its country.
 ``Postings``: The entries that conditions hold for, kept in memory while the catalogue stays as it is.
 ``Ranking``: Scenario ids by likeness of their text, best first, with their scores.
 ``Search``: A search against the tables of the catalogue, with its answer.
@@ -37,6 +39,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .archives import download, unpack
+    from .constraints import is_place, known_places
     from .entry_sets import Postings
     from .facets import scenario_facets
     from .intake import ReadFile, ScenarioIntake, net_beside, put_scenario

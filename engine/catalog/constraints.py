@@ -137,9 +137,8 @@ def _taken(argument: str, text: str) -> Constraint:
                 found = _MAKERS[other](text)
             except (UnknownName, InvalidRequest):
                 continue
-            note = (
-                f"'{one_line(_parse_name(text))}' is in no {argument}; looked for among {other.replace('|', ' and ')}."
-            )
+            among = other.replace("|", " and ")
+            note = f"'{one_line(_parse_name(text))}' is no {_CALLED[argument]}; looked for among {among}."
             return replace(found, note=note)
         raise
 
@@ -266,6 +265,8 @@ _MAKERS: dict[str, Callable[[str], Constraint]] = {
     "obstacles": _obstacles,
     "tags|features": _tag_or_feature,
 }
+_CALLED = {"tags": "tag", "features": "feature", "road_net": "road_net key", "obstacles": "obstacle type"}
+"""What one word of an argument is called."""
 _OTHERS = {
     "tags": ("features", "obstacles", "road_net"),
     "features": ("tags", "obstacles", "road_net"),

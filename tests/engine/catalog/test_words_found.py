@@ -35,18 +35,18 @@ def ids(found: FindScenariosResult) -> list[str]:
     return sorted(one.scenario_id for one in found.matches)
 
 
-@pytest.mark.parametrize("slot", ["tags", "features", "road_net"])
-def test_an_obstacle_in_another_argument_is_looked_for_among_obstacles(three: sqlite3.Connection, slot: str) -> None:
+@pytest.mark.parametrize(("slot", "called"), [("tags", "tag"), ("features", "feature"), ("road_net", "road_net key")])
+def test_an_obstacle_in_another_argument_is_looked_for_there(three: sqlite3.Connection, slot: str, called: str) -> None:
     found = answer(three, **{slot: ["bus"]})
     assert ids(found) == [TAGGED]
-    assert f"'bus' is in no {slot}; looked for among obstacles." in found.notes
+    assert f"'bus' is no {called}; looked for among obstacles." in found.notes
 
 
 def test_a_name_of_a_tag_and_a_feature_among_obstacles_means_either(three: sqlite3.Connection) -> None:
     found = answer(three, obstacles=["roundabout"])
     assert ids(found) == [TAGGED, BUILT]
     assert {one.satisfied for one in found.matches} == {("tag roundabout",), ("feature roundabout",)}
-    assert "'roundabout' is in no obstacles; looked for among tags and features." in found.notes
+    assert "'roundabout' is no obstacle type; looked for among tags and features." in found.notes
 
 
 def test_a_word_of_no_vocabulary_is_refused_as_before(three: sqlite3.Connection) -> None:
