@@ -1,8 +1,9 @@
 """Settings of the agent: by flag or by environment (``PLANNERFORGE_AGENT_…``), the flag first."""
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import Field, SecretStr
+import typer
+from pydantic import Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from .connection import ToolSet
@@ -14,7 +15,7 @@ SMALL_CONTEXT_TOKENS = 12_000
 
 
 class AgentSettings(BaseSettings):
-    """The settings of an agent, read at its start. Every field is a flag and a variable."""
+    """The settings of an agent, read at its start. Every field is a variable, the usual ones are flags."""
 
     model_config = SettingsConfigDict(env_prefix="PLANNERFORGE_AGENT_", frozen=True)
 
@@ -81,3 +82,13 @@ class AgentSettings(BaseSettings):
         if self.tools == "auto":
             return "essential" if self.small(facts) else "all"
         return self.tools
+
+
+def agent_settings(**flags: Any) -> AgentSettings:
+    """Settings with the flags that were given; a wrong one, or a wrong variable, ends the program with one line."""
+    try:
+        return AgentSettings(**{name: value for name, value in flags.items() if value is not None})
+    except ValidationError as error:
+        problems = "; ".join(f"{detail['loc'][0]}: {detail['msg']}" for detail in error.errors(include_url=False))
+        typer.echo(f"plannerforge: {problems}", err=True)
+        raise typer.Exit(2) from None

@@ -35,10 +35,8 @@ def flattened(schema: Mapping[str, Any]) -> dict[str, Any]:
 def _flat(schema: Mapping[str, Any], definitions: Mapping[str, Any], depth: int) -> dict[str, Any]:
     if depth > _DEEPEST:
         return {}
-    schema = _without_null(_resolved(schema, definitions), definitions)
+    schema = _with_choices(_without_null(_resolved(schema, definitions), definitions))
     flat = {key: schema[key] for key in _KEPT if key in schema}
-    if "const" in schema:
-        flat["enum"] = [schema["const"]]
     if isinstance(flat.get("items"), Mapping):
         flat["items"] = _flat(flat["items"], definitions, depth + 1)
     if isinstance(flat.get("properties"), Mapping):
@@ -48,6 +46,12 @@ def _flat(schema: Mapping[str, Any], definitions: Mapping[str, Any], depth: int)
         described = str(flat.get("description", "")).rstrip(". ")
         flat["description"] = f"{described} ({', '.join(told)})".strip()
     return flat
+
+
+def _with_choices(schema: Mapping[str, Any]) -> Mapping[str, Any]:
+    if "const" not in schema:
+        return schema
+    return {**{key: value for key, value in schema.items() if key != "const"}, "enum": [schema["const"]]}
 
 
 def _resolved(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -61,7 +65,7 @@ def _resolved(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapp
 def _without_null(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
     """A schema with ``anyOf`` as one: the single arm that is not null, or the types of all arms together."""
     arms = [_resolved(arm, definitions) for arm in schema.get("anyOf", schema.get("oneOf", ()))]
-    arms = [arm for arm in arms if arm.get("type") != "null"]
+    arms = [_with_choices(arm) for arm in arms if arm.get("type") != "null"]
     beside = {key: value for key, value in schema.items() if key not in ("anyOf", "oneOf")}
     if isinstance(beside.get("type"), list):
         types = [kind for kind in beside["type"] if kind != "null"]

@@ -1,0 +1,74 @@
+"""Conversations in the workspace: one folder each, with the messages as JSON lines and the pictures beside them."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from datetime import datetime
+from pathlib import Path
+
+from ..engine.workspace import make_private, write_whole
+from .errors import SettingsFault
+from .memory import SessionState, as_json, from_json
+from .models.interface import Message
+
+_FOLDER, _FILE = "chats", "messages.jsonl"
+_ENDINGS = {"image/png": ".png", "image/gif": ".gif", "image/jpeg": ".jpg", "image/svg+xml": ".svg"}
+
+
+class ChatRecord:
+    """A conversation's folder; made when something is first written."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @classmethod
+    def begin(cls, workspace: Path, now: datetime) -> "ChatRecord":
+        """A new conversation, named after the time at which it begins."""
+        chats = workspace / _FOLDER
+        name = f"{now:%Y-%m-%d-%H%M%S}"
+        names = (name, *(f"{name}-{number}" for number in range(2, 100)))
+        return cls(next(chats / free for free in names if not (chats / free).exists()))
+
+    @classmethod
+    def newest(cls, workspace: Path) -> "ChatRecord":
+        """The conversation that was begun last.
+
+        Raises:
+            SettingsFault: there is none.
+        """
+        found = sorted(workspace.glob(f"{_FOLDER}/*/{_FILE}"))
+        if not found:
+            raise SettingsFault(f"there is no earlier chat in {workspace / _FOLDER}", next_step="begin one anew")
+        return cls(found[-1].parent)
+
+    def save(self, messages: Sequence[Message], state: SessionState) -> None:
+        """Write the conversation down as it stands, whole or not at all."""
+        self._make_folder()
+        lines = [json.dumps({"state": asdict(state)}), *(as_json(message) for message in messages)]
+        text = "".join(f"{line}\n" for line in lines)
+        write_whole(self.folder / _FILE, lambda path: path.write_text(text, encoding="utf-8"))
+
+    def load(self) -> tuple[tuple[Message, ...], SessionState]:
+        """The messages and what was being worked on.
+
+        Raises:
+            SettingsFault: the file cannot be read.
+        """
+        path = self.folder / _FILE
+        try:
+            first, *lines = path.read_text(encoding="utf-8").splitlines()
+            state = SessionState(**{name: str(value) for name, value in json.loads(first)["state"].items()})
+            return tuple(from_json(line) for line in lines), state
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise SettingsFault(f"the chat {path} cannot be read: {error}", next_step="begin one anew") from error
+
+    def save_picture(self, data: bytes, mime_type: str) -> Path:
+        """Write a picture down; returns its file, numbered in the order of the conversation."""
+        self._make_folder()
+        number = 1 + len(list(self.folder.glob("picture-*")))
+        path = self.folder / f"picture-{number}{_ENDINGS.get(mime_type, '.bin')}"
+        path.write_bytes(data)
+        return path
+
+    def _make_folder(self) -> None:
+        make_private(self.folder)

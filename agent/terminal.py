@@ -1,0 +1,341 @@
+"""The agent in a terminal: one request (``plannerforge agent``) or a conversation (``plannerforge chat``)."""
+
+import asyncio
+import json
+import signal
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+
+import anyio
+from rich.console import Console
+from rich.status import Status
+from rich.text import Text
+
+from ..schemas.errors import PlannerForgeError
+from ..schemas.text import one_line, printable
+from .connection import Server, ToolConnection, own_server, server_of_command
+from .errors import AgentError
+from .loop import AgentEvent, AgentSession, CallProgress, CallStarted, CompletedCall, Ending, TurnResult
+from .models.interface import Message, ModelFacts, TextPart, ThinkingPart
+from .models.registry import open_model
+from .records import ChatRecord
+from .settings import AgentSettings
+
+_SHOWN_LINES, _SHOWN_CHARACTERS = 6, 200
+"""Of an answer of a tool, and of a line of it or of arguments; chosen: the model tells the rest."""
+_EXIT_STATUS: dict[Ending, int] = {"answered": 0, "failed": 1, "refused": 3, "asked": 4, "interrupted": 130}
+CANNOT_BEGIN = 2
+"""Exit status where the model or the server cannot be had."""
+_HELP = """\
+/help     this list
+/history  what was said and called so far
+/state    what is being worked on, and what the conversation costs
+/clear    begin anew
+/quit     leave (also Ctrl-D)
+Ctrl-C ends the answer in progress; what was said and done is kept."""
+ReadLine = Callable[[str], str]
+"""Asks for a line; raises EOFError at the end and KeyboardInterrupt where the user breaks off."""
+
+
+class TurnView:
+    """Shows a turn as it happens: text as it comes, calls with their progress, pictures as files."""
+
+    def __init__(self, console: Console, record: ChatRecord, *, show_thinking: bool = False) -> None:
+        self._console, self._show_thinking = console, show_thinking
+        self.record = record
+        self._status: Status | None = None
+        self._in_text = False
+        self._last_progress = ""
+
+    def __call__(self, event: AgentEvent) -> None:
+        """Show an event."""
+        if isinstance(event, TextPart):
+            self._stream(Text(printable(event.text)))
+        elif isinstance(event, ThinkingPart):
+            if self._show_thinking:
+                self._stream(Text(printable(event.text), style="dim italic"))
+            else:
+                self._wait("thinking")
+        elif isinstance(event, CallStarted):
+            arguments = one_line(json.dumps(dict(event.call.arguments or {}), ensure_ascii=False), _SHOWN_CHARACTERS)
+            self._line(Text.assemble(("● ", "cyan"), (one_line(event.call.tool), "bold cyan"), f" {arguments}"))
+            self._wait(event.call.tool)
+        elif isinstance(event, CallProgress):
+            self._progress(event)
+        elif isinstance(event, CompletedCall):
+            self._completed(event)
+        else:
+            self._line(Text(f"  note: {event.text}", style="yellow"))
+
+    def begin(self) -> None:
+        """The model has been asked."""
+        self._wait("waiting for the model")
+
+    def end(self, result: TurnResult) -> None:
+        """The turn has ended; says what went wrong, if something did."""
+        self._line(None)
+        if result.problem:
+            style = "yellow" if result.ending in ("answered", "interrupted") else "bold red"
+            self._console.print(Text(result.problem, style=style), soft_wrap=True)
+
+    def _completed(self, done: CompletedCall) -> None:
+        answer = done.answer
+        sign, style = ("✗", "yellow") if answer.is_error else ("✓", "green")
+        lines = [line for line in printable(answer.text).splitlines() if line.strip()] or ["(nothing)"]
+        more = len(lines) - _SHOWN_LINES
+        lines = [one_line(line, _SHOWN_CHARACTERS) for line in lines[:_SHOWN_LINES]]
+        lines += [f"… {more} more lines"] if more > 0 else []
+        self._line(Text.assemble((f"  {sign} ", style), (f"{done.duration_s:.1f} s  ", "dim"), lines[0]))
+        for line in lines[1:]:
+            self._line(Text(f"    {line}", style="dim"))
+        for picture in answer.pictures:
+            try:
+                path = self.record.save_picture(picture.data, picture.mime_type)
+            except (PlannerForgeError, OSError) as error:
+                self._line(Text(f"    the picture cannot be written to {self.record.folder}: {error}", style="yellow"))
+                continue
+            self._line(Text.assemble("    picture: ", (str(path), f"link {path.as_uri()}")))
+        self._wait("waiting for the model")
+
+    def _progress(self, event: CallProgress) -> None:
+        share = f"{event.share:.0%} " if event.share is not None else ""
+        told = one_line(f"{share}{event.message}") or "working"
+        if self._console.is_terminal:
+            self._wait(f"{event.call.tool}: {told}")
+        elif event.message and event.message != self._last_progress:
+            self._last_progress = event.message
+            self._line(Text(f"    {told}", style="dim"))
+
+    def _wait(self, what: str) -> None:
+        """Show that something is being done; on a terminal only."""
+        if self._in_text or not self._console.is_terminal:
+            return
+        if self._status is None:
+            self._status = self._console.status(Text(f"{what} …", style="dim"), spinner="dots")
+            self._status.start()
+        else:
+            self._status.update(Text(f"{what} …", style="dim"))
+
+    def _stream(self, text: Text) -> None:
+        self._stop_waiting()
+        self._in_text = True
+        self._console.print(text, end="", soft_wrap=True)
+
+    def _line(self, text: Text | None) -> None:
+        """A line of its own, below a text that was being streamed."""
+        self._stop_waiting()
+        if self._in_text:
+            self._console.print()
+            self._in_text = False
+        if text is not None:
+            self._console.print(text, soft_wrap=True)
+
+    def _stop_waiting(self) -> None:
+        if self._status is not None:
+            self._status.stop()
+            self._status = None
+
+
+@dataclass(frozen=True)
+class _Opened:
+    session: AgentSession
+    greeting: str
+
+
+def run_request(
+    settings: AgentSettings, request: str, *, workspace: Path, console: Console, show_thinking: bool = False
+) -> int:
+    """Carry out one request and print what happens.
+
+    Returns the exit status: 0 answered, 1 failed, 2 the model or the server cannot be had, 3 refused as out of scope,
+    4 asked back, 130 interrupted.
+    """
+
+    async def carry_out() -> int:
+        record = ChatRecord.begin(workspace, _now())
+        async with _opened(settings, workspace) as opened:
+            console.print(Text(opened.greeting, style="dim"), soft_wrap=True)
+            result = await _turn(opened.session, request, TurnView(console, record, show_thinking=show_thinking))
+            return _EXIT_STATUS[result.ending]
+
+    return _run(carry_out, console)
+
+
+def run_chat(
+    settings: AgentSettings,
+    *,
+    workspace: Path,
+    console: Console,
+    resume: bool = False,
+    show_thinking: bool = False,
+    read_line: ReadLine | None = None,
+) -> int:
+    """Talk with the agent until the user leaves; the conversation is kept in the workspace.
+
+    Returns the exit status: 0, or 2 where the model or the server cannot be had.
+    """
+    ask = read_line or _line_reader(console)
+
+    async def talk() -> int:
+        record = ChatRecord.newest(workspace) if resume else ChatRecord.begin(workspace, _now())
+        view = TurnView(console, record, show_thinking=show_thinking)
+        async with _opened(settings, workspace, record if resume else None) as opened:
+            console.print(Text(opened.greeting, style="dim"), soft_wrap=True)
+            if resume:
+                before = f"Going on with {record.folder.name}: {len(opened.session.messages)} messages."
+                console.print(Text(f"{before} {opened.session.state.line.strip('[]')}", style="dim"), soft_wrap=True)
+            console.print(Text("Say what you need; /help lists what else there is.", style="dim"))
+            await _conversation(opened.session, view, console, ask)
+        if view.record.folder.exists():
+            console.print(Text(f"The conversation is kept in {view.record.folder}.", style="dim"), soft_wrap=True)
+        return 0
+
+    return _run(talk, console)
+
+
+async def _conversation(session: AgentSession, view: TurnView, console: Console, ask: ReadLine) -> None:
+    while True:
+        console.print()
+        try:
+            line = ask("you › ").strip()
+        except EOFError:
+            return
+        except KeyboardInterrupt:
+            console.print(Text("\n/quit leaves.", style="dim"))
+            continue
+        if line in ("/quit", "/exit"):
+            return
+        if line.startswith("/"):
+            _command(line, session, view, console)
+        elif line:
+            await _turn(session, line, view)
+            _save(session, view.record, console)
+
+
+def _save(session: AgentSession, record: ChatRecord, console: Console) -> None:
+    try:
+        record.save(session.messages, session.state)
+    except (PlannerForgeError, OSError) as error:
+        told = f"The conversation cannot be kept in {record.folder}: {error}"
+        console.print(Text(told, style="yellow"), soft_wrap=True)
+
+
+def _command(line: str, session: AgentSession, view: TurnView, console: Console) -> None:
+    if line == "/help":
+        console.print(Text(_HELP))
+    elif line == "/history":
+        told = [_told(message) for message in session.messages]
+        console.print(Text("\n".join(told) or "Nothing was said yet."), soft_wrap=True)
+    elif line == "/state":
+        console.print(Text(session.state.line.strip("[]") or "Nothing is being worked on yet."), soft_wrap=True)
+        console.print(Text(f"The conversation has {session.history_tokens:,} tokens."))
+    elif line == "/clear":
+        session.clear()
+        view.record = ChatRecord.begin(view.record.folder.parent.parent, _now())
+        console.print(Text("Begun anew; the conversation before stays in its folder."))
+    else:
+        console.print(Text(f"There is no {one_line(line)}.\n{_HELP}"))
+
+
+def _told(message: Message) -> str:
+    calls = [f"{call.tool} {json.dumps(dict(call.arguments or {}), ensure_ascii=False)}" for call in message.calls]
+    speaker = f"  answer of {message.tool}" if message.role == "tool" else message.role
+    return one_line("; ".join(filter(None, [f"{speaker}: {message.text}".rstrip(), *calls])), _SHOWN_CHARACTERS)
+
+
+async def _turn(session: AgentSession, text: str, view: TurnView) -> TurnResult:
+    """A turn that Ctrl-C ends."""
+    loop = asyncio.get_running_loop()
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        loop.call_soon_threadsafe(session.interrupt)
+
+    with _on_interrupt(interrupt):
+        view.begin()
+        result = await session.take_turn(text, view)
+        view.end(result)
+        return result
+
+
+@contextmanager
+def _on_interrupt(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@asynccontextmanager
+async def _opened(
+    settings: AgentSettings, workspace: Path, resumed: ChatRecord | None = None
+) -> AsyncIterator[_Opened]:
+    """A session with the model and the server of the settings."""
+    model = open_model(settings.model, settings.for_model())
+    try:
+        facts = await model.facts()
+        small = settings.small(facts)
+        messages, state = resumed.load() if resumed else ((), None)
+        async with ToolConnection.open(_server(settings, facts, workspace)) as connection:
+            session = AgentSession(model, connection, settings.for_turns(), short=bool(small), history=messages)
+            session.state = state or session.state
+            yield _Opened(session, _greeting(settings, model.name, small, len(connection.tools)))
+    finally:
+        await model.close()
+
+
+def _server(settings: AgentSettings, facts: ModelFacts, workspace: Path) -> Server:
+    if settings.url:
+        return settings.url
+    if settings.server:
+        return server_of_command(settings.server)
+    return own_server(workspace=str(workspace), tools=settings.tool_set(facts))
+
+
+def _greeting(settings: AgentSettings, model: str, small: str, tool_count: int) -> str:
+    others = settings.url or settings.server
+    if small and not others and settings.tools == "auto":
+        tools = f"the {tool_count} essential tools and short answers, since the model has {small}"
+    elif small:
+        tools = f"{tool_count} tools and short answers, since the model has {small}"
+    else:
+        tools = f"{tool_count} tools"
+    return f"{model} with {tools}{f' of {one_line(others)}' if others else ''}."
+
+
+def _line_reader(console: Console) -> ReadLine:
+    """Reads lines of standard input; with history and editing on a terminal, echoed where it is none."""
+    if not sys.stdin.isatty():
+
+        def read_and_echo(prompt: str) -> str:
+            line = sys.stdin.readline()
+            if not line:
+                raise EOFError
+            console.print(Text.assemble((prompt, "bold"), line.rstrip("\n")), soft_wrap=True)
+            return line
+
+        return read_and_echo
+    import readline  # noqa: F401 - lets input() edit lines
+
+    return input
+
+
+def _now() -> datetime:
+    return datetime.now().astimezone()
+
+
+def _run(work: Callable[[], Awaitable[int]], console: Console) -> int:
+    """Run to the end; what keeps it from beginning is printed."""
+    try:
+        return anyio.run(work)
+    except AgentError as error:
+        console.print(Text(f"plannerforge: {error.text}", style="bold red"), soft_wrap=True)
+        return CANNOT_BEGIN
+    except KeyboardInterrupt:
+        return _EXIT_STATUS["interrupted"]

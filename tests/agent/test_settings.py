@@ -1,0 +1,44 @@
+"""Settings of the agent: flags before variables, what they make of a model, and that the server's stay apart."""
+
+import pytest
+
+from plannerforge.agent.models.interface import ModelFacts
+from plannerforge.agent.settings import AgentSettings, agent_settings
+from plannerforge.server.settings import Settings
+
+
+@pytest.mark.parametrize(
+    ("context_tokens", "parameters_billion", "tools", "why"),
+    [
+        (40_960, 8.2, "all", ""),
+        (40_960, 4.0, "essential", "4 billion parameters"),
+        (8_192, 70.0, "essential", "a context of 8,192 tokens"),
+        (None, None, "all", ""),
+    ],
+)
+def test_a_small_model_gets_the_essential_tools(
+    context_tokens: int | None, parameters_billion: float | None, tools: str, why: str
+) -> None:
+    facts = ModelFacts(context_tokens, parameters_billion, tools=True, thinking=False)
+    settings = AgentSettings()
+    assert (settings.tool_set(facts), settings.small(facts)) == (tools, why)
+    assert AgentSettings(tools="all").tool_set(facts) == "all"
+
+
+def test_a_flag_wins_over_a_variable_that_the_server_does_not_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLANNERFORGE_AGENT_MODEL", "ollama:one")
+    monkeypatch.setenv("PLANNERFORGE_AGENT_ROUNDS", "7")
+    Settings()
+    settings = agent_settings(model="ollama:two", host=None)
+    assert (settings.model, settings.rounds, settings.for_turns().rounds) == ("ollama:two", 7, 7)
+
+
+@pytest.mark.parametrize(("word", "think"), [("auto", None), ("on", True), ("off", False)])
+def test_thinking_is_left_to_the_model_or_set(word: str, think: bool | None) -> None:
+    assert agent_settings(think=word).for_model().think is think
+
+
+def test_a_key_is_not_shown() -> None:
+    settings = AgentSettings(api_key="sk-secret")  # type: ignore[arg-type]
+    assert "sk-secret" not in repr(settings)
+    assert settings.for_model().api_key == "sk-secret"
