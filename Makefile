@@ -14,7 +14,7 @@ SEED ?= 1
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain \
-	starter house format clean
+	starter house chat-page format clean
 
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
@@ -26,6 +26,7 @@ help:
 	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
 	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
 	@echo "make house   draw the map of the packages anew (developers)"
+	@echo "make chat-page record docs/chat.md, a chat through five stages, anew (developers)"
 	@echo "make bench-robust SEEDS=\"1 2 3\""
 	@echo "             all that shows soundness: hostile inputs, growth, symmetries, fresh data of these seeds, kills (developers)"
 	@echo "make clean   remove what was built"
@@ -133,6 +134,10 @@ bench-same-bytes: $(DEV_STAMP)
 starter: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.engine.maps.drawn_library
 	@$(PYTHON) -m plannerforge.engine.generation.starter_catalog
+
+chat-page: $(DEV_STAMP)
+	@echo "==> Recording docs/chat.md"
+	@$(PYTHON) scripts/record_chat.py
 
 house: $(DEV_STAMP)
 	@echo "==> Drawing docs/house.svg from the imports"

@@ -10,9 +10,13 @@ _DONE = (
     "generated|imported|made|modified|moved|optimised|optimized|produced|ran|removed|rendered|rerouted|run|searched|"
     "selected|set up|started|tested|updated"
 )
+_THING = (
+    "batch|cars?|changes?|configurations?|edits?|everything|files?|goal|it|pictures?|planner|preset|runs?|scenarios?|"
+    "simulations?|they|this|trucks?|vehicles?|weights?"
+)
 _CLAIM = re.compile(
     rf"\b(?:I|we)(?:['’]ve| have)? (?:(?:now|just|successfully|already) )*(?:{_DONE})\b"
-    rf"|\b(?:has|have) (?:now |just |successfully )*been (?:successfully )?(?:{_DONE})\b"
+    rf"|\b(?:{_THING}) (?:has|have) (?:now |just |successfully )*been (?:successfully )?(?:{_DONE})\b"
     rf"|\bsuccessfully (?:{_DONE})\b",
     re.IGNORECASE,
 )

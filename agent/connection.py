@@ -18,7 +18,7 @@ import anyio
 from anyio.abc import TaskGroup, TaskStatus
 from mcp import Client, MCPError, StdioServerParameters
 from mcp.server import MCPServer
-from mcp.types import CallToolResult, EmbeddedResource, ImageContent, ResourceLink, TextContent
+from mcp.types import CallToolResult, EmbeddedResource, ImageContent, ResourceLink, TextContent, Tool
 from pydantic import ValidationError
 
 from .errors import AgentError, SettingsFault, ToolServerGone
@@ -186,9 +186,7 @@ class ToolConnection:
         try:
             async with Client(self._server) as client:
                 listed = (await client.list_tools()).tools
-                self._tools = tuple(
-                    ToolDefinition(tool.name, tool.description or "", flattened(tool.input_schema)) for tool in listed
-                )
+                self._tools = tuple(_definition(tool) for tool in listed)
                 self._instructions = client.instructions or ""
                 self._client, started = client, True
                 task_status.started("")
@@ -199,6 +197,11 @@ class ToolConnection:
         finally:
             if started and self._leave is leave:
                 self._client = None
+
+
+def _definition(tool: Tool) -> ToolDefinition:
+    read_only = bool(tool.annotations and tool.annotations.read_only_hint)
+    return ToolDefinition(tool.name, tool.description or "", flattened(tool.input_schema), read_only)
 
 
 def _first_words(error: BaseException) -> str:

@@ -319,8 +319,8 @@ class AgentSession:
         turn.answer = text
         if text.lstrip("*_# ").lower().startswith(OUT_OF_SCOPE.lower()):
             turn.ending = "refused"
-        elif text.rstrip("*_ \n").endswith("?"):
-            turn.ending = "asked"
+        elif text.rstrip("*_ \n").endswith("?") and not self._changed_something(turn):
+            turn.ending = "asked"  # and not the offer that follows upon work that is done
         made = any(not done.answer.is_error for done in turn.calls)
         if not made and claims_work(text):
             problem = "The answer says that something was done, but no tool was called in this turn: nothing was done."
@@ -328,6 +328,10 @@ class AgentSession:
             turn.problem = f"{problem} Next: ask for it again, or take another model."
             if not earlier:
                 turn.ending = "failed"
+
+    def _changed_something(self, turn: _Turn) -> bool:
+        read_only = {tool.name for tool in self._tools.tools if tool.read_only}
+        return any(not done.answer.is_error and done.call.tool not in read_only for done in turn.calls)
 
     def _correct_malformed(self, turn: _Turn, unread: Sequence[RequestedCall]) -> None:
         if turn.malformed >= _MOST_MALFORMED:

@@ -17,7 +17,7 @@ from rich.status import Status
 from rich.text import Text
 
 from ..schemas.errors import PlannerForgeError
-from ..schemas.text import one_line, printable
+from ..schemas.text import counted, one_line, printable
 from .connection import Server, ToolConnection, own_server, server_of_command
 from .errors import AgentError
 from .loop import AgentEvent, AgentSession, CallProgress, CallStarted, CompletedCall, Ending, TurnResult
@@ -28,6 +28,8 @@ from .settings import AgentSettings
 
 _SHOWN_LINES, _SHOWN_CHARACTERS = 6, 200
 """Of an answer of a tool, and of a line of it or of arguments; chosen: the model tells the rest."""
+_LEAST_WIDTH, _INDENT = 100, 10
+"""Lines of answers are cut at the width of the terminal, but not below this; chosen."""
 _EXIT_STATUS: dict[Ending, int] = {"answered": 0, "failed": 1, "refused": 3, "asked": 4, "interrupted": 130}
 CANNOT_BEGIN = 2
 """Exit status where the model or the server cannot be had."""
@@ -88,8 +90,9 @@ class TurnView:
         sign, style = ("✗", "yellow") if answer.is_error else ("✓", "green")
         lines = [line for line in printable(answer.text).splitlines() if line.strip()] or ["(nothing)"]
         more = len(lines) - _SHOWN_LINES
-        lines = [one_line(line, _SHOWN_CHARACTERS) for line in lines[:_SHOWN_LINES]]
-        lines += [f"… {more} more lines"] if more > 0 else []
+        width = max(self._console.width, _LEAST_WIDTH) - _INDENT
+        lines = [one_line(line, 2 * width if answer.is_error else width) for line in lines[:_SHOWN_LINES]]
+        lines += [f"… {counted(more, 'more line')}"] if more > 0 else []
         self._line(Text.assemble((f"  {sign} ", style), (f"{done.duration_s:.1f} s  ", "dim"), lines[0]))
         for line in lines[1:]:
             self._line(Text(f"    {line}", style="dim"))

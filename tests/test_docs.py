@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from plannerforge.agent.settings import AgentSettings
 from plannerforge.engine.cosimulation.driver import PARAMETERS, presets
 from plannerforge.engine.network.rules.check import all_rules
 from plannerforge.schemas.errors import error_classes
@@ -26,10 +27,11 @@ def names_in(page: str) -> set[str]:
         ("README.md", [spec.name for spec in TOOLS]),
         ("README.md", list(Settings.model_fields)),
         ("docs/errors.md", list(error_classes())),
+        ("docs/agent.md", list(AgentSettings.model_fields)),
         ("docs/rules.md", [rule.rule_id for rule in all_rules()]),
         ("docs/edits.md", [*EDITS, *presets(), *PARAMETERS]),
     ],
-    ids=["tools", "settings", "errors", "rules", "edits"],
+    ids=["tools", "settings", "errors", "agent", "rules", "edits"],
 )
 def test_every_name_has_its_entry(page: str, names: list[str]) -> None:
     assert set(names) - names_in(page) == set()

@@ -11,11 +11,15 @@ Schema = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class ToolDefinition:
-    """A tool as a model sees it; ``parameters`` is the JSON Schema of its arguments, flat."""
+    """A tool as a model sees it; ``parameters`` is the JSON Schema of its arguments, flat.
+
+    ``read_only`` says that a call changes nothing, where the server tells so.
+    """
 
     name: str
     description: str
     parameters: Schema
+    read_only: bool = False
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ class OllamaModel:
             think=wanted if facts.thinking else None,
             format=dict(schema) if schema is not None else None,
             options=self._options(facts),
-            keep_alive=self._settings.keep_alive,
+            keep_alive=_duration(self._settings.keep_alive),
         )
         written: list[str] = []
         ended = False
@@ -202,6 +202,14 @@ def _sent(message: Message) -> dict[str, Any]:
 def _sent_tool(tool: ToolDefinition) -> dict[str, Any]:
     function = {"name": tool.name, "description": tool.description, "parameters": dict(tool.parameters)}
     return {"type": "function", "function": function}
+
+
+def _duration(written: str) -> float | str:
+    """A time as Ollama takes it: a number of seconds, where only a number stands, or a text with its unit."""
+    try:
+        return float(written)
+    except ValueError:
+        return written
 
 
 def _billions(size: str | None) -> float | None:

@@ -63,6 +63,11 @@ async def test_refusals_and_questions_back_are_told_apart_from_answers(text: str
         assert (await talked.say("Write a poem.")).ending == ending
 
 
+async def test_an_offer_after_work_that_is_done_is_no_question_back() -> None:
+    async with talk(MAKE, Reply("It is there. Shall I run a planner on it?")) as talked:
+        assert (await talked.say("A scenario.")).ending == "answered"
+
+
 async def test_waiting_for_a_job_is_no_repetition_and_takes_no_rounds() -> None:
     look = Reply(calls=(("look_at_job", {}),))
     async with talk(*[look] * 5, Reply("The job is done."), limits=TurnLimits(rounds=3)) as talked:

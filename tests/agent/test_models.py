@@ -126,6 +126,13 @@ async def test_ollama_is_asked_with_context_thinking_and_time_in_memory() -> Non
     assert request["keep_alive"] == "5m"
 
 
+@pytest.mark.parametrize(("written", "sent"), [("10m", "10m"), ("-1", -1.0), ("0", 0.0)])
+async def test_time_in_memory_is_a_number_or_has_its_unit(written: str, sent: str | float) -> None:
+    with serving("ollama", replies(Reply("Two."))) as server:
+        await asked("ollama", server, keep_alive=written)
+    assert server.requests[0]["keep_alive"] == sent
+
+
 async def test_a_context_is_never_longer_than_the_model_has() -> None:
     with serving("ollama", replies(Reply("Two.")), context_tokens=2048) as server:
         await asked("ollama", server, context_tokens=100_000)
