@@ -52,7 +52,7 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
         ),
     ),
     "remove_vehicle": EditKind("P", ("vehicles",)),
-    "set_goal": EditKind("G", ("to", "position", "rectangle_m", "goal_time", "goal_speed")),
+    "set_goal": EditKind("G", ("to", "turn", "position", "rectangle_m", "goal_time", "goal_speed")),
     "set_ego": EditKind("G", ("vehicles", "at", "lane", "offset_m", "position", "speed", "former_ego")),
 }
 """All operations; any argument of another one is refused. The engine's function of an edit has the operation's name."""

@@ -25,6 +25,7 @@ from .changes import Changes, EditStep, GoalChange, car_plan, check_speed
 from .entries import OccupiedPlaces
 from .placement import Place, first_place
 from .references import reachable_lanelets, route_to, select, target_lanelets
+from .rerouting import branch_for
 from .writing import USUAL_GOAL_SIZE_M
 
 _SPEED_TOLERANCE_MPS = 1.0
@@ -47,7 +48,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     A curve that the ego comes to too fast is noted, not refused: lanelets of real maps bend where their roads do not.
 
     Raises:
-        InvalidRequest: no lanelet, a bad rectangle or interval.
+        InvalidRequest: neither or both of ``to`` and ``turn``, a bad rectangle or interval.
         NotPossible: no ego, or a goal that it cannot reach, or that no car meets in its time at its speed.
     """
     ego = scene.ego
@@ -58,12 +59,60 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         )
     under = set(scene.network.find_lanelet_by_position([ego.position])[0])
     starts = tuple(key for key in ego.lanelets if key in under) or ego.lanelets[:1]
-    if not edit.to:
+    routes = _ways_to(edit, scene, changes, starts)
+    route, goal, task, distance = _first_that_can_be(routes, edit, scene, ego)
+    turned = f"after the {edit.turn} turn at the next fork: " if edit.turn in ("left", "right") else ""
+    turned = "straight on at the next fork: " if edit.turn == "straight" else turned
+    where = f"lanelet {goal.lanelet_id} at {_station_m(edit, scene, route):.1f} m"
+    what = f"{turned}goal on {where}, {distance:.1f} m ahead of the ego, {task}"
+    pace = task.pace_note(scene.last_step * scene.step_s)
+    curve = first_curve_too_tight(scene, route, ego.position, ego.speed_mps)
+    warning = "" if curve is None else f"; the ego {curve}"
+    return EditStep(replace(changes, goal=goal), (), what + pace + warning)
+
+
+def _ways_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """The ego's ways to the goal's lanelet: to the named one, or along the branch that turns so, the farthest first."""
+    if bool(edit.to) == bool(edit.turn):
         near = reachable_lanelets(scene, starts)
-        raise InvalidRequest("set_goal needs a lanelet in 'to'", valid=near, next_step="name one that the ego reaches")
-    route = route_to(scene, starts, target_lanelets(edit.to, scene, changes), "the ego")
+        raise InvalidRequest(
+            "set_goal takes either a lanelet in 'to' or a 'turn' at the next fork",
+            valid=near,
+            next_step="name one that the ego reaches, or turn=left, right or straight",
+        )
+    if edit.turn is None:
+        return [route_to(scene, starts, target_lanelets(edit.to, scene, changes), "the ego")]
+    branch = branch_for(scene, starts[0], edit.turn, "the ego")
+    return [route_to(scene, starts[:1], [lanelet], "the ego") for lanelet in reversed(branch.lanelets)]
+
+
+def _first_that_can_be(
+    routes: list[tuple[int, ...]], edit: Edit, scene: Scene, ego: Ego
+) -> tuple[tuple[int, ...], GoalChange, "_GoalTask", float]:
+    """The first way whose end the ego can meet, with the goal there; what the first way is refused for otherwise."""
+    refused: NotPossible | None = None
+    for route in routes:
+        try:
+            return (route, *_goal_at_end_of_way(route, edit, scene, ego))
+        except NotPossible as error:
+            refused = refused or error
+    raise refused or NotPossible("the ego has no way to a goal", next_step="name a lanelet in 'to'")
+
+
+def _station_m(edit: Edit, scene: Scene, route: tuple[int, ...]) -> float:
     lane = scene.layout.table.lanes[route[-1]]
-    place = Place(route[-1], station_m(edit.position or "final", route[-1], lane.length_m))
+    return station_m(edit.position or "final", route[-1], lane.length_m)
+
+
+def _goal_at_end_of_way(
+    route: tuple[int, ...], edit: Edit, scene: Scene, ego: Ego
+) -> tuple[GoalChange, "_GoalTask", float]:
+    """The goal on a way's last lanelet, what it asks, and how far ahead of the ego it lies in m.
+
+    Raises:
+        NotPossible: it lies behind the ego, or no car meets it in its time at its speed.
+    """
+    place = Place(route[-1], _station_m(edit, scene, route))
     distance = _distance_along(scene, ego, route, place.station_m)
     if distance < 0.0:
         raise NotPossible(
@@ -74,11 +123,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     goal = GoalChange(ego.problem_id, place.lanelet_id, *place.pose(scene), size_m, steps, speed_mps)
     task = _GoalTask.of(scene, ego, goal, distance)
     task.check()
-    what = f"goal on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {distance:.1f} m ahead of the ego, {task}"
-    pace = task.pace_note(scene.last_step * scene.step_s)
-    curve = first_curve_too_tight(scene, route, ego.position, ego.speed_mps)
-    warning = "" if curve is None else f"; the ego {curve}"
-    return EditStep(replace(changes, goal=goal), (), what + pace + warning)
+    return goal, task, distance
 
 
 def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:

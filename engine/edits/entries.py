@@ -18,7 +18,7 @@ from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, highest_entry_speed
 from ..geometry import Points, arc_length, oriented_rectangle, project, rectangles_overlap
 from ..scene import Scene
-from ..vehicles import HARDEST_BRAKING_MPS2, VehicleClass
+from ..vehicles import EGO_SIZE_M, HARDEST_BRAKING_MPS2, VehicleClass
 from .changes import Changes, car_at_start, moved_in_time, scene_for_references
 from .edited_scene import EGO, EditedScene, SimulatedEdits, new_overlaps, overlap_steps
 from .placement import Place
@@ -37,6 +37,11 @@ _REACTION_S = 0.5
 """The least time after which a driver brakes hard (chosen)."""
 _SHARE_OF_LANE_SPEED = 0.8
 """A vehicle with no traffic around it enters a little slower than its lane allows (chosen)."""
+_AS_FAST_AS_IT_CAN = "its class and the curves ahead allow no more"
+_EGO_ID = 0
+"""Stands for the ego among the neighbours; ids of obstacles are positive."""
+_STANDS_MPS = 0.5
+"""Below this speed a follower stands, and a gap is no time (chosen)."""
 _LOOK_M = 60.0
 """Vehicles of the lane that are farther away do not set the entry speed (chosen)."""
 _SOON_S = 2.0
@@ -164,10 +169,18 @@ class _Neighbour:
         return max(abs(self.distance_m) - (self.length_m + vehicle_class.length_m) / 2, 0.0)
 
 
+@dataclass(frozen=True)
+class EntrySpeed:
+    """How fast a vehicle enters, in m/s, and why."""
+
+    speed_mps: float
+    reason: str
+
+
 def entry_speed(
     scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, route: tuple[int, ...]
-) -> float:
-    """Speed in m/s: 80 % of the lane's, or that of the nearest vehicle in the lane; parked ones are no traffic.
+) -> EntrySpeed:
+    """The speed: 80 % of the lane's, or that of the nearest vehicle in the lane; parked ones are no traffic.
 
     Never too fast for the leader, parked or not, nor for the curves of the route, which begins on the place's lanelet.
 
@@ -175,20 +188,27 @@ def entry_speed(
         NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.
     """
     fastest = min(vehicle_class.maximum_speed_mps, highest_entry_speed(scene, route, place.station_m))
-    usual = min(_SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id], fastest)
+    allowed = _SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id]
+    usual = min(allowed, fastest)
+    reason = f"{_SHARE_OF_LANE_SPEED:.0%} of the lane's speed" if allowed <= fastest else _AS_FAST_AS_IT_CAN
     neighbours = _same_lane(scene, changes, place, step)
     traffic = [one for one in neighbours if not one.is_parked and abs(one.distance_m) < _LOOK_M]
     nearest = min(traffic, key=lambda one: (abs(one.distance_m), one.distance_m), default=None)
     speed = usual if nearest is None else min(nearest.speed_mps, fastest)
+    if nearest is not None:
+        alike = nearest.speed_mps <= fastest
+        reason = f"as vehicle {nearest.vehicle_id}, the nearest in the lane" if alike else _AS_FAST_AS_IT_CAN
     leaders = [one for one in neighbours if one.distance_m > 0]
     if leaders:
         leader = min(leaders, key=lambda one: one.distance_m)
         free = max(leader.gap_m(vehicle_class) - vehicle_class.minimum_gap_m, 0.0)
-        speed = min(speed, math.sqrt(leader.speed_mps**2 + 2 * vehicle_class.deceleration_mps2 * free))
+        can_brake = math.sqrt(leader.speed_mps**2 + 2 * vehicle_class.deceleration_mps2 * free)
+        reason = f"so that it can brake for vehicle {leader.vehicle_id} ahead" if can_brake < speed else reason
+        speed = min(speed, can_brake)
     followers = [one for one in neighbours if one.distance_m <= 0 and not one.is_parked]
     follower = max(followers, key=lambda one: one.distance_m, default=None)
     if follower is None:
-        return speed
+        return EntrySpeed(speed, reason)
     # A recorded one may turn off before, or stop; one that is driven may come over the place in any case.
     recorded = None if follower.vehicle_id in changes.driven else scene.tracks.get(follower.vehicle_id)
     size_m, gap = (vehicle_class.length_m, vehicle_class.width_m), follower.gap_m(vehicle_class)
@@ -202,15 +222,32 @@ def entry_speed(
             valid=[f"at least {needed:.0f} m before its front", "a speed, and the collision is reported"],
             next_step="choose a place farther ahead of it or behind it, or name a speed",
         )
-    return speed
+    return EntrySpeed(speed, reason)
+
+
+def gaps_in_words(
+    scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, speed_mps: float
+) -> tuple[str, str]:
+    """The gaps to the next in the lane ahead and behind, in m between the bumpers, and in s of whoever follows."""
+    neighbours = [*_same_lane(scene, changes, place, step), *_ego_in_lane(scene, changes, place, step)]
+    ahead = min((one for one in neighbours if one.distance_m > 0), key=lambda one: one.distance_m, default=None)
+    behind = max((one for one in neighbours if one.distance_m <= 0), key=lambda one: one.distance_m, default=None)
+    return (
+        "nobody near ahead in its lane" if ahead is None else f"ahead {_gap_text(ahead, vehicle_class, speed_mps)}",
+        "nobody near behind" if behind is None else f"behind {_gap_text(behind, vehicle_class, behind.speed_mps)}",
+    )
+
+
+def _gap_text(neighbour: _Neighbour, vehicle_class: VehicleClass, follower_mps: float) -> str:
+    gap_m = neighbour.gap_m(vehicle_class)
+    headway = f", {gap_m / follower_mps:.1f} s" if follower_mps > _STANDS_MPS else ""
+    who = "the ego" if neighbour.vehicle_id == _EGO_ID else f"vehicle {neighbour.vehicle_id}"
+    return f"{who} by {gap_m:.1f} m{headway}"
 
 
 def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
     """Vehicles in the lane, or in those right before and after it."""
-    lanes = scene.layout.table.lanes
-    before = [key for key in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()) if key in lanes]
-    starts = {place.lanelet_id: 0.0} | {key: -lanes[key].length_m for key in before}
-    starts |= dict.fromkeys(scene.layout.table.successors[place.lanelet_id], lanes[place.lanelet_id].length_m)
+    lanes, starts = scene.layout.table.lanes, _lanes_in_a_row(scene, place)
     there, neighbours = scene_for_references(scene, changes), []
     for key, match in sorted(there.matches.items()):
         track: Track | None = there.tracks.get(key) or there.standing.get(key)
@@ -221,6 +258,24 @@ def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[
         speed_mps, is_parked = float(track.speeds_mps[index]), key not in there.tracks
         neighbours.append(_Neighbour(key, distance, speed_mps, track.length_m, is_parked))
     return neighbours
+
+
+def _lanes_in_a_row(scene: Scene, place: Place) -> dict[int, float]:
+    """The lanelet of a place, those right before and after it, each with the station of its beginning in m."""
+    lanes = scene.layout.table.lanes
+    before = [key for key in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()) if key in lanes]
+    starts = {place.lanelet_id: 0.0} | {key: -lanes[key].length_m for key in before}
+    return starts | dict.fromkeys(scene.layout.table.successors[place.lanelet_id], lanes[place.lanelet_id].length_m)
+
+
+def _ego_in_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
+    """The ego where it starts in the lane at this step; where it is later no recording tells."""
+    ego, starts = changes.ego or scene.ego, _lanes_in_a_row(scene, place)
+    key = None if ego is None or ego.step != step else next((each for each in ego.lanelets if each in starts), None)
+    if ego is None or key is None:
+        return []
+    distance = starts[key] + project(scene.layout.table.lanes[key].center, ego.position)[0] - place.station_m
+    return [_Neighbour(_EGO_ID, distance, ego.speed_mps, EGO_SIZE_M[0])]
 
 
 def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[str, ...]] | None:

@@ -9,7 +9,7 @@ cross any other road, and walk along footpaths. An emergency vehicle may drive e
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from ..network import station_m
 from ..scene import Scene
 from ..vehicles import VehicleClass, vehicle_classes
 from .changes import Changes, EditStep, check_speed, listed
-from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed
+from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
 from .placement import Place, advance_along_lane, first_place
 from .references import drive_to, nearest_driven, select, target_lanelets
 
@@ -51,6 +51,16 @@ _ANY_VEHICLE = "vehicle"
 _SLOW_CLASSES, _EVERYWHERE = ("bicycle", "pedestrian"), "priorityVehicle"
 
 
+@dataclass(frozen=True)
+class _Entering:
+    """A vehicle as it enters: why at its speed (empty where it was named), and the gaps to its neighbours, in words."""
+
+    plan: DrivePlan
+    reason: str
+    ahead: str
+    behind: str
+
+
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Put one or several vehicles of a class in; several stand downstream of the first, ``spacing_m`` apart.
 
@@ -69,22 +79,36 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     targets = target_lanelets(edit.to, scene, changes) if edit.to else frozenset()
     added: list[int] = []
     places: list[Place] = []
+    entering: list[_Entering] = []
     for number in range(count):
         try:
             places.append(advance_along_lane(scene, place, number * spacing, targets))
-            plan = _plan(edit, scene, changes, vehicle_class, places[-1], targets)
+            entering.append(_plan(edit, scene, changes, vehicle_class, places[-1], targets))
         except NotPossible as error:
             if number == 0:
                 raise
             raise _no_more(error, number, count, spacing, vehicle_class) from error
         added.append(changes.next_id)
-        changes = replace(changes.with_plan(plan), next_id=changes.next_id + 1)
+        changes = replace(changes.with_plan(entering[-1].plan), next_id=changes.next_id + 1)
     who = f"{vehicle_class.name} {', '.join(map(str, added))}"
     asked = (edit.vehicle_class or "").strip()
     who += f" ({asked!r} is taken as {vehicle_class.name})" if asked.lower() != vehicle_class.name else ""
-    what = f"{who} {_where(places, spacing)}, {_entries(edit, scene, changes, added)}"
+    where = f"{_where(places, spacing)}{_why_there(edit)}"
+    why = f" ({entering[0].reason})" if entering[0].reason else ""
+    gaps = f"{entering[-1].ahead} and {entering[0].behind}"
+    what = f"{who} {where}, {_entries(edit, scene, changes, added)}{why}, gaps: {gaps}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
     return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
+
+
+def _why_there(edit: Edit) -> str:
+    """What the place was reckoned from, where the edit names no position on a lanelet."""
+    if edit.position is not None:
+        return ""
+    lane = f", lane {edit.lane}" if edit.lane else ""
+    offset = f", {abs(edit.offset_m):g} m {'ahead' if edit.offset_m > 0 else 'behind'}" if edit.offset_m else ""
+    of_lanelet = (edit.at or "").strip().isdigit() and not edit.offset_m
+    return " (its middle, as no position was named)" if of_lanelet else f" (from {edit.at}{lane}{offset})"
 
 
 def _where(places: list[Place], spacing_m: float) -> str:
@@ -145,7 +169,7 @@ def _class(word: str | None) -> VehicleClass:
 
 def _plan(
     edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, targets: frozenset[int]
-) -> DrivePlan:
+) -> _Entering:
     step = _free_step(edit, scene, changes, vehicle_class, place)
     usual = behaviour_from(usual_behaviour(vehicle_class), edit.preset, edit.params, own_minimum_gap_m(vehicle_class))
     who = f"the added {vehicle_class.name}"
@@ -158,11 +182,13 @@ def _plan(
             next_step="choose another lanelet in 'to'",
         )
     if edit.speed is None:
-        speed = entry_speed(scene, changes, vehicle_class, place, step, route)
+        entry = entry_speed(scene, changes, vehicle_class, place, step, route)
+        speed, reason = entry.speed_mps, entry.reason
     else:
+        reason = ""
         speed, refusal = parse_quantity(edit.speed, "m/s"), f"a {vehicle_class.name} does not drive {edit.speed}"
         check_speed(speed, vehicle_class.maximum_speed_mps, refusal, "choose another speed or class")
-    return DrivePlan(
+    plan = DrivePlan(
         start=_start(changes.next_id, vehicle_class, scene, place, step, speed),
         cause="added",
         from_step=step,
@@ -172,6 +198,7 @@ def _plan(
         behaviour=usual,
         vehicle_class=vehicle_class,
     )
+    return _Entering(plan, reason, *gaps_in_words(scene, changes, vehicle_class, place, step, speed))
 
 
 def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> int:

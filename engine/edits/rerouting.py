@@ -122,7 +122,7 @@ def _rerouted_from(
 ) -> DrivePlan:
     who = f"vehicle {plan.start.obstacle_id}"
     if edit.turn:
-        branch = _branch_for(scene, start, edit.turn, who).lanelets
+        branch = branch_for(scene, start, edit.turn, who).lanelets
         targets = frozenset(branch)
         route = drive_to(scene, start, frozenset(branch[-1:]), who, is_there=True)
     else:
@@ -212,7 +212,7 @@ def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
     return tuple(_branch(scene, first, arriving) for first in successors[current])
 
 
-def _branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
+def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
     """The branch that turns left or right or goes straight at the next fork.
 
     Raises:

@@ -1,6 +1,7 @@
 """Edit P: adding and removing."""
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -83,7 +84,7 @@ def test_of_several_each_departure_is_told_where_they_differ(apply: Apply) -> No
     row = CAR | {"at": "1", "position": "80m", "count": 2, "spacing_m": 12, "time_s": 1.0}
     first, second = apply(row, dry_run=True).outcome.edits[0].what.split("; ")
     assert "101: 10.0 m/s, from 1.5 s on (asked: 1 s" in first
-    assert second == "102: 10.0 m/s, from 1.0 s on"
+    assert second.startswith("102: 10.0 m/s, from 1.0 s on (as vehicle 31")
 
 
 @pytest.mark.parametrize(("offset_m", "largest_m"), [(-50, "-40.0"), (300, "+260.0"), (1e308, "+260.0")])
@@ -293,3 +294,13 @@ def test_a_vehicle_without_departure_enters_when_the_ego_starts(apply: Apply) ->
     later = replace(SHORT, problems=(Problem(start_step=12, steps=(60, 150)),))
     applied = apply(CAR | {"at": "ego", "offset_m": 25}, builder=later)
     assert applied.tracks()[101].first_step == 12
+
+
+def test_an_added_vehicle_tells_its_speed_place_and_gaps(apply: Apply) -> None:
+    what = apply(CAR | {"at": "ego", "offset_m": 12}, builder=SHORT, dry_run=True).outcome.edits[0].what
+    assert "(from ego, 12 m ahead)" in what
+    gaps = r"gaps: ahead vehicle \d+ by [\d.]+ m, [\d.]+ s and behind the ego by [\d.]+ m, [\d.]+ s"
+    assert re.search(rf"m/s, from 0.0 s on \(as vehicle \d+, the nearest in the lane\), {gaps}", what)
+    alone = apply(CAR | {"at": "3", "speed": "5m/s"}, builder=SHORT, dry_run=True).outcome.edits[0].what
+    assert "(its middle, as no position was named)" in alone
+    assert "5.0 m/s, from 0.0 s on, gaps: nobody near ahead in its lane and behind vehicle 34 by 126.7 m" in alone

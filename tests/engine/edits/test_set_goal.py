@@ -124,7 +124,7 @@ def test_a_bad_position_is_refused(apply: Apply, position: str) -> None:
 
 
 def test_without_a_lanelet_those_the_ego_reaches_are_named(apply: Apply) -> None:
-    with pytest.raises(InvalidRequest, match="needs a lanelet") as caught:
+    with pytest.raises(InvalidRequest, match="either a lanelet in 'to' or a 'turn'") as caught:
         apply({"op": "set_goal"})
     assert {"11", "13"} <= set(caught.value.valid)
 
@@ -136,7 +136,7 @@ def test_of_the_lanelets_near_the_ego_only_those_that_it_reaches_are_named(apply
         Lane(3, line((0.0, 3.5), (100.0, 3.5)), successors=(4,)),
         Lane(4, line((100.0, 3.5), (200.0, 3.5)), predecessors=(3,)),
     )
-    with pytest.raises(InvalidRequest, match="needs a lanelet") as caught:
+    with pytest.raises(InvalidRequest, match="either a lanelet in 'to' or a 'turn'") as caught:
         apply({"op": "set_goal"}, builder=ScenarioBuilder(apart, problems=(Problem(start=(40.0, 1.0, 0.0, 10.0)),)))
     assert caught.value.valid == ("2",)
 
@@ -170,3 +170,33 @@ def test_a_problem_without_a_goal_gets_one_for_the_whole_scenario(tmp_path: Path
     made = goal(applied)
     assert tuple(made.position.center) == pytest.approx((200.0, 0.0), abs=0.01)
     assert (made.time_step.start, made.time_step.end) == (0, 60)
+
+
+FORK = (
+    Lane(1, line((0.0, 0.0), (40.0, 0.0)), successors=(2, 3)),
+    Lane(2, line((40.0, 0.0), (140.0, 0.0)), predecessors=(1,)),
+    Lane(3, arc((40.0, 20.0), 20.0, -math.pi / 2, 0.0), predecessors=(1,), successors=(4,)),
+    Lane(4, line((60.0, 20.0), (60.0, 60.0)), predecessors=(3,)),
+)
+START = Problem(start=(10.0, 0.0, 0.0, 6.0), goal=(100.0, 0.0, 8.0, 3.0), steps=(0, 200))
+AT_FORK = ScenarioBuilder(FORK, problems=(START,))
+
+
+@pytest.mark.parametrize(("turn", "lanelet"), [("left", 4), ("straight", 2)])
+def test_a_goal_lies_behind_the_turn_that_was_asked(apply: Apply, turn: str, lanelet: int) -> None:
+    applied = apply({"op": "set_goal", "turn": turn}, builder=AT_FORK)
+    written = read_scenario(applied.xml)
+    assert goal_center_lanelets(written.scenario.lanelet_network, written.problem()) == (lanelet,)
+    assert "at the next fork: goal on lanelet" in applied.outcome.edits[0].what
+
+
+def test_a_turn_that_is_not_there_names_the_branches_for_a_goal(apply: Apply) -> None:
+    with pytest.raises(NotPossible, match="the ego cannot go right at the next fork") as refused:
+        apply({"op": "set_goal", "turn": "right"}, builder=AT_FORK)
+    assert len(refused.value.valid) == 2
+
+
+@pytest.mark.parametrize("both", [{}, {"to": ["2"], "turn": "left"}])
+def test_a_goal_takes_a_lanelet_or_a_turn(apply: Apply, both: dict[str, object]) -> None:
+    with pytest.raises(InvalidRequest, match="either a lanelet in 'to' or a 'turn'"):
+        apply({"op": "set_goal"} | both, builder=AT_FORK)
