@@ -146,7 +146,8 @@ class _Collecting:
             message = f"{self._where}: {fault.message}" if self._where else fault.message
             kept = type(fault)(message, valid=fault.valid, next_step=fault.next_step, reason=fault.reason)
             kept.__cause__ = error
-            self._found.append(kept)
+            if all(other.message != kept.message for other in self._found):
+                self._found.append(kept)
         return True
 
 

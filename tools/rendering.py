@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..engine.workspace import Artifact, versions_of, write_whole
 from ..resources.templates import SCHEME
-from ..schemas.errors import InvalidRequest, UnknownName
+from ..schemas.errors import Faults, InvalidRequest, UnknownName
 from ..schemas.rendering import PictureKind, RenderArguments, Rendered, RenderedImage, RenderRequest
 from .call import Image, ImageAnswer, ToolCall
 from .configurations import resolve_configuration, store_configuration
@@ -32,20 +32,21 @@ async def render(arguments: RenderArguments, call: ToolCall) -> ImageAnswer:
 
 def _meant(words: list[str], call: ToolCall) -> tuple[list[str], list[str]]:
     """Scenario ids and run ids; ``latest`` is the client's last scenario, run or batch."""
-    scenarios: list[str] = []
-    runs: list[str] = []
+    scenarios, runs, faults = list[str](), list[str](), Faults()
     for word in words:
-        artifact = named_artifact(word, call)
-        if artifact.kind == "scenario":
-            scenarios.append(artifact.artifact_id)
-        elif artifact.kind in ("run", "batch"):
-            results = choose_results([artifact.artifact_id], call)
-            runs += [run_id for result in results for run_id in result.run_ids]
-        else:
-            raise InvalidRequest(
-                f"'{artifact.artifact_id}' is a {artifact.kind}, which cannot be drawn",
-                valid=["scenario", "run", "batch"],
-            )
+        with faults.collecting():
+            artifact = named_artifact(word, call)
+            if artifact.kind == "scenario":
+                scenarios.append(artifact.artifact_id)
+            elif artifact.kind in ("run", "batch"):
+                results = choose_results([artifact.artifact_id], call)
+                runs += [run_id for result in results for run_id in result.run_ids]
+            else:
+                raise InvalidRequest(
+                    f"'{artifact.artifact_id}' is a {artifact.kind}, which cannot be drawn",
+                    valid=["scenario", "run", "batch"],
+                )
+    faults.raise_all()
     return scenarios, runs
 
 

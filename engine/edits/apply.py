@@ -8,22 +8,26 @@ what they ask for. It simulates and writes nothing. A new edit is such a functio
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from ...schemas.errors import Faults, InvalidRequest, NotPossible
 from ...schemas.modification import EDITS, Edit, EditOperation, ModificationOutcome, ModificationRequest
 from ..commonroad import ScenarioDocument
-from ..cosimulation import ROUTES_FILE, TYPES_FILE, SimulationSetup
+from ..cosimulation import ROUTES_FILE, TYPES_FILE, SimulationSetup, behaviour_from, usual_behaviour
 from ..execution import ProgressReporter
 from ..scene import Scene
+from ..vehicles import vehicle_classes
 from . import ego, population, rerouting, trajectory
 from .changes import Changes, EditStep
 from .edited_scene import SimulatedEdits, SimulationResult
 from .ego_risk import EgoDrive, drive_after, shown_ego
 from .entries import check_entries, slower_entries
 from .explanations import check_not_driven_past
-from .references import whom_words_meant
+from .placement import first_place
+from .references import select, target_lanelets, whom_words_meant
 from .report import outcome_of
 from .scene_cache import scene_of
 from .simulation import Simulation
@@ -96,10 +100,13 @@ def _resolved_edits(edits: tuple[Edit, ...], base: Scene, next_id: int, earlier:
         if faults and edit.names_added:  # whom it is about may be what a refused edit was to add
             continue
         step = None
-        with faults.collecting(f"edit {index - earlier} ({edit.op})" if len(edits) - earlier > 1 else ""):
+        where = f"edit {index - earlier} ({edit.op})" if len(edits) - earlier > 1 else ""
+        with faults.collecting(where):
             _check_arguments(edit)
             step = OPERATIONS[edit.op](edit, scene, changes)
         if step is None:
+            with faults.collecting(where):
+                _other_faults(edit, scene, changes).raise_all()
             changes = replace(changes, added_by_edit=(*changes.added_by_edit, ()))
             continue
         meant = whom_words_meant(edit.vehicles, step.vehicles, scene, changes)
@@ -109,6 +116,27 @@ def _resolved_edits(edits: tuple[Edit, ...], base: Scene, next_id: int, earlier:
     faults.raise_all()
     ego.check_goal(scene, changes)
     return _ResolvedEdits(edits, tuple(steps), changes, scene)
+
+
+def _other_faults(edit: Edit, scene: Scene, changes: Changes) -> Faults:
+    """What else is wrong with an edit that is refused: each of its words is looked at by itself.
+
+    A word that is there, but means nothing that the edit could be carried out with, is none: the edit itself says so.
+    """
+    looks: list[Callable[[], object]] = [
+        *(partial(select, [text.strip().removeprefix("!")], scene, changes) for text in edit.vehicles),
+        *(partial(target_lanelets, [text], scene, changes) for text in edit.to),
+        *(partial(behaviour_from, usual_behaviour(vehicle_classes()["car"]), None, [text]) for text in edit.params),
+    ]
+    if edit.preset is not None:
+        looks.append(partial(behaviour_from, usual_behaviour(vehicle_classes()["car"]), edit.preset, ()))
+    if edit.at is not None:
+        looks.append(partial(first_place, edit, scene, changes, vehicle_classes()["car"].length_m))
+    faults = Faults()
+    for look in looks:
+        with faults.collecting(), suppress(NotPossible):
+            look()
+    return faults
 
 
 def _check_arguments(edit: Edit) -> None:

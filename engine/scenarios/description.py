@@ -79,7 +79,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
         focus=name,
         asked=asked,
         vehicles=tuple(vehicles[key] for key in shown),
-        vehicles_total=len(tracks),
+        vehicles_total=len(tracks) - (own is not None),
         lanelets=lanelets,
         lanelets_total=total,
         checks=tuple(check(scene) for check in _CHECKS) if request.detail == "checks" else (),
@@ -197,7 +197,7 @@ def _vehicle(
         kind=track.kind,
         where=where.words if where else f"{distance:.0f} m away",
         lanelet=lanelet,
-        speed_mps=round(speed, 2),
+        speed_mps=round(speed, 4),
         distance_m=round(distance, 1),
         ahead_m=where.ahead_m if where else None,
         gap_m=where.gap_m if where else None,
@@ -222,7 +222,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         way += ", with a lane change" if route.changes_lane else ""
     return DescribedEgo(
         problem_id=scene.ego.problem_id,
-        speed_mps=round(scene.ego.speed_mps, 3),
+        speed_mps=round(scene.ego.speed_mps, 4),
         lanelets=aligned_lanelets(network, under, point, scene.ego.heading_rad) or under,
         lanes=max((len(scene.lanelet_graph.beside([key])) for key in under), default=0),
         goal=_goal_words(problem, scene.step_s, point, goals),

@@ -1,0 +1,216 @@
+"""What is asked of the tools, and what an answer has to hold: questions of users as calls, and calls with many faults.
+
+A sheet is a row of cases that one client asks in turn, so that ``latest`` and ``previous_run`` mean what came before.
+Patterns are regular expressions that the answer's text has to hold; ``judge`` looks after what is true.
+"""
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+_FAULTS = Path(__file__).parent / "faults.tsv"
+_OUTCOME = (
+    r"reached the goal at|collision: |time ran out|timeout|goal missed|drove out|no trajectory|infeasible|off the road"
+)
+_EDIT_DONE = (
+    r"the edit is (?:done|not reached)|edits are done|without effect",
+    r"exactly as recorded",
+    r"for the ego",
+    r"^Next: ",
+)
+_REFUSED = r"Next: |Valid: "
+
+
+@dataclass(frozen=True)
+class Case:
+    """A question in words, the call that it becomes, and what its answer has to hold.
+
+    ``may_refuse``: what is asked for is not there in every scenario; a refusal answers, where it says what is valid or
+    what to do next.
+    """
+
+    question: str
+    tool: str
+    arguments: Mapping[str, Any]
+    asks: tuple[str, ...]
+    may_refuse: bool = False
+
+
+@dataclass(frozen=True)
+class FaultyCall:
+    """A call with several faults, and a word of each that the refusal has to hold."""
+
+    tool: str
+    arguments: Mapping[str, Any]
+    words: tuple[str, ...]
+
+
+def sheet_of_scenario(scenario_id: str) -> list[Case]:
+    """What is asked about a scenario: what is in it, how a planner does, and how it does after an edit."""
+    own = {"scenario_id": scenario_id}
+
+    def edit(question: str, asks: Sequence[str], **values: Any) -> Case:
+        return Case(question, "modify_scenario", {**own, "edits": [values]}, (*_EDIT_DONE, *asks), may_refuse=True)
+
+    described = (r"road users? beside the ego", r"^Ego: [\d.]+ m/s", r"Goal: ", r"Way: ")
+    return [
+        Case("What is in it, and what has the ego to do?", "describe_scenario", own, described),
+        Case(
+            "Who is within 60 m?",
+            "describe_scenario",
+            {**own, "detail": "vehicles", "radius_m": 60},
+            (r"^- \d+ \w+|[Nn]o vehicle",),
+        ),
+        Case(
+            "Where does the nearest vehicle go, and where could it?",
+            "describe_scenario",
+            {**own, "focus": "nearest:1"},
+            (r"^Vehicle \d+ \(nearest:1\)", r"Recorded way: |recorded nowhere", r"Can reach: |Can reach no"),
+            may_refuse=True,
+        ),
+        Case("Does the default planner make it?", "run_planner", {"scenarios": [scenario_id]}, (_OUTCOME, r"^Next: ")),
+        Case(
+            "What happened, when, and how hard was it?",
+            "analyze_results",
+            {"results": ["latest_run"]},
+            (_OUTCOME, r"^Largest: |no motion|invalid"),
+        ),
+        Case(
+            "Step by step?", "analyze_results", {"results": ["latest_run"], "detail": "timeline"}, (r"^- [\d.]+ s: ",)
+        ),
+        edit(
+            "Make the two nearest aggressive.",
+            (r"aggressive", r"nearest:2: \d+"),
+            op="set_behaviour",
+            vehicles=["nearest:2"],
+            preset="aggressive",
+        ),
+        edit("Take the nearest one out.", (r"removed 1: \d+",), op="remove_vehicle", vehicles=["nearest:1"]),
+        edit(
+            "Put a truck 40 m ahead of me.",
+            (r"truck \d+ on lanelet \d+ at [\d.]+ m, [\d.]+ m/s",),
+            op="add_vehicle",
+            vehicle_class="truck",
+            at="ego",
+            lane="same",
+            offset_m=40,
+        ),
+        edit("Send the nearest one left.", (r"lanelets? \d+",), op="reroute", vehicles=["nearest:1"], turn="left"),
+        Case("And now?", "run_planner", {"scenarios": ["latest"]}, (_OUTCOME,)),
+        Case(
+            "First run against second?",
+            "compare_results",
+            {"results": ["previous_run", "latest_run"]},
+            (r"same outcome|flipped|outcome", r"^- before: ", r"^- after: "),
+        ),
+        Case(
+            "Is the safety preset better than the default here?",
+            "run_planner",
+            {"scenarios": [scenario_id], "configs": ["frenetix:Default", "frenetix:Safety-Conservative"]},
+            (r"^batch_", r"goal \d of \d", r"Safety-Conservative"),
+        ),
+        Case(
+            "What got better?",
+            "compare_results",
+            {"results": ["latest_batch"]},
+            (r"against frenetix:Default", r"weights changed"),
+        ),
+    ]
+
+
+SEARCHES: tuple[Mapping[str, Any], ...] = (
+    {"obstacles": ["truck>=1"]},
+    {"obstacles": ["car>=20"]},
+    {"obstacles": ["bicycle>=1", "car>=5"]},
+    {"obstacles": ["motorcycle"]},
+    {"obstacles": ["bus=1"]},
+    {"obstacles": ["car<=2"]},
+    {"obstacles": ["car=0"]},
+    {"tags": ["intersection"]},
+    {"tags": ["highway"], "obstacles": ["truck"]},
+    {"tags": ["critical", "intersection"]},
+    {"tags": ["multi_lane"]},
+    {"country": "DEU"},
+    {"country": "USA", "tags": ["highway"]},
+    {"country": "BEL", "obstacles": ["car>=10"]},
+    {"country": "ESP", "ego_speed": "0..8m/s"},
+    {"ego_speed": "5..10m/s"},
+    {"ego_speed": "20..40m/s"},
+    {"ego_speed": "0..3m/s", "obstacles": ["car>=3"]},
+    {"city": "Lohmar", "country": "DEU"},
+    {"tags": ["intersection"], "obstacles": ["bus>=3"]},
+)
+"""Conditions whose matches the judge counts from the files."""
+
+GENERATIONS: tuple[Mapping[str, Any], ...] = (
+    {"place": "Musterstadt", "scenario_type": "signalised_intersection"},
+    {"place": "Musterstadt", "vehicles": ["truck=2", "bus=1"], "density": "medium"},
+    {"place": "Fahrhausen", "scenario_type": "intersection", "vehicles": ["bicycle=3..3"]},
+    {"place": "Fahrhausen", "vehicles": ["car=30..30"], "density": "high"},
+    {"place": "Kreiselheim", "scenario_type": "roundabout", "vehicles": ["taxi"]},
+    {"place": "Neuland", "scenario_type": "highway", "vehicles": ["truck=30%"], "density": "medium"},
+    {"place": "Neuland", "scenario_type": "ramp", "duration_s": 12},
+    {"place": "Quadratstadt", "scenario_type": "urban", "vehicles": ["bus", "bicycle"], "density": "medium"},
+    {"place": "Landmoor", "scenario_type": "rural", "goal": "distance_m:120"},
+    {"place": "Musterstadt", "ego": "type:bus", "duration_s": 10},
+)
+
+CONFIGURATIONS: tuple[Mapping[str, Any], ...] = (
+    {"preset": "Comfort"},
+    {"preset": "Safety-Conservative", "weights": ["jerk=0.5"]},
+    {"weights": ["prediction*2"]},
+    {"weights": ["velocity_offset=0.4", "lateral_jerk+0.1"], "base": "frenetix:Default"},
+    {"preset": "Efficiency-Sporty"},
+    {"weights": ["distance_to_obstacles=0.3", "responsibility=0.2"], "base": "frenetix:Balanced"},
+    {"preset": "Default"},
+    {"weights": ["path_length=0.1"], "base": "frenetix:Safety-Conservative"},
+)
+
+
+def sheet_of_catalogue() -> list[Case]:
+    """What is asked about many scenarios, of generation, of configurations, and about what there is."""
+    cases = [
+        Case(
+            f"Which ones: {json.dumps(given)}?",
+            "find_scenarios",
+            {**given, "limit": 50},
+            (r"^\d+ of \d+ scenarios? match", r"Left after"),
+        )
+        for given in SEARCHES
+    ]
+    cases += [
+        Case(
+            f"Make {json.dumps(given)}",
+            "generate_scenarios",
+            {"seed": seed, **given},
+            (r"vehicles?.*: the ego", r"Ego: ", r"goal \d+ m", r"^Next: "),
+        )
+        for seed, given in enumerate(GENERATIONS)
+    ]
+    cases += [
+        Case(
+            f"Take {json.dumps(given)}",
+            "configure_planner",
+            given,
+            (r"is current", r"Against |[Nn]othing|same weights"),
+        )
+        for given in CONFIGURATIONS
+    ]
+    return [
+        *cases,
+        Case("Which planners and weights are there?", "list_planners", {}, (r"frenetix", r"jerk=", r"Presets")),
+        Case("What is in the catalogue?", "describe_catalog", {}, (r"\d+ scenarios",)),
+        Case("Which obstacles?", "describe_catalog", {"facet": "obstacles"}, (r"car \d+",)),
+        Case("What was configured?", "list_artifacts", {"kind": "config"}, (r"cfg_",)),
+        Case("What was run?", "list_artifacts", {"kind": "run"}, (r"run_",)),
+    ]
+
+
+def faulty_calls() -> list[FaultyCall]:
+    """Calls with two to four faults each, in the order of the data file."""
+    with _FAULTS.open(encoding="utf-8", newline="") as stream:
+        rows = csv.DictReader(stream, delimiter="\t", quoting=csv.QUOTE_NONE)
+        return [FaultyCall(row["tool"], json.loads(row["arguments"]), tuple(row["words"].split("|"))) for row in rows]
