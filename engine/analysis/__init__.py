@@ -10,6 +10,7 @@
 ``driven_tracks``: how the obstacles of reactive traffic moved in a run, by id.
 ``read_steps``: the steps of a run, or None where none were kept.
 ``SignedRank``: result of the signed-rank test on differences after − before.
+``mcnemar_exact``: two-sided p of the exact McNemar test on discordant pairs.
 ``rate``: a share with its 95 % Wilson interval.
 ``signed_rank``: Wilcoxon's signed-rank test on paired differences.
 ``wilson_interval``: the Wilson score interval of a binomial share.
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from .moments import review_runs
     from .run_set import RunSet, cost_shares, driven_tracks, mean_terms, read_steps
     from .run_table import write_run_table
-    from .statistics import SignedRank, rate, signed_rank, wilson_interval
+    from .statistics import SignedRank, mcnemar_exact, rate, signed_rank, wilson_interval
     from .summary import analyse
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -1,0 +1,222 @@
+"""Tables of an evaluation in the paper's form: a row for each agent, the paper's rows below, and what it cost.
+
+Own shares carry their 95 % Wilson interval. The paper's headings are used where a scorer has the same column.
+"""
+
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from rich.table import Table as RichTable
+
+from ...engine.analysis import wilson_interval
+from .campaign import JUDGE_FAILED
+from .published import PublishedTable, published
+from .rows import Row
+
+NO_FIGURE = "-"
+_PAPER_MODELS = 3
+"""Rows of the paper that a table shows, the best by its headline first; the report shows all (chosen)."""
+
+
+@dataclass(frozen=True)
+class ResultTable:
+    """A table as it is read: cells are written out, rows of the paper are ``published``."""
+
+    title: str
+    source: str
+    header: tuple[str, ...]
+    own: tuple[tuple[str, ...], ...]
+    paper: tuple[tuple[str, ...], ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def to_markdown(self) -> str:
+        """The table for a document."""
+        lines = [f"### {self.title}", "", _line(self.header), _line(["---"] * len(self.header))]
+        lines += [_line(cell.replace("\n", "<br>") for cell in row) for row in (*self.own, *self.paper)]
+        notes = [*self.notes, *([f"Rows of the paper: {self.source}"] if self.paper else [])]
+        return "\n".join([*lines, *(f"\n{note}." for note in notes)]) + "\n"
+
+    def to_terminal(self, paper_rows: int = _PAPER_MODELS) -> RichTable:
+        """The table for a terminal, with the first rows of the paper only."""
+        notes = [*self.notes, *([f"rows of the paper: {self.source}"] if self.paper else [])]
+        table = RichTable(*self.header, title=self.title, caption="; ".join(notes) or None)
+        for row in self.own:
+            table.add_row(*row)
+        table.add_section()
+        for row in self.paper[:paper_rows]:
+            table.add_row(*row, style="dim")
+        return table
+
+
+def tables_of(rows: Sequence[Row]) -> list[ResultTable]:
+    """A table for each corpus among the rows, in their order, and the stages of conversations."""
+    corpora = dict.fromkeys(row.request.corpus for row in rows)
+    found = []
+    for corpus in corpora:
+        chosen = [row for row in rows if row.request.corpus == corpus]
+        found.append(_corpus_table(corpus, chosen))
+        if corpus == "e2e":
+            found.append(_chain_table(chosen))
+    return [*found, _cost_table(rows)] if found else []
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |"
+
+
+def _corpus_table(corpus: str, rows: Sequence[Row]) -> ResultTable:
+    paper = published().tables.get(corpus)
+    keys = _columns(rows, paper)
+    labels = {_own_key(column.key): column.label for column in paper.columns} if paper else {}
+    header = ("agent", "condition", "n", "tokens", "latency (s)", *(labels.get(key, key) for key in keys), "done %")
+    verdicts = [[row.score.columns.get(key) for row in rows] for key in keys]
+    own = (
+        rows[0].agent,
+        rows[0].condition,
+        str(len(rows)),
+        _mean((row.tokens for row in rows), 0),
+        _mean((row.attempt.duration_s for row in rows), 1),
+        *(_share([verdict for verdict in column if verdict is not None]) for column in verdicts),
+        _share([row.score.done for row in rows]),
+    )
+    shown = _paper_rows(paper, keys, rows) if paper else ()
+    failed = sum(miss.startswith(JUDGE_FAILED) for row in rows for miss in row.score.misses)
+    notes: tuple[str, ...] = ("own shares in per cent with their 95 % Wilson interval",)
+    notes += (f"{failed} attempts could not be judged and count as not done",) if failed else ()
+    return ResultTable(corpus, paper.source if paper else "", header, (own,), shown, notes)
+
+
+def _own_key(key: str) -> str:
+    """A column's key as scorers name it: the paper's without its unit."""
+    return key.removesuffix("_pct")
+
+
+def _columns(rows: Sequence[Row], paper: PublishedTable | None) -> list[str]:
+    """Columns that the rows have: those of the paper in its order, then the scorer's own in theirs."""
+    there = list(dict.fromkeys(key for row in rows for key in row.score.columns))
+    if rows[0].request.corpus == "e2e":
+        return []
+    known = [_own_key(column.key) for column in paper.columns] if paper else []
+    return [key for key in known if key in there] + [key for key in there if key not in known]
+
+
+def _paper_rows(paper: PublishedTable, keys: Sequence[str], rows: Sequence[Row]) -> tuple[tuple[str, ...], ...]:
+    at = {_own_key(column.key): (index, column.decimals) for index, column in enumerate(paper.columns)}
+
+    def cell(figures: Sequence[float | None], key: str) -> str:
+        if key not in at or figures[at[key][0]] is None:
+            return NO_FIGURE
+        index, decimals = at[key]
+        return f"{figures[index]:.{decimals}f}"
+
+    condition, headline = rows[0].condition, _own_key(paper.headline)
+    return tuple(
+        (
+            f"paper: {model}",
+            condition,
+            str(paper.requests),
+            cell(figures, "tokens"),
+            cell(figures, "latency_s"),
+            *(cell(figures, key) for key in keys),
+            cell(figures, headline),
+        )
+        for model, figures in paper.under(condition)
+    )
+
+
+def _share(verdicts: Sequence[bool]) -> str:
+    if not verdicts:
+        return NO_FIGURE
+    low, high = wilson_interval(sum(verdicts), len(verdicts))
+    return f"{sum(verdicts) / len(verdicts) * 100:.1f}\n[{low * 100:.1f}, {high * 100:.1f}]"
+
+
+def _mean(values: Iterable[float], decimals: int) -> str:
+    known = list(values)
+    return f"{statistics.fmean(known):,.{decimals}f}" if known else NO_FIGURE
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage of conversations: how many reached it, and how many of them passed it."""
+
+    name: str
+    reached: int
+    passed: int
+
+
+def stages_of(rows: Sequence[Row]) -> list[Stage]:
+    """Turns of conversations by what they ask for, in the order in which they first occur.
+
+    A conversation reaches a turn when all turns before it are right. Scorers of conversations name a column
+    ``TURN:ACTION`` for every turn, counted from 1.
+    """
+    reached: dict[str, int] = {}
+    passed: dict[str, int] = {}
+    for row in rows:
+        alive = True
+        for column, verdict in row.score.columns.items():
+            number, _, action = column.partition(":")
+            if not (number.isdecimal() and action) or not alive:
+                continue
+            reached[action] = reached.get(action, 0) + 1
+            passed[action] = passed.get(action, 0) + (verdict is True)
+            alive = verdict is True
+    return [Stage(action, count, passed[action]) for action, count in reached.items()]
+
+
+def _chain_table(rows: Sequence[Row]) -> ResultTable:
+    chain = published().end_to_end
+    own = [
+        (
+            rows[0].agent,
+            stage.name,
+            str(stage.reached),
+            str(stage.passed),
+            _share([number < stage.passed for number in range(stage.reached)]),
+        )
+        for stage in stages_of(rows)
+    ]
+    done = [row.score.done for row in rows]
+    own.append((rows[0].agent, "end to end", str(len(done)), str(sum(done)), _share(done)))
+    paper = [
+        (f"paper: {model}", stage.name, str(into), str(out), NO_FIGURE if not into else f"{out / into * 100:.1f}")
+        for model, sides in (
+            ("commercial", [(stage, stage.commercial_in, stage.commercial_out) for stage in chain.rows]),
+            ("open", [(stage, stage.open_in, stage.open_out) for stage in chain.rows]),
+        )
+        for stage, into, out in sides
+    ]
+    header = ("agent", "stage", "in", "out", "passed %")
+    notes = ("a turn is reached when all turns before it are right",)
+    return ResultTable("end to end, by stage", chain.source, header, tuple(own), tuple(paper), notes)
+
+
+def _cost_table(rows: Sequence[Row]) -> ResultTable:
+    header = (
+        "corpus",
+        "prompt tokens",
+        "completion tokens",
+        "tokens of answers",
+        "model rounds",
+        "calls",
+        "latency (s)",
+    )
+    corpora = dict.fromkeys(row.request.corpus for row in rows)
+    own = []
+    for corpus in corpora:
+        chosen = [row for row in rows if row.request.corpus == corpus]
+        own.append(
+            (
+                corpus,
+                _mean((row.attempt.prompt_tokens for row in chosen), 0),
+                _mean((row.attempt.completion_tokens for row in chosen), 0),
+                _mean((row.answer_tokens for row in chosen), 0),
+                _mean((row.attempt.rounds for row in chosen), 1),
+                _mean((len(row.attempt.calls) for row in chosen), 1),
+                _mean((row.attempt.duration_s for row in chosen), 1),
+            )
+        )
+    notes = ("means of a request; prompts and completions as the model's server counted them, answers in o200k_base",)
+    return ResultTable("what it cost", "", header, tuple(own), (), notes)
