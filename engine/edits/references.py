@@ -13,6 +13,7 @@ import numpy as np
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.grammar import SELECTORS, Selector, parse_selector
 from ...schemas.text import counted
+from ...schemas.vocabulary import vehicle_class_of
 from ..commonroad import Track
 from ..scene import NOT_DRIVEN, Ego, Scene, ego_lane, leader_and_follower
 from ..vehicles import vehicle_classes
@@ -95,7 +96,16 @@ def whom_words_meant(texts: Sequence[str], vehicles: Sequence[int], scene: Scene
             where = f" {lane.where(track, index, match.at(index) if match else None).words}"
         named.append(f"{key} {track.kind}{where}")
     more = f" and {len(vehicles) - _MOST_MEANT} more" if len(vehicles) > _MOST_MEANT else ""
-    return f"{', '.join(texts)}: {'; '.join(named)}{more}"
+    return f"{', '.join(map(_with_meaning, texts))}: {'; '.join(named)}{more}"
+
+
+def _with_meaning(text: str) -> str:
+    """A selector as it was written, with the class that its word was taken for where it is no class itself."""
+    selector = parse_selector(text)
+    known = vehicle_class_of(selector.argument) if selector.kind in ("class", "one", "only") else None
+    if known is None or selector.argument.lower() == known:
+        return text
+    return f"{text} ('{selector.argument}' is taken as {known})"
 
 
 def _selector(text: str, scene: Scene) -> Selector:
@@ -167,6 +177,8 @@ def _vehicles(scene: Scene) -> tuple[int, ...]:
 def _of_class(word: str, scene: Scene) -> tuple[int, ...]:
     kinds = {name: kind.commonroad_type for name, kind in vehicle_classes().items()}
     kinds |= {track.kind: track.kind for track in scene.tracks.values()} | {"pedestrian": "pedestrian"}
+    if word not in kinds:
+        word = vehicle_class_of(word) or word
     if word not in kinds:
         raise UnknownName(
             f"there is no vehicle class '{word}'", valid=closest(word, sorted(kinds)), next_step="name one of these"

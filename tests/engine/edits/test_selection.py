@@ -24,6 +24,9 @@ def meant(apply: Apply, *selectors: str, builder: object = None) -> tuple[int, .
         (["class:car"], (31, 32, 35)),
         (["one:motorcycle"], (34,)),
         (["only:truck"], (33,)),
+        (["only:LKW"], (33,)),
+        (["class:lorry"], (33,)),
+        (["one:motorbike"], (34,)),
         (["nearest:1"], (33,)),
         (["nearest:3"], (31, 32, 33)),
         (["farthest"], (34,)),
@@ -142,3 +145,9 @@ def test_two_that_fit_alike_are_refused_with_both(apply: Apply, word: str) -> No
     with pytest.raises(NotPossible, match=f"'{word}' is ambiguous: 2 vehicles are alike") as caught:
         meant(apply, word, builder=builder)
     assert caught.value.valid == ("31 (car)", "32 (car)")
+
+
+def test_the_answer_says_what_a_class_word_was_taken_for(apply: Apply) -> None:
+    edit = {"op": "remove_vehicle", "vehicles": ["one:lorry"]}
+    told = apply(edit, builder=town_road().cut(11), dry_run=True).outcome.edits[0].meant
+    assert told.startswith("one:lorry ('lorry' is taken as truck): 33 truck")
