@@ -1,14 +1,16 @@
 """Fixtures that every part of the test suite uses."""
 
 import gc
+import inspect
 import os
 import shutil
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 import psutil
 import pytest
+import sniffio
 from hypothesis import HealthCheck
 from hypothesis import settings as hypothesis_settings
 from mcp import Client
@@ -44,6 +46,17 @@ def _no_settings_of_the_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     for name in [name for name in os.environ if name.startswith("PLANNERFORGE_") and name != "PLANNERFORGE_SHARED"]:
         monkeypatch.delenv(name)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+
+
+@pytest.fixture(autouse=True)
+def _not_inside_a_loop(request: pytest.FixtureRequest) -> Iterator[None]:
+    """A test that is no coroutine may start a loop, though fixtures of a module keep one of theirs."""
+    if inspect.iscoroutinefunction(getattr(request.node, "function", None)):
+        yield
+        return
+    mark = sniffio.current_async_library_cvar.set(None)
+    yield
+    sniffio.current_async_library_cvar.reset(mark)
 
 
 @pytest.fixture
