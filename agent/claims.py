@@ -35,7 +35,7 @@ def written_call(text: str, tools: Collection[str]) -> str:
         if name in tools and (len(value) == 1 or any(key in value for key in _ARGUMENT_KEYS)):
             return str(name)
     names = "|".join(re.escape(name) for name in tools) or r"(?!)"
-    found = re.search(rf"^[\s`>*-]*({names})\s*\(.*\)", text, re.MULTILINE | re.DOTALL)
+    found = re.search(rf"^[\s`>*-]*({names})\((?:\s*\)|[^)]*[=:{{\"'])", text, re.MULTILINE)
     found = found or re.search(rf"<(?:tool_call|function)\b[^{{]*?({names})", text)
     return found[1] if found else ""
 

@@ -32,7 +32,8 @@ OnProgress = Callable[[float | None, str], None]
 """Is told the share that is done, 0 to 1 (None: unknown), and what is being done."""
 _CLOSED = -32000
 """The code of a closed connection; ``mcp_types.CONNECTION_CLOSED``."""
-_UNKNOWN = -32602
+_MOST_PAGES = 50
+"""Of a list of tools; chosen: a server whose pages never end holds up nobody."""
 
 
 @dataclass(frozen=True)
@@ -185,8 +186,7 @@ class ToolConnection:
         started = False
         try:
             async with Client(self._server) as client:
-                listed = (await client.list_tools()).tools
-                self._tools = tuple(_definition(tool) for tool in listed)
+                self._tools = tuple([_definition(tool) async for tool in _all_tools(client)])
                 self._instructions = client.instructions or ""
                 self._client, started = client, True
                 task_status.started("")
@@ -197,6 +197,17 @@ class ToolConnection:
         finally:
             if started and self._leave is leave:
                 self._client = None
+
+
+async def _all_tools(client: Client) -> AsyncIterator[Tool]:
+    cursor: str | None = None
+    for _ in range(_MOST_PAGES):
+        listed = await client.list_tools(cursor=cursor)
+        for tool in listed.tools:
+            yield tool
+        cursor = listed.next_cursor
+        if cursor is None:
+            return
 
 
 def _definition(tool: Tool) -> ToolDefinition:

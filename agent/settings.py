@@ -13,6 +13,10 @@ from .models.interface import ModelFacts, ModelSettings
 SMALL_CONTEXT_TOKENS = 12_000
 """The full list of tools takes 4,000 tokens, and a session of ten calls as many again; chosen."""
 
+_LEAST_RESULT_CHARACTERS = 2000
+"""Of an answer of a tool, whatever the context. Elsewhere as many characters as the context has tokens, which is a
+quarter of it; chosen."""
+
 
 class AgentSettings(BaseSettings):
     """The settings of an agent, read at its start. Every field is a variable, the usual ones are flags."""
@@ -56,15 +60,16 @@ class AgentSettings(BaseSettings):
             silence_s=self.silence_s,
         )
 
-    def for_turns(self) -> TurnLimits:
-        """What a turn may take."""
+    def for_turns(self, facts: ModelFacts) -> TurnLimits:
+        """What a turn may take; answers of tools have to leave room in the model's context."""
+        room = max(facts.context_tokens or self.result_characters, _LEAST_RESULT_CHARACTERS)
         return TurnLimits(
             rounds=self.rounds,
             tokens=self.turn_tokens,
             turn_s=self.turn_s,
             repeats=self.repeats,
             answer_tokens=self.answer_tokens,
-            result_characters=self.result_characters,
+            result_characters=min(self.result_characters, room),
             history_tokens=self.history_tokens,
         )
 

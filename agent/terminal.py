@@ -28,8 +28,8 @@ from .settings import AgentSettings
 
 _SHOWN_LINES, _SHOWN_CHARACTERS = 6, 200
 """Of an answer of a tool, and of a line of it or of arguments; chosen: the model tells the rest."""
-_LEAST_WIDTH, _INDENT = 100, 10
-"""Lines of answers are cut at the width of the terminal, but not below this; chosen."""
+_FILE_WIDTH, _INDENT = 118, 10
+"""Lines of answers are cut at the width of the terminal, or at this where there is none; chosen."""
 _EXIT_STATUS: dict[Ending, int] = {"answered": 0, "failed": 1, "refused": 3, "asked": 4, "interrupted": 130}
 CANNOT_BEGIN = 2
 """Exit status where the model or the server cannot be had."""
@@ -90,7 +90,7 @@ class TurnView:
         sign, style = ("✗", "yellow") if answer.is_error else ("✓", "green")
         lines = [line for line in printable(answer.text).splitlines() if line.strip()] or ["(nothing)"]
         more = len(lines) - _SHOWN_LINES
-        width = max(self._console.width, _LEAST_WIDTH) - _INDENT
+        width = (self._console.width if self._console.is_terminal else _FILE_WIDTH) - _INDENT
         lines = [one_line(line, 2 * width if answer.is_error else width) for line in lines[:_SHOWN_LINES]]
         lines += [f"… {counted(more, 'more line')}"] if more > 0 else []
         self._line(Text.assemble((f"  {sign} ", style), (f"{done.duration_s:.1f} s  ", "dim"), lines[0]))
@@ -205,7 +205,8 @@ async def _conversation(session: AgentSession, view: TurnView, console: Console,
     while True:
         console.print()
         try:
-            line = ask("you › ").strip()
+            with _on_interrupt(signal.default_int_handler):
+                line = ask("you › ").strip()
         except EOFError:
             return
         except KeyboardInterrupt:
@@ -267,7 +268,8 @@ async def _turn(session: AgentSession, text: str, view: TurnView) -> TurnResult:
 
 
 @contextmanager
-def _on_interrupt(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+def _on_interrupt(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+    """What Ctrl-C does in the block; else it would cancel the whole program's task."""
     before = signal.signal(signal.SIGINT, handler)
     try:
         yield
@@ -286,7 +288,7 @@ async def _opened(
         small = settings.small(facts)
         messages, state = resumed.load() if resumed else ((), None)
         async with ToolConnection.open(_server(settings, facts, workspace)) as connection:
-            session = AgentSession(model, connection, settings.for_turns(), short=bool(small), history=messages)
+            session = AgentSession(model, connection, settings.for_turns(facts), short=bool(small), history=messages)
             session.state = state or session.state
             yield _Opened(session, _greeting(settings, model.name, small, len(connection.tools)))
     finally:

@@ -27,6 +27,7 @@ from .interface import (
     ThinkingPart,
     ToolDefinition,
 )
+from .thinking_tags import ThinkingTags
 
 _USUAL_CONTEXT_TOKENS = 16_384
 """Context that is asked for where no setting says more; chosen: the tools, a session of twenty calls, and it fits the
@@ -88,12 +89,13 @@ class OllamaModel:
             keep_alive=_duration(self._settings.keep_alive),
         )
         written: list[str] = []
+        tags = ThinkingTags()
         ended = False
         try:
             async with aclosing(cast("AsyncGenerator[ollama.ChatResponse, None]", await request)) as parts:
                 async for part in parts:
                     ended = ended or bool(part.done)
-                    for event in self._events(part):
+                    for event in self._events(part, tags):
                         if chosen and isinstance(event, TextPart):
                             written.append(event.text)
                             continue
@@ -141,16 +143,17 @@ class OllamaModel:
             options["seed"] = self._settings.seed
         return options
 
-    def _events(self, part: ollama.ChatResponse) -> Iterator[ModelEvent]:
+    def _events(self, part: ollama.ChatResponse, tags: ThinkingTags) -> Iterator[ModelEvent]:
         message = part.message
         if message.thinking:
             yield ThinkingPart(message.thinking)
         if message.content:
-            yield TextPart(message.content)
+            yield from tags.feed(message.content)
         for call in message.tool_calls or ():
             arguments = dict(call.function.arguments)
             yield CallPart(RequestedCall(self._next_id(), call.function.name, arguments))
         if part.done:
+            yield from tags.rest()
             yield StreamEnd(part.prompt_eval_count, part.eval_count, cut=part.done_reason == "length")
 
     def _next_id(self) -> str:

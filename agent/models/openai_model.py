@@ -21,10 +21,10 @@ from .interface import (
     RequestedCall,
     Schema,
     StreamEnd,
-    TextPart,
     ThinkingPart,
     ToolDefinition,
 )
+from .thinking_tags import ThinkingTags
 
 if TYPE_CHECKING:
     from openai.types.chat import ChatCompletionChunk
@@ -94,6 +94,7 @@ class OpenAIModel:
         """Ask for the next message; see ``ChatModel``. Whether it thinks is the server's to say."""
         wanted = self._settings.think if think is None else think
         calls: dict[int, _CallInParts] = {}
+        tags = ThinkingTags()
         usage, finish, begun = None, "", False
         try:
             async with await self._client.chat.completions.create(
@@ -105,12 +106,14 @@ class OpenAIModel:
                     for choice in chunk.choices[:1]:
                         finish = choice.finish_reason or finish
                         _join_calls(calls, choice.delta.tool_calls or ())
-                    for event in _events(chunk):
+                    for event in _events(chunk, tags):
                         yield event
         except (self._openai.OpenAIError, ValueError) as error:  # a ``ValueError`` is a line that is no JSON
             raise await self._told(error, begun=begun) from error
         if not finish:
             raise StreamCut(f"the answer of {self.name} broke off before its end")
+        for left in tags.rest():
+            yield left
         for number, call in sorted(calls.items()):
             yield CallPart(_whole(call, number))
         yield StreamEnd(
@@ -190,14 +193,14 @@ class OpenAIModel:
         return StreamCut(f"the answer of {self.name} broke off or cannot be read: {error}")
 
 
-def _events(chunk: "ChatCompletionChunk") -> Iterator[ModelEvent]:
+def _events(chunk: "ChatCompletionChunk", tags: ThinkingTags) -> Iterator[ModelEvent]:
     for choice in chunk.choices[:1]:
         extra = choice.delta.model_extra or {}
         thinking = next((extra[field] for field in _THINKING_FIELDS if extra.get(field)), "")
         if thinking:
             yield ThinkingPart(str(thinking))
         if choice.delta.content:
-            yield TextPart(choice.delta.content)
+            yield from tags.feed(choice.delta.content)
 
 
 def _join_calls(calls: dict[int, _CallInParts], parts: Sequence[Any]) -> None:

@@ -49,6 +49,16 @@ async def test_ids_of_answers_are_carried_into_the_next_turn() -> None:
     assert sent[-1]["content"] == "How many vehicles has it?\n\n[Being worked on: scenario TST_Town-2_1_T-1]"
 
 
+async def test_a_model_without_tools_makes_calls_too() -> None:
+    call = Reply('{"tool": "make_scenario", "arguments": {"vehicles": 2}}')
+    async with talk(call, Reply('{"answer": "It has two."}'), model="plain:8b") as talked:
+        result = await talked.say("A scenario.")
+        sent = talked.model_server.requests[1]["messages"]
+    assert (result.answer, result.calls[0].answer.structured["vehicles"]) == ("It has two.", 2)
+    assert [message["role"] for message in sent] == ["system", "user", "assistant", "user"]
+    assert sent[3]["content"].startswith("Answer of make_scenario:")
+
+
 @pytest.mark.parametrize(
     ("text", "ending"),
     [

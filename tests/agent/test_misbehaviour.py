@@ -284,6 +284,20 @@ async def test_a_call_written_as_text_is_asked_for_as_a_call(text: str) -> None:
     assert (result.ending, len(result.calls)) == ("answered", 1)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "I can do this:\n- make_scenario (makes scenarios)\n- `draw`: draws them",
+        "The answer of make_scenario has vehicles: 2.",
+        'It is {"vehicles": 2}.',
+    ],
+)
+async def test_a_text_that_names_tools_is_no_call(text: str) -> None:
+    async with talk(Reply(text)) as talked:
+        result = await talked.say("What can you do?")
+    assert (result.ending, result.rounds) == ("answered", 1)
+
+
 async def test_a_call_that_stays_text_is_told_to_the_user() -> None:
     async with talk(Reply('{"name": "make_scenario", "arguments": {"vehicles": 2}}')) as talked:
         result = await talked.say("A scenario.")

@@ -68,6 +68,27 @@ async def test_text_and_thinking_come_in_pieces_and_tokens_at_the_end(kind: Kind
 
 
 @both
+@pytest.mark.parametrize(
+    ("written", "thought", "said"),
+    [
+        ("<think>Two, or three?</think>\n\nTwo.", "Two, or three?", "Two."),
+        ("\n<think>Two", "Two", ""),
+        ("<think></think>Two.", "", "Two."),
+        ("a < b <think>", "", "a < b <think>"),
+        ("<thin", "", "<thin"),
+        ("<think>a </thin b</think>c", "a </thin b", "c"),
+    ],
+)
+async def test_thinking_that_stands_in_the_text_is_told_apart(
+    kind: Kind, written: str, thought: str, said: str
+) -> None:
+    with serving(kind, replies(Reply(written))) as server:
+        events = await asked(kind, server)
+    assert "".join(event.text for event in events if isinstance(event, ThinkingPart)) == thought
+    assert text_of(events) == said
+
+
+@both
 async def test_calls_come_whole_with_their_arguments(kind: Kind) -> None:
     wanted = Reply(calls=(("make", {"count": 2}), ("make", {"count": 3})))
     with serving(kind, replies(wanted)) as server:

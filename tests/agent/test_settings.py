@@ -30,12 +30,24 @@ def test_a_flag_wins_over_a_variable_that_the_server_does_not_read(monkeypatch: 
     monkeypatch.setenv("PLANNERFORGE_AGENT_ROUNDS", "7")
     Settings()
     settings = agent_settings(model="ollama:two", host=None)
-    assert (settings.model, settings.rounds, settings.for_turns().rounds) == ("ollama:two", 7, 7)
+    assert (settings.model, settings.rounds, settings.for_turns(ModelFacts(None, None, True, True)).rounds) == (
+        "ollama:two",
+        7,
+        7,
+    )
 
 
 @pytest.mark.parametrize(("word", "think"), [("auto", None), ("on", True), ("off", False)])
 def test_thinking_is_left_to_the_model_or_set(word: str, think: bool | None) -> None:
     assert agent_settings(think=word).for_model().think is think
+
+
+@pytest.mark.parametrize(
+    ("context_tokens", "characters"), [(None, 12_000), (40_960, 12_000), (8192, 8192), (512, 2000)]
+)
+def test_answers_of_tools_leave_room_in_a_small_context(context_tokens: int | None, characters: int) -> None:
+    facts = ModelFacts(context_tokens, None, tools=True, thinking=False)
+    assert AgentSettings().for_turns(facts).result_characters == characters
 
 
 def test_a_key_is_not_shown() -> None:

@@ -178,18 +178,22 @@ def test_an_interrupt_ends_the_turn_and_the_chat_goes_on(tmp_path: Path) -> None
 
 
 def test_an_interrupt_at_the_prompt_says_how_to_leave(tmp_path: Path) -> None:
-    waiting: list[type[BaseException]] = [KeyboardInterrupt, EOFError]
+    waiting = ["interrupted", "Hello?"]
 
     def read_line(prompt: str) -> str:
-        raise waiting.pop(0)
+        if not waiting:
+            raise EOFError
+        line = waiting.pop(0)
+        if line == "interrupted":
+            signal.raise_signal(signal.SIGINT)
+        return line
 
-    with serving("ollama", replies(DONE)) as server:
+    with serving("ollama", replies(Reply("Here I am."))) as server:
         settings = settings_for(server)
         text, status = printed(
             lambda console: run_chat(settings, workspace=tmp_path, console=console, read_line=read_line)
         )
-    assert (status, "/quit leaves." in text) == (0, True)
-    assert list(tmp_path.iterdir()) == []
+    assert (status, "/quit leaves." in text, "Here I am." in text) == (0, True, True)
 
 
 def test_the_commands_take_flags_and_variables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
