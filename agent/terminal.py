@@ -79,11 +79,14 @@ class TurnView:
         self._wait("waiting for the model")
 
     def end(self, result: TurnResult) -> None:
-        """The turn has ended; says what went wrong, if something did."""
+        """The turn has ended; says what went wrong, if something did, and what it took."""
         self._line(None)
         if result.problem:
             style = "yellow" if result.ending in ("answered", "interrupted") else "bold red"
             self._console.print(Text(result.problem, style=style), soft_wrap=True)
+        tokens = result.prompt_tokens + result.completion_tokens
+        spent = f"{counted(len(result.calls), 'call')}, {tokens:,} tokens, {result.duration_s:.1f} s"
+        self._console.print(Text(f"({spent})", style="dim"))
 
     def _completed(self, done: CompletedCall) -> None:
         answer = done.answer

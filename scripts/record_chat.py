@@ -60,15 +60,10 @@ def generate(answers: Answers, state: str) -> Reply:
     """Make a scenario; the first try names a place that no map shows."""
     del state
     if not answers:
-        return call("generate_scenarios", place="Springfield", scenario_type="signalised_intersection")
+        return call("generate_scenarios", place="Springfield", scenario_type="signalised_intersection", duration_s=12)
     if len(answers) == 1:
-        return call(
-            "generate_scenarios",
-            scenario_type="signalised_intersection",
-            density="medium",
-            vehicles=["truck=2"],
-            seed=7,
-        )
+        wanted = {"scenario_type": "signalised_intersection", "density": "medium", "vehicles": ["truck=2"]}
+        return call("generate_scenarios", **wanted, duration_s=12, seed=7)
     return Reply(f"There is no map of Springfield, so I took a built-in one.\n{first_words(answers[-1], 2)}")
 
 
@@ -115,7 +110,7 @@ def compare(answers: Answers, state: str) -> Reply:
 
 STAGES: Mapping[str, Turn] = {
     "Write me a poem about the sea.": refuse,
-    "I need a signalised crossing in Springfield with medium traffic and two trucks.": generate,
+    "I need 12 s of a signalised crossing in Springfield with medium traffic and two trucks.": generate,
     "What is going on there? Show me.": look,
     "Make the nearest driver aggressive and put a truck 20 m behind the ego.": modify,
     "Run Frenetix on it, with its default and with the Safety-Conservative preset.": run,

@@ -69,7 +69,7 @@ def test_a_request_prints_calls_with_progress_and_the_answer(tmp_path: Path) -> 
     text, status = request(tmp_path, MAKE, DONE)
     assert status == 0
     assert '● make_scenario {"vehicles": 2}\n    50% placing vehicles\n  ✓ ' in text
-    assert text.endswith("TST_Town-2_1_T-1 has 2 vehicles.\n")
+    assert "TST_Town-2_1_T-1 has 2 vehicles.\n(1 call, 108 tokens, " in text
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,61 @@
+"""The chat of ``docs/chat.md`` with the real server: five stages, each with what the one before made."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from support.model_servers import serving
+from support.tree import CHECKOUT
+
+from plannerforge.agent.connection import ToolConnection
+from plannerforge.agent.loop import AgentSession
+from plannerforge.agent.models.interface import ModelSettings
+from plannerforge.agent.models.registry import open_model
+from plannerforge.server.assembly import create_server
+from plannerforge.server.settings import Settings
+
+
+@pytest.fixture(scope="module")
+def recording() -> ModuleType:
+    """The script that records the page."""
+    spec = importlib.util.spec_from_file_location("record_chat", CHECKOUT / "scripts" / "record_chat.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.anyio
+@pytest.mark.usefixtures("warm_workers")
+async def test_a_chat_goes_through_five_stages(recording: ModuleType, settings: Settings, tmp_path: Path) -> None:
+    results = []
+    with serving("ollama", recording.script) as server:
+        model = open_model("ollama:big:70b", ModelSettings(host=server.url))
+        async with ToolConnection.open(create_server(settings, start_folder=tmp_path)) as connection:
+            session = AgentSession(model, connection)
+            for said in recording.STAGES:
+                results.append(await session.take_turn(said))  # noqa: PERF401 - one after the other
+        await model.close()
+    assert [result.problem for result in results] == [""] * 6
+    assert [result.ending for result in results] == ["refused"] + ["answered"] * 5
+    calls = [call for result in results for call in result.calls]
+    refused = [call.call.arguments for call in calls if call.answer.is_error]
+    assert [arguments["place"] for arguments in refused] == ["Springfield"]
+    modified = results[3].calls[-1].answer.structured
+    run = next(call.answer.structured for call in results[4].calls if call.call.tool == "run_planner")
+    assert modified["base_id"] == results[1].calls[-1].answer.structured["scenarios"][0]["scenario_id"]
+    assert (session.state.scenario, session.state.batch) == (modified["scenario_id"], run["batch_id"])
+    assert results[5].calls[-1].call.arguments == {"results": [run["batch_id"]]}
+
+
+def test_the_page_shows_the_chat_of_the_script(recording: ModuleType) -> None:
+    page = recording.TARGET.read_text(encoding="utf-8")
+    assert page.startswith(recording.HEAD)
+    said = [line.removeprefix("you › ") for line in page.splitlines() if line.startswith("you › ")]
+    assert said == [*recording.STAGES, "/state", "/quit"]
+    tools = [line.split()[1] for line in page.splitlines() if line.startswith("● ")]
+    assert {"generate_scenarios", "describe_scenario", "modify_scenario", "run_planner", "compare_results"} <= set(
+        tools
+    )
