@@ -60,9 +60,10 @@ class AgentSettings(BaseSettings):
             silence_s=self.silence_s,
         )
 
-    def for_turns(self, facts: ModelFacts) -> TurnLimits:
+    def for_turns(self, facts: ModelFacts | None = None) -> TurnLimits:
         """What a turn may take; answers of tools have to leave room in the model's context."""
-        room = max(facts.context_tokens or self.result_characters, _LEAST_RESULT_CHARACTERS)
+        context_tokens = facts.context_tokens if facts is not None else None
+        room = max(context_tokens or self.result_characters, _LEAST_RESULT_CHARACTERS)
         return TurnLimits(
             rounds=self.rounds,
             tokens=self.turn_tokens,
