@@ -1,6 +1,7 @@
 """What the catalogue's tools take and answer: facets and searches."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -183,9 +184,10 @@ class FindScenariosResult(Result):
         """Counts, matches, and the way out of an empty result."""
         decided = [*self.notes]
         if self.stages:
-            steps = [f"{stage.stage} [{', '.join(stage.conditions)}] {stage.left}" for stage in self.stages]
+            steps = [self._step(stage) for stage in self.stages]
             decided.append(f"Left after: {' → '.join(steps)}")
-        lines = [_line(scenario) for scenario in self.matches]
+        asked = {condition for stage in self.stages for condition in stage.conditions}
+        lines = [_line(scenario, asked) for scenario in self.matches]
         if self.coverage:
             lines.append(
                 f"Chosen: {len(self.matches)}. They cover {'; '.join(_covered(coverage) for coverage in self.coverage)}"
@@ -200,9 +202,14 @@ class FindScenariosResult(Result):
             lines.append(f"Without {' and '.join(relaxation.drop)}: {relaxation.matches} match ({shown})")
         if self.fallback:
             lines.append("FALLBACK, not matches (unmet conditions named):")
-            lines += [_line(scenario) for scenario in self.fallback]
+            lines += [_line(scenario, asked) for scenario in self.fallback]
         headline = f"{self.total} of {self.catalogue} scenarios match ({self.search_id}, {self.method})."
         return Answer(headline, decided, listed=lines)
+
+    def _step(self, stage: StageCount) -> str:
+        """How many a stage left; its conditions too where they are why nothing is left."""
+        conditions = f" [{', '.join(stage.conditions)}]" if not self.total else ""
+        return f"{stage.stage}{conditions} {stage.left}"
 
 
 def _covered(coverage: Coverage) -> str:
@@ -210,9 +217,18 @@ def _covered(coverage: Coverage) -> str:
     return f"{coverage.dimension} {', '.join(coverage.covered)}{missed}"
 
 
-def _line(scenario: FoundScenario) -> str:
+_TOLD_BY_ITSELF = re.compile(r"\w+=\d+|.+, [A-Z]{3}|ego [\d.]+ m/s .*")
+"""Evidence that a scenario's id and summary show: counts of road users, country and place, the ego's speed."""
+
+
+def _line(scenario: FoundScenario, asked: Collection[str]) -> str:
     unmet = f" · UNMET: {', '.join(scenario.unmet)}" if scenario.unmet else ""
-    satisfied = f" · {'; '.join(scenario.satisfied)}" if scenario.satisfied else ""
+    more = [
+        evidence
+        for evidence in scenario.satisfied
+        if evidence.removeprefix("tag ") not in asked and not _TOLD_BY_ITSELF.fullmatch(evidence)
+    ]
+    satisfied = f" · {'; '.join(more)}" if more else ""
     return f"- {scenario.scenario_id}: {scenario.summary}{satisfied}{unmet}"
 
 

@@ -187,7 +187,7 @@ class EgoDanger(Model):
 
     ``risk_score``: 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible (From Words to Collisions).
     ``most_critical_*``: the road user that it met when the score was lowest (the first collision, else the shortest
-    time to one).
+    time to one). ``left_out``: ids of those that are not counted, as they hit it from behind on their recording.
     """
 
     minimum_distance_m: float | None
@@ -195,6 +195,7 @@ class EgoDanger(Model):
     risk_score: int | None
     most_critical_id: int | None = None
     most_critical_time_s: float | None = None
+    left_out: tuple[int, ...] = ()
 
 
 class TouchedVehicle(Model):
@@ -401,17 +402,18 @@ def _within(sentences: Sequence[str], characters: int) -> list[str]:
 
 
 def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bool) -> list[str]:
-    """What is new for an ego that drives ordinarily, and what was so before; figures that cannot be had say why."""
+    """What is new for an ego that drives ordinarily; figures that cannot be had say why."""
     if before is None or after is None:
         return ["Ego's danger: none, as no ordinary drive of an ego can be simulated here."]
     was, now = _danger_figures(before), _danger_figures(after)
     new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
-    same = [f"{word} {now[word]}" for word in now if was.get(word) == now[word]]
     if not new:
-        return [f"Nothing new for the ego: {', '.join(same)}."]
+        return [f"Nothing new for the ego: {_RISK} {now[_RISK]}."]
     blindness = " (it does not see the edited traffic)" if blind else ""
-    as_before = "; as before " + ", ".join(same) if same else ""
-    return [f"New for the ego{blindness}: {', '.join(new)}{as_before}."]
+    return [f"New for the ego{blindness}: {', '.join(new)}."]
+
+
+_RISK = "risk score of 5 (0: collision)"
 
 
 def _danger_figures(danger: EgoDanger) -> dict[str, str]:
@@ -419,7 +421,7 @@ def _danger_figures(danger: EgoDanger) -> dict[str, str]:
     figures = {
         "nearest": _figure(danger.minimum_distance_m, " m"),
         "time to collision": _figure(danger.minimum_time_to_collision_s, " s"),
-        "risk score of 5 (0: collision)": _figure(danger.risk_score, ""),
+        _RISK: _figure(danger.risk_score, ""),
     }
     if danger.most_critical_id is None:
         return figures

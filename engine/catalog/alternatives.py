@@ -51,8 +51,8 @@ def found_elsewhere(connection: sqlite3.Connection, constraints: Sequence[Constr
                 tagged, computed = (_carriers(connection, each, word) for each in ("tag", "feature"))
                 other = "features" if kind == "tag" else "tags"
                 if (computed if kind == "tag" else tagged) > 0 and tagged != computed:
-                    counts = f"'{word}': tag of {tagged}, computed feature of {computed} in the catalogue"
-                    sentences.append(f"{counts}; the {kind} was asked for, {other}=['{word}'] asks for the other.")
+                    counts = (tagged, computed) if kind == "tag" else (computed, tagged)
+                    sentences.append(f"'{word}': {kind} of {counts[0]}, as asked; in {other} of {counts[1]}.")
     return sentences
 
 

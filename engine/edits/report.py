@@ -5,7 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ...schemas.modification import EDITS, EditReport, ModificationOutcome, ModificationRequest, TouchedVehicle
+from ...schemas.modification import (
+    EDITS,
+    EditReport,
+    EgoDanger,
+    ModificationOutcome,
+    ModificationRequest,
+    TouchedVehicle,
+)
 from ..commonroad import Track
 from ..cosimulation import DrivePlan, Replay, TakenOverTrack
 from ..scene import Scene, is_own_recording
@@ -46,8 +53,8 @@ def outcome_of(
         touched=touched,
         removed=tuple(sorted(changes.removed)),
         collisions=simulated.collisions,
-        ego_before=None if before is None else before.figures,
-        ego_after=None if after is None else after.figures,
+        ego_before=_danger(before),
+        ego_after=_danger(after),
         checked_by="closed_form" if agree is None else "drivability_checker",
         checkers_agree=agree,
         untouched=len(recorded),
@@ -164,15 +171,18 @@ def _ego_notes(simulated: SimulatedEdits) -> list[str]:
     return notes
 
 
+def _danger(risk: EgoRisk | None) -> EgoDanger | None:
+    return None if risk is None else risk.figures.model_copy(update={"left_out": risk.left_out})
+
+
 def _left_out_notes(before: EgoRisk | None, after: EgoRisk | None) -> list[str]:
-    """A sentence on the vehicles left out of the figures before and after the edits; none where there are none."""
-    keys = [() if danger is None else danger.left_out for danger in (before, after)]
-    if not any(keys):
+    """A sentence on the vehicles that the edits bring into this: they are left out of the figures after them."""
+    known = () if before is None else before.left_out
+    new = [key for key in (() if after is None else after.left_out) if key not in known]
+    if not new:
         return []
-    who = [", ".join(map(str, some)) or "nobody" for some in keys]
-    return [
-        f"left out of the ego's danger, as they hit it from behind on their recording: before {who[0]}, after {who[1]}"
-    ]
+    who = ", ".join(map(str, new))
+    return [f"left out of the ego's danger after the edit, as they hit it from behind on their recording: {who}"]
 
 
 def _warnings(request: ModificationRequest, edited: EditedScene) -> list[str]:
