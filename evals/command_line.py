@@ -1,6 +1,10 @@
 """The whole command line: what the server offers, its clients in ``agent``, and the evaluation of agents."""
 
 from ..agent.command_line import application
+from .agents.commands import corpus, evaluation
+
+application.add_typer(evaluation)
+application.add_typer(corpus)
 
 
 def main() -> None:

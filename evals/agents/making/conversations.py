@@ -59,7 +59,7 @@ def _slots(truth: Mapping[str, Any]) -> Turn:
 
 def _edit_at_run_time(draw: Draw) -> Turn:
     preset, number = draw.choice(sorted(presets())), draw.choice((1, 2, 3))
-    edit = {
+    edit: dict[str, Any] = {
         "op": "set_behaviour",
         "selector": {"by": "nearest_to_ego", "n": number},
         "preset": preset,
@@ -88,7 +88,7 @@ def _tested(before: int, scenario: str, draw: Draw) -> list[Turn]:
     if draw.random() < 0.5:
         name = draw.choice([one for one in names if one != "Default"])
         after = dict(tuning_of("frenetix").presets[name].weights)
-        tune = {"planner": "frenetix", "preset": name, "weights": {}, "expected_weights": after}
+        tune: dict[str, Any] = {"planner": "frenetix", "preset": name, "weights": {}, "expected_weights": after}
         text = f"Use the {name} preset."
     else:
         name = "Default"

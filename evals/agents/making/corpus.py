@@ -21,7 +21,7 @@ Told = Callable[[str], None]
 
 
 def make_corpora(
-    materials: Materials, tasks: Sequence[Task], count: int, seed: int, told: Told = lambda name: None
+    materials: Materials, tasks: Sequence[Task], count: int, seed: int, told: Told | None = None
 ) -> Mapping[str, list[CorpusLine]]:
     """Requests of tasks, at most ``count`` a corpus, drawn by a seed; the same materials and seed give the same ones.
 
@@ -38,8 +38,7 @@ def make_corpora(
         "generation": ("generation", lambda draw: generation_lines(materials, count, draw)),
         "selection": ("selection", lambda draw: selection_lines(materials, count, draw)),
         **{
-            f"modification_{letter}": ("modification", _edits(letter, materials, possible, count))
-            for letter in LETTERS
+            f"modification_{letter}": ("modification", _edits(letter, materials, possible, count)) for letter in LETTERS
         },
         "routing": ("routing", lambda draw: routing_lines(count, draw)),
         "tuning": ("tuning", lambda draw: tuning_lines(count, draw)),
@@ -48,7 +47,8 @@ def make_corpora(
     made = {}
     for name, (task, maker) in makers.items():
         if task in tasks:
-            told(name)
+            if told is not None:
+                told(name)
             made[name] = list(maker(random.Random(f"{seed}:{name}")))  # noqa: S311 - reproducible, no secret
     return made
 

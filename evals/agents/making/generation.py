@@ -24,8 +24,10 @@ _NO_CLASSES = ("tank", "helicopter", "spaceship")
 
 
 def generation_lines(materials: Materials, count: int, draw: Draw) -> Iterator[CorpusLine]:
-    """Four fifths that can be made; the others name a place, a site or a class that there is not, or no place at all."""
-    sites = [(one, kind) for one in materials.maps for kind, there in sorted(one.sites.items()) if there and kind in _TYPES]
+    """Four fifths that can be made; the others name a place, site or class that there is not, or no place at all."""
+    sites = [
+        (one, kind) for one in materials.maps for kind, there in sorted(one.sites.items()) if there and kind in _TYPES
+    ]
     drawn, styles = rounds(sites, draw), rounds(STYLES, draw)
     for number in range(count):
         kind = {4: "type_missing", 9: "unknown_place", 14: "unknown_class", 18: "underspecified"}.get(number % 20)
@@ -53,7 +55,13 @@ def _made(chosen: MapFacts, kind: str, style: Any, draw: Draw) -> CorpusLine:
     truth = _truth(chosen, kind, density, counts, duration_s)
     category = "map" if not classes else "map_classes"
     return CorpusLine(
-        "generation", styled(text, terse, style, draw), truth, "ok", category, style, chosen.file_name,
+        "generation",
+        styled(text, terse, style, draw),
+        truth,
+        "ok",
+        category,
+        style,
+        chosen.file_name,
         {"map": chosen.file_name},
     )
 
@@ -95,9 +103,7 @@ def _refused(kind: str, chosen: MapFacts, draw: Draw) -> CorpusLine:
         truth = _truth(chosen, "intersection", None, {}, None) | {"map": None, "reason": "unknown_place"}
         truth["location"] = {"city": place, "place": None, "country": None, "bbox": None}
         text = f"An intersection in {place}, please."
-    return CorpusLine(
-        "generation", text, truth, "refuse", kind, "normal", chosen.file_name, {"map": truth["map"]}
-    )
+    return CorpusLine("generation", text, truth, "refuse", kind, "normal", chosen.file_name, {"map": truth["map"]})
 
 
 def _underspecified(draw: Draw) -> CorpusLine:

@@ -53,6 +53,7 @@ class Condition:
         self.slot, self.value, self.words, self._holds = slot, value, words, holds
 
     def __call__(self, facts: ScenarioFacts) -> bool:
+        """Whether it holds."""
         return bool(self._holds(facts))
 
 
@@ -126,7 +127,18 @@ def _mistyped(text: str, draw: Draw) -> str:
     return " ".join(words)
 
 
-_EVERYDAY = {"between", "country", "crossing", "exactly", "nearest", "scenarios", "seconds", "stretch", "switch", "tagged"}
+_EVERYDAY = {
+    "between",
+    "country",
+    "crossing",
+    "exactly",
+    "nearest",
+    "scenarios",
+    "seconds",
+    "stretch",
+    "switch",
+    "tagged",
+}
 _EVERYDAY |= {"starts", "street", "vehicle", "vehicles", "weight"}
 """Words in which requests have their typing mistakes: a name with one would be another name."""
 

@@ -1,4 +1,4 @@
-"""Requests that edit scenarios. What is to be carried out was carried out when it was made, what is to be refused was refused."""
+"""Requests that edit scenarios; what is to be carried out was carried out once when the request was made."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -16,7 +16,13 @@ from ...modification.requests import Asked, drawn_refusals, drawn_requests, edit
 from .materials import STYLES, CorpusLine, Draw, KnownScenario, Materials, rounds, styled
 
 LETTERS = ("T", "B", "P", "G", "composite")
-_POSITIONS = {"beginning": "the beginning", "quarter": "a quarter", "middle": "the middle", "three_quarter": "three quarters", "final": "the end"}
+_POSITIONS = {
+    "beginning": "the beginning",
+    "quarter": "a quarter",
+    "middle": "the middle",
+    "three_quarter": "three quarters",
+    "final": "the end",
+}
 _PER_SCENARIO = 3
 """Refusals that are drawn of a scenario, for as many scenarios to have some (chosen)."""
 Truth = Mapping[str, Any]
@@ -49,12 +55,25 @@ class PossibleEdits:
             first = next((request for request in asked if _is_possible(one.path, request.edits)), None)
             if first is not None:
                 found[letter] = tuple(_whole(truth) for truth in first.truths)
-        both = [found[letter] for letter in ("T", "P", "B") if letter in found][:2]
-        together = tuple(truth for truths in both for truth in truths)
-        if len(both) == 2 and _is_possible(one.path, [edit_of(dict(truth)) for truth in together]):
+        together = _together(found, len(self._found))
+        if together and _is_possible(one.path, [edit_of(dict(truth)) for truth in together]):
             found["composite"] = together
         self._found[one.name] = found
         self._refused[one.name] = [(_code(asked), asked) for asked in drawn_refusals(scene) if _code(asked)]
+
+
+_PAIRS = (("T", "B"), ("P", "G"), ("T", "P"), ("B", "P"), ("B", "G"), ("T", "G"))
+
+
+def _together(found: Mapping[str, tuple[Truth, ...]], number: int) -> tuple[Truth, ...]:
+    """Two edits of a scenario, the letters in turn; none of a vehicle that the other takes away."""
+    for first, second in (*_PAIRS[number % len(_PAIRS) :], *_PAIRS):
+        if first in found and second in found:
+            both = (*found[first], *found[second])
+            removed = any(truth["op"] == "remove_vehicle" for truth in both)
+            if not (removed and {first, second} != {"P", "G"}):
+                return both
+    return ()
 
 
 def _whole(truth: Truth) -> Truth:

@@ -20,11 +20,10 @@ def selection_lines(materials: Materials, count: int, draw: Draw) -> Iterator[Co
     """Three quarters to be found, the others without a match, outside the vocabulary, or without any condition."""
     found = _found(materials, draw)
     for number in range(count):
-        kind = {5: "absent_tag", 10: "oov_tag", 13: "oov_obstacle", 16: "absent_obstacle", 19: "clarify"}.get(number % 20)
-        if kind is None:
-            line = next(found, None)
-        else:
-            line = _other(kind, materials, draw)
+        kind = {5: "absent_tag", 10: "oov_tag", 13: "oov_obstacle", 16: "absent_obstacle", 19: "clarify"}.get(
+            number % 20
+        )
+        line = next(found, None) if kind is None else _other(kind, materials, draw)
         if line is not None:
             yield line
 
@@ -51,8 +50,8 @@ def _conditions(one: KnownScenario, draw: Draw) -> list[Condition]:
     if tags and draw.random() < 0.6:
         found.append(_tag(draw.choice(tags)))
     counts = facts.participants.counts
-    for kind in draw.sample(sorted(counts), min(len(counts), draw.choice((1, 1, 2)))):
-        found.append(_count(kind, counts[kind], draw))
+    kinds = draw.sample(sorted(counts), min(len(counts), draw.choice((1, 1, 2))))
+    found += [_count(kind, counts[kind], draw) for kind in kinds]
     if facts.ego is not None and draw.random() < 0.35:
         found.append(_speed(facts.ego.speed_mps, draw))
     return found
@@ -62,7 +61,10 @@ def _place(facts: ScenarioFacts) -> Condition:
     place, country = facts.location.place, facts.location.country
     value = {"country": country, "city": place}
     return Condition(
-        "location", value, f"from {place}", lambda other: (other.location.country, other.location.place) == (country, place)
+        "location",
+        value,
+        f"from {place}",
+        lambda other: (other.location.country, other.location.place) == (country, place),
     )
 
 
@@ -121,7 +123,9 @@ def _line(
     materials: Materials, conditions: list[Condition], matching: list[str], draw: Draw, style: Any, about: str
 ) -> CorpusLine:
     words = [condition.words for condition in conditions]
-    text = f"Find scenarios {' '.join(words[:1])}, {', '.join(words[1:])}." if words[1:] else f"Find scenarios {words[0]}."
+    text = (
+        f"Find scenarios {' '.join(words[:1])}, {', '.join(words[1:])}." if words[1:] else f"Find scenarios {words[0]}."
+    )
     terse = ", ".join(words).replace("from ", "").replace("tagged ", "").replace("where the ego starts with", "ego")
     stages: dict[str, int] = {}
     for slot in dict.fromkeys(condition.slot for condition in conditions):
@@ -138,12 +142,18 @@ def _other(kind: str, materials: Materials, draw: Draw) -> CorpusLine | None:
     city = facts.location.place
     empty: dict[str, Any] = {"matching_ids": []}
     if kind == "clarify":
-        text = draw.choice(("Find me a good scenario.", "I need something interesting to test on.", "Show me the right one."))
+        text = draw.choice(
+            ("Find me a good scenario.", "I need something interesting to test on.", "Show me the right one.")
+        )
         return CorpusLine("selection", text, {**empty, "missing": ["any condition"]}, "clarify", kind, "normal", city)
     if kind in ("oov_tag", "oov_obstacle"):
         slot = "tags" if kind == "oov_tag" else "obstacles"
         word = draw.choice(_UNKNOWN_TAGS if kind == "oov_tag" else _UNKNOWN_OBSTACLES)
-        text = f"Scenarios from {city} with the tag {word}" if kind == "oov_tag" else f"Scenarios from {city} with two {word}s"
+        text = (
+            f"Scenarios from {city} with the tag {word}"
+            if kind == "oov_tag"
+            else f"Scenarios from {city} with two {word}s"
+        )
         truth = {"location": place.value, "refused": [{"slot": slot, "value": word}], **empty}
         return CorpusLine("selection", f"{text}.", truth, "refuse", kind, "normal", facts.scenario_id)
     there = {tag for other in materials.scenarios for tag in other.facts.tags}
@@ -177,4 +187,6 @@ def _other(kind: str, materials: Materials, draw: Draw) -> CorpusLine | None:
 def _at_least_one(kind: str) -> Condition:
     word = _WORDS.get(kind, kind)
     truth = {kind: {"op": "at_least", "count": 1}}
-    return Condition("obstacles", truth, f"with at least one {word}", lambda facts: facts.participants.counts.get(kind, 0) > 0)
+    return Condition(
+        "obstacles", truth, f"with at least one {word}", lambda facts: facts.participants.counts.get(kind, 0) > 0
+    )

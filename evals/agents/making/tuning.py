@@ -21,7 +21,16 @@ def tuning_lines(count: int, draw: Draw) -> Iterator[CorpusLine]:
         yield maker({"planner": _PLANNER, "preset": preset}, next(styles), draw)
 
 
-def _line(context: dict[str, str], text: str, terse: str, truth: dict[str, Any], expect: Any, category: str, style: Any, draw: Draw) -> CorpusLine:
+def _line(
+    context: dict[str, str],
+    text: str,
+    terse: str,
+    truth: dict[str, Any],
+    expect: Any,
+    category: str,
+    style: Any,
+    draw: Draw,
+) -> CorpusLine:
     whole = {"planner": context["planner"], "preset": None, "weights": None, **truth}
     said = styled(text, terse, style, draw)
     return CorpusLine("tuning", said, whole, expect, category, style, said, {"context": context})
@@ -60,7 +69,9 @@ def _mixed(context: dict[str, str], style: Any, draw: Draw) -> CorpusLine:
         "explicit": explicit,
     }
     said = " and ".join(f"{key} at {value:g}" for key, value in explicit.items())
-    return _line(context, f"Take the {name} preset, but with {said}.", f"{name}, {said}", truth, "ok", "mixed", style, draw)
+    return _line(
+        context, f"Take the {name} preset, but with {said}.", f"{name}, {said}", truth, "ok", "mixed", style, draw
+    )
 
 
 def _relative(context: dict[str, str], style: Any, draw: Draw) -> CorpusLine:
@@ -70,15 +81,21 @@ def _relative(context: dict[str, str], style: Any, draw: Draw) -> CorpusLine:
     result = round(weights[name] * factor, 6)
     change = {"op": "multiply", "by": factor, "base": weights[name], "result": result}
     truth = {"weights": weights | {name: result}, "weights_complete": True, "relative": {name: change}}
-    return _line(context, f"{word} the {name} weight.", f"{name} times {factor:g}", truth, "ok", "relative", style, draw)
+    return _line(
+        context, f"{word} the {name} weight.", f"{name} times {factor:g}", truth, "ok", "relative", style, draw
+    )
 
 
 def _oov(context: dict[str, str], style: Any, draw: Draw) -> CorpusLine:
     if draw.random() < 0.5:
         word = draw.choice(_NO_WEIGHTS)
-        return _line(context, f"Set the weight {word} to 0.4.", f"{word} 0.4", {"refused": [word]}, "refuse", "oov", style, draw)
+        return _line(
+            context, f"Set the weight {word} to 0.4.", f"{word} 0.4", {"refused": [word]}, "refuse", "oov", style, draw
+        )
     word = draw.choice(_NO_PRESETS)
-    return _line(context, f"Use the preset {word}.", f"preset {word}", {"refused": [word.lower()]}, "refuse", "oov", style, draw)
+    return _line(
+        context, f"Use the preset {word}.", f"preset {word}", {"refused": [word.lower()]}, "refuse", "oov", style, draw
+    )
 
 
 def _bad_value(context: dict[str, str], style: Any, draw: Draw) -> CorpusLine:
