@@ -4,6 +4,7 @@ Whatever goes wrong with a model, a call or the server ends the turn in words; t
 """
 
 import json
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import aclosing
@@ -370,14 +371,19 @@ class AgentSession:
             raise
         text = "".join(texts)
         self._count(turn, messages, text, end)
-        numbered = tuple(self._numbered(call, number) for number, call in enumerate(calls))
+        numbered = tuple(self._own(call, number) for number, call in enumerate(calls))
         cut = characters > most_characters or (end is not None and end.cut)
         return _Reply(text, numbered, runaway=cut and not calls)
 
-    def _numbered(self, call: RequestedCall, number: int) -> RequestedCall:
-        """The call with an id that no other of the conversation has, whatever the server gave it."""
+    def _own(self, call: RequestedCall, number: int) -> RequestedCall:
+        """The call with an id that no other of the conversation has, and without what stands before a tool's name.
+
+        Models write ``functions.render`` for ``render``, as some were taught: no other tool can be meant.
+        """
         call_id = f"{call.call_id}_{len(self._history.messages)}_{number}"
-        return RequestedCall(call_id, call.tool, call.arguments, call.written)
+        last = re.split(r"[.:/]", call.tool)[-1]
+        tool = last if last in {tool.name for tool in self._tools.tools} else call.tool
+        return RequestedCall(call_id, tool, call.arguments, call.written)
 
     def _count(self, turn: _Turn, messages: Sequence[Message], text: str, end: StreamEnd | None) -> None:
         counted = end.prompt_tokens if end else None

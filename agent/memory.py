@@ -11,8 +11,10 @@ from .models.interface import ChatModel, Message, RequestedCall, TextPart
 
 _MESSAGE_OVERHEAD = 6
 """Tokens of the marks around a message; chosen, chat templates have 4 to 8."""
-_SUMMARISED_CHARACTERS = 3000
-"""Of each message that is summarised; chosen: the ids and figures of an answer come first."""
+_SUMMARISED_CHARACTERS, _LEAST_SUMMARISED_CHARACTERS = 3000, 200
+"""Of each message that is summarised, at most and at least; chosen: the ids and figures of an answer come first."""
+_CHARACTERS_PER_TOKEN = 3
+"""Of text with ids and figures; chosen, o200k_base has about 3.3."""
 _SHORTENED_CHARACTERS = 400
 """That are kept of an answer that has to make room; chosen."""
 _SUMMARISE = (
@@ -103,7 +105,7 @@ class History:
             before, turn = self._messages[: self._turn_start], self._messages[self._turn_start :]
             old_tokens = self.tokens
             try:
-                summary = f"{SUMMARY_MARK}\n{await _summary(model, before)}"
+                summary = f"{SUMMARY_MARK}\n{await _summary(model, before, budget_tokens)}"
                 what = "summarised"
             except ModelFailure:
                 summary, what = LEFT_OUT_MARK, "left out, since the model gave no summary"
@@ -141,8 +143,11 @@ def message_tokens(message: Message) -> int:
     return count_tokens(message.text + calls) + _MESSAGE_OVERHEAD
 
 
-async def _summary(model: ChatModel, messages: Sequence[Message]) -> str:
-    told = "\n".join(_told(message) for message in messages)
+async def _summary(model: ChatModel, messages: Sequence[Message], budget_tokens: int) -> str:
+    """What the model says of the messages, of each of which it is shown so much that all fit the budget."""
+    share = budget_tokens * _CHARACTERS_PER_TOKEN // len(messages)
+    longest = max(_LEAST_SUMMARISED_CHARACTERS, min(_SUMMARISED_CHARACTERS, share))
+    told = "\n".join(_told(message, longest) for message in messages)
     asked = [Message("system", _SUMMARISE), Message("user", told)]
     parts = [event.text async for event in model.stream(asked, think=False) if isinstance(event, TextPart)]
     summary = "".join(parts).strip()
@@ -151,10 +156,10 @@ async def _summary(model: ChatModel, messages: Sequence[Message]) -> str:
     return summary
 
 
-def _told(message: Message) -> str:
+def _told(message: Message, longest: int) -> str:
     calls = "".join(f" [calls {_called(call)}]" for call in message.calls)
     speaker = f"answer of {message.tool}" if message.role == "tool" else message.role
-    return f"{speaker}: {message.text[:_SUMMARISED_CHARACTERS]}{calls}"
+    return f"{speaker}: {message.text[:longest]}{calls}"
 
 
 def _called(call: RequestedCall) -> str:

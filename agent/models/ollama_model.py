@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from ...schemas.errors import closest
 from ...schemas.text import quoted
-from ..errors import ModelFailure, ModelRefused, ModelSilent, ModelUnreachable, StreamCut, UnknownModel
+from ..errors import ModelFailure, ModelRefused, ModelSilent, ModelUnreachable, SettingsFault, StreamCut, UnknownModel
 from .constrained import as_plain_text, choice_schema, read_choice
 from .interface import (
     CallPart,
@@ -47,8 +47,8 @@ class OllamaModel:
         self._model, self._settings = model, settings
         try:
             self._client = ollama.AsyncClient(settings.host or None, timeout=httpx.Timeout(settings.silence_s))
-        except ValueError as error:
-            raise ModelUnreachable(f"{quoted(settings.host)} is no address of an Ollama server: {error}") from error
+        except (ValueError, httpx.InvalidURL) as error:
+            raise SettingsFault(f"{quoted(self._host)} is no address of an Ollama server: {error}") from error
         self._facts: ModelFacts | None = None
         self._calls = 0
 
@@ -170,7 +170,7 @@ class OllamaModel:
                     f"Ollama at {self._host} has no model {quoted(self._model)}", valid=known, next_step=step
                 )
             return ModelRefused(f"Ollama refused: {error.error}")
-        if isinstance(error, ConnectionError | httpx.ConnectError | httpx.ConnectTimeout):
+        if isinstance(error, ConnectionError | httpx.ConnectError | httpx.ConnectTimeout | httpx.UnsupportedProtocol):
             step = "start it with `ollama serve`, or name its address by --host or OLLAMA_HOST"
             return ModelUnreachable(f"no Ollama answers at {self._host}", next_step=step)
         if isinstance(error, httpx.TimeoutException):

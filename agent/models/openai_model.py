@@ -47,7 +47,10 @@ class OpenAIModel:
 
     def __init__(self, model_and_url: str, settings: ModelSettings) -> None:
         model, _, url = model_and_url.rpartition("@")
-        parts = urlsplit(url)
+        try:
+            parts = urlsplit(url)
+        except ValueError:
+            parts = urlsplit("")
         if not (model and parts.scheme in {"http", "https"} and parts.hostname):
             raise SettingsFault(
                 f"'openai:{model_and_url}' names no model with an address",
@@ -70,6 +73,8 @@ class OpenAIModel:
             self._client = openai.AsyncOpenAI(
                 base_url=self._url, api_key="none", timeout=settings.silence_s, max_retries=0
             )
+        hosted = parts.hostname.endswith("openai.com")
+        self._bound = "max_completion_tokens" if hosted else "max_tokens"  # local servers know the older name alone
         self._facts: ModelFacts | None = None
 
     @property
@@ -151,7 +156,7 @@ class OpenAIModel:
             "messages": [_sent(message) for message in messages],
             "stream": True,
             "stream_options": {"include_usage": True},
-            "max_tokens": self._settings.answer_tokens,
+            self._bound: self._settings.answer_tokens,
         }
         if tools:
             request["tools"] = [_sent_tool(tool) for tool in tools]

@@ -24,6 +24,13 @@ async def test_a_call_is_made_and_its_answer_reaches_the_model(kind: Kind) -> No
     assert (result.rounds, result.prompt_tokens, result.completion_tokens) == (2, 52, 56)
 
 
+@pytest.mark.parametrize("written", ["functions.make_scenario", "made:make_scenario", "tools/make_scenario"])
+async def test_a_name_before_the_tools_is_taken_away(written: str) -> None:
+    async with talk(Reply(calls=((written, {"vehicles": 2}),)), Reply("It is there.")) as talked:
+        result = await talked.say("A scenario.")
+    assert [(done.call.tool, done.answer.is_error) for done in result.calls] == [("make_scenario", False)]
+
+
 async def test_all_that_happens_is_shown_as_it_happens() -> None:
     done = Reply("Made it.", thinking="All went well.")
     async with talk(MAKE, done) as talked:
@@ -108,6 +115,17 @@ async def test_a_conversation_past_its_budget_is_summarised_by_the_model() -> No
     assert [message["role"] for message in sent] == ["system", "user", "assistant", "user"]
     assert "TST_Town-2_1_T-1" in sent[1]["content"]
     assert "summarised" in talked.notes
+
+
+async def test_a_summary_is_asked_for_within_the_budget() -> None:
+    told = [Reply("word " * 100) for _ in range(20)]
+    async with talk(*told, limits=TurnLimits(history_tokens=900)) as talked:
+        for _ in range(20):
+            await talked.say("Tell more.")
+        asked = [request["messages"] for request in talked.model_server.requests]
+    summaries = [messages for messages in asked if messages[0]["content"].startswith("Summarise")]
+    assert len(summaries) > 1
+    assert max(len(messages[1]["content"]) for messages in summaries) < 900 * 4
 
 
 async def test_a_conversation_that_cannot_be_summarised_is_left_out_and_that_is_said() -> None:

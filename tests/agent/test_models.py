@@ -232,11 +232,25 @@ async def test_a_refused_key_says_where_to_set_it() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["", "qwen3", "llama:x", "ollama:", "openai:m", "openai:m@ftp://x", "openai:@http://x"]
+    "name",
+    ["", "qwen3", "llama:x", "ollama:", "openai:m", "openai:m@ftp://x", "openai:@http://x", "openai:m@http://[x"],
 )
 def test_a_name_of_another_form_is_refused_with_the_forms(name: str) -> None:
     with pytest.raises(SettingsFault, match=r"ollama:|openai:MODEL@URL"):
         open_model(name, ModelSettings())
+
+
+@pytest.mark.parametrize("host", ["nonsense::", "http://[bad"])
+def test_an_address_that_is_none_is_told(host: str) -> None:
+    with pytest.raises(SettingsFault, match="is no address of an Ollama server"):
+        open_model("ollama:m", ModelSettings(host=host))
+
+
+async def test_an_address_of_another_protocol_is_unreachable() -> None:
+    opened = open_model("ollama:m", ModelSettings(host="ftp://somewhere"))
+    with pytest.raises(ModelUnreachable, match="ftp://somewhere"):
+        await opened.facts()
+    await opened.close()
 
 
 def test_a_missing_package_is_told_with_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
