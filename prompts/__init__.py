@@ -1,1 +1,1 @@
-"""MCP prompts: requests in plain words that a person picks and fills in."""
+"""MCP prompts: whole tasks to pick and fill in, and each task of the paper under its five conditions."""

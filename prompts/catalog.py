@@ -1,18 +1,27 @@
-"""The prompts: one per task an engineer comes with, text only (some hosts fail on anything else)."""
+"""The prompts of the server, text only (some hosts fail on anything else): whole tasks, and tasks under a condition."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from mcp.types import GetPromptResult, Prompt, PromptArgument, PromptMessage, TextContent
 
+from ..engine.catalog import is_ready, known_places
+from ..engine.planners import PLANNERS
+from ..engine.tuning import tuning_of
+from ..engine.workspace import ArtifactKind, Workspace
 from ..schemas.errors import InvalidRequest, UnknownName, closest
 from ..schemas.text import one_line, quoted
+from .composition import CONDITIONS, DEFAULT_CONDITION, TASKS, Task, WorkspaceFacts, system_prompt
 
 _LONGEST = 1000
 """Characters of an argument that a prompt holds; chosen."""
+_MOST_IDS = 1000
+"""Newest artifacts of a kind among which an id is completed; chosen."""
 
 
 @dataclass(frozen=True)
-class _PromptSpec:
+class _WholeTask:
     """A prompt: its arguments (name → meaning and default; an empty default makes it required) and its text."""
 
     name: str
@@ -34,8 +43,8 @@ class _PromptSpec:
         )
 
 
-PROMPTS: tuple[_PromptSpec, ...] = (
-    _PromptSpec(
+_WHOLE_TASKS: Final[tuple[_WholeTask, ...]] = (
+    _WholeTask(
         "compare_presets",
         "Compare two planner presets",
         "Run two presets on the same scenarios and say what got better",
@@ -49,7 +58,7 @@ PROMPTS: tuple[_PromptSpec, ...] = (
         "ids, which scenarios flipped each way, what got better, what got worse, and whether the "
         "difference is significant. Show a picture of one scenario that flipped.",
     ),
-    _PromptSpec(
+    _WholeTask(
         "find_the_weak_spot",
         "Find a planner's weak spot",
         "Make a scenario harder step by step until the planner fails, and explain why",
@@ -59,7 +68,7 @@ PROMPTS: tuple[_PromptSpec, ...] = (
         "planner fails. Use analyze_results with detail timeline on the failing run and explain in three "
         "sentences why it failed, quoting the figures and the run id.",
     ),
-    _PromptSpec(
+    _WholeTask(
         "explain_a_run",
         "Explain a run",
         "What happened in a run and which weight to change",
@@ -71,20 +80,50 @@ PROMPTS: tuple[_PromptSpec, ...] = (
 )
 
 
-def prompt_text(name: str, given: dict[str, str]) -> GetPromptResult:
+_TITLES: Final[dict[Task, tuple[str, str]]] = {
+    "generation": ("Generate scenarios", "How to turn a request into scenarios from a map"),
+    "selection": ("Find scenarios", "How to turn a request into a search of the catalogue"),
+    "modification": ("Modify a scenario", "How to turn a request into edits of traffic or goal"),
+    "routing": ("Choose the tool", "How to tell which tool a request is for"),
+    "tuning": ("Tune a planner", "How to turn a request into cost weights"),
+    "analysis": ("Analyse runs", "How to run planners, explain runs and compare configurations"),
+    "session": ("A whole session", "How to take an engineer from a scenario to a tuned planner"),
+}
+_TASK_ARGUMENTS: Final[dict[str, str]] = {
+    "condition": f"{', '.join(CONDITIONS)}; default {DEFAULT_CONDITION}",
+    "request": "what the user wants, in the user's words",
+}
+
+
+def listed_prompts() -> list[Prompt]:
+    """All prompts as a client lists them: the tasks, then the whole tasks."""
+    arguments = [PromptArgument(name=name, description=told) for name, told in _TASK_ARGUMENTS.items()]
+    tasks = [
+        Prompt(name=task, title=_TITLES[task][0], description=_TITLES[task][1], arguments=arguments) for task in TASKS
+    ]
+    return [*tasks, *(prompt.description_for_clients() for prompt in _WHOLE_TASKS)]
+
+
+def prompt_text(name: str, given: dict[str, str], facts: WorkspaceFacts) -> GetPromptResult:
     """A prompt with its arguments filled in.
 
+    Args:
+        facts: what is in the workspace; prompts of tasks name it.
+
     Raises:
-        UnknownName: no such prompt or argument.
+        UnknownName: no such prompt, argument or condition.
         InvalidRequest: a required argument is missing.
     """
-    by_name = {prompt.name: prompt for prompt in PROMPTS}
-    prompt = by_name.get(name)
-    if prompt is None:
-        raise UnknownName(f"there is no prompt {quoted(name)}", valid=closest(name, by_name))
+    arguments = _arguments_of(name)
     for argument in given:
-        if argument not in prompt.arguments:
-            raise UnknownName(f"the prompt {name} has no argument {quoted(argument)}", valid=prompt.arguments)
+        if argument not in arguments:
+            raise UnknownName(f"the prompt {name} has no argument {quoted(argument)}", valid=arguments)
+    if name in TASKS:
+        condition = one_line(given.get("condition", ""), _LONGEST) or DEFAULT_CONDITION
+        request = one_line(given.get("request", ""), _LONGEST)
+        text = system_prompt(name, condition, facts)
+        return _message(_TITLES[name][1], f"{text}\n\nRequest: {request}" if request else text)
+    prompt = next(prompt for prompt in _WHOLE_TASKS if prompt.name == name)
     values = {
         argument: one_line(given.get(argument, ""), _LONGEST) or default
         for argument, (_, default) in prompt.arguments.items()
@@ -92,5 +131,68 @@ def prompt_text(name: str, given: dict[str, str]) -> GetPromptResult:
     missing = [argument for argument, value in values.items() if not value]
     if missing:
         raise InvalidRequest(f"the prompt {name} needs {', '.join(missing)}", valid=prompt.arguments)
-    message = PromptMessage(role="user", content=TextContent(type="text", text=prompt.text.format(**values)))
-    return GetPromptResult(description=prompt.description, messages=[message])
+    return _message(prompt.description, prompt.text.format(**values))
+
+
+def completions(name: str, argument: str, typed: str, workspace: Workspace) -> list[str]:
+    """The values of a prompt's argument that begin with what was typed, in any case; none for free words.
+
+    Raises:
+        UnknownName: no such prompt or argument.
+    """
+    arguments = _arguments_of(name)
+    if argument not in arguments:
+        raise UnknownName(f"the prompt {name} has no argument {quoted(argument)}", valid=arguments)
+    values = _VALUES.get(argument, _no_values)(workspace)
+    return [value for value in values if value.casefold().startswith(typed.casefold())]
+
+
+def workspace_facts(workspace: Workspace, map_places: tuple[str, ...]) -> WorkspaceFacts:
+    """What prompts say of a workspace, with the places of the maps at hand."""
+    connection = workspace.database.connection()
+    countries = known_places(connection).countries if is_ready(connection) else ()
+    return WorkspaceFacts(tuple(dict.fromkeys(map_places)), countries)
+
+
+def _arguments_of(name: str) -> tuple[str, ...]:
+    """The names of a prompt's arguments."""
+    by_name = {task: tuple(_TASK_ARGUMENTS) for task in TASKS} | {
+        prompt.name: tuple(prompt.arguments) for prompt in _WHOLE_TASKS
+    }
+    if name not in by_name:
+        raise UnknownName(f"there is no prompt {quoted(name)}", valid=closest(name, by_name))
+    return by_name[name]
+
+
+def _message(description: str, text: str) -> GetPromptResult:
+    message = PromptMessage(role="user", content=TextContent(type="text", text=text))
+    return GetPromptResult(description=description, messages=[message])
+
+
+def _presets(_: Workspace) -> list[str]:
+    return list(tuning_of("frenetix").presets)
+
+
+def _configurations(workspace: Workspace) -> list[str]:
+    named = [f"{planner}:{preset}" for planner in PLANNERS for preset in tuning_of(planner).presets]
+    return [*named, *_ids("config")(workspace)]
+
+
+def _no_values(_: Workspace) -> list[str]:
+    return []
+
+
+def _ids(kind: ArtifactKind) -> Callable[[Workspace], list[str]]:
+    """Ids of a kind, newest first."""
+    return lambda workspace: [found.artifact_id for found in workspace.newest(kind=kind, limit=_MOST_IDS)]
+
+
+_VALUES: Final[dict[str, Callable[[Workspace], list[str]]]] = {
+    "condition": lambda _: list(CONDITIONS),
+    "preset_a": _presets,
+    "preset_b": _presets,
+    "config": _configurations,
+    "scenario": _ids("scenario"),
+    "run": _ids("run"),
+}
+"""Arguments that have a list of values, by their name, which means the same in every prompt."""

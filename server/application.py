@@ -14,19 +14,32 @@ from typing import Any
 import anyio
 from mcp import MCPError
 from mcp.server import MCPServer
+from mcp.server.context import ServerRequestContext
 from mcp.server.lowlevel.helper_types import ReadResourceContents
 from mcp.server.mcpserver.context import Context
 from mcp.server.stdio import stdio_server
-from mcp.types import INVALID_PARAMS, CallToolResult, GetPromptResult, Prompt, ResourceTemplate, Tool
+from mcp.types import (
+    INVALID_PARAMS,
+    CallToolResult,
+    CompleteRequestParams,
+    CompleteResult,
+    Completion,
+    GetPromptResult,
+    Prompt,
+    PromptReference,
+    ResourceTemplate,
+    Tool,
+)
 from pydantic import AnyUrl
 
 from .. import __version__
 from ..engine.execution import CallThreads, run_in
-from ..prompts.catalog import PROMPTS, prompt_text
+from ..prompts.catalog import completions, listed_prompts, prompt_text, workspace_facts
 from ..resources.templates import TEMPLATES, read_resource
 from ..schemas.errors import PlannerForgeError, UnknownName, closest
 from ..schemas.text import one_line
 from ..tools.call import Services, ToolCall
+from ..tools.maps import maps_seen
 from ..tools.registry import ToolSpec
 from .journal import Journal
 from .messages import ReadableMessages, standard_input
@@ -46,6 +59,8 @@ _PROGRESS_INTERVAL_S = 0.5
 """Reports of progress that follow each other faster are dropped; chosen."""
 _MOST_CALLS = 32
 """Calls that are carried out at once; others wait for their turn. Chosen: clients send a few, and each has a thread."""
+_MOST_COMPLETIONS = 100
+"""The protocol's bound on values of one completion."""
 _ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 
 
@@ -73,6 +88,7 @@ class PlannerForgeServer(MCPServer[Services]):
             lifespan=lifespan,
             log_level="ERROR",
         )
+        self._lowlevel_server.add_request_handler("completion/complete", CompleteRequestParams, self._complete)
         self._specs = {spec.name: spec for spec in tools}
         self._threads, self._journal = threads, journal
         self._at_once = anyio.Semaphore(_MOST_CALLS)
@@ -148,7 +164,7 @@ class PlannerForgeServer(MCPServer[Services]):
 
     async def list_prompts(self) -> list[Prompt]:
         """The prompts."""
-        return [prompt.description_for_clients() for prompt in PROMPTS]
+        return listed_prompts()
 
     async def get_prompt(
         self, name: str, arguments: dict[str, Any] | None = None, context: Context[Services, Any] | None = None
@@ -156,13 +172,38 @@ class PlannerForgeServer(MCPServer[Services]):
         """A prompt with its arguments filled in.
 
         Raises:
-            MCPError: there is no such prompt, or an argument is missing or unknown (-32602).
+            MCPError: there is no such prompt, or an argument is missing, unknown or not valid (-32602).
         """
-        del context
+        if context is None:
+            raise MCPError(INVALID_PARAMS, "a prompt needs the context of a request")
+        call = ToolCall(context.request_context.lifespan_context, _PacedProgress(context).send)
+
+        async def read() -> GetPromptResult:
+            places = tuple(entry.facts.place for entry in maps_seen(call).entries)
+            return prompt_text(name, arguments or {}, workspace_facts(call.workspace, places))
+
         try:
-            return prompt_text(name, arguments or {})
+            return await self._threads.run(read)
         except PlannerForgeError as error:
             raise MCPError(INVALID_PARAMS, error.text) from error
+
+    async def _complete(
+        self, context: ServerRequestContext[Services], request: CompleteRequestParams
+    ) -> CompleteResult:
+        """Values of a prompt's argument that begin with what was typed; resources have none."""
+        if not isinstance(request.ref, PromptReference):
+            return CompleteResult(completion=Completion(values=[], total=0, has_more=False))
+        name, argument, workspace = request.ref.name, request.argument, context.lifespan_context.workspace
+
+        async def read() -> list[str]:
+            return completions(name, argument.name, argument.value, workspace)
+
+        try:
+            found = await self._threads.run(read)
+        except PlannerForgeError as error:
+            raise MCPError(INVALID_PARAMS, error.text) from error
+        more = len(found) > _MOST_COMPLETIONS
+        return CompleteResult(completion=Completion(values=found[:_MOST_COMPLETIONS], total=len(found), has_more=more))
 
 
 class _PacedProgress:

@@ -1,4 +1,4 @@
-"""The server's part of the command line: ``plannerforge serve | call | tools | maps | check``.
+"""The server's part of the command line: ``plannerforge serve | call | tools | prompts | maps | check``.
 
 Clients join it in ``agent/command_line.py``, evaluations in ``evals/command_line.py``.
 
@@ -81,6 +81,28 @@ def list_tools(
     from .tool_costs import print_costs
 
     print_costs(settings_from(tools="essential" if essential else None))
+
+
+@application.command()
+def prompts(
+    task: Annotated[
+        str | None, typer.Argument(help="Print the prompt of this task; without it, what all cost.")
+    ] = None,
+    condition: Annotated[str, typer.Option(help="baseline, cp, cp_cot, cp_icl or cp_icl_cot.")] = "cp_icl_cot",
+) -> None:
+    """List the prompts of the tasks with what they cost in tokens, or print one."""
+    from ..prompts.composition import system_prompt
+    from ..schemas.errors import PlannerForgeError
+    from .tool_costs import print_prompt_costs
+
+    if task is None:
+        print_prompt_costs()
+        return
+    try:
+        typer.echo(system_prompt(task, condition))
+    except PlannerForgeError as error:
+        typer.echo(error.text, err=True)
+        raise typer.Exit(1) from error
 
 
 @application.command()

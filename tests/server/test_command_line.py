@@ -111,3 +111,11 @@ def test_wrong_settings_file_is_one_line(text: str) -> None:
 def test_unknown_flag_and_no_command_name_what_there_is() -> None:
     assert run("serve", "--wrokers", "3").exit_code == 2
     assert "serve" in run().output
+
+
+def test_prompts_are_listed_with_their_cost_and_printed() -> None:
+    assert "cp_icl_cot" in run("prompts").stdout
+    assert "configure_planner" in run("prompts", "tuning", "--condition", "baseline").stdout
+    refused = run("prompts", "cooking")
+    assert refused.exit_code == 1
+    assert "there is no task 'cooking'" in refused.stderr

@@ -1,0 +1,104 @@
+"""Prompts for the tasks of the paper, put together from the parts in ``parts/``, with words that the schemas know.
+
+The five conditions are those of the paper (Methodology, Prompting Techniques): the task alone (``baseline``), with
+context (``cp``), and that with demonstrations (``icl``) and reasoning steps (``cot``).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from string import Template
+from types import MappingProxyType
+from typing import Final, Literal, get_args
+
+from ..engine.cosimulation import presets as behaviour_presets
+from ..engine.planners import PLANNERS
+from ..engine.tuning import tuning_of
+from ..engine.vehicles import vehicle_classes
+from ..schemas.errors import UnknownName, closest
+from ..schemas.generation import Density, ScenarioType
+from ..schemas.modification import EditOperation
+from ..schemas.text import one_line, quoted
+from ..schemas.vocabulary import FEATURES, MEASURES, OBSTACLE_TYPES, ROAD_NET_KEYS, TAGS
+
+Task = Literal["generation", "selection", "modification", "routing", "tuning", "analysis", "session"]
+Condition = Literal["baseline", "cp", "cp_cot", "cp_icl", "cp_icl_cot"]
+TASKS: Final[tuple[Task, ...]] = get_args(Task)
+CONDITIONS: Final[Mapping[Condition, tuple[str, ...]]] = MappingProxyType(
+    {
+        "baseline": ("Task",),
+        "cp": ("Task", "Context"),
+        "cp_cot": ("Task", "Context", "Reasoning"),
+        "cp_icl": ("Task", "Context", "Demonstrations"),
+        "cp_icl_cot": ("Task", "Context", "Demonstrations", "Reasoning"),
+    }
+)
+"""Conditions with their parts, in the order in which they are read."""
+DEFAULT_CONDITION: Final[Condition] = "cp_icl_cot"
+_PLANNER = "frenetix"
+_MOST_PLACES, _LONGEST_PLACE = 12, 60
+"""Places of a workspace that a prompt names, and characters of each (chosen)."""
+
+
+@dataclass(frozen=True)
+class WorkspaceFacts:
+    """What a prompt says of a workspace: names of places that maps show, and countries (ISO alpha-3) of scenarios."""
+
+    map_places: tuple[str, ...] = ()
+    countries: tuple[str, ...] = ()
+
+
+def system_prompt(task: str, condition: str, facts: WorkspaceFacts | None = None) -> str:
+    """What a model is told before a request of this task, under this condition.
+
+    Args:
+        facts: what is in the workspace; without it the prompt says where to look it up.
+
+    Raises:
+        UnknownName: no such task or condition.
+    """
+    if task not in TASKS:
+        raise UnknownName(f"there is no task {quoted(task)}", valid=closest(task, TASKS))
+    headings = next((parts for name, parts in CONDITIONS.items() if name == condition), None)
+    if headings is None:
+        raise UnknownName(f"there is no condition {quoted(condition)}", valid=tuple(CONDITIONS))
+    parts = task_parts(task)
+    told = {**parts, "Context": Template(parts["Context"]).substitute(_words(facts or WorkspaceFacts()))}
+    return "\n\n".join([told["Task"], *(f"{heading}:\n{told[heading]}" for heading in headings[1:])])
+
+
+def task_parts(task: str) -> dict[str, str]:
+    """The parts of a task as their file has them, by heading; words of the vocabulary still stand as ``$names``."""
+    text = files(__package__).joinpath("parts", f"{task}.md").read_text(encoding="utf-8")
+    sections = (section.partition("\n") for section in f"\n{text}".split("\n## ")[1:])
+    return {heading.strip(): body.strip() for heading, _, body in sections}
+
+
+def _words(facts: WorkspaceFacts) -> dict[str, str]:
+    """What stands for each ``$name`` in a part."""
+    tuning = tuning_of(_PLANNER)
+    return {
+        "map_places": _places(facts.map_places),
+        "countries": _places(facts.countries),
+        "scenario_types": ", ".join(get_args(ScenarioType)),
+        "densities": ", ".join(get_args(Density)),
+        "vehicle_classes": ", ".join(vehicle_classes()),
+        "tags": ", ".join(TAGS),
+        "features": ", ".join(FEATURES),
+        "measures": ", ".join(MEASURES),
+        "road_net": ", ".join(key for key in ROAD_NET_KEYS if key != "lanes"),
+        "obstacle_types": ", ".join(OBSTACLE_TYPES),
+        "edit_ops": ", ".join(get_args(EditOperation)),
+        "behaviours": ", ".join(sorted(behaviour_presets())),
+        "planners": ", ".join(PLANNERS),
+        "presets": ", ".join(preset.short_name for preset in tuning.presets.values()),
+        "weights": "\n".join(f"- {weight.name}: {weight.raising}" for weight in tuning.weights.values()),
+    }
+
+
+def _places(names: Sequence[str]) -> str:
+    """Names of places in one line; names come from files, so each is cut and kept to its line."""
+    if not names:
+        return "see describe_catalog"
+    shown = [one_line(name, _LONGEST_PLACE) for name in names[:_MOST_PLACES]]
+    return ", ".join(shown) + (" and more (describe_catalog)" if len(names) > _MOST_PLACES else "")
