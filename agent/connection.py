@@ -10,18 +10,21 @@ import os
 import shlex
 import sys
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import anyio
 from anyio.abc import TaskGroup, TaskStatus
 from mcp import Client, MCPError, StdioServerParameters
+from mcp.client import Transport
+from mcp.client.stdio import stdio_client
 from mcp.server import MCPServer
 from mcp.types import CallToolResult, EmbeddedResource, ImageContent, ResourceLink, TextContent, Tool
 from pydantic import ValidationError
 
-from .errors import AgentError, SettingsFault, ToolServerGone
+from .errors import SettingsFault, ToolServerGone
 from .models.interface import ToolDefinition
 from .tool_schemas import flattened
 
@@ -106,8 +109,8 @@ def server_of_command(command: str) -> StdioServerParameters:
 class ToolConnection:
     """A connection to an MCP server (``open``); starts it again where it has ended."""
 
-    def __init__(self, server: Server, tasks: TaskGroup) -> None:
-        self._server, self._tasks = server, tasks
+    def __init__(self, server: Server, tasks: TaskGroup, log: Path | None = None) -> None:
+        self._server, self._tasks, self._log = server, tasks, log
         self._client: Client | None = None
         self._leave = anyio.Event()
         self._tools: tuple[ToolDefinition, ...] = ()
@@ -115,19 +118,22 @@ class ToolConnection:
 
     @classmethod
     @asynccontextmanager
-    async def open(cls, server: Server) -> AsyncIterator["ToolConnection"]:
+    async def open(cls, server: Server, log: Path | None = None) -> AsyncIterator["ToolConnection"]:
         """Connect to a server; it is closed when the block is left.
+
+        Args:
+            log: a file for what a program writes to its standard error; without it, that goes to our own.
 
         Raises:
             ToolServerGone: it cannot be started, or nothing answers at its address.
         """
         async with anyio.create_task_group() as tasks:
-            connection = cls(server, tasks)
-            failure: AgentError | None = None
+            connection = cls(server, tasks, log)
+            failure: Exception | None = None
             try:
                 await connection.ready()
                 yield connection
-            except AgentError as error:  # a task group would wrap it
+            except Exception as error:  # noqa: BLE001 - raised below: a task group would wrap it
                 failure = error
             finally:
                 connection._leave.set()
@@ -151,9 +157,8 @@ class ToolConnection:
         self._leave = anyio.Event()
         problem = await self._tasks.start(self._keep, self._leave)
         if problem:
-            raise ToolServerGone(
-                f"the MCP server cannot be reached: {problem}", next_step="see that its command or address is right"
-            )
+            step = f"see that its command or address is right{f', and the log {self._log}' if self._log else ''}"
+            raise ToolServerGone(f"the MCP server cannot be reached: {problem}", next_step=step)
         return True
 
     async def call(self, tool: str, arguments: Mapping[str, Any], on_progress: OnProgress) -> ToolAnswer:
@@ -165,7 +170,7 @@ class ToolConnection:
         if self._client is None:
             raise ToolServerGone(f"the MCP server ended before {tool} was called")
         try:
-            result = await self._client.call_tool(tool, dict(arguments), progress_callback=progressed)
+            return _answer(await self._client.call_tool(tool, dict(arguments), progress_callback=progressed))
         except MCPError as error:
             if error.error.code == _CLOSED:
                 raise self._gone(tool) from error
@@ -174,7 +179,6 @@ class ToolConnection:
             raise self._gone(tool) from error
         except (ValidationError, RuntimeError, ValueError) as error:  # an answer that breaks the protocol
             return ToolAnswer(f"the server's answer cannot be read: {error}", {}, is_error=True)
-        return _answer(result)
 
     def _gone(self, tool: str) -> ToolServerGone:
         self._client = None
@@ -184,8 +188,9 @@ class ToolConnection:
     async def _keep(self, leave: anyio.Event, *, task_status: TaskStatus[str]) -> None:
         """Hold a connection open until it is to be left; reports an empty word, or why there is none."""
         started = False
+        stack = ExitStack()
         try:
-            async with Client(self._server) as client:
+            async with Client(self._transport(stack)) as client:
                 self._tools = tuple([_definition(tool) async for tool in _all_tools(client)])
                 self._instructions = client.instructions or ""
                 self._client, started = client, True
@@ -195,8 +200,16 @@ class ToolConnection:
             if not started:
                 task_status.started(_first_words(error))
         finally:
+            stack.close()
             if started and self._leave is leave:
                 self._client = None
+
+    def _transport(self, stack: ExitStack) -> Server | Transport:
+        """The server, or where there is a log, a transport that writes to it; the file is closed with the stack."""
+        if self._log is None or not isinstance(self._server, StdioServerParameters):
+            return self._server
+        self._log.parent.mkdir(parents=True, exist_ok=True)
+        return stdio_client(self._server, stack.enter_context(self._log.open("a", encoding="utf-8")))
 
 
 async def _all_tools(client: Client) -> AsyncIterator[Tool]:

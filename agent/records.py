@@ -7,12 +7,22 @@ from datetime import datetime
 from pathlib import Path
 
 from ..engine.workspace import make_private, write_whole
+from ..schemas.errors import ResourceFailure
 from .errors import SettingsFault
 from .memory import SessionState, as_json, from_json
 from .models.interface import Message
 
 _FOLDER, _FILE = "chats", "messages.jsonl"
 _ENDINGS = {"image/png": ".png", "image/gif": ".gif", "image/jpeg": ".jpg", "image/svg+xml": ".svg"}
+
+
+def server_log(workspace: Path) -> Path | None:
+    """The file for what a server writes to its standard error, in a folder that is made; None where it cannot be."""
+    try:
+        make_private(workspace / _FOLDER)
+    except ResourceFailure:
+        return None
+    return workspace / _FOLDER / "server.log"
 
 
 class ChatRecord:

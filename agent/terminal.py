@@ -23,7 +23,7 @@ from .errors import AgentError
 from .loop import AgentEvent, AgentSession, CallProgress, CallStarted, CompletedCall, Ending, TurnResult
 from .models.interface import Message, ModelFacts, TextPart, ThinkingPart
 from .models.registry import open_model
-from .records import ChatRecord
+from .records import ChatRecord, server_log
 from .settings import AgentSettings
 
 _SHOWN_LINES, _SHOWN_CHARACTERS = 6, 200
@@ -290,7 +290,8 @@ async def _opened(
         facts = await model.facts()
         small = settings.small(facts)
         messages, state = resumed.load() if resumed else ((), None)
-        async with ToolConnection.open(_server(settings, facts, workspace)) as connection:
+        log = server_log(workspace)
+        async with ToolConnection.open(_server(settings, facts, workspace), log) as connection:
             session = AgentSession(model, connection, settings.for_turns(facts), short=bool(small), history=messages)
             session.state = state or session.state
             yield _Opened(session, _greeting(settings, model.name, small, len(connection.tools)))

@@ -2,6 +2,7 @@
 
 import json
 import socket
+import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,21 @@ async def test_a_server_that_is_not_there_is_told(server: Server) -> None:
     with pytest.raises(ToolServerGone, match=r"cannot be reached: .*Next: see that its command or address is right"):
         async with ToolConnection.open(server):
             pass
+
+
+async def test_what_a_program_writes_to_standard_error_is_kept_in_the_log(tmp_path: Path) -> None:
+    log = tmp_path / "logs" / "server.log"
+    program = StdioServerParameters(command=sys.executable, args=["-c", "import sys; sys.exit('no licence')"])
+    with pytest.raises(ToolServerGone, match=r"see that .*, and the log .*server\.log"):
+        async with ToolConnection.open(program, log):
+            pass
+    assert log.read_text(encoding="utf-8") == "no licence\n"
+
+
+async def test_an_error_of_the_block_is_raised_as_it_is() -> None:
+    with pytest.raises(LookupError, match="of the block"):
+        async with ToolConnection.open(tool_server()):
+            raise LookupError("of the block")
 
 
 async def test_the_own_server_starts_with_the_settings_of_this_process(
