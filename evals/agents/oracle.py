@@ -50,14 +50,14 @@ class Oracle:
         else:
             made = [await tools.call(call.tool, call.arguments) for call in calls_of(request)]
         asks = request.expect == "clarify" and not made
-        ending = "asked" if asks else "refused" if made and made[-1].is_error else "answered"
+        refused = made[-1].is_error if made else request.expect == "refuse"
         turns = range(len(request.turns) or 1)
         answers = tuple("\n".join(call.text for call in made if call.turn == turn) for turn in turns)
         return Attempt(
             request.request_id,
             tuple(made),
             ("What exactly is meant?",) if asks else answers,
-            "asked" if asks else "refused" if ending == "refused" else "answered",
+            "asked" if asks else "refused" if refused else "answered",
             duration_s=time.perf_counter() - began,
         )
 
@@ -66,14 +66,11 @@ def calls_of(request: EvalRequest) -> list[Call]:
     """The calls of a request that is no conversation, in their order; none where a question is right."""
     if request.expect == "clarify":
         return []
-    made = {
-        "selection": _selection,
-        "generation": _generation,
-        "modification": _modification,
-        "tuning": _tuning,
-        "routing": _routing,
-    }[request.task](request)
-    return [made] if isinstance(made, Call) else list(made)
+    if request.task == "selection":
+        return [_selection(request)]
+    if request.task == "tuning":
+        return [_tuning(request)]
+    return list({"generation": _generation, "modification": _modification, "routing": _routing}[request.task](request))
 
 
 def _given(arguments: Model, without: Collection[str] = ()) -> Arguments:

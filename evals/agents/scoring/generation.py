@@ -1,0 +1,82 @@
+"""Generation: whether the made scenarios load, hold the traffic that was asked for where it was asked for, and run.
+
+Columns of the paper (Scenario Generation Module, Evaluation Metrics): ``json`` (a call was made), ``defaults`` (what
+the request leaves open is left open or takes its default), ``load``, ``traffic``, ``runnable`` (the default planner
+finishes a trajectory); besides ``place``, ``type``, ``vehicles`` and ``count``.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ....engine.commonroad import read_scenario
+from ....engine.execution import silent
+from ....engine.planners import make_planner, simulate
+from ....schemas.runs import NO_TRAJECTORY
+from ...answers.files import World
+from ...generation.judges import MadeFiles, holds_vehicles
+from ...harness import built_in
+from ..attempts import Attempt, EvalRequest, MadeCall, Score
+from .common import last_of, refused, scored
+
+_USUAL: Mapping[str, tuple[object, ...]] = {
+    "density": (None, "low"),
+    "duration_s": (None, 20, 20.0),
+    "count": (None, 1),
+    "ego": (None, "first"),
+    "goal": (None, "through", "steps:50"),
+    "road_classes": (None, ["roads"], []),
+    "vehicles": (None, [], ["car"]),
+    "scenario_type": (None, "any"),
+}
+"""What an argument may be where the request leaves it open."""
+
+
+def score_generation(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
+    """The last scenarios that were made; where no map shows the place, a refusal is right."""
+    if request.expect == "refuse" or (request.expect == "ok" and request.map_file is None):
+        return refused(request, attempt, "generate_scenarios")
+    made = last_of(attempt.calls, "generate_scenarios")
+    if made is None:
+        return scored(request, {"json": False}, ["no scenario was made"])
+    return scored(request, generation_columns(request.truth, made, workspace))
+
+
+def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path) -> dict[str, bool | None]:
+    """Which checks the scenarios of a call meet."""
+    found = made.structured.get("scenarios", [])
+    folders = [workspace / "scenarios" / str(one["scenario_id"]) for one in found]
+    world = World(workspace)
+    scenes = [world.scene(folder.name) for folder in folders]
+    files = [MadeFiles.read(folder) for folder, scene in zip(folders, scenes, strict=True) if scene is not None]
+    signalised = truth.get("feature") == "signalised_crossing"
+    kind = "signalised_intersection" if signalised else truth["scenario_type"]
+    country = truth["location"]["country"]
+    return {
+        "json": True,
+        "defaults": all(
+            made.arguments.get(name) in _USUAL[name] for name in truth.get("defaults", ()) if name in _USUAL
+        ),
+        "load": bool(scenes) and all(scene is not None for scene in scenes),
+        "traffic": all(scene is not None and scene.counts.total() > 0 for scene in scenes),
+        "runnable": all(_runs(folder) for folder in folders),
+        "count": len(found) == truth.get("count", 1),
+        "place": country is None or all(str(one["scenario_id"]).startswith(country) for one in found),
+        "type": kind == "any" or all(str(one["site"]).startswith(kind) for one in found),
+        "vehicles": any(_holds(files, wanted) for wanted in truth.get("vehicles_accept", [truth["vehicles"]])),
+    }
+
+
+def _holds(files: list[MadeFiles], wanted: Mapping[str, int | str]) -> bool:
+    least = {name: (1 if count == "present" else int(count), None) for name, count in wanted.items()}
+    return all(holds_vehicles(one, dict(least)) for one in files)
+
+
+def _runs(folder: Path) -> bool:
+    """Whether Frenetix with its default weights finishes a trajectory."""
+    loaded = read_scenario(folder / "scenario.xml")
+    planner = make_planner("frenetix")
+    run = simulate(
+        loaded.scenario, loaded.problem(), built_in("frenetix:Default"), planner, "constant_velocity", silent
+    )
+    return run.final.outcome not in NO_TRAJECTORY
