@@ -7,7 +7,7 @@ every call.
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -299,10 +299,22 @@ def _match(entry: MapEntry, place: str, country: str | None) -> MapMatch | None:
             if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
                 return None
             reading += found or _Reading(unnamed=(part,))
+    if reading.named:
+        reading = _with_quarters_of_roads(reading, facts)
     known = reading.named or (not facts.places and country in _countries(facts))
     if reading.unnamed and not (reading.streets and known):
         return None
     return MapMatch(entry, reading.streets, reading.unnamed, reading.area, reading.understood)
+
+
+def _with_quarters_of_roads(reading: "_Reading", facts: MapFacts) -> "_Reading":
+    """The reading with words that a map does not name but a road of it is called after (``Northgate``: ``NE Northgate
+    Way``), where the map itself was named.
+    """
+    rest = replace(reading, unnamed=())
+    for part in reading.unnamed:
+        rest += _read_road(part, facts, core=True) or _Reading(unnamed=(part,))
+    return rest
 
 
 @dataclass(frozen=True)
@@ -382,13 +394,15 @@ def _all_keys(name: str, others: tuple[str, ...]) -> frozenset[str]:
     return frozenset(key for spelling in (name, *others) for key in place_keys(spelling))
 
 
-def _read_road(part: str, facts: MapFacts, *, short: bool = False, whole: bool = False) -> _Reading | None:
+def _read_road(
+    part: str, facts: MapFacts, *, short: bool = False, whole: bool = False, core: bool = False
+) -> _Reading | None:
     """The words as a road.
 
     ``short``: a single word that tells it is enough, as people name the roads of a crossing; ``whole``: nothing of its
-    name may be left out.
+    name may be left out; ``core``: they are all that tells it from other roads.
     """
-    roads = _roads_called(part, facts, short=short, whole=whole)
+    roads = _roads_called(part, facts, short=short, whole=whole) if not core else _roads_after(part, facts)
     if not roads and not whole and (unnumbered := _HOUSE_NUMBER.sub("", part)) != part:
         roads = _roads_called(unnumbered, facts, short=short)
     if not roads:
@@ -488,6 +502,17 @@ def _roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: boo
             if enough and any(words <= held for words in asked for held in _held(spellings))
         }
     return tuple(sorted(same, key=index.order.__getitem__))
+
+
+def _roads_after(part: str, facts: MapFacts) -> tuple[str, ...]:
+    """Roads that are called after a word: nothing else but their kind and a direction is in their names."""
+    index = _road_index((*facts.streets, *facts.refs), facts.road_names)
+    asked = {telling for words in road_readings(part) if (telling := distinctive(words))}
+    return tuple(
+        name
+        for name, spellings in index.spellings.items()
+        if any(distinctive(words) in asked for words in _held(spellings))
+    )
 
 
 @lru_cache(maxsize=MOST_KEPT)

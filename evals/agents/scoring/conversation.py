@@ -23,8 +23,15 @@ def score_conversation(request: EvalRequest, attempt: Attempt, workspace: Path) 
     world = World(workspace)
     columns: dict[str, bool | None] = {}
     misses = []
+    without_runs: set[int] = set()
     for number, turn in enumerate(request.turns):
         calls = [call for call in attempt.calls if call.turn == number]
+        if "test" in turn.action and _lacks_planner(turn.truth, calls):
+            without_runs.add(number + 1)
+            continue
+        about = turn.truth.get("compare", turn.truth)
+        if without_runs & {about.get("about_turn"), *about.get("between_turns", ())}:
+            continue
         for action in turn.action.split("+"):
             why = _turn(action, turn, calls, world, workspace)
             columns[action] = columns.get(action) is not False and not why
@@ -54,6 +61,12 @@ def _turn(action: str, turn: EvalTurn, calls: Sequence[MadeCall], world: World, 
         return _tested(truth, calls, world)
     tools = ("analyze_results",) if action == "analyse" else ("compare_results",)
     return "" if last_of(calls, *tools) else f"{tools[0]} was not carried out"
+
+
+def _lacks_planner(truth: Mapping[str, Any], calls: Sequence[MadeCall]) -> bool:
+    """Whether a run was refused because the server has no such planner: right, and nothing later can be about it."""
+    refusals = [call.text for call in calls if call.tool == "run_planner" and call.is_error]
+    return any(f"no planner '{truth.get('planner')}'" in text for text in refusals)
 
 
 def _failed(columns: Mapping[str, bool | None] | None, without: str) -> str:
@@ -86,10 +99,8 @@ def _selected(truth: Mapping[str, Any], calls: Sequence[MadeCall], world: World)
 
 def _tested(truth: Mapping[str, Any], calls: Sequence[MadeCall], world: World) -> str:
     made = last_of(calls, "run_planner", "get_job")
-    told = " ".join(call.text for call in calls if call.is_error)
     if made is None:
-        missing = f"'{truth['planner']}'" in told
-        return "" if missing else "no run was made"
+        return "no run was made"
     runs = [run for one in _runs_of(made) if (run := world.record("run", one)) is not None]
     if not runs:
         return "no run is stored"
