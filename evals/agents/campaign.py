@@ -14,9 +14,10 @@ from typing import Protocol
 import anyio
 
 from ... import __version__
+from ...agent.errors import AgentError
 from ...schemas.errors import InvalidRequest
 from .attempts import Attempt, Condition, EvalRequest, EvaluatedAgent, Score, ToolSession
-from .rows import Row, RowFile, row_of
+from .results.rows import AGENT_FAILED, JUDGE_FAILED, Row, RowFile, row_of
 
 
 class WorkspaceSession(ToolSession, Protocol):
@@ -29,10 +30,8 @@ class WorkspaceSession(ToolSession, Protocol):
 
 Scorer = Callable[[EvalRequest, Attempt, Path], Score]
 """Scores an attempt at a request; the path is the workspace of the server that the agent used."""
-OpenSession = Callable[[int], AbstractAsyncContextManager[WorkspaceSession]]
-"""A session with the server of a worker, by its number from 0; no two workers share one."""
-JUDGE_FAILED = "the judge failed"
-"""How a miss begins that is no fault of the agent."""
+OpenSession = Callable[[int, EvalRequest], AbstractAsyncContextManager[WorkspaceSession]]
+"""A session with the server of a worker, by its number from 0 and its first request; no two workers share one."""
 OnRow = Callable[[Row, int, int], None]
 """Is told of every row, of how many are there, and of how many there will be."""
 
@@ -42,7 +41,7 @@ class Evaluation:
     """What is evaluated: an agent under a condition, the scorer, and the seed of what the agent draws.
 
     ``fresh``: every request gets a session of its own, so that nothing is left of the request before; agents that name
-    every id themselves need none.
+    every id themselves need none and have one for each corpus.
     """
 
     agent: EvaluatedAgent
@@ -50,6 +49,10 @@ class Evaluation:
     score: Scorer
     seed: int = 0
     fresh: bool = False
+
+    def is_fresh(self, request: EvalRequest) -> bool:
+        """Whether a request gets a session of its own: conversations do in any case, which say "the last one"."""
+        return self.fresh or bool(request.turns)
 
 
 def rows_path(folder: Path, corpus: str) -> Path:
@@ -104,6 +107,7 @@ async def evaluate(
     Raises:
         ResourceFailure: another evaluation writes to the folder.
         ToolServerGone: a server cannot be started.
+        ModelFailure: the model of the agent is gone.
     """
     with ExitStack() as stack:
         corpora = dict.fromkeys(request.corpus for request in requests)
@@ -119,11 +123,20 @@ async def evaluate(
             if on_row is not None:
                 on_row(row, done, len(requests))
 
-        async with anyio.create_task_group() as tasks:
-            for number in range(min(workers, len(todo))):
-                tasks.start_soon(_work, number, waiting, evaluation, open_session, keep)
+        try:
+            async with anyio.create_task_group() as tasks:
+                for number in range(min(workers, len(todo))):
+                    tasks.start_soon(_work, number, waiting, evaluation, open_session, keep)
+        except ExceptionGroup as group:
+            raise _first(group) from group
         rows = _by_id(files)
     return [rows[request.request_id] for request in requests]
+
+
+def _first(error: Exception) -> Exception:
+    while isinstance(error, ExceptionGroup):
+        error = error.exceptions[0]
+    return error
 
 
 def _by_id(files: Mapping[str, RowFile]) -> dict[str, Row]:
@@ -138,17 +151,27 @@ async def _work(
     keep: Callable[[Row], None],
 ) -> None:
     """Take requests until none is left."""
-    for first in waiting:
-        async with open_session(number) as session:
-            keep(await _carried_out(first, evaluation, session))
-            if evaluation.fresh:
-                continue
-            for request in waiting:
+    request = next(waiting, None)
+    while request is not None:
+        async with open_session(number, request) as session:
+            first = request
+            while request is not None and (request is first or _goes_on(first, request, evaluation)):
                 keep(await _carried_out(request, evaluation, session))
+                request = next(waiting, None)
+
+
+def _goes_on(first: EvalRequest, request: EvalRequest, evaluation: Evaluation) -> bool:
+    """Whether a request may use the session that was opened for another one."""
+    return request.corpus == first.corpus and not evaluation.is_fresh(request)
 
 
 async def _carried_out(request: EvalRequest, evaluation: Evaluation, session: WorkspaceSession) -> Row:
-    attempt = await evaluation.agent.attempt(request, session)
+    try:
+        attempt = await evaluation.agent.attempt(request, session)
+    except AgentError:  # its model is gone: what is left would be failures of the model server's alone
+        raise
+    except Exception as error:  # noqa: BLE001 - the boundary of an agent: it costs its row and not the evaluation
+        attempt = Attempt(request.request_id, (), (), "failed", failure=f"{AGENT_FAILED}: {error!r}")
     score = await anyio.to_thread.run_sync(_scored, evaluation.score, request, attempt, session.workspace)
     return row_of(request, attempt, score, evaluation.agent.name, evaluation.condition)
 

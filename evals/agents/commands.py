@@ -25,6 +25,13 @@ Scenarios = Annotated[
     Path | None, typer.Option(help="Folder of the CommonRoad files of the corpus; default: the starter catalogue.")
 ]
 Maps = Annotated[Path | None, typer.Option(help="Folder of the maps of the corpus; default: the built-in maps.")]
+Base = Annotated[
+    Path | None,
+    typer.Option("--workspace", help="Workspace that the server works on a copy of, as `corpus make` read it."),
+]
+Conversations = Annotated[
+    int | None, typer.Option("--conversations", min=1, help="e2e: make as many conversations instead of reading any.")
+]
 TASK_NAMES = ("generation", "selection", "modification", "routing", "tuning", "e2e", "all")
 
 
@@ -41,6 +48,8 @@ def _add_task(task: str) -> None:
         seed: Seed = 0,
         scenarios: Scenarios = None,
         maps: Maps = None,
+        workspace: Base = None,
+        conversations: Conversations = None,
     ) -> None:
         from .running import EvaluationOrder, run_evaluation
 
@@ -55,6 +64,8 @@ def _add_task(task: str) -> None:
             seed=seed,
             scenarios=scenarios,
             maps=maps,
+            workspace=workspace,
+            conversations=conversations,
         )
         raise typer.Exit(run_evaluation(order))
 

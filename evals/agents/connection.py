@@ -20,17 +20,20 @@ from .attempts import MadeCall
 _WAIT_S = 50
 """For which the server is asked to wait for a job: the most that it accepts."""
 _PREPARED = "prepared"
+_IMMUTABLE = {"scenario.xml", "scenario.net.xml"}
 
 
 @dataclass(frozen=True)
 class ServerSetup:
     """What a server under evaluation works on.
 
-    ``scenarios`` and ``maps`` are folders of files that corpora are about; without them there are the starter catalogue
-    and the built-in maps. ``journal``: whether calls are written down in the workspace.
+    ``base`` is a workspace that it begins as a copy of; ``scenarios`` and ``maps`` are folders of files that corpora
+    are about. Without any of them there are the starter catalogue and the built-in maps. ``journal``: whether calls are
+    written down in the workspace.
     """
 
     workspace: Path
+    base: Path | None = None
     scenarios: Path | None = None
     maps: Path | None = None
     tools: ToolSet = "all"
@@ -101,6 +104,8 @@ async def prepare(setup: ServerSetup) -> None:
     if mark.exists():
         return
     shutil.rmtree(setup.workspace, ignore_errors=True)
+    if setup.base:
+        _copy(setup.base, setup.workspace)
     async with open_session(setup) as session:
         if setup.scenarios:
             answer = await session.call("import_files", {"path": str(setup.scenarios.resolve())})
@@ -114,11 +119,29 @@ async def prepare(setup: ServerSetup) -> None:
     mark.touch()
 
 
+def _copy(workspace: Path, target: Path) -> None:
+    try:
+        unmarked = shutil.ignore_patterns(_PREPARED, "logs", "scratch", "*.lock", "*.sock")
+        shutil.copytree(workspace, target, ignore=unmarked, copy_function=_linked)
+    except (OSError, shutil.Error) as error:
+        raise ResourceFailure(
+            f"the workspace {workspace} cannot be copied: {error}", next_step="name a workspace by --workspace"
+        ) from error
+
+
+def _linked(source: str, target: str) -> None:
+    """Artifacts are never changed: their files are linked where the disk allows it, all others are copied."""
+    if Path(source).name in _IMMUTABLE:
+        try:
+            os.link(source, target)
+        except OSError:
+            shutil.copy2(source, target)
+    else:
+        shutil.copy2(source, target)
+
+
 def copied(setup: ServerSetup, workspace: Path) -> ServerSetup:
-    """The same setup on a copy of its prepared workspace, made where there is none yet."""
-    if not (workspace / _PREPARED).exists():
-        shutil.rmtree(workspace, ignore_errors=True)
-        unmarked = shutil.ignore_patterns(_PREPARED, "*.lock", "*.sock")
-        shutil.copytree(setup.workspace, workspace, ignore=unmarked)
-        (workspace / _PREPARED).touch()
+    """The same setup on a new copy of its prepared workspace; what was there is gone."""
+    shutil.rmtree(workspace, ignore_errors=True)
+    _copy(setup.workspace, workspace)
     return replace(setup, workspace=workspace)

@@ -1,6 +1,7 @@
 """Language models under evaluation: the reference agent with the prompt of a condition, on one request at a time."""
 
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
 from typing import Any
 
 from ...agent.connection import OnProgress, ToolAnswer, ToolSource
@@ -8,46 +9,69 @@ from ...agent.loop import AgentSession, TurnResult
 from ...agent.models.interface import ChatModel, Message, ToolDefinition
 from ...agent.models.registry import open_model
 from ...agent.settings import AgentSettings
+from ...prompts.composition import system_prompt
 from .attempts import Attempt, Condition, Ending, EvalRequest, MadeCall, ToolSession
 from .connection import ServerSession
-from .roster import AgentChoice
 
 
 class ModelAgent:
     """An ``EvaluatedAgent`` over a chat model; conversations go on over their turns."""
 
-    def __init__(self, name: str, model: ChatModel, settings: AgentSettings, condition: Condition) -> None:
+    def __init__(self, name: str, settings: AgentSettings, condition: Condition) -> None:
         self.name = name
-        self._model, self._settings, self._condition = model, settings, condition
+        self._settings, self._condition = settings, condition
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Let the model carry out the request; see ``EvaluatedAgent``."""
+        """Let the model carry out the request; see ``EvaluatedAgent``.
+
+        Raises:
+            ModelFailure: the model's server is gone, so that nothing can be said of the model.
+        """
         source = _Recording(tools)
         await _put_in_force(request, tools)
-        facts = await self._model.facts()
+        async with self._opened() as model:
+            results = await self._held(model, request, source)
+        if results[-1].ending == "failed" and not results[-1].completion_tokens:
+            async with self._opened():
+                pass
+        return _attempt(request, source.calls, results)
+
+    @asynccontextmanager
+    async def _opened(self) -> AsyncIterator[ChatModel]:
+        """The model, whose server is there."""
+        model = open_model(self.name, self._settings.for_model())
+        try:
+            await model.facts()
+            yield model
+        finally:
+            await model.close()
+
+    async def _held(self, model: ChatModel, request: EvalRequest, source: "_Recording") -> list[TurnResult]:
+        facts = await model.facts()
         session = AgentSession(
-            self._model,
+            model,
             source,
             self._settings.for_turns(facts),
-            instructions=_prompt(request, self._condition),
+            instructions=system_prompt("session" if request.turns else request.task, self._condition),
             short=bool(self._settings.small(facts)),
             history=[Message("user" if role == "user" else "assistant", text) for role, text in request.history],
         )
-        results: list[TurnResult] = []
+        results = []
         for number, text in enumerate(_said(request)):
             source.turn = number
             results.append(await session.take_turn(text))
-        return _attempt(request, source.calls, results)
+        return results
 
 
-def model_agent(choice: AgentChoice) -> ModelAgent:
+def model_agent(name: str, condition: Condition, seed: int) -> ModelAgent:
     """The agent of ``ollama:MODEL`` or ``openai:MODEL@URL``, with the settings of ``PLANNERFORGE_AGENT_…``.
 
     Raises:
         SettingsFault: the name has neither form, or the package that it needs is missing.
     """
-    settings = AgentSettings(seed=choice.seed)
-    return ModelAgent(choice.name, open_model(choice.name, settings.for_model()), settings, choice.condition)
+    settings = AgentSettings(seed=seed)
+    open_model(name, settings.for_model())
+    return ModelAgent(name, settings, condition)
 
 
 class _Recording(ToolSource):
@@ -92,12 +116,6 @@ def _said(request: EvalRequest) -> list[str]:
         return [turn.text for turn in request.turns]
     about = (request.scenario or "").removesuffix(".xml")
     return [f"{request.text}\n\nCurrent scenario: {about}" if about else request.text]
-
-
-def _prompt(request: EvalRequest, condition: Condition) -> str:
-    """The system message of a condition; empty for the agent's own."""
-    del request, condition
-    return ""
 
 
 def _attempt(request: EvalRequest, calls: list[MadeCall], results: list[TurnResult]) -> Attempt:

@@ -1,13 +1,10 @@
-"""Agents and scorers by name; the module of one is imported when it is asked for."""
+"""Agents by name; the module of one is imported when it is asked for."""
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import cast
 
 from ...schemas.errors import UnknownName, closest
-from .attempts import Condition, EvaluatedAgent, Task
-from .campaign import Scorer
+from .attempts import Condition, EvaluatedAgent
 
 
 @dataclass(frozen=True)
@@ -25,23 +22,11 @@ class AgentChoice:
 
 @dataclass(frozen=True)
 class _Entry:
-    """Where an agent's factory is; ``form`` is how it is named, ``fresh`` whether its requests need own sessions."""
+    """How an agent is opened and named (``form``); ``fresh``: each of its requests needs a session of its own."""
 
-    factory: str
+    open: Callable[[AgentChoice], EvaluatedAgent]
     form: str
-    meaning: str
     fresh: bool = False
-
-
-AGENTS: Mapping[str, _Entry] = {
-    "ollama": _Entry(".model_agent:model_agent", "ollama:MODEL", "a model of an Ollama server", fresh=True),
-    "openai": _Entry(
-        ".model_agent:model_agent", "openai:MODEL@URL", "a model of any OpenAI-compatible server", fresh=True
-    ),
-}
-"""By the word before the first colon."""
-SCORERS: Mapping[Task, str] = {}
-"""A scorer by task."""
 
 
 def open_agent(name: str, condition: Condition, seed: int) -> tuple[EvaluatedAgent, bool]:
@@ -52,21 +37,32 @@ def open_agent(name: str, condition: Condition, seed: int) -> tuple[EvaluatedAge
         AgentError: a model is named wrongly, or what it needs is not installed.
     """
     kind, _, argument = name.partition(":")
-    if kind not in AGENTS:
+    if kind not in _AGENTS:
         raise UnknownName(
             f"there is no agent '{name}'",
-            valid=[AGENTS[known].form for known in closest(kind, AGENTS)],
+            valid=[_AGENTS[known].form for known in closest(kind, _AGENTS)],
             next_step="name one of these by --agent",
         )
-    factory = cast("Callable[[AgentChoice], EvaluatedAgent]", _named(AGENTS[kind].factory))
-    return factory(AgentChoice(name, argument, condition, seed)), AGENTS[kind].fresh
+    entry = _AGENTS[kind]
+    return entry.open(AgentChoice(name, argument, condition, seed)), entry.fresh
 
 
-def scorer_of(task: Task) -> Scorer:
-    """What scores the attempts at a task."""
-    return cast("Scorer", _named(SCORERS[task]))
+def _oracle(choice: AgentChoice) -> EvaluatedAgent:
+    from .oracle import Oracle
+
+    del choice
+    return Oracle()
 
 
-def _named(place: str) -> object:
-    module, _, attribute = place.partition(":")
-    return getattr(importlib.import_module(module, __package__), attribute)
+def _model(choice: AgentChoice) -> EvaluatedAgent:
+    from .model_agent import model_agent
+
+    return model_agent(choice.name, choice.condition, choice.seed)
+
+
+_AGENTS: Mapping[str, _Entry] = {
+    "oracle": _Entry(_oracle, "oracle"),
+    "ollama": _Entry(_model, "ollama:MODEL", fresh=True),
+    "openai": _Entry(_model, "openai:MODEL@URL", fresh=True),
+}
+"""By the word before the first colon."""

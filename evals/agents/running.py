@@ -17,15 +17,16 @@ from ...agent.errors import AgentError
 from ...schemas.errors import InvalidRequest, PlannerForgeError, UnknownName
 from ...schemas.text import printable
 from ...server.flags import settings_from
-from .attempts import Attempt, Condition, EvalRequest, Score, Task
+from .attempts import Condition, EvalRequest, Task
 from .campaign import Evaluation, evaluate, rows_path, settle
-from .comparison import compare_rows
 from .connection import ServerSession, ServerSetup, copied, open_session, prepare
 from .corpora import TASKS, corpus_files, packaged_corpora, read_corpus
-from .report import write_results
-from .roster import open_agent, scorer_of
-from .rows import Row, read_rows
-from .tables import tables_of
+from .results.comparison import compare_rows
+from .results.report import write_results
+from .results.rows import Row, read_rows
+from .results.tables import tables_of
+from .roster import open_agent
+from .scoring.scores import score_attempt
 
 _INTERRUPTED, _WRONG, _FAILED = 130, 2, 1
 
@@ -44,6 +45,8 @@ class EvaluationOrder:
     seed: int = 0
     scenarios: Path | None = None
     maps: Path | None = None
+    workspace: Path | None = None
+    conversations: int | None = None
 
     @property
     def folder(self) -> Path:
@@ -56,10 +59,10 @@ def run_evaluation(order: EvaluationOrder, console: Console | None = None) -> in
     """Evaluate, print the tables and write the results; 130 where it was interrupted, with all rows kept."""
     shown = console or Console(highlight=False)
     with _told() as told:
-        paths = corpus_files(order.corpus or packaged_corpora(), order.task)
+        paths = _corpora(order)
         requests = [request for path in paths for request in read_corpus(path)[: order.limit]]
         agent, fresh = open_agent(order.agent, _condition(order.condition), order.seed)
-        evaluation = Evaluation(agent, _condition(order.condition), _score, order.seed, fresh)
+        evaluation = Evaluation(agent, _condition(order.condition), score_attempt, order.seed, fresh)
         settle(order.folder, evaluation, paths)
         try:
             rows = anyio.run(_evaluated, requests, evaluation, order, shown)
@@ -75,7 +78,7 @@ def print_results(folder: Path, console: Console | None = None) -> int:
     """Print the tables of the rows in a folder, and write tables and report anew."""
     shown = console or Console(highlight=False)
     with _told() as told:
-        _show(_rows_in(folder), folder, shown)
+        _show(rows_of(folder), folder, shown)
         told.done()
     return told.code
 
@@ -84,7 +87,7 @@ def print_comparison(first: Path, second: Path, console: Console | None = None) 
     """Print what two evaluations show, paired by request."""
     shown = console or Console(highlight=False)
     with _told() as told:
-        shown.print(compare_rows(_rows_in(first), _rows_in(second)).to_text(str(first), str(second)), markup=False)
+        shown.print(compare_rows(rows_of(first), rows_of(second)).to_text(str(first), str(second)), markup=False)
         told.done()
     return told.code
 
@@ -171,15 +174,15 @@ def _ask_one_by_one(
 async def _evaluated(
     requests: Sequence[EvalRequest], evaluation: Evaluation, order: EvaluationOrder, shown: Console
 ) -> list[Row]:
-    first = ServerSetup(order.folder / "workspaces" / "0", order.scenarios, order.maps)
-    there = {row.request_id for row in _rows_in(order.folder, may_be_empty=True)}
+    first = ServerSetup(order.folder / "workspaces" / "prepared", order.workspace, order.scenarios, order.maps)
+    there = {row.request_id for row in rows_of(order.folder, may_be_empty=True)}
     if any(request.request_id not in there for request in requests):
         shown.print("Preparing the server's workspace …", style="dim")
         await prepare(first)
 
-    def session(number: int) -> AbstractAsyncContextManager[ServerSession]:
-        setup = first if number == 0 else copied(first, order.folder / "workspaces" / str(number))
-        return open_session(setup)
+    def session(number: int, request: EvalRequest) -> AbstractAsyncContextManager[ServerSession]:
+        del request
+        return open_session(copied(first, order.folder / "workspaces" / str(number)))
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=shown, transient=True) as progress:
@@ -193,8 +196,20 @@ async def _evaluated(
         return await evaluate(requests, evaluation, order.folder, session, workers=order.workers, on_row=advanced)
 
 
-def _score(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    return scorer_of(request.task)(request, attempt, workspace)
+def _corpora(order: EvaluationOrder) -> list[Path]:
+    """The files of the requests; conversations that are to be made are made first, once for a folder."""
+    if order.conversations is None:
+        return corpus_files(order.corpus or packaged_corpora(), order.task)
+    from .making.corpus import make_corpora, write_corpora
+    from .making.materials import read_materials
+
+    if order.task != "e2e":
+        raise InvalidRequest("--conversations belongs to e2e", next_step="call `plannerforge eval e2e`")
+    path = order.folder / "e2e.jsonl"
+    if not path.exists():
+        materials = read_materials(order.workspace or order.folder / "workspaces" / "materials")
+        write_corpora(make_corpora(materials, ("e2e",), order.conversations, order.seed), order.folder, whole=True)
+    return [path]
 
 
 def _show(rows: Sequence[Row], folder: Path, shown: Console) -> None:
@@ -204,7 +219,7 @@ def _show(rows: Sequence[Row], folder: Path, shown: Console) -> None:
         shown.print(f"written: {path}", markup=False)
 
 
-def _rows_in(place: Path, *, may_be_empty: bool = False) -> list[Row]:
+def rows_of(place: Path, *, may_be_empty: bool = False) -> list[Row]:
     """The rows of a file, or of all files of an evaluation's folder, by corpus in the order of tasks."""
     if place.is_file():
         return read_rows(place)

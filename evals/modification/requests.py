@@ -326,7 +326,25 @@ def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
         return (f"{failing['lanelet']} cannot be reached by the ego",)
     if reason == "unreachable_target":
         return (f"{failing['target_lanelets'][0]} cannot be reached by vehicle {failing['vehicle_id']}",)
-    raise ValueError(f"no words are known for the reason {reason}")
+    named = _selected(dict(failing))[0] if "selector" in failing else ""
+    words = {
+        "unknown_vehicle": f"no vehicle {named}",
+        "ego_is_not_traffic": "is the ego",
+        "unknown_class": f"'{failing.get('class')}'",
+        "unknown_preset": f"'{failing.get('preset')}'",
+    }
+    if reason == "unknown_lanelet":
+        return (f"{_lanelet_of(failing)} is no lanelet",)
+    if reason not in words:
+        raise ValueError(f"no words are known for the reason {reason}")
+    return (words[reason],)
+
+
+def _lanelet_of(edit: Mapping[str, Any]) -> object:
+    """The lanelet that a typed edit names as its target or place."""
+    if edit["op"] == "reroute":
+        return edit["target_lanelets"][0]
+    return edit["where"].get("lanelet") if edit["op"] == "add_vehicle" else edit.get("lanelet")
 
 
 def _vehicle(scene: Scene) -> int | None:

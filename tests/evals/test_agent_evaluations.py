@@ -9,13 +9,13 @@ from support.evaluations import CountingAgent, echo_session, evaluation, line_of
 from support.tree import CHECKOUT
 
 from plannerforge.evals.agents.attempts import Attempt, EvalRequest, Score
-from plannerforge.evals.agents.campaign import JUDGE_FAILED, Evaluation, evaluate, rows_path, settle
-from plannerforge.evals.agents.comparison import compare_rows
+from plannerforge.evals.agents.campaign import Evaluation, evaluate, rows_path, settle
 from plannerforge.evals.agents.corpora import corpus_files, read_corpus
-from plannerforge.evals.agents.published import published
-from plannerforge.evals.agents.report import report_html
-from plannerforge.evals.agents.rows import Row, RowFile, read_rows, row_of
-from plannerforge.evals.agents.tables import stages_of, tables_of
+from plannerforge.evals.agents.results.comparison import compare_rows
+from plannerforge.evals.agents.results.published import published
+from plannerforge.evals.agents.results.report import report_html
+from plannerforge.evals.agents.results.rows import JUDGE_FAILED, Row, RowFile, read_rows, row_of
+from plannerforge.evals.agents.results.tables import stages_of, tables_of
 from plannerforge.schemas.errors import InvalidRequest, ResourceFailure, UnknownName
 
 pytestmark = pytest.mark.anyio
@@ -138,12 +138,8 @@ def test_the_papers_figures_are_those_of_its_transcription(shared_data: Path) ->
         ]
 
 
-def test_a_stage_of_conversations_is_reached_past_right_turns_only() -> None:
-    turns = [
-        {"1:generate": True, "2:test": True},
-        {"1:generate": True, "2:test": False},
-        {"1:generate": False, "2:test": True},
-    ]
+def test_a_stage_of_conversations_is_reached_past_right_stages_only() -> None:
+    turns = [{"generate": True, "test": True}, {"generate": True, "test": False}, {"generate": False, "test": True}]
     rows = [row(number, corpus="e2e", done=all(one.values()), columns=dict(one)) for number, one in enumerate(turns)]
     assert [(stage.name, stage.reached, stage.passed) for stage in stages_of(rows)] == [
         ("generate", 3, 2),

@@ -77,7 +77,7 @@ def score(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
 
 
 @asynccontextmanager
-async def echo_session(number: int) -> AsyncIterator[EchoSession]:
+async def echo_session(number: int, request: EvalRequest) -> AsyncIterator[EchoSession]:
     yield EchoSession(Path(f"workspace-{number}"))
 
 

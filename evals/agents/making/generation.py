@@ -8,6 +8,7 @@ from .materials import STYLES, CorpusLine, Draw, Materials, rounds, styled
 
 _DENSITIES = {"low": "quiet traffic", "medium": "moderate traffic", "high": "rush hour"}
 _CLASSES = {"truck": "trucks", "bus": "buses", "taxi": "taxis", "motorcycle": "motorcycles", "delivery": "vans"}
+_ONE = {"delivery": "van"}
 _TOWN_CLASSES = {"bicycle": "bicycles", "moped": "mopeds"}
 _TYPES = {
     "roundabout": "a roundabout",
@@ -44,9 +45,12 @@ def _made(chosen: MapFacts, kind: str, style: Any, draw: Draw) -> CorpusLine:
     density = draw.choice((None, *_DENSITIES))
     words = _CLASSES if kind in _FAST else {**_CLASSES, **_TOWN_CLASSES}
     classes = draw.sample(sorted(words), draw.choice((0, 1, 1, 2)))
-    counts = {name: draw.choice(("present", 2, 3, 4)) for name in classes}
+    counts = {name: draw.choice(("present", 1, 2, 2)) for name in classes}
     duration_s = draw.choice((None, None, 10, 15, 30))
-    with_them = [words[name] if number == "present" else f"{number} {words[name]}" for name, number in counts.items()]
+    with_them = [
+        words[name] if number == "present" else f"{number} {words[name] if number != 1 else _ONE.get(name, name)}"
+        for name, number in counts.items()
+    ]
     parts = [f"with {' and '.join(with_them)}"] if with_them else []
     parts += [f"in {_DENSITIES[density]}"] if density else []
     parts += [f"{duration_s} seconds long"] if duration_s else []

@@ -7,8 +7,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from ... import __version__
-from ...engine.workspace import write_text
+from .... import __version__
+from ....engine.workspace import write_text
 from .rows import Row
 from .tables import tables_of
 

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 from rich.table import Table as RichTable
 
-from ...engine.analysis import wilson_interval
-from .campaign import JUDGE_FAILED
+from ....engine.analysis import wilson_interval
 from .published import PublishedTable, published
-from .rows import Row
+from .rows import JUDGE_FAILED, Row
 
 NO_FIGURE = "-"
 _PAPER_MODELS = 3
@@ -147,23 +146,24 @@ class Stage:
 
 
 def stages_of(rows: Sequence[Row]) -> list[Stage]:
-    """Turns of conversations by what they ask for, in the order in which they first occur.
+    """Kinds of turns of conversations, in the order in which conversations first come to them.
 
-    A conversation reaches a turn when all turns before it are right. Scorers of conversations name a column
-    ``TURN:ACTION`` for every turn, counted from 1.
+    Scorers of conversations have a column for each kind. A conversation reaches a kind when all kinds that it came to
+    before are right.
     """
     reached: dict[str, int] = {}
     passed: dict[str, int] = {}
     for row in rows:
-        alive = True
-        for column, verdict in row.score.columns.items():
-            number, _, action = column.partition(":")
-            if not (number.isdecimal() and action) or not alive:
-                continue
-            reached[action] = reached.get(action, 0) + 1
-            passed[action] = passed.get(action, 0) + (verdict is True)
-            alive = verdict is True
-    return [Stage(action, count, passed[action]) for action, count in reached.items()]
+        for kind, verdict in row.score.columns.items():
+            reached[kind] = reached.get(kind, 0) + 1
+            passed[kind] = passed.get(kind, 0) + (verdict is True)
+            if verdict is not True:
+                break
+    ordered = sorted(reached, key=lambda kind: _KINDS.index(kind) if kind in _KINDS else len(_KINDS))
+    return [Stage(kind, reached[kind], passed[kind]) for kind in ordered]
+
+
+_KINDS = ("generate", "select", "modify", "test", "tune", "analyse", "compare")
 
 
 def _chain_table(rows: Sequence[Row]) -> ResultTable:
@@ -189,7 +189,7 @@ def _chain_table(rows: Sequence[Row]) -> ResultTable:
         for stage, into, out in sides
     ]
     header = ("agent", "stage", "in", "out", "passed %")
-    notes = ("a turn is reached when all turns before it are right",)
+    notes = ("a kind of turn is reached when all kinds before it in the conversation are right",)
     return ResultTable("end to end, by stage", chain.source, header, tuple(own), tuple(paper), notes)
 
 

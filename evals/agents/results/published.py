@@ -5,8 +5,8 @@ from importlib.resources import files
 
 from pydantic import TypeAdapter
 
-from ...schemas.base import Model
-from .attempts import Condition
+from ....schemas.base import Model
+from ..attempts import Condition
 
 Cell = float | None
 

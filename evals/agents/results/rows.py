@@ -12,10 +12,12 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from ...schemas.errors import InvalidRequest, ResourceFailure
-from ...server.tokens import count_tokens
-from .attempts import Attempt, Condition, EvalRequest, MadeCall, Score
+from ....schemas.errors import InvalidRequest, ResourceFailure
+from ....server.tokens import count_tokens
+from ..attempts import Attempt, Condition, EvalRequest, MadeCall, Score
 
+AGENT_FAILED, JUDGE_FAILED = "the agent raised", "the judge failed"
+"""How a failure begins that is a fault of an agent's code, and a miss that is none of the agent."""
 _KEPT_CHARACTERS = 4000
 """Of the text of each answer that a row keeps; chosen to keep a report of a hundred misses readable."""
 

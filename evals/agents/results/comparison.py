@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...engine.analysis import mcnemar_exact
-from ...schemas.errors import InvalidRequest
-from ..harness import rate_text
+from ....engine.analysis import mcnemar_exact
+from ....schemas.errors import InvalidRequest
+from ...harness import rate_text
 from .rows import Row
 
 
