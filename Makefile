@@ -13,7 +13,7 @@ SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent \
 	starter house chat-page format clean
 
 help:
@@ -68,7 +68,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers
+	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -126,6 +126,9 @@ bench-growth: $(DEV_STAMP)
 
 bench-chain: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.chain
+
+bench-agent: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.agents --workers $(WORKERS)
 
 bench-answers: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.answers

@@ -32,7 +32,7 @@ from .corpora import TASKS, packaged_corpora
 from .results.rows import Row
 from .running import EvaluationOrder, rows_of, run_evaluation
 
-_MISBEHAVIOURS: Mapping[str, tuple[str, ...]] = {
+MISBEHAVIOURS: Mapping[str, tuple[str, ...]] = {
     "unknown tool": ("unknown_tool",),
     "wrong types": ("wrong_types",),
     "endless loop": ("again_and_again", "without_an_end_stop"),
@@ -76,7 +76,7 @@ def main() -> None:
         done = [row.score.done for row in made]
         figures["oracle_e2e_made"] = share(done)
         texts.append(("oracle_e2e_made", rate_text(sum(done), len(done))))
-    figures |= {"misbehaviours": _misbehaviours(), **_tokens([row for row in rows if row.request.task == "e2e"])}
+    figures |= {"misbehaviours": _misbehaviours(), **tokens_of([row for row in rows if row.request.task == "e2e"])}
     texts += [(key, str(figures[key])) for key in ("misbehaviours", "tokens_e2e", "tool_tokens", "essential_tokens")]
     print_figures("agents", figures, texts)
 
@@ -113,7 +113,7 @@ def _rows(order: EvaluationOrder) -> Sequence[Row]:
     return rows_of(order.folder)
 
 
-def _tokens(conversations: Sequence[Row]) -> Figures:
+def tokens_of(conversations: Sequence[Row]) -> Figures:
     """What conversations and the list of tools cost, each text counted once."""
     full, essential = (
         sum(tool_cost(spec) for spec in offered_tools(Settings(tools=tools))) for tools in ("all", "essential")
@@ -154,7 +154,7 @@ def _misbehaviours() -> int:
         cases = list(ElementTree.parse(told).iter("testcase"))  # noqa: S314 - written by the line above
     passed = {case.get("name", ""): not len(case) for case in cases}
     survived = 0
-    for words in _MISBEHAVIOURS.values():
+    for words in MISBEHAVIOURS.values():
         verdicts = [verdict for name, verdict in passed.items() if any(word in name for word in words)]
         survived += bool(verdicts) and all(verdicts)
     return survived

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,12 @@ from support.agents import named
 from support.evaluations import CountingAgent, echo_session, evaluation, line_of, request, requests
 from support.model_servers import Reply, replies, serving
 from support.tool_server import tool_server
+from support.tree import CHECKOUT
 from typer.testing import CliRunner
 
 from plannerforge.agent.connection import ToolConnection
 from plannerforge.agent.errors import ModelFailure
+from plannerforge.evals.agents.__main__ import MISBEHAVIOURS, tokens_of
 from plannerforge.evals.agents.attempts import Attempt, EvalRequest, ToolSession
 from plannerforge.evals.agents.campaign import evaluate, rows_path
 from plannerforge.evals.agents.connection import ServerSession
@@ -138,3 +141,18 @@ def test_the_ground_truth_does_packaged_requests_and_an_evaluation_goes_on(task:
     assert run_evaluation(EvaluationOrder(task, "oracle", "cp", out=out, limit=4), shown) == 0
     lines = rows_path(out, task).read_text(encoding="utf-8").splitlines()
     assert [json.loads(line)["score"]["done"] for line in lines] == [True] * 4
+
+
+def test_every_kind_of_misbehaviour_has_a_test_that_stands_for_it() -> None:
+    names = re.findall(r"def (test_\w+)", (CHECKOUT / "tests" / "agent" / "test_misbehaviour.py").read_text("utf-8"))
+    assert len(MISBEHAVIOURS) >= 15
+    assert [
+        kind for kind, words in MISBEHAVIOURS.items() if not any(word in name for word in words for name in names)
+    ] == []
+
+
+async def test_an_ideal_agents_tokens_count_prompt_tools_and_answers_once(tmp_path: Path) -> None:
+    rows = await evaluate(requests(2, "e2e"), evaluation(CountingAgent()), tmp_path, echo_session)
+    figures = tokens_of(rows)
+    assert int(figures["essential_tokens"]) < int(figures["tool_tokens"]) < int(figures["tokens_e2e"])
+    assert int(figures["tokens_e2e"]) - int(figures["tool_tokens"]) > rows[0].answer_tokens
