@@ -36,6 +36,9 @@ def written_call(text: str, tools: Collection[str]) -> str:
             return str(name)
     names = "|".join(re.escape(name) for name in tools) or r"(?!)"
     found = re.search(rf"^[\s`>*-]*({names})\((?:\s*\)|[^)]*[=:{{\"'])", text, re.MULTILINE)
+    found = found or re.search(
+        rf"^\W*(?:call|action|tool|function)\W{{1,6}}({names})\b", text, re.MULTILINE | re.IGNORECASE
+    )
     found = found or re.search(rf"<(?:tool_call|function)\b[^{{]*?({names})", text)
     return found[1] if found else ""
 

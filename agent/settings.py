@@ -43,6 +43,9 @@ class AgentSettings(BaseSettings):
         "auto", description="tools of the own server; auto: the essential ones for a small model"
     )
     small_parameters_billion: float = Field(7.0, ge=0, description="a model with fewer parameters is small")
+    condition: Literal["none", "baseline", "cp", "cp_cot", "cp_icl", "cp_icl_cot"] = Field(
+        "cp", description="prompt of a session beside the agent's own text, for the own server; none: without"
+    )
     server: str = Field("", description="command that starts another MCP server")
     url: str = Field("", description="address of an MCP server (streamable HTTP)")
 

@@ -20,6 +20,7 @@ from ..schemas.errors import PlannerForgeError
 from ..schemas.text import counted, one_line, printable
 from .connection import Server, ToolConnection, own_server, server_of_command
 from .errors import AgentError
+from .instructions import own_instructions
 from .loop import AgentEvent, AgentSession, CallProgress, CallStarted, CompletedCall, Ending, TurnResult
 from .models.interface import Message, ModelFacts, TextPart, ThinkingPart
 from .models.registry import open_model
@@ -292,7 +293,15 @@ async def _opened(
         messages, state = resumed.load() if resumed else ((), None)
         log = server_log(workspace)
         async with ToolConnection.open(_server(settings, facts, workspace), log) as connection:
-            session = AgentSession(model, connection, settings.for_turns(facts), short=bool(small), history=messages)
+            condition = "none" if settings.url or settings.server else settings.condition
+            session = AgentSession(
+                model,
+                connection,
+                settings.for_turns(facts),
+                instructions=own_instructions(condition),
+                short=bool(small),
+                history=messages,
+            )
             session.state = state or session.state
             yield _Opened(session, _greeting(settings, model.name, small, len(connection.tools)))
     finally:

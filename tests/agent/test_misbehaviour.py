@@ -272,6 +272,8 @@ async def test_thinking_that_never_ends_ends_the_turn() -> None:
         '<tool_call>\n{"name": "make_scenario", "arguments": {}}\n</tool_call>',
         '```json\n{"tool": "make_scenario", "parameters": {"vehicles": 2}}\n```',
         "make_scenario(vehicles=2)",
+        'Call: make_scenario {"vehicles": 2}',
+        "**Action:** `make_scenario`",
         "<function=make_scenario><parameter=vehicles>2</parameter></function>",
     ],
 )

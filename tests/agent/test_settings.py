@@ -2,8 +2,10 @@
 
 import pytest
 
+from plannerforge.agent.instructions import OUT_OF_SCOPE, own_instructions
 from plannerforge.agent.models.interface import ModelFacts
 from plannerforge.agent.settings import AgentSettings, agent_settings
+from plannerforge.prompts.composition import system_prompt
 from plannerforge.server.settings import Settings
 
 
@@ -54,3 +56,10 @@ def test_a_key_is_not_shown() -> None:
     settings = AgentSettings(api_key="sk-secret")  # type: ignore[arg-type]
     assert "sk-secret" not in repr(settings)
     assert settings.for_model().api_key == "sk-secret"
+
+
+def test_the_prompt_of_a_session_stands_below_the_agents_manners() -> None:
+    manners, whole = own_instructions(), own_instructions("cp_icl")
+    assert whole.startswith(manners)
+    assert system_prompt("session", "cp_icl") in whole
+    assert OUT_OF_SCOPE in manners

@@ -69,7 +69,9 @@ async def talk(
             answer_tokens=answer_tokens,
         )
         opened = open_model(named(kind, model_server.url, model), settings)
-        async with ToolConnection.open(server or tool_server(working)) as connection:
-            session = AgentSession(opened, connection, limits or TurnLimits(answer_tokens=answer_tokens))
-            yield Talk(session, model_server, connection, working)
+        try:
+            async with ToolConnection.open(server or tool_server(working)) as connection:
+                session = AgentSession(opened, connection, limits or TurnLimits(answer_tokens=answer_tokens))
+                yield Talk(session, model_server, connection, working)
+        finally:
             await opened.close()
