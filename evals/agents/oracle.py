@@ -7,7 +7,7 @@ a conversation made come from the answers to those. Requests at which a question
 import json
 import re
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -164,13 +164,18 @@ _EDITS_BY_LETTER: Mapping[str, Arguments] = {
 }
 
 
-def _routing(request: EvalRequest) -> Iterator[Call]:
-    for action in request.truth["actions"]:
-        if action == "vehicle_mod":
-            edits = [_EDITS_BY_LETTER[letter] for letter in request.truth["vehicle_mod"]]
-            yield Call("modify_scenario", {"scenario_id": "latest", "edits": edits, "dry_run": True})
-        elif action in _ROUTED:
-            yield _ROUTED[action]
+def _routing(request: EvalRequest) -> list[Call]:
+    return routed_calls(request.truth["actions"], request.truth.get("vehicle_mod", ""))
+
+
+def routed_calls(classes: Sequence[str], letters: str) -> list[Call]:
+    """A call for each of the paper's routing classes that stands for it; ``fail`` takes none.
+
+    ``letters``: the kinds of edits that ``vehicle_mod`` consists of, in canonical order.
+    """
+    edits = [_EDITS_BY_LETTER[letter] for letter in letters]
+    edited = Call("modify_scenario", {"scenario_id": "latest", "edits": edits, "dry_run": True})
+    return [edited if name == "vehicle_mod" else _ROUTED[name] for name in classes if name != "fail"]
 
 
 @dataclass

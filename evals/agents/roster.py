@@ -54,6 +54,20 @@ def _oracle(choice: AgentChoice) -> EvaluatedAgent:
     return Oracle()
 
 
+def _regex(choice: AgentChoice) -> EvaluatedAgent:
+    from .floors import RegexRouter
+
+    del choice
+    return RegexRouter()
+
+
+def _bm25(choice: AgentChoice) -> EvaluatedAgent:
+    from .floors import KeywordSearch
+
+    del choice
+    return KeywordSearch()
+
+
 def _model(choice: AgentChoice) -> EvaluatedAgent:
     from .model_agent import model_agent
 
@@ -62,6 +76,8 @@ def _model(choice: AgentChoice) -> EvaluatedAgent:
 
 _AGENTS: Mapping[str, _Entry] = {
     "oracle": _Entry(_oracle, "oracle"),
+    "regex": _Entry(_regex, "regex"),
+    "bm25": _Entry(_bm25, "bm25"),
     "ollama": _Entry(_model, "ollama:MODEL", fresh=True),
     "openai": _Entry(_model, "openai:MODEL@URL", fresh=True),
 }

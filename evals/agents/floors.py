@@ -1,0 +1,89 @@
+"""Floors: what keywords alone reach, ``regex`` in routing and ``bm25`` in selection (paper, Quantitative Evaluation).
+
+The paper names both methods and prints their figures, but neither the rules of its router nor the texts that it
+searched. The rules here were written from the names of the classes, and are not fitted to any corpus.
+"""
+
+import re
+import time
+from collections.abc import Mapping, Sequence
+
+from .attempts import Attempt, EvalRequest, MadeCall, Task, ToolSession
+from .oracle import routed_calls
+
+_PLANNING_WORDS = r"weights?|presets?|parameters?|costs?|comfort\w*|balanced|sporty|safety|prediction|jerk|velocity\w*"
+_CHANGES = r"set|change|use|switch|raise|lower|increase|decrease|reduce|double|halve"
+_ASKS = r"(?:what|which|how|can|could|does|do|is|are|may)\b"
+_RULES: Sequence[tuple[str, str]] = (
+    ("batch_analysis", r"\b(?:compare|summar\w+|analy[sz]e|results?|failed)\b.*\bbatch|\bbatch\w*\b.*\bresults?\b"),
+    ("batch_qa", rf"^{_ASKS}.*\bbatch"),
+    ("batch_sim", r"\bbatch|\b(?:run|simulate|start)\b.*\bscenarios?\b"),
+    ("param_mod", rf"\b(?:{_CHANGES})\b.*\b(?:{_PLANNING_WORDS})\b"),
+    ("param_qa", rf"\b(?:{_PLANNING_WORDS})\b"),
+    ("vehicle_mod", r"\b(?:vehicles?|cars?|trucks?|bus(?:es)?|goal|obstacles?)\b"),
+    ("analysis", r"\b(?:analy[sz]e|why|last run|simulation|collision)\b"),
+    ("qa", rf"^{_ASKS}|^explain\b|\?$"),
+)
+"""Classes with what gives them away, in the order in which they are tried; chosen."""
+_LETTERS: Mapping[str, str] = {
+    "T": r"\b(?:re-?route|route|trajectory|turn|send)\b",
+    "B": r"\b(?:aggressive|cautious|normal|speeders?|eco|behaviou?r)\b",
+    "P": r"\b(?:add|remove|delete|insert|spawn)\b",
+    "G": r"\bgoal\b",
+}
+"""Kinds of edits with what gives them away; chosen."""
+_SEEN = 5
+"""Results of a keyword search that count, as in the paper."""
+
+
+class RegexRouter:
+    """An ``EvaluatedAgent`` that takes the first class whose pattern occurs in the last turn; it knows routing alone.
+
+    A class is made into calls as the ground truth would make it; a text without any pattern is refused.
+    """
+
+    name = "regex"
+
+    async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
+        """Make the calls of the class that was found."""
+        if request.task != "routing":
+            return _not_for(request, self.name, "routing")
+        began = time.perf_counter()
+        found, letters = class_of(request.text)
+        made = [await tools.call(call.tool, call.arguments) for call in routed_calls([found], letters)]
+        return _answered(request, made, time.perf_counter() - began)
+
+
+class KeywordSearch:
+    """An ``EvaluatedAgent`` that searches for the words of the request by BM25, without conditions; selection alone."""
+
+    name = "bm25"
+
+    async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
+        """Make one search; what is nearest counts as found."""
+        if request.task != "selection":
+            return _not_for(request, self.name, "selection")
+        began = time.perf_counter()
+        arguments = {"text": request.text, "method": "bm25", "limit": _SEEN}
+        made = [await tools.call("find_scenarios", arguments)]
+        return _answered(request, made, time.perf_counter() - began)
+
+
+def class_of(text: str) -> tuple[str, str]:
+    """The class of a request by the first pattern that occurs, and the letters of its edits in canonical order."""
+    lowered = text.strip().lower()
+    found = next((name for name, pattern in _RULES if re.search(pattern, lowered)), "fail")
+    letters = "".join(letter for letter, pattern in _LETTERS.items() if re.search(pattern, lowered))
+    if found == "vehicle_mod" and not letters:
+        return "fail", ""
+    return found, letters if found == "vehicle_mod" else ""
+
+
+def _answered(request: EvalRequest, made: Sequence[MadeCall], duration_s: float) -> Attempt:
+    done = bool(made) and not made[-1].is_error
+    texts = tuple(call.text for call in made[-1:])
+    return Attempt(request.request_id, tuple(made), texts, "answered" if done else "refused", duration_s=duration_s)
+
+
+def _not_for(request: EvalRequest, name: str, task: Task) -> Attempt:
+    return Attempt(request.request_id, (), (), "failed", failure=f"{name} is a floor of {task} and does nothing else")
