@@ -46,4 +46,6 @@ def write_results(rows: Sequence[Row], folder: Path) -> tuple[Path, Path]:
 
 
 def _written(value: Mapping[str, Any]) -> str:
-    return json.dumps(value, ensure_ascii=False, indent=1)
+    """An object with a line for each of its keys."""
+    lines = (f"{json.dumps(key)}: {json.dumps(one, ensure_ascii=False)}" for key, one in value.items())
+    return "{" + ",\n ".join(lines) + "}"
