@@ -1,10 +1,12 @@
 """Evaluations of agents: rows that outlive a kill, parallel requests in a stable order, tables in the paper's form."""
 
+import io
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 from support.evaluations import CountingAgent, echo_session, evaluation, line_of, request, requests, score
 from support.tree import CHECKOUT
 
@@ -114,6 +116,15 @@ def test_a_table_shows_own_shares_with_intervals_above_the_papers_rows() -> None
     assert len(table.paper) == 10
     assert table.paper[0][0].startswith("paper: ")
     assert table.source.startswith("Appendix, Scenario Selection Module")
+
+
+def test_a_table_fits_a_terminal_of_eighty_columns() -> None:
+    shown = Console(file=io.StringIO(), width=80)
+    for table in tables_of([row(number, done=number < 8) for number in range(10)]):
+        shown.print(table.to_terminal())
+    text = shown.file.getvalue()  # type: ignore[attr-defined]
+    assert "80.0 [49.0, 94.3]" in text
+    assert "…" not in text
 
 
 @pytest.mark.parametrize("corpus", [*published().tables])

@@ -7,6 +7,7 @@ import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from rich.table import Column
 from rich.table import Table as RichTable
 
 from ....engine.analysis import wilson_interval
@@ -37,14 +38,19 @@ class ResultTable:
         return "\n".join([*lines, *(f"\n{note}." for note in notes)]) + "\n"
 
     def to_terminal(self, paper_rows: int = _PAPER_MODELS) -> RichTable:
-        """The table for a terminal, with the first rows of the paper only."""
+        """The table for a terminal, with the first rows of the paper only.
+
+        A table of one own row stands upright there, a line for each of its columns: a terminal has no room for a dozen.
+        """
         notes = [*self.notes, *([f"rows of the paper: {self.source}"] if self.paper else [])]
-        table = RichTable(*self.header, title=self.title, caption="; ".join(notes) or None)
-        for row in self.own:
-            table.add_row(*row)
-        table.add_section()
-        for row in self.paper[:paper_rows]:
-            table.add_row(*row, style="dim")
+        shown = (*self.own, *self.paper[:paper_rows])
+        upright = len(self.own) == 1
+        header = ("", *(row[0] for row in shown)) if upright else self.header
+        columns = [Column(text, no_wrap=upright and number < 2) for number, text in enumerate(header)]
+        table = RichTable(*columns, title=self.title, caption="; ".join(notes) or None)
+        lines = zip(self.header[1:], *(row[1:] for row in shown), strict=True) if upright else shown
+        for line in lines:
+            table.add_row(*(cell.replace("\n", " ") for cell in line))
         return table
 
 
