@@ -7,8 +7,9 @@ anything is parsed, compared or printed.
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -17,10 +18,17 @@ from pydantic_core import ErrorDetails
 from ..schemas.base import Arguments
 from ..schemas.errors import InvalidRequest, closest
 from ..schemas.text import LONGEST_TEXT, one_line, quoted
+from .loose_arguments import read_loosely
 
 _Arguments = TypeVar("_Arguments", bound=BaseModel)
 _SHOWN_CHARACTERS = 60
 """Characters of a given value that a refusal repeats; chosen."""
+_SHOWN_NOTE = 400
+"""Characters of a corrected call, or of a note on what was read as what; chosen."""
+_ALIKE = 0.75
+"""Likeness (difflib's ratio) from which a corrected call takes a valid name for the one that was meant; chosen."""
+_CORRECTIONS = 3
+"""How often a call is corrected until it is valid: a name first, then what stands behind it (chosen)."""
 _SHOWN_PROBLEMS = 10
 """Problems that a refusal names; chosen."""
 _LONGEST_LIST, _MOST_VALUES, _DEEPEST = 2000, 10_000, 6
@@ -31,21 +39,22 @@ _LARGEST_NUMBER = 1e15
 """Whole numbers to it are exact as floating-point numbers too; larger ones mean nothing here."""
 
 
-def read_arguments(model: type[_Arguments], given: Mapping[str, Any]) -> _Arguments:
-    """The arguments as their model.
-
-    Hosts and small models send lists as JSON text, or one element without its list: both are unambiguous and taken.
+def read_arguments(model: type[_Arguments], given: Mapping[str, Any], notes: list[str] | None = None) -> _Arguments:
+    """The arguments as their model; what was read otherwise than it was written is added to ``notes``.
 
     Raises:
-        InvalidRequest: one line that names the problems.
+        InvalidRequest: one line that names the problems; with the call to make where it can be told.
     """
     _refuse_oversized(model, given)
-    unwrapped = {name: _unwrapped(model, name, value) for name, value in given.items()}
-    _refuse_oversized(model, {name: value for name, value in unwrapped.items() if value is not given[name]})
+    reading = read_loosely(model, given)
+    _refuse_oversized(model, {name: value for name, value in reading.values.items() if value is not given.get(name)})
     try:
-        return model.model_validate(unwrapped)
+        read = model.model_validate(reading.values)
     except ValidationError as error:
-        raise _explained(model, error) from None
+        raise _explained(model, error, reading.values) from None
+    if notes is not None:
+        notes += [f"Note: {one_line(note, _SHOWN_NOTE)}" for note in reading.notes[:_SHOWN_PROBLEMS]]
+    return read
 
 
 @dataclass(frozen=True)
@@ -119,27 +128,65 @@ def _takes_list(model: type[BaseModel], name: str) -> bool:
     return field is not None and re.search(r"\b(list|tuple)\[", str(field.annotation)) is not None
 
 
-def _unwrapped(model: type[BaseModel], name: str, value: Any) -> Any:
-    if value is None or not _takes_list(model, name):
-        return value
-    if _is_list_text(model, name, value):
-        try:
-            value = json.loads(value)
-        except (ValueError, RecursionError):
-            return value
-    return value if isinstance(value, list) else [value]
-
-
-def _explained(model: type[BaseModel], error: ValidationError) -> InvalidRequest:
+def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[str, Any]) -> InvalidRequest:
     details = error.errors(include_url=False)
     problems = [_problem(model, detail) for detail in details[:_SHOWN_PROBLEMS]]
     more = [f"and {len(details) - _SHOWN_PROBLEMS:,} more like these"] if len(details) > _SHOWN_PROBLEMS else []
     valid = [name for _, names in problems for name in names]
+    corrected = _corrected(model, details, given)
     return InvalidRequest(
         "; ".join([*(text for text, _ in problems), *more]),
         valid=dict.fromkeys(valid),
-        next_step="correct the arguments that are named and call again",
+        next_step=f"call again with {corrected}"
+        if corrected
+        else "correct the arguments that are named and call again",
     )
+
+
+def _corrected(model: type[BaseModel], details: Sequence[ErrorDetails], given: Mapping[str, Any]) -> str:
+    """Arguments as JSON in which names and choices are the nearest valid ones; empty where that is not enough."""
+    values = json.loads(json.dumps(given, default=str))
+    for _ in range(_CORRECTIONS):
+        if not all(_mended(model, detail, values) for detail in details):
+            return ""
+        try:
+            model.model_validate(values)
+        except ValidationError as error:
+            details = error.errors(include_url=False)
+            continue
+        text = json.dumps(values, ensure_ascii=False)
+        return text if len(text) <= _SHOWN_NOTE else ""
+    return ""
+
+
+def _mended(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
+    """Put the nearest valid name or choice in place of a wrong one; whether that is possible.
+
+    A name that is near none is left out.
+    """
+    *holder, last = detail["loc"]
+    place: Any = values
+    for part in holder:
+        place = place[part]
+    if detail["type"] == "extra_forbidden" and isinstance(place, dict):
+        near = _nearest(str(last), _model_at(model, detail["loc"]).model_fields)
+        value = place.pop(last, None)
+        if near and near not in place:
+            place[near] = value
+        return True
+    if detail["type"] == "literal_error":
+        allowed = re.findall(r"'([^']*)'", str(detail.get("ctx", {}).get("expected", "")))
+        near = _nearest(str(detail["input"]), allowed)
+        if near:
+            place[last] = near
+        return bool(near)
+    return False
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    """The one valid name that is spelled nearly so; empty where none is."""
+    found = get_close_matches(name.lower(), list(known), n=2, cutoff=_ALIKE)
+    return found[0] if found else ""
 
 
 def _problem(model: type[BaseModel], detail: ErrorDetails) -> tuple[str, list[str]]:

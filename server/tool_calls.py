@@ -25,7 +25,7 @@ MOST_IMAGE_BYTES = 12 * 1024**2
 async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> CallToolResult:
     """Call a tool; whatever goes wrong becomes a result that says what was wrong and what to do next."""
     try:
-        arguments = read_arguments(spec.arguments_type, given)
+        arguments = read_arguments(spec.arguments_type, given, call.remarks)
         return _shaped(await spec.load_function()(arguments, call), call.remarks)
     except Exception as raised:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
         error = as_told(raised, spec.name)

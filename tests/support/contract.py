@@ -221,7 +221,7 @@ CASES: dict[str, Case] = {
         (
             Bad({"job_id": "job_000000000000"}, ("job_000000000000", "job_")),
             Bad({"wait_s": 51}, ("wait_s", "50")),
-            Bad({"job": "latest"}, ("'job'", "job_id")),
+            Bad({"jbo_id": "latest"}, ("'jbo_id'", "job_id")),
         ),
     ),
     "cancel_job": Case(

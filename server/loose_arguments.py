@@ -1,0 +1,162 @@
+"""Arguments as small models write them, read as what they can only mean; what was read otherwise is told.
+
+Taken are forms of one and the same value: a number as text, with its unit, one value for a list, JSON text for a list
+or an object, an id as a number, another case, a field's name without its unit. What could mean two things is left as
+it is, and refused by the model of the arguments.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+_UNITS: Mapping[str, tuple[str, ...]] = {
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "m": ("m", "meter", "meters", "metre", "metres"),
+    "mps": ("m/s", "mps"),
+}
+"""How the unit of a field is written behind its number; a field's name ends in the unit."""
+_ENDINGS = ("_id", "_s", "_m", "_mps")
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*([a-z/]*)\s*", re.IGNORECASE)
+_SHOWN = 40
+"""Characters of a value that a note repeats (chosen)."""
+
+
+@dataclass
+class LooseReading:
+    """Arguments by their right names and in their right forms; ``notes``: what was read as what."""
+
+    values: dict[str, Any] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def read_loosely(model: type[BaseModel], given: Mapping[str, Any], where: str = "") -> LooseReading:
+    """The given values in the forms that a model's fields take; those that cannot be read so stay as they are."""
+    reading = LooseReading()
+    for name, value in given.items():
+        meant = _field_meant(model, name, given)
+        path = f"{where}{meant}"
+        if meant != name:
+            reading.notes.append(f"{where}{name} is read as {path}")
+        if meant not in model.model_fields:
+            reading.values[name] = value
+            continue
+        if value is None and not _takes_none(model.model_fields[meant].annotation):
+            reading.notes.append(f"{path}=null is read as not given")
+            continue
+        read = _value(model.model_fields[meant].annotation, value, path, reading.notes)
+        if not _is_same(read, value):
+            reading.notes.append(f"{path}={_short(value)} is read as {_short(read)}")
+        reading.values[meant] = read
+    return reading
+
+
+def _field_meant(model: type[BaseModel], name: str, given: Mapping[str, Any]) -> str:
+    """The field that a name can only mean: in another case, or without its unit; the name itself where none is."""
+    fields = model.model_fields
+    if name in fields:
+        return name
+    plain = _plain(name)
+    alike = [known for known in fields if _plain(known) == plain]
+    stems = [
+        known
+        for known in fields
+        if any(known.endswith(end) and _plain(known[: -len(end)]) == plain for end in _ENDINGS)
+    ]
+    lists = [known for known in fields if known in (f"{name}s", f"{name}es")]
+    for candidates in (alike, stems, lists):
+        free = [known for known in candidates if known not in given]
+        if len(free) == 1:
+            return free[0]
+    return name
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
+
+
+def _arms(annotation: Any) -> tuple[Any, ...]:
+    return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
+
+
+def _takes_none(annotation: Any) -> bool:
+    return type(None) in _arms(annotation)
+
+
+def _value(annotation: Any, value: Any, path: str, notes: list[str], *, in_list: bool = False) -> Any:
+    """A value in the form that an annotation takes; a list of one is that one, but ``in_list`` itself."""
+    arms = [arm for arm in _arms(annotation) if arm is not type(None)]
+    if value is None or len(arms) != 1:
+        return value
+    arm = arms[0]
+    if get_origin(arm) in (list, tuple):
+        return _elements(get_args(arm)[0], value, path, notes)
+    if get_origin(arm) is Literal:
+        return _choice(get_args(arm), value)
+    if not in_list and isinstance(value, list) and len(value) == 1 and not isinstance(value[0], list | dict):
+        value = value[0]
+    if isinstance(arm, type) and issubclass(arm, BaseModel):
+        return _object(arm, value, path, notes)
+    if arm in (int, float):
+        return _number(value, path) if isinstance(value, str) else value
+    if arm is str and isinstance(value, int | float) and not isinstance(value, bool):
+        return f"{value:g}" if isinstance(value, float) else str(value)
+    return value
+
+
+def _elements(element: Any, value: Any, path: str, notes: list[str]) -> Any:
+    if isinstance(value, str) and value.lstrip().startswith(("[", "{")):
+        try:
+            value = json.loads(value)
+        except (ValueError, RecursionError):
+            return value
+    listed = value if isinstance(value, list) else [value]
+    return [_value(element, one, f"{path}[{index}]", notes, in_list=True) for index, one in enumerate(listed)]
+
+
+def _object(model: type[BaseModel], value: Any, path: str, notes: list[str]) -> Any:
+    if isinstance(value, str) and value.lstrip().startswith("{"):
+        try:
+            value = json.loads(value)
+        except (ValueError, RecursionError):
+            return value
+    if not isinstance(value, dict):
+        return value
+    inner = read_loosely(model, value, f"{path}.")
+    notes += inner.notes
+    return inner.values
+
+
+def _choice(choices: tuple[Any, ...], value: Any) -> Any:
+    if not isinstance(value, str) or value in choices:
+        return value
+    alike = [choice for choice in choices if isinstance(choice, str) and _plain(choice) == _plain(value)]
+    return alike[0] if len(alike) == 1 else value
+
+
+def _number(text: str, path: str) -> Any:
+    """The number of a text that is one, with or without the unit of its field."""
+    found = _NUMBER.fullmatch(text)
+    if found is None:
+        return text
+    unit = path.rpartition("_")[2]
+    if found[2] and found[2].lower() not in _UNITS.get(unit, ()):
+        return text
+    number = float(found[1])
+    return int(number) if number.is_integer() and "." not in found[1] and "e" not in found[1].lower() else number
+
+
+def _is_same(read: Any, value: Any) -> bool:
+    """Whether a value was taken as it is: objects of lists have notes of their own."""
+    if isinstance(read, list) and isinstance(value, list) and any(isinstance(one, dict) for one in read):
+        return all(isinstance(one, dict) for one in value)
+    return type(read) is type(value) and read == value
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
