@@ -17,8 +17,8 @@ from pydantic_core import ErrorDetails
 
 from ..schemas.base import Arguments
 from ..schemas.errors import InvalidRequest, closest
+from ..schemas.loose_arguments import read_loosely
 from ..schemas.text import LONGEST_TEXT, one_line, quoted
-from .loose_arguments import read_loosely
 
 _Arguments = TypeVar("_Arguments", bound=BaseModel)
 _SHOWN_CHARACTERS = 60

@@ -36,6 +36,14 @@ _CROSSING_FRAME = re.compile(
     r"angle (?:de|du)|croisement (?:de|du)|esquina (?:de)?|угол|перекрёсток|перекресток)\s+|\s*(?:路口|交叉口|交差点)$",
     re.IGNORECASE,
 )
+_SHORTEST_OF_FILE = 5
+"""Letters of a word in a file's name that may be a place (chosen)."""
+_NO_PLACES = frozenset(
+    "planet extract export excerpt complete intersection crossing junction roundabout highway highways motorway street "
+    "streets service roads bridge tunnel lanes lights signals traffic track cycleway rural urban small large north south "
+    "middle center centre without nodes restriction boundary overlapping oneway".split()
+)
+"""Words of file names that say what kind of map it is."""
 _PLACE_FRAME = re.compile(
     r"^\d{4,6}\s+|\s+\d{5}(?:-\d{4})?$|^(?:(?:the\s+)?(?:city|town|village|quarter|district|suburb)(?:\s+of)?|stadt(?:teil)?|viertel|gemeinde|"
     r"ville de|quartier(?: de)?|ciudad de|citta di|г\.|город|район)\s+"
@@ -359,12 +367,20 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
         if keys & place_keys(name):
             alike = fold(part) == fold(name)
             return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {name}",))
+    if fold(part) in _named_by_file(stem):
+        return _Reading(named=True, understood=(f"{part!r} is taken as the map {facts.file_name}",))
     code = country_code(part)
     if (code is not None and code == facts.country) or region_of(
         part, facts.country, (facts.south + facts.north) / 2, (facts.west + facts.east) / 2
     ):
         return _Reading(named=True)
     return None
+
+
+def _named_by_file(stem: str) -> frozenset[str]:
+    """The words of a file's name that may be a place: people name extracts after what they show."""
+    words = {fold(word) for word in re.split(r"[\W_\d]+", stem)}
+    return frozenset(word for word in words if len(word) >= _SHORTEST_OF_FILE and word not in _NO_PLACES)
 
 
 def _area_text(area: PlaceArea) -> str:

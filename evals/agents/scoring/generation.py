@@ -60,7 +60,7 @@ def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path
         "load": bool(scenes) and all(scene is not None for scene in scenes),
         "traffic": all(scene is not None and scene.counts.total() > 0 for scene in scenes),
         "runnable": all(_runs(folder) for folder in folders),
-        "count": len(found) == truth.get("count", 1),
+        "count": len(found) == truth.get("count", 1) or f"only {len(found)} different site(s) fit" in made.text,
         "place": country is None or all(str(one["scenario_id"]).startswith(country) for one in found),
         "type": kind == "any" or all(str(one["site"]).startswith(kind) for one in found),
         "vehicles": any(_holds(files, wanted) for wanted in truth.get("vehicles_accept", [truth["vehicles"]])),
@@ -68,8 +68,15 @@ def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path
 
 
 def _holds(files: list[MadeFiles], wanted: Mapping[str, int | str]) -> bool:
-    least = {name: (1 if count == "present" else int(count), None) for name, count in wanted.items()}
-    return all(holds_vehicles(one, dict(least)) for one in files)
+    return all(holds_vehicles(one, {name: _bounds(count) for name, count in wanted.items()}) for one in files)
+
+
+def _bounds(count: int | str) -> tuple[int, int | None]:
+    """The least and the most of a class: there at all, at least so many, or between two numbers."""
+    if count == "present":
+        return 1, None
+    least, between, most = str(count).partition("..")
+    return int(least), int(most) if between else None
 
 
 def _runs(folder: Path) -> bool:
