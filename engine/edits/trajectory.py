@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from ...schemas.errors import InvalidRequest, NotPossible
-from ...schemas.grammar import parse_quantity
+from ...schemas.grammar import parse_quantity, parse_selector
 from ...schemas.modification import Edit
 from ..commonroad import Track
 from ..cosimulation import (
@@ -224,7 +224,7 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             valid=[*presets(), "params=['tau=0.7']"],
             next_step="name a preset, or set single parameters",
         )
-    vehicles = select(edit.vehicles, scene, changes)
+    vehicles, undrivable = _drivable(edit, scene, changes)
     kept: list[str] = []
     behaviours: list[Behaviour] = []
     for vehicle_id in vehicles:
@@ -237,8 +237,28 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         behaviours.append(behaviour)
     words = [edit.preset.strip().lower()] if edit.preset else []
     what = f"{' '.join([*words, *values_set(edit.params, behaviours)])} for {listed(vehicles)}"
-    notes = "; ".join([what, *kept[:MOST_NAMED]])
+    left = [f"as recorded, as no edit can drive them: {listed(undrivable)}"] if undrivable else []
+    notes = "; ".join([what, *left, *kept[:MOST_NAMED]])
     return EditStep(changes, vehicles, notes, parameters=parameters_set(edit.preset, edit.params))
+
+
+def _drivable(edit: Edit, scene: Scene, changes: Changes) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The selected vehicles that can be driven, and the others where only a whole group was asked for.
+
+    Raises:
+        NotPossible: one that was asked for by itself cannot be driven, or none of a group.
+    """
+    vehicles = select(edit.vehicles, scene, changes)
+    is_group = all(parse_selector(text).kind in ("all", "class") for text in edit.vehicles if not text.startswith("!"))
+    refusals: dict[int, NotPossible] = {}
+    for vehicle_id in vehicles:
+        try:
+            plan_of(scene, changes, vehicle_id)
+        except NotPossible as refusal:
+            refusals[vehicle_id] = refusal
+    if refusals and (not is_group or len(refusals) == len(vehicles)):
+        raise next(iter(refusals.values()))
+    return tuple(key for key in vehicles if key not in refusals), tuple(refusals)
 
 
 def _plan_from(scene: Scene, changes: Changes, vehicle_id: int, time_s: float | None) -> tuple[DrivePlan, int]:

@@ -39,9 +39,47 @@ _CROSSING_FRAME = re.compile(
 _SHORTEST_OF_FILE = 5
 """Letters of a word in a file's name that may be a place (chosen)."""
 _NO_PLACES = frozenset(
-    "planet extract export excerpt complete intersection crossing junction roundabout highway highways motorway street "
-    "streets service roads bridge tunnel lanes lights signals traffic track cycleway rural urban small large north south "
-    "middle center centre without nodes restriction boundary overlapping oneway".split()
+    [
+        "planet",
+        "extract",
+        "export",
+        "excerpt",
+        "complete",
+        "intersection",
+        "crossing",
+        "junction",
+        "roundabout",
+        "highway",
+        "highways",
+        "motorway",
+        "street",
+        "streets",
+        "service",
+        "roads",
+        "bridge",
+        "tunnel",
+        "lanes",
+        "lights",
+        "signals",
+        "traffic",
+        "track",
+        "cycleway",
+        "rural",
+        "urban",
+        "small",
+        "large",
+        "north",
+        "south",
+        "middle",
+        "center",
+        "centre",
+        "without",
+        "nodes",
+        "restriction",
+        "boundary",
+        "overlapping",
+        "oneway",
+    ]
 )
 """Words of file names that say what kind of map it is."""
 _PLACE_FRAME = re.compile(
@@ -307,12 +345,23 @@ def _match(entry: MapEntry, place: str, country: str | None) -> MapMatch | None:
             if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
                 return None
             reading += found or _Reading(unnamed=(part,))
+    reading = _with_words_of_the_file(reading, facts)
     if reading.named:
         reading = _with_quarters_of_roads(reading, facts)
     known = reading.named or (not facts.places and country in _countries(facts))
     if reading.unnamed and not (reading.streets and known):
         return None
     return MapMatch(entry, reading.streets, reading.unnamed, reading.area, reading.understood)
+
+
+def _with_words_of_the_file(reading: "_Reading", facts: MapFacts) -> "_Reading":
+    """The reading with words that nothing on a map is called, but its file is: people name extracts after places."""
+    named = _named_by_file(facts.file_name.partition(".")[0])
+    rest = replace(reading, unnamed=())
+    for part in reading.unnamed:
+        by_file = _Reading(named=True, understood=(f"{part!r} is taken as the map {facts.file_name}",))
+        rest += by_file if fold(part) in named else _Reading(unnamed=(part,))
+    return rest
 
 
 def _with_quarters_of_roads(reading: "_Reading", facts: MapFacts) -> "_Reading":
@@ -367,8 +416,6 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
         if keys & place_keys(name):
             alike = fold(part) == fold(name)
             return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {name}",))
-    if fold(part) in _named_by_file(stem):
-        return _Reading(named=True, understood=(f"{part!r} is taken as the map {facts.file_name}",))
     code = country_code(part)
     if (code is not None and code == facts.country) or region_of(
         part, facts.country, (facts.south + facts.north) / 2, (facts.west + facts.east) / 2

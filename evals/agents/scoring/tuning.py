@@ -61,7 +61,7 @@ def tuning_columns(
 
 def _weights_before(context: Mapping[str, Any]) -> Mapping[str, float]:
     """The weights that are in force before a request."""
-    named = named_configuration(f"{context.get('planner')}:{context.get('preset') or 'Default'}")
+    named = named_configuration(f"{context.get('planner') or 'frenetix'}:{context.get('preset') or 'Default'}")
     weights = {} if named is None else dict(named.weights)
     return {**weights, **context.get("overrides", {}), **(context.get("weights") or {})}
 
