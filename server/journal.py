@@ -26,7 +26,7 @@ from .tool_calls import answer_text
 logger = logging.getLogger(__name__)
 KEPT_FILES = 5
 _MOST_IDS = 20
-_MOST_ELEMENTS = 50
+MOST_ELEMENTS = 50
 """Rotated files that are kept, ids that a line holds of one answer, and elements of a list or object; chosen."""
 _SECRETS = (
     r"(?i)\b(?:bearer|basic)\s+[\w.~+/=-]{8,}",
@@ -124,12 +124,12 @@ class Journal:
                 value = secret.sub(REDACTED, value[:_SEARCHED])
             return one_line(value, longest)
         if isinstance(value, dict):
-            kept = list(value.items())[:_MOST_ELEMENTS]
+            kept = list(value.items())[:MOST_ELEMENTS]
             return {
                 self._fit(key): self._fit(part, _LONGEST_ERROR if key == "error" else longest) for key, part in kept
             }
         if isinstance(value, list | tuple):
-            return [self._fit(part) for part in value[:_MOST_ELEMENTS]]
+            return [self._fit(part) for part in value[:MOST_ELEMENTS]]
         return value if not isinstance(value, int) or value.bit_length() <= _LARGEST_BITS else quoted(value)
 
 

@@ -107,7 +107,7 @@ def requests(
 ) -> None:
     """Print what to ask another MCP client, without the answers.
 
-    With --marks each request waits for Enter; --agent journal:JOURNAL scores the calls made between its marks.
+    With --marks each request waits for Enter; --agent journal:JOURNAL@MARKS scores the calls made between them.
     """
     from .running import print_requests
 

@@ -34,6 +34,7 @@ def open_agent(name: str, condition: Condition, seed: int) -> tuple[EvaluatedAge
 
     Raises:
         UnknownName: there is no such agent; names those that there are.
+        InvalidRequest: a journal or its marks cannot be read.
         AgentError: a model is named wrongly, or what it needs is not installed.
     """
     kind, _, argument = name.partition(":")
@@ -68,6 +69,12 @@ def _bm25(choice: AgentChoice) -> EvaluatedAgent:
     return KeywordSearch()
 
 
+def _journal(choice: AgentChoice) -> EvaluatedAgent:
+    from .journal import open_journal
+
+    return open_journal(choice.name, choice.argument)
+
+
 def _model(choice: AgentChoice) -> EvaluatedAgent:
     from .model_agent import model_agent
 
@@ -78,6 +85,7 @@ _AGENTS: Mapping[str, _Entry] = {
     "oracle": _Entry(_oracle, "oracle"),
     "regex": _Entry(_regex, "regex"),
     "bm25": _Entry(_bm25, "bm25"),
+    "journal": _Entry(_journal, "journal:JOURNAL@MARKS"),
     "ollama": _Entry(_model, "ollama:MODEL", fresh=True),
     "openai": _Entry(_model, "openai:MODEL@URL", fresh=True),
 }

@@ -2,7 +2,6 @@
 
 import json
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractAsyncContextManager, contextmanager
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from .attempts import Condition, EvalRequest, Task
 from .campaign import Evaluation, evaluate, rows_path, settle
 from .connection import ServerSession, ServerSetup, copied, open_session, prepare
 from .corpora import TASKS, corpus_files, packaged_corpora, read_corpus
+from .journal import ask_one_by_one
 from .results.comparison import compare_rows
 from .results.report import write_results
 from .results.rows import Row, read_rows
@@ -110,7 +110,8 @@ def print_requests(
             for request in requests:
                 shown.print(json.dumps(asked(request), ensure_ascii=False), markup=False, soft_wrap=True)
         else:
-            _ask_one_by_one(requests, marks, shown, wait)
+            chosen = [(request, asked(request)) for request in requests]
+            ask_one_by_one(chosen, marks, lambda text: shown.print(text, markup=False, soft_wrap=True), wait)
         told.done()
     return told.code
 
@@ -150,25 +151,6 @@ def asked(request: EvalRequest) -> dict[str, Any]:
         "turns": [turn.text for turn in request.turns],
     }
     return {name: value for name, value in given.items() if value}
-
-
-def _ask_one_by_one(
-    requests: Sequence[EvalRequest], marks: Path, shown: Console, wait: Callable[[str], object]
-) -> None:
-    """Show a request, wait until it is done, and note both times (seconds since 1970); those with a mark are done."""
-    marks.parent.mkdir(parents=True, exist_ok=True)
-    noted = marks.read_text(encoding="utf-8").splitlines() if marks.exists() else []
-    done = {json.loads(line)["request_id"] for line in noted}
-    for number, request in enumerate(requests, start=1):
-        if request.request_id in done:
-            continue
-        shown.print(f"[{number}/{len(requests)}] {request.request_id}", markup=False, style="bold")
-        shown.print(json.dumps(asked(request), ensure_ascii=False, indent=1), markup=False)
-        began_s = time.time()
-        wait("Enter when the client has answered: ")
-        mark = {"request_id": request.request_id, "began_s": began_s, "ended_s": time.time()}
-        with marks.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(mark) + "\n")
 
 
 async def _evaluated(
