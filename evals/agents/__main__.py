@@ -1,10 +1,11 @@
 """``make bench-agent``: what the tools allow at best, what agents without a model reach, and what an ideal agent needs.
 
 Keys: ``oracle_TASK``: share of the corpus' requests that the ground truth as calls gets done, judged in the workspace;
-``oracle_e2e_made``: the same of conversations that are made for it (``--conversations``); ``misbehaviours``: kinds of
-misbehaviour of models and servers that the agent's tests stand for and that it survives; ``tokens_e2e``: tokens that an
-ideal agent needs for a conversation in the mean: prompt, tools, calls and answers, each counted once (o200k_base);
-``tool_tokens`` and ``essential_tokens``: what the list of tools costs.
+``oracle_e2e_made``: the same of conversations that are made for it (``--conversations``); ``regex_routing``,
+``bm25_top1`` and ``bm25_any5``: what keywords alone reach (the paper: 0.455, 0.675 and 0.86); ``misbehaviours``: kinds
+of misbehaviour of models and servers that the agent's tests stand for and that it survives; ``tokens_e2e``: tokens
+that an ideal agent needs for a conversation in the mean: prompt, tools, calls and answers, each counted once
+(o200k_base); ``tool_tokens`` and ``essential_tokens``: what the list of tools costs.
 
 The development corpora are taken where the shared folder is, the package's own elsewhere. Rows, tables and the report
 stay in ``--out``, and the same command goes on where it was broken off.
@@ -64,7 +65,9 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.out or Path(scratch)
-        rows = _oracle(folder / "oracle", given.limit, given.workers)
+        rows = _rows(_order(folder / "oracle", "oracle", "all", given.limit, given.workers))
+        regex = _rows(_order(folder / "regex", "regex", "routing", given.limit, given.workers))
+        bm25 = _rows(_order(folder / "bm25", "bm25", "selection", given.limit, given.workers))
         made = _made(folder / "made", given.conversations, given.workers) if given.conversations else []
     figures: dict[str, float | int | str] = {}
     texts = []
@@ -76,29 +79,38 @@ def main() -> None:
         done = [row.score.done for row in made]
         figures["oracle_e2e_made"] = share(done)
         texts.append(("oracle_e2e_made", rate_text(sum(done), len(done))))
+    for key, done in (
+        ("regex_routing", [row.score.done for row in regex]),
+        ("bm25_top1", _verdicts(bm25, "sat_top1")),
+        ("bm25_any5", _verdicts(bm25, "sat_any5")),
+    ):
+        figures[key] = share(done)
+        texts.append((key, rate_text(sum(done), len(done))))
     figures |= {"misbehaviours": _misbehaviours(), **tokens_of([row for row in rows if row.request.task == "e2e"])}
     texts += [(key, str(figures[key])) for key in ("misbehaviours", "tokens_e2e", "tool_tokens", "essential_tokens")]
     print_figures("agents", figures, texts)
 
 
-def _oracle(folder: Path, limit: int | None, workers: int) -> Sequence[Row]:
-    """Rows of the ground truth over the development corpora, or over the package's own."""
-    data = shared_folder() / "data"
+def _order(folder: Path, agent: str, task: str, limit: int | None, workers: int) -> EvaluationOrder:
+    """An evaluation over the development corpora, or over the package's own where those are not here."""
     shared = shared_folder() / "corpora" / "dev"
-    there = shared.is_dir()
-    return _rows(
-        EvaluationOrder(
-            task="all",
-            agent="oracle",
-            condition="cp_icl_cot",
-            corpus=shared if there else packaged_corpora(),
-            out=folder,
-            limit=limit,
-            workers=workers,
-            scenarios=data / "commonroad" if there else None,
-            maps=data / "osm" if there else None,
-        )
+    data = shared_folder() / "data" if shared.is_dir() else None
+    return EvaluationOrder(
+        task=task,
+        agent=agent,
+        condition="cp_icl_cot",
+        corpus=shared if data else packaged_corpora(),
+        out=folder,
+        limit=limit,
+        workers=workers,
+        scenarios=data / "commonroad" if data else None,
+        maps=data / "osm" if data else None,
     )
+
+
+def _verdicts(rows: Sequence[Row], column: str) -> list[bool]:
+    found = [row.score.columns.get(column) for row in rows]
+    return [verdict for verdict in found if verdict is not None]
 
 
 def _made(folder: Path, conversations: int, workers: int) -> Sequence[Row]:

@@ -8,7 +8,7 @@ from ....engine.tuning import tuning_of
 from .generation import generation_lines
 from .materials import CorpusLine, Draw, Materials, rounds
 from .modification import PossibleEdits, words_of
-from .selection import selection_lines
+from .selection import plain_search
 
 Turn = dict[str, Any]
 _STARTS = ("generate", "select_by_id", "select_by_slots")
@@ -17,7 +17,6 @@ _STARTS = ("generate", "select_by_id", "select_by_slots")
 def conversation_lines(materials: Materials, possible: PossibleEdits, count: int, draw: Draw) -> Iterator[CorpusLine]:
     """Conversations of five or six turns: get a scenario, edit it, run a planner, tune it, run again, compare."""
     generated = (line for line in generation_lines(materials, 4 * count, draw) if line.expect == "ok")
-    searched = (line for line in selection_lines(materials, 6 * count, draw) if line.expect == "ok")
     editable = rounds(materials.scenarios, draw)
     starts = rounds(_STARTS, draw)
     for _ in range(count):
@@ -27,11 +26,8 @@ def conversation_lines(materials: Materials, possible: PossibleEdits, count: int
             turns, about, fields = [_turn("generate", first.text, first.truth)], first.about, dict(first.fields)
             turns.append(_edit_at_run_time(draw))
         elif start == "select_by_slots":
-            found = next(searched, None)
-            if found is None:
-                continue
-            truth = _slots(found.truth)
-            turns, about, fields = [_turn("select", found.text, truth)], found.about, {}
+            text, truth = plain_search(materials, draw)
+            turns, about, fields = [_turn("select", text, truth)], text, {}
         else:
             one = next(editable)
             edits = next((possible.of(one)[key] for key in ("B", "P") if key in possible.of(one)), None)
@@ -47,14 +43,6 @@ def conversation_lines(materials: Materials, possible: PossibleEdits, count: int
 
 def _turn(action: str, text: str, truth: Mapping[str, Any]) -> Turn:
     return {"text": text, "action": action, "truth": dict(truth), "expect": "ok"}
-
-
-def _slots(truth: Mapping[str, Any]) -> Turn:
-    """The truth of a search as conversations write it: slots with least counts and speeds in m/s, and all matches."""
-    return {
-        "slots": {key: value for key, value in truth.items() if key not in ("matching_ids", "n_after_stage")},
-        "matches": [f"{key}.xml" for key in truth["matching_ids"]],
-    }
 
 
 def _edit_at_run_time(draw: Draw) -> Turn:

@@ -1,6 +1,6 @@
 """Requests that search the catalogue: places, tags, counts and speeds, with the ids that satisfy all of them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ....schemas.scenarios import ScenarioFacts
@@ -9,6 +9,7 @@ from .materials import STYLES, Condition, CorpusLine, Draw, KnownScenario, Mater
 
 _MOST_MATCHES = 10
 _KMH = 3.6
+_OPERATIONS = ("exact", "at_least", "at_most", "range")
 _MARGIN_MPS = 0.02
 """How far a speed stays from a bound that decides, as in the development corpora."""
 _WORDS = {"priorityVehicle": "emergency vehicle", "parkedVehicle": "parked vehicle", "motorcycle": "motorbike"}
@@ -26,6 +27,20 @@ def selection_lines(materials: Materials, count: int, draw: Draw) -> Iterator[Co
         line = next(found, None) if kind is None else _other(kind, materials, draw)
         if line is not None:
             yield line
+
+
+def plain_search(materials: Materials, draw: Draw) -> tuple[str, dict[str, Any]]:
+    """A search by place, tag and a least count, and its truth as conversations write it: slots and all matches."""
+    one = draw.choice(materials.scenarios)
+    counts = one.facts.participants.counts
+    tags = [tag for tag in one.facts.tags if tag in TAGS and tag != "simulated"]
+    conditions = [_place(one.facts), *(_tag(tag) for tag in draw.sample(tags, min(len(tags), 1)))]
+    conditions += [_count(kind, counts[kind], draw, ("at_least",)) for kind in draw.sample(sorted(counts), 1)]
+    words = [condition.words for condition in conditions]
+    slots = _truth(conditions)
+    slots["obstacles"] = {kind: slot["count"] for kind, slot in slots["obstacles"].items()}
+    matches = [f"{key}.xml" for key in materials.matching(*conditions)]
+    return f"Find scenarios {words[0]}, {', '.join(words[1:])}.", {"slots": slots, "matches": matches}
 
 
 def _found(materials: Materials, draw: Draw) -> Iterator[CorpusLine]:
@@ -72,10 +87,10 @@ def _tag(tag: str) -> Condition:
     return Condition("tags", [tag], f"tagged {tag}", lambda facts: tag in facts.tags)
 
 
-def _count(kind: str, count: int, draw: Draw) -> Condition:
+def _count(kind: str, count: int, draw: Draw, operations: Sequence[str] = _OPERATIONS) -> Condition:
     word = _WORDS.get(kind, kind)
     several = f"{word}es" if word.endswith("s") else f"{word}s"
-    operation = draw.choice(("exact", "at_least", "at_most", "range"))
+    operation = draw.choice(operations)
     low, high = max(count - draw.randint(0, 3), 1), count + draw.randint(1, 4)
     value: Any = {"exact": count, "at_least": low, "at_most": high, "range": [low, high]}[operation]
     words = {
