@@ -158,7 +158,7 @@ def test_a_stage_of_conversations_is_reached_past_right_stages_only() -> None:
     ]
     chain = tables_of(rows)[1]
     assert [cells[1:4] for cells in chain.own] == [("generate", "3", "2"), ("test", "2", "1"), ("end to end", "3", "1")]
-    assert ("paper: commercial", "End to end", "200", "165", "82.5") in chain.paper
+    assert ("paper: API", "End to end", "200", "165", "-", "83", "126", "42.5") in chain.paper
 
 
 def test_the_report_shows_a_miss_with_its_calls_and_escapes_what_was_said() -> None:

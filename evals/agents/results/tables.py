@@ -11,7 +11,8 @@ from rich.table import Column
 from rich.table import Table as RichTable
 
 from ....engine.analysis import wilson_interval
-from .published import PublishedTable, published
+from ....server.tokens import count_tokens
+from .published import PublishedStage, PublishedTable, published
 from .rows import JUDGE_FAILED, Row
 
 NO_FIGURE = "-"
@@ -43,10 +44,10 @@ class ResultTable:
         A table of one own row stands upright there, a line for each of its columns: a terminal has no room for a dozen.
         """
         notes = [*self.notes, *([f"rows of the paper: {self.source}"] if self.paper else [])]
-        shown = (*self.own, *self.paper[:paper_rows])
         upright = len(self.own) == 1
+        shown = (*self.own, *(self.paper[:paper_rows] if upright else self.paper))
         header = ("", *(row[0] for row in shown)) if upright else self.header
-        columns = [Column(text, no_wrap=upright and number < 2) for number, text in enumerate(header)]
+        columns = [Column(text, no_wrap=number == 1 or (upright and number == 0)) for number, text in enumerate(header)]
         table = RichTable(*columns, title=self.title, caption="; ".join(notes) or None)
         lines = zip(self.header[1:], *(row[1:] for row in shown), strict=True) if upright else shown
         for line in lines:
@@ -144,11 +145,13 @@ def _mean(values: Iterable[float], decimals: int) -> str:
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage of conversations: how many reached it, and how many of them passed it."""
+    """A stage of conversations: how many reached it, how many of them passed it, and means of what its calls took."""
 
     name: str
     reached: int
     passed: int
+    latency_s: float
+    answer_tokens: float
 
 
 def stages_of(rows: Sequence[Row]) -> list[Stage]:
@@ -157,46 +160,74 @@ def stages_of(rows: Sequence[Row]) -> list[Stage]:
     Scorers of conversations have a column for each kind. A conversation reaches a kind when all kinds that it came to
     before are right.
     """
-    reached: dict[str, int] = {}
+    reached: dict[str, list[Row]] = {}
     passed: dict[str, int] = {}
     for row in rows:
         for kind, verdict in row.score.columns.items():
-            reached[kind] = reached.get(kind, 0) + 1
+            reached.setdefault(kind, []).append(row)
             passed[kind] = passed.get(kind, 0) + (verdict is True)
             if verdict is not True:
                 break
     ordered = sorted(reached, key=lambda kind: _KINDS.index(kind) if kind in _KINDS else len(_KINDS))
-    return [Stage(kind, reached[kind], passed[kind]) for kind in ordered]
+    return [_stage(kind, reached[kind], passed[kind]) for kind in ordered]
 
 
 _KINDS = ("generate", "select", "modify", "test", "tune", "analyse", "compare")
 
 
+def _stage(kind: str, rows: Sequence[Row], passed: int) -> Stage:
+    calls = [
+        call
+        for row in rows
+        for call in row.attempt.calls
+        if call.turn < len(row.request.turns) and kind in row.request.turns[call.turn].action.split("+")
+    ]
+    tokens = sum(count_tokens(call.text) for call in calls)
+    return Stage(kind, len(rows), passed, sum(call.duration_s for call in calls) / len(rows), tokens / len(rows))
+
+
 def _chain_table(rows: Sequence[Row]) -> ResultTable:
-    chain = published().end_to_end
+    chain, agent, done = published().end_to_end, rows[0].agent, [row.score.done for row in rows]
     own = [
         (
-            rows[0].agent,
+            agent,
             stage.name,
             str(stage.reached),
             str(stage.passed),
-            _share([number < stage.passed for number in range(stage.reached)]),
+            _percent(stage.reached - stage.passed, stage.reached),
+            NO_FIGURE,
+            f"{stage.latency_s:.1f}",
+            f"{stage.answer_tokens / 1000:.1f}",
         )
         for stage in stages_of(rows)
     ]
-    done = [row.score.done for row in rows]
-    own.append((rows[0].agent, "end to end", str(len(done)), str(sum(done)), _share(done)))
-    paper = [
-        (f"paper: {model}", stage.name, str(into), str(out), NO_FIGURE if not into else f"{out / into * 100:.1f}")
-        for model, sides in (
-            ("commercial", [(stage, stage.commercial_in, stage.commercial_out) for stage in chain.rows]),
-            ("open", [(stage, stage.open_in, stage.open_out) for stage in chain.rows]),
-        )
-        for stage, into, out in sides
-    ]
-    header = ("agent", "stage", "in", "out", "passed %")
-    notes = ("a kind of turn is reached when all kinds before it in the conversation are right",)
+    tokens = _mean(((row.tokens + row.answer_tokens) / 1000 for row in rows), 1)
+    latency = _mean((row.attempt.duration_s for row in rows), 1)
+    whole = (str(len(done)), str(sum(done)), NO_FIGURE, _share(done), latency, tokens)
+    own.append((agent, "end to end", *whole))
+    paper = [_published_stage(model, stage) for model in _BY_MODEL for stage in chain.rows]
+    header = ("agent", "stage", "in", "out", "failed %", "of all %", "latency (s)", "tokens (k)")
+    notes = (
+        "a kind of turn is reached when all kinds before it in the conversation are right",
+        "the paper's models are a commercial one behind an API and an open one",
+        "own tokens of a stage are those of its answers, of the whole those of the model too",
+    )
     return ResultTable("end to end, by stage", chain.source, header, tuple(own), tuple(paper), notes)
+
+
+_BY_MODEL = {"commercial": "API", "open": "open"}
+"""The paper's two end-to-end runs, by a commercial model behind an API and an open one; and their short names."""
+
+
+def _published_stage(model: str, stage: PublishedStage) -> tuple[str, ...]:
+    given = stage.model_dump()
+    figures = [given[f"{model}_{key}"] for key in ("in", "out", "fr_pct", "cum_sr_pct", "latency_s", "tokens_k")]
+    name = stage.name.replace("Modification, ", "- ")
+    return (f"paper: {_BY_MODEL[model]}", name, *(NO_FIGURE if one is None else f"{one:g}" for one in figures))
+
+
+def _percent(count: int, of: int) -> str:
+    return f"{count / of * 100:.1f}" if of else NO_FIGURE
 
 
 def _cost_table(rows: Sequence[Row]) -> ResultTable:
