@@ -160,20 +160,17 @@ def _corrected(model: type[BaseModel], details: Sequence[ErrorDetails], given: M
 
 
 def _mended(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
-    """Put the nearest valid name or choice in place of a wrong one; whether that is possible.
-
-    A name that is near none is left out.
-    """
+    """Put the nearest valid name or choice in place of a wrong one; whether there is one."""
     *holder, last = detail["loc"]
     place: Any = values
     for part in holder:
         place = place[part]
     if detail["type"] == "extra_forbidden" and isinstance(place, dict):
         near = _nearest(str(last), _model_at(model, detail["loc"]).model_fields)
-        value = place.pop(last, None)
         if near and near not in place:
-            place[near] = value
-        return True
+            place[near] = place.pop(last)
+            return True
+        return False
     if detail["type"] == "literal_error":
         allowed = re.findall(r"'([^']*)'", str(detail.get("ctx", {}).get("expected", "")))
         near = _nearest(str(detail["input"]), allowed)

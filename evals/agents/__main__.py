@@ -1,7 +1,9 @@
 """``make bench-agent``: what the tools allow at best, what agents without a model reach, and what an ideal agent needs.
 
 Keys: ``oracle_TASK``: share of the corpus' requests that the ground truth as calls gets done, judged in the workspace;
-``oracle_e2e_made``: the same of conversations that are made for it (``--conversations``); ``regex_routing``,
+``oracle_e2e_made``: the same of conversations that are made for it (``--conversations``); ``spoiled_first_try``,
+``spoiled_after_refusal``: shares of requests that get done by calls as small models write them, at once and after two
+refusals at most, ``spoiled_unnoticed``: how many end wrongly without a refusal; ``regex_routing``,
 ``bm25_top1`` and ``bm25_any5``: what keywords alone reach (the paper: 0.455, 0.675 and 0.86); ``misbehaviours``: kinds
 of misbehaviour of models and servers that the agent's tests stand for and that it survives; ``tokens_e2e``: tokens
 that an ideal agent needs for a conversation in the mean: prompt, tools, calls and answers, each counted once
@@ -32,6 +34,8 @@ from ..harness import Figures, print_figures, rate_text, share, shared_folder
 from .corpora import TASKS, packaged_corpora
 from .results.rows import Row
 from .running import EvaluationOrder, rows_of, run_evaluation
+from .scoring.tuning import MISSING_PLANNER
+from .spoiled import MOST_REFUSALS
 
 MISBEHAVIOURS: Mapping[str, tuple[str, ...]] = {
     "unknown tool": ("unknown_tool",),
@@ -68,6 +72,7 @@ def main() -> None:
         rows = _rows(_order(folder / "oracle", "oracle", "all", given.limit, given.workers))
         regex = _rows(_order(folder / "regex", "regex", "routing", given.limit, given.workers))
         bm25 = _rows(_order(folder / "bm25", "bm25", "selection", given.limit, given.workers))
+        scripted = _rows(_order(folder / "scripted", "scripted", "all", given.limit, given.workers))
         made = _made(folder / "made", given.conversations, given.workers) if given.conversations else []
     figures: dict[str, float | int | str] = {}
     texts = []
@@ -86,6 +91,9 @@ def main() -> None:
     ):
         figures[key] = share(done)
         texts.append((key, rate_text(sum(done), len(done))))
+    spoiled = spoiled_figures(scripted)
+    figures |= spoiled
+    texts += [(key, str(value)) for key, value in spoiled.items()]
     figures |= {"misbehaviours": _misbehaviours(), **tokens_of([row for row in rows if row.request.task == "e2e"])}
     texts += [(key, str(figures[key])) for key in ("misbehaviours", "tokens_e2e", "tool_tokens", "essential_tokens")]
     print_figures("agents", figures, texts)
@@ -142,6 +150,28 @@ def tokens_of(conversations: Sequence[Row]) -> Figures:
         "tool_tokens": full,
         "essential_tokens": essential,
     }
+
+
+def spoiled_figures(rows: Sequence[Row]) -> Figures:
+    """How the tools bear calls as small models write them, of the requests that can be done here."""
+    there = [row for row in rows if row.request.expect in ("ok", "empty") and MISSING_PLANNER not in row.score.columns]
+    refusals = [sum(call.is_error for call in row.attempt.calls) for row in there]
+    unnoticed = [
+        row for row in there if not row.score.done and row.attempt.calls and not row.attempt.calls[-1].is_error
+    ]
+    for row in unnoticed:
+        sys.stderr.write(f"wrong and unnoticed: {row.request_id}: {'; '.join(row.score.misses)}\n")
+    pairs = list(zip(there, refusals, strict=True))
+    return {
+        "spoiled_requests": len(there),
+        "spoiled_first_try": share(row.score.done and not count for row, count in pairs),
+        "spoiled_after_refusal": share(row.score.done and count <= MOST_REFUSALS * _turns(row) for row, count in pairs),
+        "spoiled_unnoticed": len(unnoticed),
+    }
+
+
+def _turns(row: Row) -> int:
+    return max(len(row.request.turns), 1)
 
 
 def _misbehaviours() -> int:

@@ -55,6 +55,12 @@ def _oracle(choice: AgentChoice) -> EvaluatedAgent:
     return Oracle()
 
 
+def _scripted(choice: AgentChoice) -> EvaluatedAgent:
+    from .spoiled import Scripted
+
+    return Scripted(choice.seed)
+
+
 def _regex(choice: AgentChoice) -> EvaluatedAgent:
     from .floors import RegexRouter
 
@@ -83,6 +89,7 @@ def _model(choice: AgentChoice) -> EvaluatedAgent:
 
 _AGENTS: Mapping[str, _Entry] = {
     "oracle": _Entry(_oracle, "oracle"),
+    "scripted": _Entry(_scripted, "scripted"),
     "regex": _Entry(_regex, "regex"),
     "bm25": _Entry(_bm25, "bm25"),
     "journal": _Entry(_journal, "journal:JOURNAL@MARKS"),

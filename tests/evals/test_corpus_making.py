@@ -141,24 +141,3 @@ def test_an_edit_that_is_asked_for_can_be_carried_out_and_one_to_be_refused_is(
 def test_without_scenarios_there_is_nothing_to_ask_about(materials: Materials) -> None:
     with pytest.raises(InvalidRequest, match="no scenario"):
         make_corpora(Materials((), materials.maps), QUICK, 5, 1)
-
-
-def test_the_packaged_requests_are_what_the_command_makes(materials: Materials, tmp_path: Path) -> None:
-    for path in write_corpora(make_corpora(materials, QUICK, 24, 1), tmp_path, whole=True):
-        assert path.read_bytes() == (packaged_corpora() / path.name).read_bytes()
-
-
-def test_searches_of_packaged_conversations_have_the_matches_that_the_facts_say(materials: Materials) -> None:
-    facts = {one.name: one.facts for one in materials.scenarios}
-    turns = [turn for request in read_corpus(packaged_corpora() / "e2e.jsonl") for turn in request.turns]
-    searches = [turn.truth for turn in turns if turn.action == "select" and "slots" in turn.truth]
-    assert searches
-    for truth in searches:
-        slots = truth["slots"]
-        assert truth["matches"] == [
-            name
-            for name, one in facts.items()
-            if one.location.place == slots["location"]["city"]
-            and set(slots.get("tags", ())) <= set(one.tags)
-            and all(one.participants.counts.get(kind, 0) >= count for kind, count in slots["obstacles"].items())
-        ]

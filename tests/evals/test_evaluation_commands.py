@@ -20,7 +20,6 @@ from plannerforge.evals.agents.__main__ import MISBEHAVIOURS, tokens_of
 from plannerforge.evals.agents.attempts import Attempt, EvalRequest, ToolSession
 from plannerforge.evals.agents.campaign import evaluate, rows_path
 from plannerforge.evals.agents.connection import ServerSession
-from plannerforge.evals.agents.making.materials import read_materials
 from plannerforge.evals.agents.model_agent import ModelAgent
 from plannerforge.evals.agents.results.rows import AGENT_FAILED
 from plannerforge.evals.agents.roster import open_agent
@@ -157,18 +156,3 @@ async def test_an_ideal_agents_tokens_count_prompt_tools_and_answers_once(tmp_pa
     figures = tokens_of(rows)
     assert int(figures["essential_tokens"]) < int(figures["tool_tokens"]) < int(figures["tokens_e2e"])
     assert int(figures["tokens_e2e"]) - int(figures["tool_tokens"]) > rows[0].answer_tokens
-
-
-def test_an_evaluation_on_a_workspace_leaves_it_as_it_is(tmp_path: Path) -> None:
-    workspace = tmp_path / "own"
-    read_materials(workspace)
-    before = {path: path.read_bytes() for path in workspace.rglob("*.sqlite")}
-    order = EvaluationOrder("tuning", "oracle", "cp", out=tmp_path / "out", limit=2, workspace=workspace)
-    assert run_evaluation(order, Console(file=io.StringIO(), width=160)) == 0
-    assert {path: path.read_bytes() for path in workspace.rglob("*.sqlite")} == before
-
-
-def test_a_workspace_that_is_not_there_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    order = EvaluationOrder("tuning", "oracle", "cp", out=tmp_path / "out", limit=1, workspace=tmp_path / "none")
-    assert run_evaluation(order, Console(file=io.StringIO())) == 1
-    assert "cannot be copied" in capsys.readouterr().err

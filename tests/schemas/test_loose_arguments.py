@@ -82,9 +82,10 @@ def test_a_refusal_carries_the_call_that_was_meant() -> None:
     with pytest.raises(InvalidRequest) as caught:
         read_arguments(Request, {"scenario_id": "A", "trafic": "reactiv", "count": 2})
     assert caught.value.next_step == 'call again with {"scenario_id": "A", "count": 2, "traffic": "reactive"}'
-    with pytest.raises(InvalidRequest) as caught:
-        read_arguments(Request, {"scenario_id": "A", "duration_s": 1})
-    assert "call again with" not in caught.value.next_step
+    for vague in ({"duration_s": 1}, {"reasoning": "it is so"}):
+        with pytest.raises(InvalidRequest) as caught:
+            read_arguments(Request, {"scenario_id": "A", **vague})
+        assert "call again with" not in caught.value.next_step
 
 
 @given(

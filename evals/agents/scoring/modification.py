@@ -46,15 +46,20 @@ def edit_columns(truths: Sequence[Mapping[str, Any]], made: MadeCall, world: Wor
     reports = list(made.structured.get("edits", []))[-len(truths) :]
     columns: Columns = {"xml": True, "preserve": _untouched_are_so(made, scene, base)}
     columns["edits"] = len(reports) == len(truths)
+    asked = world.recipe(str(made.structured["scenario_id"])).get("arguments", {}).get("edits", [])
     for index, truth in enumerate(truths):
         report = reports[index] if index < len(reports) else {}
-        for name, verdict in _checks(truth, report, scene, base, made).items():
+        for name, verdict in _checks(truth, report, scene, base, asked).items():
             columns[name] = verdict and columns.get(name) is not False
     return columns
 
 
 def _checks(
-    truth: Mapping[str, Any], report: Mapping[str, Any], scene: SceneFile, base: SceneFile, made: MadeCall
+    truth: Mapping[str, Any],
+    report: Mapping[str, Any],
+    scene: SceneFile,
+    base: SceneFile,
+    asked: Sequence[Mapping[str, Any]],
 ) -> dict[str, bool]:
     op = truth["op"]
     if op == "reroute":
@@ -65,7 +70,7 @@ def _checks(
             "ends": bool(keys) and all(_ends(scene, key, targets) for key in keys if key in scene.users),
         }
     if op == "set_behaviour":
-        return {"tgt": _same_ids(truth, report), "preset": _behaves(truth, made)}
+        return {"tgt": _same_ids(truth, report), "preset": _behaves(truth, asked)}
     if op == "remove_vehicle":
         keys = _ids(truth, report)
         gone = bool(keys) and all(key in base.users and key not in scene.users for key in keys)
@@ -122,10 +127,10 @@ def _reached(scene: SceneFile, begin: Iterable[int]) -> set[int]:
     return reached
 
 
-def _behaves(truth: Mapping[str, Any], made: MadeCall) -> bool:
-    """Whether the driver's parameters are those that preset and parameters come to: as the call named them."""
+def _behaves(truth: Mapping[str, Any], asked: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether preset and parameters are those that were wanted, as the recipe of the written file has them."""
     preset, params = truth.get("preset"), {name: float(value) for name, value in truth.get("params", {}).items()}
-    for edit in made.arguments.get("edits", []):
+    for edit in asked:
         if edit.get("op") != "set_behaviour" or str(edit.get("preset") or "").lower() != str(preset or "").lower():
             continue
         given = dict(_assigned(str(text)) for text in edit.get("params") or [])

@@ -6,12 +6,14 @@ five slots, each met where the call's conditions are those of the ground truth.
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from ....engine.maps import country_code
 from ....schemas.errors import PlannerForgeError
 from ....schemas.grammar import parse_condition
+from ...answers.files import World
 from ...selection.corpus import arguments_of
-from ..attempts import Attempt, EvalRequest, MadeCall, Score
+from ..attempts import Attempt, EvalRequest, Score
 from .common import last_of, scored
 
 _FIRST = 5
@@ -21,12 +23,12 @@ _NO_SEARCH: Mapping[str, bool | None] = {"sat_any5": False, "sat_top1": False, "
 
 def score_selection(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
     """The last search that was carried out, against the ids that satisfy every slot."""
-    del workspace
     search = last_of(attempt.calls, "find_scenarios")
     if search is None:
         return scored(request, _NO_SEARCH, ["no search was carried out"])
     found = [str(match["scenario_id"]) for match in search.structured.get("matches", [])]
-    slots = _slots(request, search)
+    recipe = World(workspace).recipe(str(search.structured.get("search_id")))
+    slots = _slots(request, {**search.arguments, **recipe.get("arguments", {})})
     if request.expect == "empty":
         none = not found and int(search.structured.get("total", 0)) == 0
         return scored(request, {**slots, "empty": none}, [] if none else [f"gave {found[:3]} where nothing matches"])
@@ -43,8 +45,8 @@ def score_selection(request: EvalRequest, attempt: Attempt, workspace: Path) -> 
     return Score(score.request_id, score.done, {**slots, **columns}, score.misses)
 
 
-def _slots(request: EvalRequest, search: MadeCall) -> dict[str, bool | None]:
-    truth, given = arguments_of(dict(request.truth)), search.arguments
+def _slots(request: EvalRequest, given: Mapping[str, Any]) -> dict[str, bool | None]:
+    truth = arguments_of(dict(request.truth))
     return {
         "location": (_country(truth.country), _plain(truth.city))
         == (_country(given.get("country")), _plain(given.get("city"))),
