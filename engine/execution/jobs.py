@@ -200,10 +200,13 @@ class JobRunner:
         def begin() -> None:
             self._tasks.start_soon(self._run_apart, self._carry_out, job.job_id, work)
 
+        async def begin_at_home() -> None:  # as a task: outside of one anyio does not know its event loop
+            begin()
+
         if asyncio.get_running_loop() is self._home:
             begin()
         else:
-            self._home.call_soon_threadsafe(begin)
+            asyncio.run_coroutine_threadsafe(begin_at_home(), self._home)
         return job
 
     async def wait(self, job_id: str, wait_s: float, on_news: Callable[[Job], Awaitable[None]]) -> Job:

@@ -1,5 +1,6 @@
 """Many files are imported as a job that others can wait for, cancel and take up."""
 
+import asyncio
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from mcp import Client
 from support.builders import town_road
 from support.server import Connect
 
+from plannerforge.server.assembly import create_server
 from plannerforge.server.one_call import make_call
 from plannerforge.server.settings import Settings
 from plannerforge.tools import importing
@@ -123,3 +125,14 @@ async def test_what_is_stored_already_is_not_taken_in_as_files(
         target = {"ids": ["ZAM_Many-1_1_T-1"], "folder": str(folder / "own" / "scenarios")}
         refused = await client.call_tool("export_artifacts", target)
         assert "belongs to the workspace" in refused.content[0].text  # type: ignore[union-attr]
+
+
+def test_a_job_ends_under_an_event_loop_that_anyio_did_not_start(bare: Settings, folder: Path) -> None:
+    async def imported() -> str:
+        async with Client(create_server(bare)) as client:
+            _, answer = await ask(client, "import_files", path=str(folder))
+            while answer["state"] == "running":
+                _, answer = await ask(client, "get_job", job_id=answer["job_id"], wait_s=5)
+            return str(answer)
+
+    assert f"{FILES}" in asyncio.run(imported())
