@@ -153,8 +153,17 @@ def tokens_of(conversations: Sequence[Row]) -> Figures:
 
 
 def spoiled_figures(rows: Sequence[Row]) -> Figures:
-    """How the tools bear calls as small models write them, of the requests that can be done here."""
-    there = [row for row in rows if row.request.expect in ("ok", "empty") and MISSING_PLANNER not in row.score.columns]
+    """How the tools bear calls as small models write them, of the requests that can be done here.
+
+    Routing is left out: its verdicts are about the calls that were made, and not about what came of them.
+    """
+    there = [
+        row
+        for row in rows
+        if row.request.expect in ("ok", "empty")
+        and row.request.task != "routing"
+        and MISSING_PLANNER not in row.score.columns
+    ]
     refusals = [sum(call.is_error for call in row.attempt.calls) for row in there]
     unnoticed = [
         row for row in there if not row.score.done and row.attempt.calls and not row.attempt.calls[-1].is_error

@@ -9,7 +9,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from ....schemas.loose_arguments import read_loosely
 from ....schemas.modification import EDITS
+from ....tools.registry import TOOLS
 from ..attempts import Attempt, EvalRequest, MadeCall, Score
 from .common import scored
 
@@ -57,6 +59,12 @@ def classes_of(attempt: Attempt) -> tuple[list[str], str]:
     return [*work, *(["qa"] if classes[-1] == _LOOK else [])], asked
 
 
+def _as_read(call: MadeCall) -> Mapping[str, Any]:
+    """The arguments as the server reads them, however they were written."""
+    model = next((spec.arguments_type for spec in TOOLS if spec.name == call.tool), None)
+    return call.arguments if model is None else read_loosely(model, call.arguments).values
+
+
 def _letter(edit: Mapping[str, Any]) -> str:
     """The paper's letter of an edit; empty for an operation that there is not."""
     kind = next((kind for name, kind in EDITS.items() if name == edit.get("op")), None)
@@ -64,7 +72,7 @@ def _letter(edit: Mapping[str, Any]) -> str:
 
 
 def _edits(call: MadeCall) -> Sequence[Mapping[str, Any]]:
-    edits = call.arguments.get("edits", []) if call.tool == "modify_scenario" else []
+    edits = _as_read(call).get("edits", []) if call.tool == "modify_scenario" else []
     return [edit for edit in edits if isinstance(edit, Mapping)] if isinstance(edits, list) else []
 
 
@@ -78,10 +86,10 @@ def _class(call: MadeCall) -> str:
         return "param_qa"
     if call.tool == "run_planner":
         return "batch_sim"
-    if call.tool == "list_artifacts" and call.arguments.get("kind") == "batch":
+    if call.tool == "list_artifacts" and _as_read(call).get("kind") == "batch":
         return "batch_qa"
     if call.tool in ("analyze_results", "compare_results"):
-        named = [str(word) for word in call.arguments.get("results") or ["latest_run"]]
+        named = [str(word) for word in _as_read(call).get("results") or ["latest_run"]]
         several = len(named) > 1 or any("batch" in word for word in named)
         return "batch_analysis" if several else "analysis"
     return _LOOK if call.tool in _QUESTIONS else ""
