@@ -25,7 +25,9 @@ def run(*arguments: str) -> Result:
 def test_call_prints_the_text_of_the_answer(tmp_path: Path) -> None:
     result = run("call", "echo", '{"text": "hello", "tags": "a"}')
     assert result.exit_code == 0
-    assert json.loads(result.stdout)["text"] == "hello"
+    said, note = result.stdout.splitlines()
+    assert json.loads(said)["text"] == "hello"
+    assert note == 'Note: tags="a" is read as ["a"]'
     assert (tmp_path / "workspace" / "journal" / "calls.jsonl").is_file()
 
 
