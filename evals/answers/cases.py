@@ -91,7 +91,7 @@ def sheet_of_scenario(scenario_id: str) -> list[Case]:
         edit("Take the nearest one out.", (r"removed 1: \d+",), op="remove_vehicle", vehicles=["nearest:1"]),
         edit(
             "Put a truck 40 m ahead of me.",
-            (r"truck \d+ on lanelet \d+ at [\d.]+ m, [\d.]+ m/s",),
+            (r"truck \d+ on lanelet \d+ at [\d.]+ m.*, [\d.]+ m/s", r"gaps: "),
             op="add_vehicle",
             vehicle_class="truck",
             at="ego",

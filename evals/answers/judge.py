@@ -285,7 +285,7 @@ def _edit(told: Told, world: World, verdict: Verdict) -> None:
         for key in re.findall(r"\d+", removed):
             verdict.holds(f"{key} is removed", int(key) not in scene.users and int(key) in base.users)
     for kind, key, lane, speed in re.findall(
-        r"add_vehicle \(P\): (\w+) (\d+) on lanelet (\d+) at [\d.]+ m, ([\d.]+) m/s", told.text
+        r"add_vehicle \(P\): (\w+) (\d+) on lanelet (\d+) at [\d.]+ m(?: \([^)]*\))?, ([\d.]+) m/s", told.text
     ):
         user = scene.users.get(int(key))
         verdict.holds(f"{key} is added", user is not None and int(key) not in base.users)
