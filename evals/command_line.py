@@ -1,6 +1,7 @@
 """The whole command line: what the server offers, its clients in ``agent``, and the evaluation of agents."""
 
 from ..agent.command_line import application
+from ..server.command_line import run
 from .agents.commands import corpus, evaluation
 
 application.add_typer(evaluation)
@@ -9,4 +10,4 @@ application.add_typer(corpus)
 
 def main() -> None:
     """Entry point of the ``plannerforge`` command."""
-    application()
+    run(application)

@@ -6,11 +6,13 @@ Commands import what they need when they run, so that ``serve`` answers fast.
 """
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from ..schemas.errors import PlannerForgeError
 from .catalog_commands import catalog
 from .flags import MapFolders, Roots, Workers, Workspace, settings_from
 from .maps_commands import maps
@@ -24,6 +26,23 @@ application = typer.Typer(
 )
 application.add_typer(catalog)
 application.add_typer(maps)
+
+
+def run(program: typer.Typer) -> None:
+    """Run a command line; an error of this package ends it with its sentence and exit code 1, without a traceback."""
+    told: list[str] = []
+    try:
+        program()
+    except* PlannerForgeError as failures:
+        told = [error.text for error in _leaves(failures) if isinstance(error, PlannerForgeError)]
+    if told:
+        typer.echo("\n".join(dict.fromkeys(told)), err=True)
+        raise SystemExit(1)
+
+
+def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
+    for error in group.exceptions:
+        yield from _leaves(error) if isinstance(error, BaseExceptionGroup) else (error,)
 
 
 @application.command()
@@ -92,7 +111,6 @@ def prompts(
 ) -> None:
     """List the prompts of the tasks with what they cost in tokens, or print one."""
     from ..prompts.composition import system_prompt
-    from ..schemas.errors import PlannerForgeError
     from .tool_costs import print_prompt_costs
 
     if task is None:

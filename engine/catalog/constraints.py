@@ -139,7 +139,7 @@ def _taken(argument: str, text: str) -> Constraint:
                 continue
             among = other.replace("|", " and ")
             note = f"'{one_line(_parse_name(text))}' is no {_CALLED[argument]}; looked for among {among}."
-            return replace(found, note=note)
+            return replace(found, note=f"{note} {found.note}".strip())
         raise
 
 
@@ -255,7 +255,9 @@ def _obstacles(text: str) -> Constraint:
     holds_for_none = low <= 0 <= high
     query = outside if holds_for_none else within
     negated = condition.negated != holds_for_none
-    return Constraint("obstacles", name, label, query, (name, low, high), negated, (("obstacle", name),))
+    alike = _key(condition.name) in (key := _key(name), f"{key}s", f"{key}es")
+    note = "" if alike else f"'{one_line(condition.name)}' is taken as {name}."
+    return Constraint("obstacles", name, label, query, (name, low, high), negated, (("obstacle", name),), note=note)
 
 
 _MAKERS: dict[str, Callable[[str], Constraint]] = {

@@ -1,6 +1,8 @@
 """The command line: one call, the list of tools, and one clear line for what is wrong."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -121,3 +123,15 @@ def test_prompts_are_listed_with_their_cost_and_printed() -> None:
     refused = run("prompts", "cooking")
     assert refused.exit_code == 1
     assert "there is no task 'cooking'" in refused.stderr
+
+
+@pytest.mark.parametrize("command", [("serve",), ("call", "list_artifacts"), ("maps", "list")])
+def test_a_workspace_that_cannot_be_is_told_in_a_line(command: tuple[str, ...], tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    program = [sys.executable, "-m", "plannerforge.server", *command, "--workspace", str(file)]
+    ended = subprocess.run(program, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False)
+    assert ended.returncode == 1
+    assert ended.stdout == ""
+    assert f"workspace database {file} cannot be used" in ended.stderr
+    assert "Traceback" not in ended.stderr

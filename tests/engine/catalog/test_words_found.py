@@ -49,6 +49,15 @@ def test_a_name_of_a_tag_and_a_feature_among_obstacles_means_either(three: sqlit
     assert "'roundabout' is no obstacle type; looked for among tags and features." in found.notes
 
 
+@pytest.mark.parametrize(("word", "note"), [("omnibus", "'omnibus' is taken as bus."), ("buses", ""), ("bus", "")])
+def test_a_word_of_everyday_language_is_told_with_the_type_that_it_is_taken_for(
+    three: sqlite3.Connection, word: str, note: str
+) -> None:
+    found = answer(three, obstacles=[word])
+    assert ids(found) == [TAGGED]
+    assert [text for text in found.notes if "taken" in text] == [note] * bool(note)
+
+
 def test_a_word_of_no_vocabulary_is_refused_as_before(three: sqlite3.Connection) -> None:
     with pytest.raises(UnknownName, match="'zebrafish' is no tag"):
         answer(three, tags=["zebrafish"])
