@@ -13,7 +13,7 @@ SEED ?= 1
 
 .PHONY: help demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-import-crashes bench-drivable bench-same-bytes \
-	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent \
+	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps \
 	starter house chat-page format clean
 
 help:
@@ -68,7 +68,7 @@ layers: $(DEV_STAMP)
 	@$(VENV)/bin/lint-imports
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
-	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent
+	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps
 
 bench-server: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.server
@@ -97,11 +97,14 @@ bench-routes: $(DEV_STAMP)
 bench-generation: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.generation
 
+bench-maps: $(DEV_STAMP)
+	@$(PYTHON) -m plannerforge.evals.maps --workers $(WORKERS)
+
 bench-modification: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.modification --workers $(WORKERS)
 
 bench-drivable: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.drivable
+	@$(PYTHON) -m plannerforge.evals.modification.drivable
 
 bench-import-crashes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.faults.imports

@@ -72,7 +72,7 @@ def parts(seeds: Sequence[int], inputs: int, record: Path) -> dict[str, _Part]:
             (*fresh, str(_APPROACHES)),
             {"fresh_approaches": "fresh_approaches", "fresh_avoidable_rear_hits": "fresh_rear_hits"},
         ),
-        "drivable": _Part("drivable", (), _same("drivable_share")),
+        "drivable": _Part("modification.drivable", (), _same("drivable_share")),
         "kills": _Part("faults.mixed_load", (), _same("kills", "broken_after_restart", "orphans")),
     }
 

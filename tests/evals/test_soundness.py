@@ -12,7 +12,7 @@ def soundness(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_what_a_part_said_with_the_same_arguments_is_not_measured_again(tmp_path: Path) -> None:
-    kept = {"arguments": ["drivable"], "figures": {"drivable_share": 0.75, "files": 3}}
+    kept = {"arguments": ["modification.drivable"], "figures": {"drivable_share": 0.75, "files": 3}}
     (tmp_path / "drivable.json").write_text(json.dumps(kept))
     done = soundness("--parts", "drivable", "--record", str(tmp_path))
     assert done.returncode == 0
@@ -20,7 +20,9 @@ def test_what_a_part_said_with_the_same_arguments_is_not_measured_again(tmp_path
 
 
 def test_a_figure_that_a_part_does_not_say_fails_the_whole(tmp_path: Path) -> None:
-    (tmp_path / "drivable.json").write_text(json.dumps({"arguments": ["drivable"], "figures": {"files": 3}}))
+    (tmp_path / "drivable.json").write_text(
+        json.dumps({"arguments": ["modification.drivable"], "figures": {"files": 3}})
+    )
     done = soundness("--parts", "drivable", "--record", str(tmp_path))
     assert done.returncode == 1
     assert "not measured: drivable" in done.stderr

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..engine.commonroad import read_scenario
-from ..engine.cosimulation import not_drivable
-from ..engine.scene import NOT_DRIVEN, Scene
-from ..schemas.errors import PlannerForgeError
-from .harness import print_figures, process_pool, scenario_arguments, scenario_files
+from ...engine.commonroad import read_scenario
+from ...engine.cosimulation import not_drivable
+from ...engine.scene import NOT_DRIVEN, Scene
+from ...schemas.errors import PlannerForgeError
+from ..harness import print_figures, process_pool, scenario_arguments, scenario_files
 
 _PROCESSES = 2
 _OPPOSITE_RAD = 2.1
