@@ -15,7 +15,7 @@ from ..schemas.catalog import FindScenariosArguments, SearchRecord
 from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
 from ..schemas.scenarios import DescribeRequest, DescribeScenarioArguments, DescribeScenarioResult, ScenarioRecord
 from .call import ToolCall
-from .generation_record import described_generation, kept_report, with_classes
+from .generation.record import described_generation, kept_report, with_classes
 from .operations import DESCRIBE_SCENARIO
 
 _LARGEST_PRESET = 500

@@ -15,7 +15,7 @@ from plannerforge.engine.maps.index import MapMatch, built_in_maps
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerateScenariosArguments, GenerationRequest
 from plannerforge.tools.call import ToolCall
-from plannerforge.tools.generation_plan import AssignedSite, request_for, share_sites
+from plannerforge.tools.generation.requests import AssignedSite, request_for, share_sites
 from plannerforge.tools.operations import GENERATE_SCENARIO
 
 MAPS = {entry.facts.place: MapMatch(entry) for entry in built_in_maps()}

@@ -5,7 +5,7 @@ import pytest
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GenerateScenariosArguments
-from plannerforge.tools.generation_plan import plan_maps
+from plannerforge.tools.generation.requests import plan_maps
 
 
 def test_a_type_that_no_map_of_a_box_holds_is_refused_with_what_all_of_them_hold() -> None:

@@ -6,7 +6,7 @@ import pytest
 from support.server import Connect
 
 from plannerforge.server.settings import Settings
-from plannerforge.tools.generation_record import REPORT
+from plannerforge.tools.generation.record import REPORT
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 WISH = {

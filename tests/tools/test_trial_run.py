@@ -6,7 +6,7 @@ import pytest
 
 from plannerforge.schemas.generation import ScenarioSummary
 from plannerforge.schemas.runs import Outcome, RunRecord
-from plannerforge.tools import generation as trial_run
+from plannerforge.tools.generation import making as trial_run
 from plannerforge.tools.runs import CellResult
 
 SUMMARY = ScenarioSummary.model_construct(scenario_id="ZAM_A-1_1_T-1", checks_passed=[], checks_failed=[], notes=[])

@@ -19,7 +19,7 @@ from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.generation.site_network import SiteNetwork, build_network
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, UnknownName
 from plannerforge.schemas.generation import VehicleDemand
-from plannerforge.tools.generation_record import summarise
+from plannerforge.tools.generation.record import summarise
 
 
 @pytest.mark.parametrize(

@@ -2,27 +2,27 @@
 
 from pathlib import Path
 
-from ..engine.catalog import open_catalogue
-from ..engine.maps import MapMatch
-from ..engine.tuning import DEFAULT_CONFIGURATION
-from ..engine.workspace import Recipe, content_digest, versions_of
-from ..schemas.errors import NotPossible, UnknownName, WorkerFailure
-from ..schemas.generation import (
+from ...engine.catalog import open_catalogue
+from ...engine.maps import MapMatch
+from ...engine.tuning import DEFAULT_CONFIGURATION
+from ...engine.workspace import Recipe, content_digest, versions_of
+from ...schemas.errors import NotPossible, UnknownName, WorkerFailure
+from ...schemas.generation import (
     GeneratedScenario,
     GenerateScenariosArguments,
     GenerateScenariosResult,
     GenerationRequest,
     ScenarioSummary,
 )
-from ..schemas.runs import NO_TRAJECTORY
-from .call import ToolCall
-from .configurations import resolve_configuration, store_configuration
-from .generation_plan import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
-from .generation_record import REPORT, summarise
-from .maps import maps_at_hand
-from .operations import GENERATE_SCENARIO
-from .runs import Cell, run_grid
-from .scenario_storage import store_scenario
+from ...schemas.runs import NO_TRAJECTORY
+from ..call import ToolCall
+from ..configurations import resolve_configuration, store_configuration
+from ..maps import maps_at_hand
+from ..operations import GENERATE_SCENARIO
+from ..runs import Cell, run_grid
+from ..scenario_storage import store_scenario
+from .record import REPORT, summarise
+from .requests import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
 
 CHECK = "planner can run"
 _ADVICE = "the default planner cannot run here; another seed makes other traffic and another ego"

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from ..engine.workspace import Artifact
-from ..schemas.generation import (
+from ...engine.workspace import Artifact
+from ...schemas.generation import (
     NATURAL_SHARES,
     SHARES_SOURCE,
     Checks,
@@ -12,9 +12,9 @@ from ..schemas.generation import (
     GenerationRequest,
     ScenarioSummary,
 )
-from ..schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
-from ..schemas.text import counted
-from .call import ToolCall
+from ...schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
+from ...schemas.text import counted
+from ..call import ToolCall
 
 REPORT = "generation.json"
 """What came out of the generation, kept with the scenario for when it is asked for again."""

@@ -8,19 +8,19 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..engine.maps import Box, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
-from ..schemas.errors import InvalidRequest, NotPossible
-from ..schemas.generation import (
+from ...engine.maps import Box, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
+from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.generation import (
     NATURAL_SHARES,
     GenerateScenariosArguments,
     GenerationRequest,
     ScenarioType,
     VehicleDemand,
 )
-from ..schemas.grammar import parse_condition
-from ..schemas.vocabulary import vehicle_class_of
-from .call import ToolCall
-from .operations import COUNT_SITES
+from ...schemas.grammar import parse_condition
+from ...schemas.vocabulary import vehicle_class_of
+from ..call import ToolCall
+from ..operations import COUNT_SITES
 
 MOST_VEHICLES = 300
 """A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
