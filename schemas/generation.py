@@ -13,6 +13,21 @@ from .text import counted
 SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
 ScenarioType = Literal["any", SiteType]
 Density = Literal["low", "medium", "high"]
+Turn = Literal["left", "right", "straight", "lane_change", "merge", "exit"]
+_AT_JUNCTIONS: tuple[Turn, ...] = ("left", "right", "straight", "lane_change")
+_ON_ROADS: tuple[Turn, ...] = ("straight", "lane_change")
+TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
+    {
+        "roundabout": _AT_JUNCTIONS,
+        "signalised_intersection": _AT_JUNCTIONS,
+        "intersection": _AT_JUNCTIONS,
+        "urban": _AT_JUNCTIONS,
+        "ramp": ("merge", "exit", *_ON_ROADS),
+        "highway": _ON_ROADS,
+        "rural": _ON_ROADS,
+    }
+)
+"""What an ego can be asked to do at a site of each type; ``engine/generation/turns.py`` says when it does."""
 _SHOWN, _MOST_NOTES = 10, 2
 """Scenarios of many, and notes on one, that an answer shows (chosen)."""
 

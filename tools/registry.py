@@ -52,7 +52,7 @@ class ToolSpec:
 
 TOOLS: tuple[ToolSpec, ...] = (
     ToolSpec("describe_catalog", "Describe the catalogue", "catalog", read_only=True),
-    ToolSpec("generate_scenarios", "Generate scenarios", "generation.making"),
+    ToolSpec("generate_scenarios", "Generate scenarios", "generation.tool"),
     ToolSpec("find_scenarios", "Find scenarios", "catalog"),
     ToolSpec("import_files", "Import files", "importing", essential=False),
     ToolSpec("describe_scenario", "Describe a scenario", "scenarios", read_only=True),

@@ -12,15 +12,17 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
-from ...schemas.generation import GenerationRequest
+from ...schemas.generation import TURNS_AT, GenerationRequest, SiteType, Turn
 from ..geometry import Points, Values, arc_length, gaussian, point_at, project, resample, without_repeats, wrap_angle
 from ..network import WIDEST_TURN_RAD, LaneletLookup, RoadLanelet, RoadNetwork, station_m
 from ..traffic import GeneratedVehicle
 from .sites import SiteFocus
+from .turns import makes
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,10 @@ class _LaneletGoal:
 MIDDLE = "middle"
 THROUGH = "through"
 """The goal that lies behind the site, as far on the ego's way as the scenario's duration allows."""
+TURNS: tuple[Turn, ...] = get_args(Turn)
 GOAL_FORMS = (
     "through (behind the site)",
+    f"through:TURN ({', '.join(TURNS)})",
     "steps:N (10 to 1000)",
     "distance_m:X (5 to 2000)",
     "lanelet:ID:POSITION, also lanelet:ID:POSITION:LENGTHxWIDTH",
@@ -51,13 +55,15 @@ SHORTEST_ASKED_PATH_M = 4.0
 class _GoalSpec:
     """The goal as asked: after a number of steps, after a distance in m on the ego's own path, or on a lanelet.
 
-    ``through_s``: behind the site, on the ego's own path as far as it comes in a scenario of this duration.
+    ``through_s``: behind the site, on the ego's own path as far as it comes in a scenario of this duration; ``turn``:
+    what it does at the site, None: anything.
     """
 
     steps: int | None = None
     distance_m: float | None = None
     lanelet: _LaneletGoal | None = None
     through_s: float | None = None
+    turn: Turn | None = None
 
     @property
     def shortest_path_m(self) -> float:
@@ -66,7 +72,7 @@ class _GoalSpec:
 
     def __str__(self) -> str:
         if self.through_s is not None:
-            return "behind the site"
+            return "behind the site" if self.turn is None else f"behind the site with the turn {self.turn!r}"
         if self.lanelet is not None:
             return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
         return f"{self.steps} steps ahead" if self.steps is not None else f"{self.distance_m:g} m ahead"
@@ -85,7 +91,7 @@ class TaskSpec:
         """Read the words of a request.
 
         Raises:
-            InvalidRequest: ego or goal in none of the valid forms.
+            InvalidRequest: ego or goal in none of the valid forms, or a turn that no site of the type has.
         """
         match = re.fullmatch(r"first|index:(\d{1,3})|type:([a-z_]{1,30})", request.ego)
         if match is None:
@@ -93,11 +99,22 @@ class TaskSpec:
             raise InvalidRequest(f"ego {request.ego!r} cannot be read", valid=forms)
         index, name = match.groups()
         goal = parse_goal(request.goal, request.duration_s)
+        if goal.turn is not None and request.scenario_type != "any":
+            _check_turn(goal.turn, request.scenario_type)
         return cls(goal, int(index) if index else None, None if name == "car" else name)
 
 
+def _check_turn(turn: Turn, kind: SiteType) -> None:
+    if turn not in TURNS_AT[kind]:
+        raise InvalidRequest(
+            f"at a site of the type {kind} no ego makes the turn {turn!r}",
+            valid=[f"{THROUGH}:{known}" for known in TURNS_AT[kind]],
+            next_step="choose one of these goals, or another scenario_type",
+        )
+
+
 def parse_goal(text: str, duration_s: float) -> _GoalSpec:
-    """Read ``through``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
+    """Read ``through[:TURN]``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
 
     ``duration_s`` is that of the scenario. The usual position on a lanelet is the middle.
 
@@ -106,6 +123,8 @@ def parse_goal(text: str, duration_s: float) -> _GoalSpec:
     """
     if text == THROUGH:
         return _GoalSpec(through_s=duration_s)
+    if (turn := text.removeprefix(f"{THROUGH}:")) in TURNS:
+        return _GoalSpec(through_s=duration_s, turn=turn)
     if (match := re.fullmatch(r"steps:(\d{1,5})", text)) and 10 <= int(match[1]) <= 1000:
         return _GoalSpec(steps=int(match[1]))
     if (match := re.fullmatch(r"distance_m:(\d{1,5}(?:\.\d+)?)", text)) and 5 <= float(match[1]) <= 2000:
@@ -206,7 +225,7 @@ def _best_task(
     best: tuple[tuple[int, ...], PlanningTask] | None = None
     for car in cars:
         task = _task(car, goal, network, lookup, step_s)
-        if task is None:
+        if task is None or not _turns_as_asked(task, goal, network, lookup, focus):
             continue
         task = _seen_from_the_site(task, goal, focus, step_s)
         merit = (car.feasible, task.focus_passed, task.focus_left, task.takes_most)
@@ -218,6 +237,12 @@ def _best_task(
         if best[0] == (True, focus.parts, True, True, True):
             break
     return None if best is None else best[1]
+
+
+def _turns_as_asked(
+    task: PlanningTask, goal: _GoalSpec, network: RoadNetwork, lookup: LaneletLookup, focus: SiteFocus
+) -> bool:
+    return goal.turn is None or makes(goal.turn, task.ego, task.goal_step, focus, network, lookup)
 
 
 def _seen_from_the_site(task: PlanningTask, goal: _GoalSpec, focus: SiteFocus, step_s: float) -> PlanningTask:

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError
-from ...schemas.generation import GenerationRequest, SiteCount, SiteType
+from ...schemas.generation import TURNS_AT, GenerationRequest, SiteCount, SiteType
 from ..execution import ProgressReporter
 from ..geometry import Points
 from ..maps import (
@@ -82,7 +83,9 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
         InvalidRequest: a ramp without link roads.
     """
     finder = SiteFinder(osm, request.road_classes)
-    wanted = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
+    turn = request.goal.removeprefix("through:")
+    any_type = tuple(kind for kind in ANY_ORDER if turn == request.goal or turn in TURNS_AT[kind])
+    wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder.find(kind), request))]
     if not kinds and request.scenario_type == "any" and (longest := finder.longest_road()) is not None:
@@ -295,6 +298,7 @@ class SiteFocus:
 
     def __init__(self, site: Site, net: SumoNet, network: RoadNetwork) -> None:
         middle = middle_of(site, net)
+        self.kind, self.net = site.kind, net
         self._name = FOCUS_NAMES.get(site.kind, "")
         self._areas = [_area(network, belongs, middle) for belongs in _parts(site, net, middle)]
 
@@ -312,6 +316,16 @@ class SiteFocus:
         x, y = car.motion.positions[: last_step + 1].T
         passed = [bool(contains_xy(area, x, y).any()) for area in self._areas]
         return sum(passed) if passed[0] else 0
+
+    def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
+        """At which steps the car's centre is on any of the areas; nowhere where a road is the site."""
+        from shapely import contains_xy
+
+        x, y = car.motion.positions.T
+        within = np.zeros(len(x), dtype=np.bool_)
+        for area in self._areas:
+            within |= contains_xy(area, x, y)
+        return within
 
     def is_left_by(self, car: GeneratedVehicle, step: int) -> bool:
         """Whether the car's centre is on none of the areas at a step; so it is everywhere where a road is the site."""

@@ -1,0 +1,110 @@
+"""What an ego does at its site, as its recorded path to the goal shows it: turn, go straight, change lane, merge, exit.
+
+At a junction or a roundabout the heading before the first metre on what the site is about is compared with that behind
+the last one, so that a way round a ring is one turn. On a ramp the classes of the roads tell. Left is positive.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from itertools import groupby, pairwise
+
+import numpy as np
+
+from ...schemas.generation import Turn
+from ..geometry import arc_length, wrap_angle
+from ..maps import FAST_ROADS, RAMP_LINKS
+from ..network import LaneletLookup, RoadLanelet, RoadNetwork
+from ..traffic import GeneratedVehicle
+from .sites import SiteFocus, road_classes
+
+TURN_RAD, BACK_RAD = math.radians(30.0), math.radians(150.0)
+"""A heading that changes by less is that of a car that goes straight on; by more, of one that turns back (chosen)."""
+BESIDE_M = 10.0
+"""Before and behind what the site is about, where the headings are taken (chosen): lanes bend near a ring."""
+SEEN_EVERY = 5
+"""Steps (0.5 s) between two looks at the lanelet under a car."""
+FARTHEST_HOPS = 4
+"""Lanelets that a car passes between two looks, at most: inside junctions they are short."""
+
+
+def makes(
+    turn: Turn, car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
+) -> bool:
+    """Whether a car makes a turn on its way up to a step.
+
+    A turn to the left or right belongs to a junction or ring: the car comes from outside and has left it by then. A car
+    that goes straight on does not change lane where a road is the site, and stays on the main road at a ramp.
+    """
+    if turn == "lane_change":
+        return _changes_lane(_under(car, last_step, lookup), network)
+    if focus.kind == "ramp":
+        return _RAMP[turn](_classes(_under(car, last_step, lookup), focus)) if turn in _RAMP else False
+    if focus.kind in ("highway", "rural"):
+        under = _under(car, last_step, lookup)
+        return turn == "straight" and not _changes_lane(under, network) and _keeps_road(car, last_step)
+    return _turned(car, last_step, focus) == turn
+
+
+def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | None:
+    """Where the car goes at the junction or ring; None where it does not pass it from outside to outside."""
+    steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
+    if not len(steps) or steps[0] == 0 or steps[-1] == last_step:
+        return None
+    driven = arc_length(car.motion.positions)
+    before = int(np.searchsorted(driven, driven[steps[0]] - BESIDE_M))
+    behind = min(int(np.searchsorted(driven, driven[steps[-1]] + BESIDE_M)), last_step)
+    headings = car.motion.headings_rad
+    turned = wrap_angle(float(headings[behind]) - float(headings[before]))
+    if abs(turned) > BACK_RAD:
+        return None
+    if abs(turned) < TURN_RAD:
+        return "straight"
+    return "left" if turned > 0 else "right"
+
+
+def _keeps_road(car: GeneratedVehicle, last_step: int) -> bool:
+    """Whether the car never turns as sharply as at a junction: a road's own curves are long."""
+    driven, headings = arc_length(car.motion.positions), np.unwrap(car.motion.headings_rad)
+    ahead = np.minimum(np.searchsorted(driven, driven[: last_step + 1] + 2 * BESIDE_M), last_step)
+    return bool(np.abs(headings[ahead] - headings[: last_step + 1]).max() < TURN_RAD)
+
+
+def _under(car: GeneratedVehicle, last_step: int, lookup: LaneletLookup) -> list[RoadLanelet]:
+    """The lanelets under the car, seen twice a second, each once while it is there."""
+    motion = car.motion
+    steps = [*range(0, last_step, SEEN_EVERY), last_step]
+    seen = [lookup.under(motion.positions[step], float(motion.headings_rad[step])) for step in steps]
+    return [lanelet for lanelet, _ in groupby(lanelet for lanelet in seen if lanelet is not None)]
+
+
+def _changes_lane(under: list[RoadLanelet], network: RoadNetwork) -> bool:
+    return any(_is_lane_change(one, other, network) for one, other in pairwise(under))
+
+
+def _is_lane_change(one: RoadLanelet, other: RoadLanelet, network: RoadNetwork) -> bool:
+    """Whether the other lanelet lies beside the one, or on the way on from beside it and not from itself."""
+    if _leads_to(one, other, network):
+        return False
+    return any(key == other.lanelet_id or _leads_to(network.lanelets[key], other, network) for key in one.neighbours())
+
+
+def _leads_to(one: RoadLanelet, other: RoadLanelet, network: RoadNetwork) -> bool:
+    reached = {one.lanelet_id}
+    for _ in range(FARTHEST_HOPS):
+        reached = {key for before in reached for key in network.lanelets[before].successors}
+        if other.lanelet_id in reached:
+            return True
+    return False
+
+
+def _classes(under: list[RoadLanelet], focus: SiteFocus) -> list[frozenset[str]]:
+    """The OSM classes of the roads under a car in turn, the insides of junctions left out."""
+    return [road_classes(focus.net.edges[lanelet.edge_id]) for lanelet in under if not lanelet.internal]
+
+
+_RAMP: Mapping[Turn, Callable[[list[frozenset[str]]], bool]] = {
+    "merge": lambda roads: bool(roads) and bool(roads[0] & RAMP_LINKS) and bool(roads[-1] & FAST_ROADS),
+    "exit": lambda roads: bool(roads) and bool(roads[0] & FAST_ROADS) and bool(roads[-1] & RAMP_LINKS),
+    "straight": lambda roads: bool(roads) and all(classes & FAST_ROADS for classes in roads),
+}
+"""What a car does at a ramp, by the classes of the roads that it passes."""

@@ -1,0 +1,43 @@
+"""What an ego is asked to do at its site, and what its path to the goal then does."""
+
+import math
+from pathlib import Path
+
+import pytest
+from lxml import etree
+from support.generation import make, request_for
+
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation.generator import generate_scenario
+from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.generation import TURNS_AT
+
+
+def turned_deg(folder: Path) -> float:
+    """From the ego's heading at the start to that of the goal, left positive."""
+    problem = etree.parse(folder / "scenario.xml").getroot().find("planningProblem")
+    assert problem is not None
+    start = float(str(problem.findtext("initialState/orientation/exact")))
+    bounds = [float(str(problem.findtext(f"goalState/orientation/interval{end}"))) for end in ("Start", "End")]
+    return math.degrees(math.remainder(sum(bounds) / 2 - start, 2 * math.pi))
+
+
+@pytest.mark.parametrize(("turn", "degrees"), [("left", 90.0), ("right", -90.0), ("straight", 0.0)])
+def test_the_ego_goes_where_it_is_asked_to_on_streets_at_right_angles(
+    tmp_path: Path, turn: str, degrees: float
+) -> None:
+    made = make("Quadratstadt", tmp_path, scenario_type="intersection", goal=f"through:{turn}", duration_s=15.0, seed=1)
+    assert turned_deg(tmp_path) == pytest.approx(degrees, abs=20.0)
+    assert made.site.scenario_type == "intersection"
+
+
+def test_a_turn_alone_chooses_a_type_of_site_that_has_it(tmp_path: Path) -> None:
+    made = make("Neuland", tmp_path, goal="through:merge", duration_s=12.0, seed=1)
+    assert "merge" in TURNS_AT[made.site.scenario_type]
+    assert made.site.scenario_type == "ramp"
+
+
+def test_a_turn_that_no_such_site_has_is_refused_with_those_that_it_has(tmp_path: Path) -> None:
+    request = request_for("Kreiselheim", tmp_path, scenario_type="roundabout", goal="through:merge")
+    with pytest.raises(InvalidRequest, match=r"roundabout no ego makes the turn 'merge'.*through:left"):
+        generate_scenario(request, silent)

@@ -1,0 +1,90 @@
+"""The tool that makes scenarios from maps."""
+
+from ...engine.catalog import open_catalogue
+from ...engine.maps import MapMatch
+from ...schemas.errors import NotPossible, UnknownName, WorkerFailure
+from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
+from ..call import ToolCall
+from ..maps import maps_at_hand
+from .making import make_scenario, with_trial_run
+from .requests import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
+
+
+async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
+    """Find the maps, make each scenario in a worker, store it, and say what was asked beside what came out.
+
+    What could not be made is a note beside what was made.
+
+    Raises:
+        InvalidRequest: nothing could be made; the reason of the first scenario.
+    """
+    open_catalogue(call.workspace, with_starter=call.services.with_starter)  # first, or a starter would be the latest
+    at_hand = await maps_at_hand(call)
+    plan = plan_maps(arguments, at_hand.entries)
+    sites = await assign_sites(arguments, call, plan.matches)
+    made, failures = await _make_all(arguments, call, sites)
+    call.made("scenario", *(summary.scenario_id for summary in made))
+    notes = [*plan.notes, *at_hand.notes, *failures]
+    if len(sites.planned) < arguments.count:
+        notes.append(f"only {len(sites.planned)} different site(s) fit; {arguments.count} were asked for")
+    used = {summary.map_id for summary in made}
+    attributions = sorted({m.entry.facts.attribution for m in plan.matches if m.entry.facts.map_id in used})
+    return GenerateScenariosResult(scenarios=made, notes=notes, attribution=attributions)
+
+
+async def _make_all(
+    arguments: GenerateScenariosArguments, call: ToolCall, sites: SiteAssignment
+) -> tuple[list[ScenarioSummary], list[str]]:
+    """The scenarios that could be made, and notes on those that could not.
+
+    Raises:
+        PlannerForgeError: nothing could be made.
+    """
+    made: list[ScenarioSummary] = []
+    notes: list[str] = []
+    refusals: list[NotPossible] = []
+    spare = list(sites.spare)
+    for index, site in enumerate(sites.planned):
+        share = (index / len(sites.planned), (index + 1) / len(sites.planned))
+        try:
+            summary, given_up = await _make_somewhere(arguments, call, site, spare, index, share)
+            made.append(await with_trial_run(call, summary) if arguments.trial_run else summary)
+            notes += [f"another map was taken: {refusal.message}" for refusal in given_up]
+        except NotPossible as refusal:
+            refusals.append(refusal)
+            notes.append(f"scenario {index + 1} was not made: {refusal.message}")
+        except (UnknownName, WorkerFailure) as failure:
+            if not made:
+                raise
+            notes.append(f"scenario {index + 1} and those after it were not made: {failure.message}")
+            break
+    if not made:
+        raise refusals[0]
+    return made, notes
+
+
+async def _make_somewhere(
+    arguments: GenerateScenariosArguments,
+    call: ToolCall,
+    site: AssignedSite,
+    spare: list[MapMatch],
+    index: int,
+    share: tuple[float, float],
+) -> tuple[ScenarioSummary, list[NotPossible]]:
+    """A scenario at its site, otherwise on the first spare map where it can be made; and the refusals on the way.
+
+    Spare maps that were tried are taken off the list.
+
+    Raises:
+        NotPossible: it can be made on none; the reason of the assigned site.
+    """
+    refusals: list[NotPossible] = []
+    while True:
+        try:
+            request = request_for(arguments, site, index)
+            return await make_scenario(call, request, share), refusals
+        except NotPossible as refusal:
+            refusals.append(refusal)
+        if not spare or arguments.goal.startswith("lanelet:"):  # an id means another lanelet elsewhere
+            raise refusals[0]
+        site = AssignedSite(spare.pop(0))
