@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..commonroad import Track
 from ..geometry import point_at, project
@@ -79,6 +80,17 @@ class Actor:
         """The front bumper and SUMO's angle at a state of the track, as :meth:`Sumo.move_to` takes them."""
         x, y = self.track.positions[index].tolist()
         return sumo_pose(x, y, float(self.track.headings_rad[index]), self.track.length_m)
+
+    def stands_at(self, index: int) -> bool:
+        """Whether the vehicle stands at a state and the one before it, at the same pose."""
+        return bool(self._stands[index])
+
+    @cached_property
+    def _stands(self) -> NDArray[np.bool_]:
+        track = self.track
+        poses = np.column_stack([track.positions, track.headings_rad, track.speeds_mps])
+        same = (poses[1:] == poses[:-1]).all(axis=1)
+        return np.concatenate([[False], same & (track.speeds_mps[1:] == 0.0)])
 
     @cached_property
     def edges_to_target(self) -> tuple[str, ...]:

@@ -256,6 +256,7 @@ class _Run:
         self._present: set[str] = set()
         self._known: set[str] = set()
         self._held: set[str] = set()
+        self._standing: set[str] = set()
         self._driving: list[_Place] = []
         self._used_lanes: set[tuple[str, str]] = set()
         self._seen: dict[int, list[tuple[int, float, float, str]]] = {}
@@ -306,6 +307,7 @@ class _Run:
             elif actor.key in self._present:
                 self._present.discard(actor.key)
                 self._held.discard(actor.key)
+                self._standing.discard(actor.key)
                 self._sumo.remove(actor.key)
 
     def _in_order(self, keys: Iterable[str]) -> list[Actor]:
@@ -319,7 +321,23 @@ class _Run:
                 self._sumo.add_route(actor.route, actor.edges)
             self._sumo.insert(actor.key, actor.route, actor.type_id)
             self._present.add(actor.key)
+        elif self._is_left_standing(actor, index):
+            return
         self._sumo.move_to(actor.key, actor.pose_at(index), actor.hints[index], keep_to_route=actor.keep_to_route)
+
+    def _is_left_standing(self, actor: Actor, index: int) -> bool:
+        """Whether a placed vehicle stays where it is, without the search for its lane that placing it again costs."""
+        if not actor.stands_at(index) or actor.key not in self._held:
+            if actor.key in self._standing:
+                self._standing.discard(actor.key)
+                self._sumo.let_roll(actor.key)
+            return False
+        if actor.key not in self._standing:
+            if self._sumo.is_at_its_end(actor.key):
+                return False
+            self._standing.add(actor.key)
+            self._sumo.stop_at_once(actor.key)
+        return True
 
     def _show_speeds(self, shown: list[Actor], step: int) -> None:
         """Set the speeds of all that were placed before the step, before any driven vehicle looks at them."""

@@ -25,6 +25,8 @@ NO_LANE: LaneHint = ("", -1)
 
 _MATCH_REACH_M = 8.0
 """How far from the place SUMO looks for a lane when a vehicle is moved; far enough for all that are beside the road."""
+_ARRIVAL_REACH_M = 1.0
+"""How near to the end of its route a standing vehicle may arrive (chosen; SUMO's own reach is 0.1 m)."""
 _KEEP_ROUTE, _KEEP_POSE = 1, 2
 """SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
 _PLACED_SPEED_MODE = 32
@@ -205,6 +207,22 @@ class Sumo:
         """Keep SUMO from driving a vehicle that is placed by hand."""
         self._vehicle.setSpeedMode(key, _PLACED_SPEED_MODE)
         self.allow_lane_changes(key, LaneChanges.NONE)
+
+    def stop_at_once(self, key: str) -> None:
+        """Have a held vehicle stand where it is until it is placed again."""
+        self._vehicle.setSpeed(key, 0.0)
+
+    def let_roll(self, key: str) -> None:
+        """Undo :meth:`stop_at_once`."""
+        self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
+
+    def is_at_its_end(self, key: str) -> bool:
+        """Whether a vehicle is off the lanes or where its route ends: SUMO takes it out if it is not placed again."""
+        lane = self.lane(key)
+        if not lane:
+            return True
+        at_end = self.station_m(key) > self.lane_length_m(lane) - _ARRIVAL_REACH_M
+        return at_end and lane.rpartition("_")[0] == self.last_edge(key)
 
     def show_speed(self, key: str, speed_mps: float) -> None:
         """Set the speed that other drivers see of a vehicle that is placed by hand."""

@@ -127,6 +127,29 @@ def test_a_vehicle_that_was_left_out_comes_back(
     assert 1 < max(later - earlier for earlier, later in itertools.pairwise(steps)) < 100
 
 
+def test_what_stands_is_not_placed_again_and_is_seen_as_if_it_were(
+    tmp_path: Path, placed: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits = [(120.0, 0.0, 0.0, 0.0)] * 60
+    goes_on = [(120.0 + 0.8 * step, 0.0, 0.0, 8.0) for step in range(90)]
+    waiting = Vehicle(51, (*waits, *goes_on), "car", 4.5, 1.8, 0)
+    at_the_end = driving(52, (297.5, 3.5), 0.0, 151)
+    scene = _scene(tmp_path, driving(50, (20, 0), 12.0, 151), driving(53, (60, 3.5), 12.0, 151), waiting, at_the_end)
+    acting = all_actors(scene, {key: recorded_plan(scene, key, "edited", 0) for key in (50, 53)})
+    setup = _setup(scene, tmp_path)
+    left_standing = resimulate(setup, acting)
+    steps = [step for key, step in placed if key == "51"]
+    seldom = len(placed)
+    monkeypatch.setattr(Actor, "stands_at", lambda *_: False)
+    placed_again = resimulate(setup, acting)
+    for key in (50, 53):
+        assert left_standing[key].front.tolist() == placed_again[key].front.tolist()
+        assert left_standing[key].lanes == placed_again[key].lanes
+    assert any(later - earlier > 40 for earlier, later in itertools.pairwise(steps))
+    assert [key for key, _ in placed[:seldom]].count("52") > 40, "it ends there: SUMO would take it out"
+    assert len(placed) - seldom > seldom + 30
+
+
 def _perfect_driver(vehicle_class: VehicleClass) -> Behaviour:
     driver = usual_behaviour(vehicle_class)
     return replace(driver, values={**driver.values, "sigma": 0.0})
