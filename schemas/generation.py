@@ -8,6 +8,7 @@ from typing import Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result, first_of
+from .jobs import JobState
 from .text import counted
 
 SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
@@ -30,6 +31,8 @@ TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
 """What an ego can be asked to do at a site of each type; ``engine/generation/turns.py`` says when it does."""
 _SHOWN, _MOST_NOTES = 10, 2
 """Scenarios of many, and notes on one, that an answer shows (chosen)."""
+_SHOWN_PLACES, _SHOWN_CANNOT = 5, 3
+"""Places of a plan, and combinations that cannot be or are left, that an answer shows (chosen)."""
 
 
 class PlaceArea(Model):
@@ -165,6 +168,52 @@ class GenerationRequest(Model):
     folder: str
 
 
+Combination = tuple[tuple[int, int], ...]
+"""Levels of some factors of a coverage plan together: (index of the factor, index of its level), ascending."""
+
+
+class PlanFactor(Model):
+    """Something that a coverage plan varies, and the levels that it takes, as they are written in a call."""
+
+    name: str
+    levels: tuple[str, ...]
+
+    def text(self, level: int) -> str:
+        """A level as it is written in a call, such as ``density=high``."""
+        return f"{self.name.partition(' ')[0]}={self.levels[level]}"
+
+
+class CoverageRequest(Model):
+    """How far a coverage plan has come; the next ``most`` rows of it are asked for.
+
+    ``strength``: how many factors a combination joins. ``barred``: combinations of any size that no map holds;
+    ``covered``: those that were made; ``refused``: how often others were, by combination. ``lap``: how often all was
+    covered already, for rows beyond that.
+    """
+
+    factors: tuple[PlanFactor, ...]
+    strength: int
+    barred: tuple[Combination, ...] = ()
+    covered: tuple[Combination, ...] = ()
+    refused: tuple[tuple[Combination, int], ...] = ()
+    lap: int = 0
+    most: int = 0
+
+
+class CoverageReport(Model):
+    """How far a coverage plan has come, and its next rows: a level of each factor, by index.
+
+    ``allowed``: combinations that can be; ``covered`` and ``left`` of them; ``cannot``: those that were tried often
+    enough, and those that can only be together with such a one.
+    """
+
+    rows: tuple[tuple[int, ...], ...]
+    allowed: int
+    covered: int
+    left: tuple[Combination, ...]
+    cannot: tuple[Combination, ...]
+
+
 class SiteCount(Model):
     """How many different sites fit a request."""
 
@@ -279,9 +328,12 @@ class GenerateScenariosArguments(Arguments):
         "first", description="first, index:N (cars, from 0), type:CLASS (any: it joins traffic, the ego stays a car)"
     )
     goal: str = Field("through", description="through; steps:N, distance_m:X on its track, lanelet:ID:POSITION")
-    count: int = Field(1, ge=1, le=50)
+    count: int = Field(1, ge=1, le=5000)
     seed: int = 0
     trial_run: bool = Field(False, description="run a planner too")
+    cover: list[str] = Field(
+        [], description="combinations to fill: 'density=low|high', 'turn=left|right', 'strength=2'"
+    )
 
 
 class ScenarioSummary(Model):
@@ -346,15 +398,109 @@ class ScenarioSummary(Model):
         return f"{made}: {self.where}; {self.traffic}{tried}{failed}"
 
 
+class PlanRecord(Model):
+    """A coverage plan: what it varies, and where its scenarios may lie.
+
+    ``barred``: combinations that the maps do not hold, with the reason; ``spots``: for each group of sites, by its
+    words, the maps that hold such sites and how many.
+    """
+
+    plan_id: str
+    cover: tuple[str, ...]
+    factors: tuple[PlanFactor, ...]
+    strength: int
+    barred: tuple[tuple[Combination, str], ...]
+    spots: dict[str, tuple[tuple[str, int], ...]]
+
+
+class CannotBe(Model):
+    """A combination that cannot be made, and why."""
+
+    combination: str
+    reason: str
+
+
+class PlanSummary(Model):
+    """How far a coverage plan has come.
+
+    ``asked``: scenarios; None: as many as the combinations need. ``made``: by this plan, ``reused`` of them before it.
+    Combinations: ``allowed`` by the maps, ``covered`` of them; the first of those ``left`` and of those that cannot be.
+    """
+
+    plan_id: str
+    strength: int
+    asked: int | None
+    made: int
+    reused: int
+    refused: int
+    failed: int
+    waiting: int
+    allowed: int
+    covered: int
+    left_total: int
+    left: tuple[str, ...]
+    cannot_total: int
+    cannot: tuple[CannotBe, ...]
+    places: dict[str, int]
+
+    def lines(self) -> list[str]:
+        """What was made where, what cannot be, and what is left, a line each."""
+        tried = [f"{counted(self.refused, 'try')} refused"] if self.refused else []
+        lost = [f"{self.failed} failed"] if self.failed else []
+        where = [f"{place} {count}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
+        more = len(self.places) - len(where)
+        there = [f"at {', '.join(where)}{f' and {more} more places' if more > 0 else ''}"] if where else []
+        made = "; ".join([*there, *tried, *lost])
+        cannot = [f"{one.combination} ({one.reason})" for one in self.cannot[:_SHOWN_CANNOT]]
+        return [
+            *([f"Made {made}."] if made else []),
+            *([_cut("Cannot be", cannot, self.cannot_total)] if cannot else []),
+            *([_cut("Left", list(self.left[:_SHOWN_CANNOT]), self.left_total)] if self.left else []),
+        ]
+
+    @property
+    def headline(self) -> str:
+        """How many scenarios, and how much of the combinations."""
+        asked = f" of {self.asked:,}" if self.asked is not None else ""
+        before = f" ({self.reused:,} made before)" if self.reused else ""
+        share = self.covered / self.allowed if self.allowed else 1.0
+        return (
+            f"{self.plan_id}: {self.made:,}{asked} scenarios{before}; {share:.1%} of the {self.strength}-way "
+            f"combinations that the maps allow ({self.covered:,} of {self.allowed:,})."
+        )
+
+
+def _cut(what: str, texts: list[str], total: int) -> str:
+    """Some texts of so many, in a line."""
+    more = f"; {total - len(texts):,} more" if total > len(texts) else ""
+    return f"{what}: {counted(total, 'combination')}: {'; '.join(texts)}{more}."
+
+
 class GenerateScenariosResult(Result):
-    """The scenarios that were made."""
+    """The scenarios that were made; of a coverage plan, how far it has come, and the job that carries it out."""
 
     scenarios: list[ScenarioSummary]
     notes: list[str]
     attribution: list[str]
+    plan: PlanSummary | None = None
+    job_id: str = ""
+    state: JobState = "done"
 
     def answer(self) -> Answer:
-        """One scenario with all that decides, of several a line each."""
+        """One scenario with all that decides, of several a line each; a plan in figures."""
+        if self.plan is not None:
+            following = f"run_planner with scenarios ['{self.plan.plan_id}']"
+            if self.state == "running":
+                following = f"get_job with job_id '{self.job_id}'"
+            elif self.state != "done":
+                following = "the same call again: what is made is reused"
+            return Answer(
+                headline=self.plan.headline,
+                decided=[f"{self.job_id}: {self.state}."] if self.job_id and self.state != "done" else (),
+                figures=self.plan.lines(),
+                listed=[*(f"Note: {note}" for note in self.notes), f"Map data: {'; '.join(self.attribution)}"],
+                next_step=following,
+            )
         source = f"Map data: {'; '.join(self.attribution)}"
         notes = [f"Note: {note}" for note in self.notes]
         if len(self.scenarios) == 1:

@@ -4,6 +4,7 @@ import logging
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import anyio
@@ -80,9 +81,9 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
 
 
 def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
-    """The tools that these settings offer, in the order of the registry."""
+    """The tools that these settings offer, in the order of the registry; the small set without seldom arguments."""
     return tuple(
-        spec
+        spec if settings.tools == "all" else replace(spec, unlisted=spec.seldom)
         for spec in TOOLS
         if (spec.essential or settings.tools == "all") and (spec.read_only or not settings.read_only)
     )

@@ -24,9 +24,16 @@ def described_tool(spec: ToolSpec) -> Tool:
     A tool that has no file yet, because it is being developed, is described from its models.
     """
     file = files("plannerforge.server").joinpath("descriptions", f"{spec.name}.json")
-    if file.is_file():
-        return Tool.model_validate_json(file.read_text(encoding="utf-8"))
-    return tool_description(spec)
+    if not file.is_file():
+        return _without_unlisted(tool_description(spec), spec)
+    return _without_unlisted(Tool.model_validate_json(file.read_text(encoding="utf-8")), spec)
+
+
+def _without_unlisted(tool: Tool, spec: ToolSpec) -> Tool:
+    """The tool without the arguments that this listing leaves out; whoever knows them may give them."""
+    listed = tool.input_schema.get("properties", {})
+    kept = {name: schema for name, schema in listed.items() if name not in spec.unlisted}
+    return tool.model_copy(update={"input_schema": {**tool.input_schema, "properties": kept}}) if listed else tool
 
 
 @cache

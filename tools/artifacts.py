@@ -118,6 +118,8 @@ def _job_result(job: Job) -> JobResult:
 def _next_step(job: Job) -> str:
     if job.state != "done":
         return _NEXT[job.state]
+    if job.kind == "plan":
+        return f"run_planner with scenarios ['{job.results[0]}']"
     batches = [key for key in job.results if key.startswith("batch_")]
     if batches:
         return f"analyze_results or compare_results with results ['{batches[-1]}']"

@@ -19,7 +19,7 @@ from ..engine.cosimulation import presets as behaviour_presets
 from ..engine.maps import country_code, find_maps
 from ..engine.planners import PLANNERS
 from ..engine.tuning import tuning_of
-from ..engine.workspace import Recipe
+from ..engine.workspace import ArtifactKind, Recipe
 from ..schemas.catalog import (
     CountryMaps,
     DescribeCatalogArguments,
@@ -59,12 +59,12 @@ async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) 
 
 
 def _within(word: str, call: ToolCall) -> frozenset[str]:
-    """The scenarios of a search, a country or a place; none where none lies there.
+    """The scenarios of a search, a coverage plan, a country or a place; none where none lies there.
 
     Raises:
-        UnknownName: there is no such search.
+        UnknownName: there is no such search or plan.
     """
-    if word.startswith("search") or word == "latest":
+    if _is_search(word):
         return frozenset(searched_within(word, call) or ())
     where = {"country": word} if country_code(word) else {"city": word}
     search = opened_search(FindScenariosArguments(**where), call)
@@ -104,7 +104,7 @@ def _showing(place: str, call: ToolCall) -> list[MapFacts]:
 
 
 def _is_search(word: str) -> bool:
-    return word.startswith("search") or word == "latest"
+    return word.startswith(("search", "plan_")) or word == "latest"
 
 
 def _nowhere(word: str, call: ToolCall) -> UnknownName:
@@ -210,7 +210,8 @@ def _resolved(arguments: FindScenariosArguments, call: ToolCall) -> FindScenario
     if arguments.like is not None:
         changes["like"] = _example(arguments.like, call).scenario_id
     if arguments.within is not None:
-        changes["within"] = call.artifact(arguments.within, "search").artifact_id
+        kind: ArtifactKind = "plan" if arguments.within.startswith("plan_") else "search"
+        changes["within"] = call.artifact(arguments.within, kind).artifact_id
     return arguments.model_copy(update=changes)
 
 

@@ -14,6 +14,8 @@ from ..schemas.comparison import CompareRequest, CompareResultsResult
 from ..schemas.generation import (
     ConvertedMap,
     ConvertMapRequest,
+    CoverageReport,
+    CoverageRequest,
     GeneratedScenario,
     GenerationRequest,
     MapFacts,
@@ -40,6 +42,9 @@ READ_MAP = Operation("plannerforge.engine.maps:read_map", ReadMapRequest, MapFac
 COUNT_SITES = Operation("plannerforge.engine.generation:count_sites", GenerationRequest, SiteCount, timeout_s=180.0)
 GENERATE_SCENARIO = Operation(
     "plannerforge.engine.generation:generate_scenario", GenerationRequest, GeneratedScenario, timeout_s=180.0
+)
+PLAN_COVERAGE = Operation(
+    "plannerforge.engine.generation:plan_coverage", CoverageRequest, CoverageReport, timeout_s=120.0
 )
 
 # Text search, in the one process that holds the embedding model; the first request loads it and builds the index

@@ -23,6 +23,8 @@ class ToolSpec:
         module: where the function is, below ``plannerforge.tools``.
         read_only: makes nothing that can be listed afterwards.
         essential: part of the small set for small models.
+        seldom: arguments that the small set does not list, and still takes.
+        unlisted: arguments that this listing leaves out.
     """
 
     name: str
@@ -30,6 +32,8 @@ class ToolSpec:
     module: str
     read_only: bool = False
     essential: bool = True
+    seldom: tuple[str, ...] = ()
+    unlisted: tuple[str, ...] = ()
 
     @property
     def arguments_type(self) -> type[Arguments]:
@@ -52,7 +56,7 @@ class ToolSpec:
 
 TOOLS: tuple[ToolSpec, ...] = (
     ToolSpec("describe_catalog", "Describe the catalogue", "catalog", read_only=True),
-    ToolSpec("generate_scenarios", "Generate scenarios", "generation.tool"),
+    ToolSpec("generate_scenarios", "Generate scenarios", "generation.tool", seldom=("cover",)),
     ToolSpec("find_scenarios", "Find scenarios", "catalog"),
     ToolSpec("import_files", "Import files", "importing", essential=False),
     ToolSpec("describe_scenario", "Describe a scenario", "scenarios", read_only=True),

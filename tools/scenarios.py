@@ -1,7 +1,7 @@
 """The tool that describes one scenario, and which scenarios the words of a call mean.
 
-A word is an id, ``ID#problem``, a search, a stage of one (``SEARCH:STAGE``), or ``preset:N``. A stored search keeps the
-counts of its stages only; the scenarios of a stage are looked up again.
+A word is an id, ``ID#problem``, a search, a stage of one (``SEARCH:STAGE``), a coverage plan, or ``preset:N``. A stored
+search keeps the counts of its stages only; the scenarios of a stage are looked up again.
 """
 
 import hashlib
@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from ..engine.catalog import MOST_ENTRIES, Postings, Search, entries_of, open_catalogue
+from ..engine.generation import PlanRows
 from ..engine.workspace import Artifact
 from ..schemas.catalog import FindScenariosArguments, SearchRecord
 from ..schemas.errors import Faults, InvalidRequest, NotPossible, UnknownName
@@ -122,8 +123,24 @@ def _meant(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
         return _preset(word, call)
     if word.startswith(("search:", "search_")):
         return _hits(word.removeprefix("search:"), call)
+    if word.startswith("plan_"):
+        return [ChosenScenario(key) for key in planned_scenarios(word, call)], []
     artifact, problem_id = one_scenario(word, call)
     return [ChosenScenario(artifact.artifact_id, problem_id)], []
+
+
+def planned_scenarios(word: str, call: ToolCall) -> tuple[str, ...]:
+    """What a coverage plan has made until now, in its order; ``plan_latest`` is the client's last one.
+
+    Raises:
+        UnknownName: there is no such plan.
+        NotPossible: it has made nothing yet.
+    """
+    plan = call.artifact("latest" if word == "plan_latest" else word, "plan")
+    ids = PlanRows(call.workspace.database, plan.artifact_id).scenario_ids()
+    if not ids:
+        raise NotPossible(f"{plan.artifact_id} has made no scenario yet", next_step="wait for its job with get_job")
+    return ids
 
 
 def _preset(word: str, call: ToolCall) -> tuple[list[ChosenScenario], list[str]]:
@@ -196,7 +213,9 @@ def _all_hits(search: Artifact, call: ToolCall) -> tuple[str, ...]:
 
 
 def searched_within(search_id: str | None, call: ToolCall) -> tuple[str, ...] | None:
-    """The hits of the search that another one refines; None where the whole catalogue is searched."""
+    """The hits of the search that another one refines, or what a plan made; None: the whole catalogue is searched."""
+    if search_id is not None and search_id.startswith("plan_"):
+        return planned_scenarios(search_id, call)
     return None if search_id is None else _all_hits(call.artifact(search_id, "search"), call)
 
 

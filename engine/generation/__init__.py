@@ -1,9 +1,18 @@
 """Scenarios made from maps: site, network, traffic, ego and goal, file, checks.
 
+``Levels``: By factor of a coverage plan, the index of its level; None for one that the plan does not have.
+``PlanCounts``: How many rows of a coverage plan wait, were made, were refused, and failed.
+``PlanRow``: A scenario that a coverage plan makes, or has tried to make.
+``PlanRows``: The rows of a coverage plan in the workspace's database: what is to be made, and what became of it.
+``RowState``: What became of a row of a coverage plan.
+``TRIES``: Rows with a combination that are refused before it is said not to be possible.
+``combinations_in``: The combinations of levels that a row of a coverage plan holds.
 ``generate_scenario``: Make one scenario in the request's folder; an operation for a worker.
 ``check_scenario``: What others will find in a written scenario: schema, goal, collisions, feasibility, road network.
 ``convert_map``: Convert an OpenStreetMap extract to a SUMO net on which cars can drive, with notes on the settings.
 ``count_sites``: The number of different sites of a map that fit a request; an operation for a worker.
+``made_before``: What was asked for the scenarios of a workspace, each once, without where and by which numbers.
+``plan_coverage``: How far a coverage plan has come, and its next rows; an operation for a worker.
 """
 
 from typing import TYPE_CHECKING
@@ -12,7 +21,9 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .checks import check_scenario
+    from .coverage import TRIES, combinations_in, plan_coverage
     from .generator import generate_scenario
+    from .plan_rows import Levels, PlanCounts, PlanRow, PlanRows, RowState, made_before
     from .site_network import convert_map
     from .sites import count_sites
 

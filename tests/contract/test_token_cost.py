@@ -3,7 +3,10 @@
 import pytest
 
 from plannerforge.server.application import INSTRUCTIONS
+from plannerforge.server.assembly import offered_tools
+from plannerforge.server.settings import Settings
 from plannerforge.server.tool_costs import tool_cost
+from plannerforge.server.tool_schema import described_tool
 from plannerforge.tools.registry import TOOLS, ToolSpec
 
 MOST_TOKENS_ALL, MOST_TOKENS_ESSENTIAL, MOST_TOKENS_A_TOOL, MOST_TOKENS_MODIFY = 4000, 2800, 500, 750
@@ -21,7 +24,17 @@ def test_all_tools_together_cost_few_tokens() -> None:
 
 
 def test_the_set_for_small_models_costs_fewer() -> None:
-    assert sum(tool_cost(spec) for spec in TOOLS if spec.essential) <= MOST_TOKENS_ESSENTIAL
+    assert sum(tool_cost(spec) for spec in offered_tools(Settings(tools="essential"))) <= MOST_TOKENS_ESSENTIAL
+
+
+def test_the_set_for_small_models_lists_no_seldom_argument_that_the_whole_set_lists() -> None:
+    whole, small = (
+        {spec.name: described_tool(spec).input_schema["properties"] for spec in offered_tools(Settings(tools=tools))}
+        for tools in ("all", "essential")
+    )
+    seldom = {spec.name: set(spec.seldom) for spec in TOOLS}
+    assert seldom["generate_scenarios"]
+    assert {name: set(whole[name]) - set(small[name]) for name in small} == {name: seldom[name] for name in small}
 
 
 def test_the_instructions_are_short() -> None:

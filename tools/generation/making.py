@@ -1,6 +1,7 @@
 """One scenario: made in a worker and stored, or found by its recipe; and the default planner's run on it."""
 
 from pathlib import Path
+from typing import Any
 
 from ...engine.tuning import DEFAULT_CONFIGURATION
 from ...engine.workspace import Recipe, content_digest, versions_of
@@ -45,6 +46,12 @@ def recipe_of(request: GenerationRequest) -> Recipe:
     parents = () if is_built_in else (request.map_id,)
     versions = versions_of("eclipse-sumo", "libsumo", "numpy")
     return Recipe(tool="generate_scenarios", arguments=arguments, parents=parents, seed=request.seed, versions=versions)
+
+
+def shape_of(request: GenerationRequest) -> dict[str, Any]:
+    """What a request says of its scenario: not on which copy of a map, at which of its sites, and by which numbers."""
+    numbers = {"map_path", "folder", "benchmark_number", "seed", "index", "site_index", "site_step"}
+    return request.model_dump(mode="json", exclude=numbers | {"place", "country", "attribution"})
 
 
 async def with_trial_run(call: ToolCall, summary: ScenarioSummary) -> ScenarioSummary:

@@ -151,6 +151,22 @@ def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int)
     return tuple(AssignedSite(matches[place], site_index, on_map[place]) for site_index, place in chosen)
 
 
+def nth_site(counts: Sequence[int], turn: int) -> tuple[int, int, int]:
+    """The map and the site number ``turn`` where maps take turns, and how often all sites were taken before.
+
+    ``counts``: how many sites each map holds. All first sites come before all second ones, as in :func:`share_sites`.
+    """
+    lap, left = divmod(turn, sum(counts))
+    done = 0
+    while True:
+        holding = [place for place, count in enumerate(counts) if count > done]
+        more = min(counts[place] for place in holding) - done
+        if left < more * len(holding):
+            return holding[left % len(holding)], done + left // len(holding), lap
+        left -= more * len(holding)
+        done += more
+
+
 def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index: int) -> GenerationRequest:
     """What the engine is asked for the scenario number ``index`` of a call.
 

@@ -2,12 +2,16 @@
 
 from ...engine.catalog import open_catalogue
 from ...engine.maps import MapMatch
-from ...schemas.errors import NotPossible, UnknownName, WorkerFailure
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, WorkerFailure
 from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
 from ..call import ToolCall
 from ..maps import maps_at_hand
+from .coverage import cover_combinations
 from .making import make_scenario, with_trial_run
 from .requests import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
+
+MOST_SINGLY = 50
+"""Scenarios of a call without a coverage plan: it waits for all of them."""
 
 
 async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosResult:
@@ -20,6 +24,14 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     """
     open_catalogue(call.workspace, with_starter=call.services.with_starter)  # first, or a starter would be the latest
     at_hand = await maps_at_hand(call)
+    if arguments.cover:
+        return await cover_combinations(arguments, call, at_hand.entries, at_hand.notes)
+    if arguments.count > MOST_SINGLY:
+        raise InvalidRequest(
+            f"count {arguments.count:,} is more than one call makes without a plan",
+            valid=[f"1 to {MOST_SINGLY}; to 5,000 with cover"],
+            next_step="say by cover what is to be varied, such as ['density=low|high', 'turn=left|right|straight']",
+        )
     plan = plan_maps(arguments, at_hand.entries)
     sites = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, sites)

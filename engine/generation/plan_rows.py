@@ -1,0 +1,214 @@
+"""The rows of coverage plans in the workspace's database: stored one by one, so that no list of a plan is in memory.
+
+A row is planned before it is made, with all that its scenario comes from; so a plan that was cut off, however hard,
+goes on with the rows that wait. Numbers count up in the order in which rows were planned.
+"""
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from ..workspace import Database
+
+RowState = Literal["held", "waiting", "made", "refused", "failed"]
+Levels = tuple[int | None, ...]
+"""By factor, the index of its level; None for one that the plan does not have."""
+_TABLE = """
+CREATE TABLE IF NOT EXISTS plan_rows (
+    plan_id TEXT NOT NULL,
+    number INTEGER NOT NULL,
+    lap INTEGER NOT NULL,
+    levels TEXT NOT NULL,
+    spot TEXT NOT NULL,
+    place TEXT NOT NULL,
+    map_id TEXT NOT NULL,
+    site_index INTEGER NOT NULL,
+    seed INTEGER NOT NULL,
+    state TEXT NOT NULL,
+    scenario_id TEXT NOT NULL DEFAULT '',
+    reused INTEGER NOT NULL DEFAULT 0,
+    reason TEXT NOT NULL DEFAULT '',
+    PRIMARY KEY (plan_id, number)
+) WITHOUT ROWID
+"""
+_BY_STATE = "CREATE INDEX IF NOT EXISTS plan_rows_by_state ON plan_rows (plan_id, state, map_id, number)"
+_ASKED = """
+SELECT DISTINCT json_remove(json_extract(recipe, '$.arguments'), '$.map_content', '$.place', '$.country',
+    '$.attribution', '$.index', '$.site_index', '$.site_step') FROM artifacts
+WHERE kind = 'scenario' AND json_extract(recipe, '$.tool') = 'generate_scenarios'
+"""
+
+
+@dataclass(frozen=True)
+class PlanRow:
+    """A scenario of a plan: its levels, and where it is made.
+
+    ``lap``: how often all was covered before. ``spot``: the words for the sites that it may lie at, of which it is the
+    next one; ``place``: that of the map.
+    """
+
+    number: int
+    lap: int
+    levels: tuple[int, ...]
+    spot: str
+    place: str
+    map_id: str
+    site_index: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class PlanCounts:
+    """How many rows of a plan wait, were made (``reused`` of them before), were refused, and failed."""
+
+    waiting: int = 0
+    made: int = 0
+    reused: int = 0
+    refused: int = 0
+    failed: int = 0
+
+    def after(self, state: RowState, *, reused: bool) -> "PlanCounts":
+        """The counts once a row that waited has come to its end."""
+        counts = {"made": self.made, "refused": self.refused, "failed": self.failed}
+        counts[state] += 1
+        return PlanCounts(waiting=self.waiting - 1, reused=self.reused + reused, **counts)
+
+
+class PlanRows:
+    """The rows of one plan."""
+
+    def __init__(self, database: Database, plan_id: str) -> None:
+        self._database, self._plan_id = database, plan_id
+
+    def prepare(self, held: Iterable[Levels]) -> None:
+        """Note what the workspace holds apart from the plan, in place of what was noted before.
+
+        Raises:
+            ResourceFailure: the database cannot be written.
+        """
+        with self._database.writing() as connection:
+            connection.execute(_TABLE)
+            connection.execute(_BY_STATE)
+            connection.execute("DELETE FROM plan_rows WHERE plan_id = ? AND state = 'held'", (self._plan_id,))
+            connection.executemany(
+                "INSERT INTO plan_rows (plan_id, number, lap, levels, spot, place, map_id, site_index, seed, state)"
+                " VALUES (?, ?, 0, ?, '', '', '', 0, 0, 'held')",
+                ((self._plan_id, -1 - index, json.dumps(levels)) for index, levels in enumerate(held)),
+            )
+
+    def add(self, rows: Iterable[PlanRow]) -> None:
+        """Plan rows; all of them are stored, or none.
+
+        Raises:
+            ResourceFailure: the database cannot be written.
+        """
+        with self._database.writing() as connection:
+            connection.executemany(
+                "INSERT INTO plan_rows (plan_id, number, lap, levels, spot, place, map_id, site_index, seed, state)"
+                " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, 'waiting')",
+                (
+                    (
+                        *(self._plan_id, row.number, row.lap, json.dumps(row.levels), row.spot, row.place),
+                        *(row.map_id, row.site_index, row.seed),
+                    )
+                    for row in rows
+                ),
+            )
+
+    def end(
+        self, row: PlanRow, state: RowState, *, scenario_id: str = "", reused: bool = False, reason: str = ""
+    ) -> None:
+        """Note what became of a row; its scenario can be listed as made from the plan.
+
+        Raises:
+            ResourceFailure: the database cannot be written.
+        """
+        with self._database.writing() as connection:
+            connection.execute(
+                "UPDATE plan_rows SET state = ?, scenario_id = ?, reused = ?, reason = ?"
+                " WHERE plan_id = ? AND number = ?",
+                (state, scenario_id, int(reused), reason, self._plan_id, row.number),
+            )
+            if scenario_id:
+                connection.execute("INSERT OR IGNORE INTO parents VALUES (?, ?)", (scenario_id, self._plan_id))
+
+    def waiting(self, limit: int) -> list[PlanRow]:
+        """The next rows to be made, those of a map together: a worker keeps the map that it read last."""
+        query = "state = 'waiting' ORDER BY map_id, number LIMIT ?"
+        return [
+            PlanRow(
+                row["number"],
+                row["lap"],
+                tuple(json.loads(row["levels"])),
+                row["spot"],
+                row["place"],
+                row["map_id"],
+                row["site_index"],
+                row["seed"],
+            )
+            for row in self._rows("*", query, limit)
+        ]
+
+    def counts(self) -> PlanCounts:
+        """How many rows are in which state."""
+        states = {
+            row["state"]: row for row in self._rows("state, count(*) AS n, sum(reused) AS reused", "1 GROUP BY state")
+        }
+
+        def count(state: RowState) -> int:
+            return int(states[state]["n"]) if state in states else 0
+
+        reused = int(states["made"]["reused"]) if "made" in states else 0
+        return PlanCounts(count("waiting"), count("made"), reused, count("refused"), count("failed"))
+
+    def made(self) -> Iterator[Levels]:
+        """The levels of all that was made, by the plan or before it, each once."""
+        rows = self._rows("DISTINCT levels", "state IN ('made', 'held')")
+        return (tuple(json.loads(row["levels"])) for row in rows)
+
+    def refused(self) -> Iterator[tuple[Levels, int, str]]:
+        """Levels that were refused or failed, how often, and one of the reasons."""
+        rows = self._rows(
+            "levels, count(*) AS n, min(reason) AS reason",
+            "state IN ('refused', 'failed') GROUP BY levels ORDER BY levels",
+        )
+        return ((tuple(json.loads(row["levels"])), int(row["n"]), str(row["reason"])) for row in rows)
+
+    def next_number(self) -> int:
+        """The number of the next row that is planned."""
+        (row,) = self._rows("coalesce(max(number), -1) + 1 AS n", "number >= 0")
+        return int(row["n"])
+
+    def last_lap(self) -> tuple[int, int]:
+        """The last lap that was planned, and how many of its rows were made; (0, 0) without any."""
+        rows = self._rows("lap, sum(state = 'made') AS made", "number >= 0 GROUP BY lap ORDER BY lap DESC LIMIT 1")
+        return (int(rows[0]["lap"]), int(rows[0]["made"])) if rows else (0, 0)
+
+    def turns(self) -> dict[str, int]:
+        """By the words for sites, how many rows were planned for them."""
+        rows = self._rows("spot, count(*) AS n", "number >= 0 GROUP BY spot")
+        return {str(row["spot"]): int(row["n"]) for row in rows}
+
+    def places(self) -> dict[str, int]:
+        """How many scenarios were made at each place, most first."""
+        rows = self._rows("place, count(*) AS n", "state = 'made' GROUP BY place ORDER BY n DESC, place")
+        return {str(row["place"]): int(row["n"]) for row in rows}
+
+    def scenario_ids(self, limit: int = -1) -> tuple[str, ...]:
+        """The ids of what was made, in the order in which it was planned; all of them without a limit."""
+        rows = self._rows("scenario_id", "state = 'made' ORDER BY number LIMIT ?", limit)
+        return tuple(dict.fromkeys(str(row["scenario_id"]) for row in rows))
+
+    def _rows(self, columns: str, condition: str, *values: object) -> list[sqlite3.Row]:
+        connection = self._database.connection()
+        if connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'plan_rows'").fetchone() is None:
+            return []
+        query = f"SELECT {columns} FROM plan_rows WHERE plan_id = ? AND {condition}"  # noqa: S608 - fixed words only
+        return connection.execute(query, (self._plan_id, *values)).fetchall()
+
+
+def made_before(connection: sqlite3.Connection) -> Iterator[dict[str, Any]]:
+    """What was asked for the generated scenarios of a workspace, each once, without where and by which numbers."""
+    return (json.loads(row[0]) for row in connection.execute(_ASKED))

@@ -1,0 +1,215 @@
+"""Many scenarios to a plan: all combinations that can be, what cannot be with its reason, and what goes on."""
+
+import json
+import sqlite3
+import threading
+import time
+from collections.abc import Callable
+from itertools import combinations, product
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcp import Client
+from support.server import Connect, StdioServer
+
+from plannerforge.server.settings import Settings
+
+COVER = ["scenario_type=intersection|ramp", "density=low|high", "turn=left|straight|merge"]
+WISH: dict[str, Any] = {"cover": COVER, "duration_s": 12}
+
+
+@pytest.fixture
+def bare(settings: Settings) -> Settings:
+    return settings.model_copy(update={"starter": False})
+
+
+async def told(client: Client, tool: str, **arguments: Any) -> tuple[str, dict[str, Any]]:
+    result = await client.call_tool(tool, arguments)
+    text = str(result.content[0].text)  # type: ignore[union-attr]
+    assert not result.is_error, text
+    return text, result.structured_content or {}
+
+
+async def ended(client: Client, **arguments: Any) -> tuple[str, dict[str, Any]]:
+    """The answer of a plan whose job has ended."""
+    while True:
+        text, answer = await told(client, "generate_scenarios", **arguments)
+        if answer["state"] != "running":
+            return text, answer
+
+
+def pairs_asked(workspace: Path) -> set[tuple[str, str]]:
+    """The pairs of what the stored scenarios were asked for, read from the database."""
+    with sqlite3.connect(workspace / "workspace.sqlite") as connection:
+        rows = connection.execute("SELECT recipe FROM artifacts WHERE kind = 'scenario'").fetchall()
+    asked = [json.loads(row[0])["arguments"] for row in rows]
+    return {pair for one in asked for pair in combinations((one["scenario_type"], one["density"], one["goal"]), 2)}
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize("era", ["auto"])
+async def test_a_plan_makes_every_pair_that_can_be_and_names_the_others(connect: Connect, bare: Settings) -> None:
+    async with connect(bare) as client:
+        text, answer = await ended(client, **WISH)
+        plan = answer["plan"]
+        types, densities, turns = (
+            ("intersection", "ramp"),
+            ("low", "high"),
+            ("through:left", "through:straight", "through:merge"),
+        )
+        impossible = {("ramp", "through:left"), ("intersection", "through:merge")}
+        pairs = {*product(types, densities), *product(types, turns), *product(densities, turns)} - impossible
+        assert pairs_asked(bare.workspace) == pairs
+        assert (plan["allowed"], plan["covered"], plan["left_total"]) == (len(pairs), len(pairs), 0)
+        assert {one["combination"] for one in plan["cannot"]} == {
+            "scenario_type=ramp + turn=left",
+            "scenario_type=intersection + turn=merge",
+        }
+        assert "100.0% of the 2-way combinations" in text
+        assert "no ego makes that turn at a site of the type ramp" in text
+        assert len(text.splitlines()) <= 12
+        made = plan["made"]
+
+        again = (await ended(client, **WISH))[1]["plan"]
+        assert again == plan
+        text, listed = await told(client, "list_artifacts", parent=plan["plan_id"], limit=50)
+        assert {one["kind"] for one in listed["artifacts"]} == {"scenario"}
+        assert len(listed["artifacts"]) == made
+        more = (await ended(client, **WISH, count=made + 2))[1]["plan"]
+        assert (more["plan_id"], more["made"], more["asked"]) == (plan["plan_id"], made + 2, made + 2)
+        assert len((await told(client, "list_artifacts", parent=plan["plan_id"], limit=50))[1]["artifacts"]) == made + 2
+        found = (await told(client, "find_scenarios", within=plan["plan_id"], limit=50))[1]
+        assert found["total"] == made + 2
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize("era", ["auto"])
+async def test_what_the_workspace_holds_is_counted_and_not_made_again(connect: Connect, bare: Settings) -> None:
+    async with connect(bare) as client:
+        shared = {"place": "Quadratstadt", "duration_s": 12}
+        for density in ("low", "high"):
+            wish = {"scenario_type": "intersection", "density": density, "goal": "through:straight"}
+            await told(client, "generate_scenarios", **shared, **wish, seed=5)
+        await told(
+            client, "generate_scenarios", place="Quadratstadt", scenario_type="urban", duration_s=6, density="high"
+        )
+        cover = ["scenario_type=intersection", "density=low|high", "turn=straight|right"]
+        plan = (await ended(client, **shared, cover=cover))[1]["plan"]
+        assert (plan["covered"], plan["allowed"], plan["made"]) == (8, 8, 2)
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize("era", ["auto"])
+async def test_a_class_without_roads_is_said_not_to_be_possible_after_three_tries(
+    connect: Connect, bare: Settings
+) -> None:
+    async with connect(bare) as client:
+        cover = ["scenario_type=ramp|rural", "vehicles=bicycle|cars"]
+        _, answer = await ended(client, place="Neuland", duration_s=6, cover=cover)
+        plan = answer["plan"]
+        assert [one["combination"] for one in plan["cannot"]] == ["scenario_type=ramp + vehicles=bicycle"]
+        assert "open to the vehicle class 'bicycle'; 3 tries" in plan["cannot"][0]["reason"]
+        assert (plan["refused"], plan["covered"], plan["allowed"]) == (3, 3, 3)
+        again = (await ended(client, place="Neuland", duration_s=6, cover=cover))[1]["plan"]
+        assert again["refused"] == 3
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize("era", ["auto"])
+@pytest.mark.parametrize(
+    ("wish", "said"),
+    [
+        ({"count": 51}, "to 5,000 with cover"),
+        ({"cover": ["colour=red|blue"]}, "scenario_type"),
+        ({"cover": ["density=low|dense"]}, "medium"),
+        ({"cover": ["density=low", "density=high"]}, "names density twice"),
+        ({"cover": ["vehicles=truck|bicicle"]}, "bicycle"),
+        ({"cover": ["place=Musterstadt|Atlantis"]}, "Musterstadt"),
+        ({"cover": ["density=low|high", "strength=3"]}, "strength=1"),
+        ({"cover": ["strength=2"]}, "scenario_type"),
+        ({"cover": ["turn=left|right"], "goal": "steps:50"}, "through"),
+        ({"cover": ["density"], "trial_run": True}, "run_planner"),
+        ({"cover": ["scenario_type=highway"], "place": "Landmoor"}, "rural"),
+        ({"cover": ["density=low|high", "vehicles=truck|truck=301"]}, "at most 300"),
+    ],
+)
+async def test_a_plan_that_cannot_be_meant_is_refused_with_what_can(
+    connect: Connect, bare: Settings, wish: dict[str, Any], said: str
+) -> None:
+    async with connect(bare) as client:
+        refused = await client.call_tool("generate_scenarios", wish)
+        assert refused.is_error
+        assert said in str(refused.content[0].text)  # type: ignore[union-attr]
+
+
+def rows_ended(folder: Path) -> int:
+    path = folder / "workspace" / "workspace.sqlite"
+    if not path.is_file():
+        return 0
+    with sqlite3.connect(path) as connection:
+        try:
+            found = connection.execute(
+                "SELECT count(*) FROM plan_rows WHERE state NOT IN ('waiting', 'held')"
+            ).fetchone()
+        except sqlite3.OperationalError:
+            return 0
+    return int(found[0])
+
+
+def killed_when(folder: Path, wish: dict[str, Any], is_time: Callable[[int], bool]) -> None:
+    """Ask a server of its own for a plan, and kill it without notice once so many rows have ended."""
+    server = StdioServer(folder)
+
+    def ask() -> None:
+        try:
+            server.call("generate_scenarios", **wish)
+        except (AssertionError, OSError):  # it was killed meanwhile
+            return
+
+    asking = threading.Thread(target=ask)
+    asking.start()
+    while not is_time(rows_ended(folder)) and server.process.poll() is None:
+        time.sleep(0.05)
+    server.process.kill()
+    asking.join()
+    server.kill()
+
+
+def carried_to_the_end(folder: Path, wish: dict[str, Any]) -> dict[str, Any]:
+    server = StdioServer(folder)
+    try:
+        while True:
+            answer: dict[str, Any] = server.call("generate_scenarios", **wish)
+            if answer["state"] != "running":
+                return answer
+    finally:
+        server.kill()
+
+
+def stored(folder: Path) -> dict[str, bytes]:
+    return {path.parent.name: path.read_bytes() for path in (folder / "workspace" / "scenarios").glob("*/scenario.xml")}
+
+
+def test_a_plan_whose_server_is_killed_twice_ends_as_if_nothing_had_been(tmp_path: Path) -> None:
+    wish = {
+        "cover": ["scenario_type=rural|ramp", "vehicles=bicycle|cars"],
+        "place": "Neuland",
+        "duration_s": 5,
+        "count": 7,
+    }
+    disturbed, quiet = tmp_path / "disturbed", tmp_path / "quiet"
+    for folder in (disturbed, quiet):
+        folder.mkdir()
+    killed_when(disturbed, wish, lambda count: count >= 1)
+    first = rows_ended(disturbed)
+    assert first < 9
+    killed_when(disturbed, wish, lambda count: count > first)
+    there = stored(disturbed)
+    plan = carried_to_the_end(disturbed, wish)["plan"]
+    expected = carried_to_the_end(quiet, wish)["plan"]
+    assert {**plan, "reused": 0} == {**expected, "reused": 0}
+    assert (plan["made"], plan["waiting"]) == (7, 0)
+    assert stored(disturbed) == stored(quiet)
+    assert len(stored(quiet)) == 7
+    assert there.items() <= stored(disturbed).items()
