@@ -154,7 +154,8 @@ class PlanningTask:
     The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, to be reached within
     the steps of ``time_steps``. ``focus_passed``: how many areas of the site's focus the recorded path to it passes;
     ``focus_left``: whether the goal lies behind them; ``takes_most``: whether a goal that should lie behind the site
-    takes half of the duration at least. ``stands_in``: the ego is not the car that was asked for by its number, because
+    takes half of the duration at least; ``followable``: whether a planner that drives there evenly can follow the
+    lanes, looked at for such goals. ``stands_in``: the ego is not the car that was asked for by its number, because
     that one has no such goal.
     """
 
@@ -169,6 +170,7 @@ class PlanningTask:
     focus_passed: int = 1
     focus_left: bool = True
     takes_most: bool = True
+    followable: bool = True
     stands_in: bool = False
 
 
@@ -231,9 +233,11 @@ def _best_task(
         merit = (car.feasible, task.focus_passed, task.focus_left, task.takes_most)
         if best is not None and (*merit, True) <= best[0]:
             continue
-        smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup)
+        # Where a planner has most of the duration, it does not drive as the car did: slowly where that was held up.
+        evenly_mps = task.goal_distance_m / (task.goal_step * step_s) if goal.through_s is not None else 0.0
+        smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup, evenly_mps)
         if best is None or (*merit, smooth) > best[0]:
-            best = (*merit, smooth), task
+            best = (*merit, smooth), replace(task, followable=smooth or goal.through_s is None)
         if best[0] == (True, focus.parts, True, True, True):
             break
     return None if best is None else best[1]
@@ -404,11 +408,16 @@ SAMPLED_EVERY = 5
 """Steps (0.5 s) between two looks at the lanelet under a car and at its speed."""
 
 
-def follows_smooth_lanes(car: GeneratedVehicle, last_step: int, network: RoadNetwork, lookup: LaneletLookup) -> bool:
-    """Whether the centre lines under the car up to a step, and 20 m beyond, curve no more than it can steer."""
+def follows_smooth_lanes(
+    car: GeneratedVehicle, last_step: int, network: RoadNetwork, lookup: LaneletLookup, least_mps: float = 0.0
+) -> bool:
+    """Whether the centre lines under the car up to a step, and 20 m beyond, curve no more than it can steer.
+
+    It drives there as fast as it was recorded, and at ``least_mps`` at least.
+    """
     under = [_under(lookup, car, step) for step in range(0, last_step + 1, SAMPLED_EVERY)]
     route = [lanelet for lanelet, _ in itertools.groupby(lanelet for lanelet in under if lanelet is not None)]
-    return all(_is_smooth(line, car, last_step) for line in _lines(route, network))
+    return all(_is_smooth(line, car, last_step, least_mps) for line in _lines(route, network))
 
 
 def _lines(route: Sequence[RoadLanelet], network: RoadNetwork) -> list[Points]:
@@ -425,7 +434,7 @@ def _lines(route: Sequence[RoadLanelet], network: RoadNetwork) -> list[Points]:
     return [without_repeats(np.concatenate(parts)) for parts in lines]
 
 
-def _is_smooth(line: Points, car: GeneratedVehicle, last_step: int) -> bool:
+def _is_smooth(line: Points, car: GeneratedVehicle, last_step: int, least_mps: float) -> bool:
     length = float(arc_length(line)[-1])
     if length < 4 * SMOOTHING_M:
         return True
@@ -436,7 +445,7 @@ def _is_smooth(line: Points, car: GeneratedVehicle, last_step: int) -> bool:
     stations = arc_length(points)[1:-1]
     first, last = (project(points, car.motion.positions[step])[0] for step in (0, last_step))
     watched = (stations > first - BEFORE_M) & (stations < last + BEYOND_M)
-    speed = _speeds_along(points, stations, car, last_step)
+    speed = np.maximum(_speeds_along(points, stations, car, last_step), least_mps)
     rate = np.abs(np.gradient(curvature, spacing)) * speed if len(curvature) > 1 else curvature
     too_tight = np.abs(curvature) > LARGEST_CURVATURE_PER_M
     return not bool(np.any(watched & (too_tight | (rate > LARGEST_CURVATURE_RATE_PER_MS))))

@@ -1,8 +1,11 @@
+from typing import cast
+
 import numpy as np
 import pytest
 from support.roads import network_of_streets, street
 
-from plannerforge.engine.generation.planning_problem import follows_smooth_lanes
+from plannerforge.engine.generation.planning_problem import TaskSpec, choose_task, follows_smooth_lanes, parse_goal
+from plannerforge.engine.generation.sites import SiteFocus
 from plannerforge.engine.geometry.polyline import Points, headings
 from plannerforge.engine.network.road_network import LaneletLookup
 from plannerforge.engine.traffic.motions import GeneratedVehicle
@@ -58,3 +61,44 @@ def test_a_corner_where_one_lanelet_follows_on_another_counts() -> None:
     roads = network_of_streets(street(1, line[:63], (2,)), street(2, line[62:]))
     car = driven(line, 13.0)
     assert not follows_smooth_lanes(car, len(car.motion.positions) - 1, roads, LaneletLookup(roads))
+
+
+class WholeRoad:
+    """A focus that every path passes, and leaves behind 60 m."""
+
+    parts = 1
+
+    @staticmethod
+    def parts_passed(car: GeneratedVehicle, step: int) -> int:
+        return 1
+
+    @staticmethod
+    def is_left_by(car: GeneratedVehicle, step: int) -> bool:
+        return True
+
+
+def held_up() -> GeneratedVehicle:
+    """Drives at 13 m/s, but for a jog that it takes at 2 m/s."""
+    line = road_with_jog(3.0, 3.0)
+    x = np.concatenate([np.arange(0.0, 55.0, 1.3), np.arange(55.0, 67.0, 0.2), np.arange(67.0, 120.0, 1.3)])
+    positions = np.stack([x, np.interp(x, line[:, 0], line[:, 1])], axis=1)
+    speeds = np.append(np.diff(x) / 0.1, 13.0)
+    motion = Motion(positions, np.append(headings(positions), 0.0), speeds, speeds * 0.0)
+    return GeneratedVehicle("1", vehicle_classes()["car"], motion, True)
+
+
+def test_a_jog_that_was_driven_slowly_cannot_be_followed_at_the_speed_that_a_planner_needs() -> None:
+    roads = network_of_streets(street(1, road_with_jog(3.0, 3.0)))
+    lookup = LaneletLookup(roads)
+    assert follows_smooth_lanes(held_up(), 130, roads, lookup)
+    assert follows_smooth_lanes(held_up(), 130, roads, lookup, least_mps=2.0)
+    assert not follows_smooth_lanes(held_up(), 130, roads, lookup, least_mps=8.0)
+
+
+def test_a_task_whose_lanes_cannot_be_followed_at_an_even_pace_says_so() -> None:
+    roads, focus = network_of_streets(street(1, road_with_jog(3.0, 3.0))), cast("SiteFocus", WholeRoad())
+    through, steps = (
+        choose_task(TaskSpec(parse_goal(goal, 18.0)), [held_up()], roads, focus, 0.1)
+        for goal in ("through", "steps:130")
+    )
+    assert (through.followable, steps.followable) == (False, True)
