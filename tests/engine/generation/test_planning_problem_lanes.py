@@ -87,7 +87,7 @@ def held_up() -> GeneratedVehicle:
     return GeneratedVehicle("1", vehicle_classes()["car"], motion, True)
 
 
-def test_a_jog_that_was_driven_slowly_cannot_be_followed_at_the_speed_that_a_planner_needs() -> None:
+def test_a_jog_that_was_driven_slowly_cannot_be_followed_fast() -> None:
     roads = network_of_streets(street(1, road_with_jog(3.0, 3.0)))
     lookup = LaneletLookup(roads)
     assert follows_smooth_lanes(held_up(), 130, roads, lookup)
