@@ -134,7 +134,15 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
 
 def settings_for(workspace: Path, folder: Path, workers: int) -> Settings:
     """A server on the benchmark's own workspace."""
-    return Settings(workspace=workspace, roots=(folder,), workers=workers, starter=False, warm_up=False, journal=False)
+    return Settings(
+        workspace=workspace,
+        roots=(folder,),
+        workers=workers,
+        starter=False,
+        warm_up=False,
+        maps_online="offline",
+        journal=False,
+    )
 
 
 async def call_ms(client: Client, tool: str, **arguments: Any) -> float:

@@ -151,7 +151,7 @@ async def _record(data: Path, output: Path, every: int, maps: int) -> None:
     scenarios = sorted((data / "commonroad").glob("*.xml"))[::every]
     extracts = sorted((data / "osm").glob("*.osm"), key=lambda path: path.stat().st_size)[:maps]
     workspace = Path(tempfile.gettempdir()) / f"same-bytes-{os.getpid()}"
-    settings = Settings(workspace=workspace, roots=(data,), warm_up=False, journal=False)
+    settings = Settings(workspace=workspace, roots=(data,), warm_up=False, maps_online="offline", journal=False)
     digests = _Digests(workspace)
     async with Client(create_server(settings)) as client:
         for number, path in enumerate(scenarios):

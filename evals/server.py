@@ -42,7 +42,7 @@ async def _measure(workspace: Path) -> None:
         ours_s.append(await _first_answer_s(ours))
     ratios = [full / least for full, least in zip(ours_s, bare_s, strict=True)]
     calls_ms = []
-    for server in (create_server(Settings(workspace=workspace, warm_up=False)), ours):
+    for server in (create_server(Settings(workspace=workspace, warm_up=False, maps_online="offline")), ours):
         async with Client(server) as client:
             calls_ms.append([await call_ms(client, "list_artifacts") for _ in range(_CALLS)])
     quiet = {"PLANNERFORGE_WARM_UP": "false"}  # only the worker that the work itself needs

@@ -7,6 +7,7 @@
     │   └── NotPossible     understood, but the scenario, map or network does not allow it
     ├── UnsafeInput         a file that is malformed, hostile or too large
     ├── ResourceFailure     disk, database or memory gave up                         (nothing was lost)
+    ├── ServiceFailure      a service on the net did not answer as it should         (nothing was made)
     ├── WorkerFailure       native code in a worker process died
     │   └── WorkerTimeout   … or ran past its limit
     └── UnexpectedFailure   a defect of ours; logged with an incident number         (never shown with a traceback)
@@ -163,6 +164,13 @@ class ResourceFailure(PlannerForgeError):
 
     code = "resource_failure"
     usual_step = "free disk space, or ask for less at once"
+
+
+class ServiceFailure(PlannerForgeError):
+    """A service on the net could not be reached or did not answer as it should; nothing was made of what it sent."""
+
+    code = "service_failure"
+    usual_step = "call again later, or import an .osm extract of the place with import_files"
 
 
 class WorkerFailure(PlannerForgeError):

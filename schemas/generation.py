@@ -9,10 +9,13 @@ from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result, first_of
 from .jobs import JobState
+from .maps import Box, MapServices, NamedPlace
 from .text import counted
 
 SiteType = Literal["highway", "urban", "intersection", "signalised_intersection", "roundabout", "rural", "ramp"]
 ScenarioType = Literal["any", SiteType]
+MapChoice = Literal["auto", "local", "online"]
+"""Which maps are used: ``auto``: local ones that show the place, otherwise one from the net."""
 Density = Literal["low", "medium", "high"]
 Turn = Literal["left", "right", "straight", "lane_change", "merge", "exit"]
 _AT_JUNCTIONS: tuple[Turn, ...] = ("left", "right", "straight", "lane_change")
@@ -53,13 +56,31 @@ MAP_FACTS_VERSION = 2
 """Raised when more is read of a map than before: what a workspace keeps of a map is then read anew."""
 
 
+class MapSource(Model):
+    """Where a fetched map comes from.
+
+    ``place``: what was fetched, in words; ``osm_id``: as OpenStreetMap numbers it, empty for a box. ``core``: where its
+    roads are whole. ``query``: what was sent to ``service`` (a host), ``data_time``: the time of its data, as it states
+    it. ``beside``: a person fetched it to have it beside them, so that it counts like a map of their own; otherwise it
+    was fetched for one request, which alone uses it while the net is there.
+    """
+
+    place: str
+    osm_id: str
+    core: Box
+    query: str
+    service: str
+    data_time: str
+    beside: bool = False
+
+
 class MapFacts(Model):
     """What a map shows: read from the file, nothing guessed.
 
     ``country`` is None where neither the file nor the caller names it; ``countries_near`` are then those that it may
     lie in (none: nothing is known). ``sites`` counts sites by scenario type. ``road_names``: for roads that have
     several names the one of ``streets`` or ``refs``, then the others; ``areas``: places that the map shows in part of
-    itself.
+    itself. ``source``: where a fetched map comes from.
     """
 
     map_id: str
@@ -80,6 +101,7 @@ class MapFacts(Model):
     road_names: tuple[tuple[str, ...], ...] = ()
     areas: tuple[PlaceArea, ...] = ()
     facts_version: int = 1
+    source: MapSource | None = None
 
 
 class MapList(Model):
@@ -109,6 +131,43 @@ class ConvertedMap(Model):
     """The map as XML."""
 
     path: str
+
+
+class FetchMapRequest(Model):
+    """Roads about a place or in a box, to be fetched, with room for a type of site; ``count``: sites to be had."""
+
+    services: MapServices
+    folder: str
+    place: NamedPlace | None = None
+    bbox: Box | None = None
+    country: str | None = None
+    scenario_type: ScenarioType = "any"
+    road_classes: tuple[str, ...] = ()
+    count: int = 1
+
+
+class FetchedMap(Model):
+    """A map that was fetched into a folder: its file, what it shows and where its roads are whole.
+
+    ``core``: sites are taken from inside only, since beyond it roads are cut off. ``query``: what was asked, as it was
+    sent; ``service``: the host that answered; ``data_time``: of which time its data is; ``kept``: the answer was kept
+    from an earlier request.
+    """
+
+    path: str
+    facts: MapFacts
+    core: Box
+    query: str
+    service: str
+    data_time: str
+    kept: bool
+
+
+class FetchedMaps(Model):
+    """The maps that were fetched for a request, the best first, and what did not go as planned, a sentence each."""
+
+    maps: tuple[FetchedMap, ...]
+    notes: tuple[str, ...] = ()
 
 
 NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
@@ -334,6 +393,7 @@ class GenerateScenariosArguments(Arguments):
     cover: list[str] = Field(
         [], description="combinations to fill: 'density=low|high', 'turn=left|right', 'strength=2'"
     )
+    source: MapChoice = Field("auto", description="online: fetch the map; auto: where no local map shows it")
 
 
 class ScenarioSummary(Model):

@@ -1,4 +1,5 @@
-"""What is known about a scenario: its metadata layers, its record, and what ``describe_scenario`` takes and answers.
+"""What is known about a scenario: its metadata layers, its record, what rules find in its roads,
+and what ``describe_scenario`` takes and answers.
 
 Lengths in m, speeds in m/s, times in s, headings in rad; posted limits in km/h. The answer's text stands at the end.
 """
@@ -14,6 +15,36 @@ from .base import Answer, Arguments, Model, Result
 from .generation import DensityFacts, ScenarioType, SiteFacts
 from .text import counted
 from .vocabulary import GoalForm
+
+Severity = Literal["error", "warning"]
+"""Of what a rule for road networks finds."""
+
+
+class RuleFinding(Model):
+    """One defect: the rule that found it, the ids of the elements concerned, where it is, and what is wrong."""
+
+    rule: str
+    severity: Severity
+    elements: tuple[int, ...]
+    where: tuple[float, float] | None = Field(description="x, y in m; None where the defect has no place")
+    message: str
+
+
+class CheckedFile(Model):
+    """A file with what the rules found; ``unreadable`` says why none could be run."""
+
+    file: str
+    findings: tuple[RuleFinding, ...] = ()
+    unreadable: str = ""
+
+    def count(self, severity: Severity) -> int:
+        """How many findings are of this severity."""
+        return sum(finding.severity == severity for finding in self.findings)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the file could be read and no rule found an error."""
+        return not self.unreadable and self.count("error") == 0
 
 
 class LocationFacts(Model):

@@ -5,16 +5,18 @@ both; nothing here keeps state between the requests of one connection.
 """
 
 import asyncio
+import hashlib
 import time
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Literal
 
 import anyio
 from mcp import MCPError
 from mcp.server import MCPServer
 from mcp.server.context import ServerRequestContext
+from mcp.server.elicitation import AcceptedElicitation, render_elicitation_schema
 from mcp.server.lowlevel.helper_types import ReadResourceContents
 from mcp.server.mcpserver.context import Context
 from mcp.server.stdio import stdio_server
@@ -24,13 +26,17 @@ from mcp.types import (
     CompleteRequestParams,
     CompleteResult,
     Completion,
+    ElicitRequest,
+    ElicitRequestFormParams,
+    ElicitResult,
     GetPromptResult,
+    InputRequiredResult,
     Prompt,
     PromptReference,
     ResourceTemplate,
     Tool,
 )
-from pydantic import AnyUrl
+from pydantic import AnyUrl, BaseModel, Field, create_model
 
 from .. import __version__
 from ..engine.execution import CallThreads, run_in
@@ -38,12 +44,12 @@ from ..prompts.catalog import completions, listed_prompts, prompt_text, workspac
 from ..resources.templates import TEMPLATES, read_resource
 from ..schemas.errors import PlannerForgeError, UnknownName, closest
 from ..schemas.text import one_line
-from ..tools.call import Services, ToolCall
+from ..tools.call import Question, Services, ToolCall
 from ..tools.maps import maps_seen
 from ..tools.registry import ToolSpec
 from .journal import Journal
 from .messages import ReadableMessages, standard_input
-from .tool_calls import answer
+from .tool_calls import InputNeeded, answer
 from .tool_schema import described_tool
 
 INSTRUCTIONS = """\
@@ -61,6 +67,8 @@ _MOST_CALLS = 32
 """Calls that are carried out at once; others wait for their turn. Chosen: clients send a few, and each has a thread."""
 _MOST_COMPLETIONS = 100
 """The protocol's bound on values of one completion."""
+_STATELESS_SINCE = "2026-07-28"
+"""The first protocol revision without requests from the server to the client."""
 _ServicesFactory = Callable[[], AbstractAsyncContextManager[Services]]
 
 
@@ -110,8 +118,8 @@ class PlannerForgeServer(MCPServer[Services]):
 
     async def call_tool(
         self, name: str, arguments: dict[str, Any], context: Context[Services, Any] | None = None
-    ) -> CallToolResult:
-        """Call a tool.
+    ) -> CallToolResult | InputRequiredResult:
+        """Call a tool; the result may be a question, with whose answer the call has to be made again.
 
         Raises:
             MCPError: there is no such tool (-32602).
@@ -123,9 +131,13 @@ class PlannerForgeServer(MCPServer[Services]):
         if context is None:
             raise MCPError(INVALID_PARAMS, "a tool needs the context of a request")
         started, clock = datetime.now(UTC), time.perf_counter()
-        call = ToolCall(context.request_context.lifespan_context, _PacedProgress(context).send)
-        async with self._at_once:
-            result = await self._threads.run(answer, spec, arguments, call)
+        services = context.request_context.lifespan_context
+        call = ToolCall(services, _PacedProgress(context).send, _Asker(context).ask)
+        try:
+            async with self._at_once:
+                result = await self._threads.run(answer, spec, arguments, call)
+        except InputNeeded as needed:
+            return _question(needed)
         if self._journal is not None:
             self._journal.add(
                 time=started.isoformat(timespec="milliseconds"),
@@ -223,6 +235,68 @@ class _PacedProgress:
             return
         self._share, self._sent_at = share, now
         await self._context.report_progress(round(share, 4), 1.0, message or None)
+
+
+class _Asker:
+    """Puts questions to the person at the client of one call, in both protocol eras.
+
+    Until 2025-11-25 a question is a request of the server's in the middle of the call. Since 2026-07-28 there are none:
+    the call ends with the question, and the client makes it again with the answer, known by the question's digest.
+    """
+
+    def __init__(self, context: Context[Services, Any]) -> None:
+        self._context, self._home = context, asyncio.get_running_loop()
+
+    async def ask(self, question: Question) -> str | None:
+        """The choice, from whichever thread; None where the client cannot ask, or nobody chooses.
+
+        Raises:
+            InputNeeded: the client has to make the call again with the answer.
+        """
+        key = f"choice-{hashlib.sha256(repr(question).encode()).hexdigest()[:16]}"
+        given = (self._context.input_responses or {}).get(key)
+        if given is not None:
+            if not isinstance(given, ElicitResult) or given.action != "accept":
+                return None
+            return _chosen(given.content, question)
+        if not self._can_ask():
+            return None
+        version = self._context.protocol_version
+        if version is not None and version >= _STATELESS_SINCE:
+            raise InputNeeded(key, question)
+        return await run_in(self._home, self._elicit, question)
+
+    def _can_ask(self) -> bool:
+        """Whether the client shows forms; one that only says that it asks, does."""
+        capabilities = self._context.client_capabilities
+        elicitation = capabilities.elicitation if capabilities is not None else None
+        return elicitation is not None and (elicitation.form is not None or elicitation.url is None)
+
+    async def _elicit(self, question: Question) -> str | None:
+        try:
+            outcome = await self._context.elicit(question.text, _form(question))
+        except (MCPError, ValueError):  # an answer that does not fit is none
+            return None
+        return _chosen(outcome.data.model_dump(), question) if isinstance(outcome, AcceptedElicitation) else None
+
+
+def _question(needed: InputNeeded) -> InputRequiredResult:
+    """What a call answers that cannot go on without an answer."""
+    form = render_elicitation_schema(_form(needed.question))
+    parameters = ElicitRequestFormParams(message=needed.question.text, requested_schema=form)
+    return InputRequiredResult(input_requests={needed.key: ElicitRequest(params=parameters)})
+
+
+def _form(question: Question) -> type[BaseModel]:
+    """A form with one field: one of the choices."""
+    choices: Any = Literal[question.choices]
+    form: type[BaseModel] = create_model("Choice", choice=(choices, Field(description="one of these")))
+    return form
+
+
+def _chosen(content: Mapping[str, Any] | None, question: Question) -> str | None:
+    choice = (content or {}).get("choice")
+    return choice if isinstance(choice, str) and choice in question.choices else None
 
 
 def _client_name(context: Context[Services, Any]) -> str:

@@ -74,6 +74,7 @@ async def open_services(settings: Settings, start_folder: Path, threads: CallThr
                 settings.map_folders,
                 settings.starter,
                 settings.embedding_model,
+                online=settings.map_services(),
             )
             tasks.cancel_scope.cancel()
     finally:

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Column, Table
 
-from ..schemas.network_rules import CheckedFile
+from ..schemas.scenarios import CheckedFile
 
 _SHOWN_IDS = 4
 """Ids that a line lists of one finding; chosen."""

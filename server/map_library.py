@@ -1,4 +1,4 @@
-"""The library of maps from the command line: taking maps in, and listing what is there."""
+"""The library of maps from the command line: taking maps in, fetching them, and listing what is there."""
 
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, closing
@@ -7,12 +7,16 @@ from pathlib import Path
 import anyio
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.table import Column, Table
 
 from ..engine.execution import CallThreads
 from ..schemas.errors import InvalidRequest, PlannerForgeError
+from ..schemas.generation import MapFacts, ScenarioType
 from ..schemas.importing import ImportedItem
+from ..schemas.text import counted
 from ..tools.call import Services, ToolCall
+from ..tools.generation.online import fetch_beside
 from ..tools.maps import MapInventory, import_map, known_country, maps_at_hand
 from .assembly import open_services
 from .settings import Settings
@@ -37,6 +41,27 @@ def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, co
             refused += 1
             _complain(f"{path.name}: {item.text}")
     return 1 if refused else 0
+
+
+def fetch_map(settings: Settings, place: str, *, country: str | None, scenario_type: ScenarioType) -> int:
+    """Fetch a place's map into the library, with its progress on stderr; 0, or 1 where it cannot be had."""
+    if settings.maps_online == "offline":
+        _complain("maps_online is offline: nothing is fetched; set it to online")
+        return 1
+    errors = Console(stderr=True)
+    errors.print(f"Asks {', '.join(settings.map_services().hosts)}", style="dim", highlight=False)
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn())
+    try:
+        with Progress(*columns, console=errors, transient=True) as bars:
+            facts, notes = anyio.run(_fetch, settings, place, known_country(country), scenario_type, bars)
+    except PlannerForgeError as error:
+        _complain(error.text)
+        return 1
+    sites = ", ".join(counted(count, f"{kind.replace('_', ' ')} site") for kind, count in sorted(facts.sites.items()))
+    said = f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}"
+    for line in (f"{facts.map_id}: {said}", *notes, facts.attribution):
+        Console().print(escape(line), highlight=False, soft_wrap=True)
+    return 0
 
 
 def list_maps(settings: Settings) -> int:
@@ -80,6 +105,18 @@ async def _add(
             except PlannerForgeError as error:
                 outcomes.append((path, error))
     return outcomes
+
+
+async def _fetch(
+    settings: Settings, place: str, country: str | None, scenario_type: ScenarioType, bars: Progress
+) -> tuple[MapFacts, list[str]]:
+    bar = bars.add_task(place, total=1.0)
+
+    async def show(share: float, message: str) -> None:
+        bars.update(bar, completed=share, description=message or place)
+
+    async with _services(settings) as services:
+        return await fetch_beside(ToolCall(services, show), place, country, scenario_type)
 
 
 async def _all(settings: Settings) -> MapInventory:

@@ -16,13 +16,20 @@ from pydantic_settings import (
     TomlConfigSettingsSource,
 )
 
+from .. import __version__
 from ..engine.execution import Limits
 from ..schemas.catalog import PACKAGED_MODEL
+from ..schemas.maps import NOMINATIM_URL, OVERPASS_URLS, MapServices, OnlineMode
 
 RECORDINGS_FOLDER = "recordings"
 """Where, in the workspace, workers keep what they read; it may be deleted at any time."""
 _APPLICATION = "plannerforge"
 _HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
+_ADDRESS = re.compile(r"https?://[A-Za-z0-9.\-]+(:\d{1,5})?(/[A-Za-z0-9._~/\-]*)?")
+ANSWERS_FOLDER = "answers"
+"""Where, in the workspace, the answers of map services are kept; it may be deleted at any time."""
+Addresses = Annotated[tuple[str, ...], NoDecode]
+"""In a variable, addresses are separated by commas or spaces, or a JSON list."""
 Folders = Annotated[tuple[Path, ...], NoDecode]
 """In a variable, folders are separated as in PATH, or a JSON list."""
 
@@ -48,6 +55,21 @@ class Settings(BaseSettings):
         PACKAGED_MODEL, description="what ranks by text: a folder or a hub name that sentence-transformers loads"
     )
     warm_up: bool = Field(True, description="start workers and make the text index ready before they are asked for")
+    maps_online: OnlineMode = Field(
+        "online", description="places that no local map shows: asked for on the net; cache: kept answers; offline: no"
+    )
+    nominatim_url: str = Field(NOMINATIM_URL, description="service that tells where a place is")
+    overpass_urls: Addresses = Field(OVERPASS_URLS, description="services that give roads, asked in this order")
+    maps_user_agent: str = Field(
+        f"PlannerForge-MCP/{__version__} (scenario-based testing of motion planners; by osmnx)",
+        min_length=8,
+        description="names the program to these services; add your address",
+    )
+    maps_delay_s: float = Field(1.0, ge=0, le=3600, description="least time between two requests to one service")
+    maps_timeout_s: float = Field(30.0, ge=1, le=300, description="time limit of one request to a service")
+    maps_cache_mb: int = Field(500, ge=1, description="room for kept answers of these services")
+    maps_cache_days: float = Field(90.0, gt=0, description="age from which a kept answer is asked for again")
+    maps_km2: float = Field(10.0, ge=1, le=100, description="largest area that is fetched at once")
     tools: Literal["all", "essential"] = Field("all", description="essential: the small set for small models")
     read_only: bool = Field(False, description="offer only tools that make nothing")
     journal: bool = Field(True, description="write one line per call into the workspace's journal")
@@ -69,6 +91,20 @@ class Settings(BaseSettings):
             return json.loads(value)
         except json.JSONDecodeError as error:
             raise ValueError(f"'{value}' begins like a JSON list of folders and is none: {error}") from error
+
+    @field_validator("overpass_urls", mode="before")
+    @classmethod
+    def _listed(cls, value: Any) -> Any:
+        return _listed_texts(value) if isinstance(value, str) else value
+
+    @field_validator("nominatim_url", "overpass_urls")
+    @classmethod
+    def _addresses(cls, value: Any) -> Any:
+        every = (value,) if isinstance(value, str) else value
+        wrong = next((address for address in every if not _ADDRESS.fullmatch(address)), None)
+        if wrong is not None or not every:
+            raise ValueError(f"'{wrong or ''}' is no address such as {NOMINATIM_URL}")
+        return value
 
     @field_validator("journal_redact")
     @classmethod
@@ -106,6 +142,21 @@ class Settings(BaseSettings):
         file = TomlConfigSettingsSource(settings_cls, settings_file())
         return init_settings, env_settings, file
 
+    def map_services(self) -> MapServices:
+        """Where maps may be asked for, and how."""
+        return MapServices(
+            mode=self.maps_online,
+            nominatim_url=self.nominatim_url.rstrip("/"),
+            overpass_urls=tuple(url.rstrip("/") for url in self.overpass_urls),
+            user_agent=self.maps_user_agent,
+            delay_s=self.maps_delay_s,
+            timeout_s=self.maps_timeout_s,
+            cache=str(self.workspace.expanduser().resolve() / ANSWERS_FOLDER),
+            cache_mb=self.maps_cache_mb,
+            cache_days=self.maps_cache_days,
+            most_km2=self.maps_km2,
+        )
+
     def limits(self, start_folder: Path) -> Limits:
         """The bounds of every call."""
         roots = self.roots or (start_folder,)
@@ -117,6 +168,15 @@ class Settings(BaseSettings):
             file_bytes=self.file_mb * 1024**2,
             recordings=self.workspace.expanduser().resolve() / RECORDINGS_FOLDER,
         )
+
+
+def _listed_texts(value: str) -> Any:
+    if not value.lstrip().startswith("["):
+        return [part for part in re.split(r"[,\s]+", value) if part]
+    try:
+        return json.loads(value)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"'{value}' begins like a JSON list of addresses and is none: {error}") from error
 
 
 def settings_file() -> Path:

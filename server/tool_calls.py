@@ -11,7 +11,7 @@ from mcp.types import CallToolResult, ContentBlock, ImageContent, ResourceLink, 
 from ..schemas.base import Result
 from ..schemas.errors import NotPossible, PlannerForgeError, UnexpectedFailure, as_told
 from ..schemas.text import printable
-from ..tools.call import ImageAnswer, ToolCall
+from ..tools.call import ImageAnswer, Question, ToolCall
 from ..tools.registry import ToolSpec
 from .argument_errors import read_arguments
 
@@ -22,11 +22,25 @@ MOST_IMAGE_BYTES = 12 * 1024**2
 """Of all pictures of an answer; more are only linked. Chosen: clients refuse messages of tens of megabytes."""
 
 
+class InputNeeded(Exception):
+    """A call has a question whose answer only its next attempt can bring; ``key`` names it there."""
+
+    def __init__(self, key: str, question: Question) -> None:
+        super().__init__(question.text)
+        self.key, self.question = key, question
+
+
 async def answer(spec: ToolSpec, given: Mapping[str, Any], call: ToolCall) -> CallToolResult:
-    """Call a tool; whatever goes wrong becomes a result that says what was wrong and what to do next."""
+    """Call a tool; whatever goes wrong becomes a result that says what was wrong and what to do next.
+
+    Raises:
+        InputNeeded: the tool has a question that only the next attempt of the call can answer.
+    """
     try:
         arguments = read_arguments(spec.arguments_type, given, call.remarks)
         return _shaped(await spec.load_function()(arguments, call), call.remarks)
+    except InputNeeded:
+        raise
     except Exception as raised:  # noqa: BLE001 - the boundary of a call: it becomes the error of this one call
         error = as_told(raised, spec.name)
         if isinstance(error, UnexpectedFailure):

@@ -47,7 +47,7 @@ def tool_description(spec: ToolSpec) -> Tool:
         input_schema=input_schema(arguments),
         output_schema=None if result is None else output_schema(result),
         annotations=ToolAnnotations(
-            read_only_hint=spec.read_only, destructive_hint=False, idempotent_hint=True, open_world_hint=False
+            read_only_hint=spec.read_only, destructive_hint=False, idempotent_hint=True, open_world_hint=spec.open_world
         ),
     )
 

@@ -23,6 +23,7 @@ from plannerforge.server.assembly import create_server
 from plannerforge.server.settings import Settings
 
 CHECKOUT = Path(__file__).resolve().parent.parent
+os.environ["PLANNERFORGE_MAPS_ONLINE"] = "offline"  # no test asks the net; those of online maps name loopback services
 hypothesis_settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 hypothesis_settings.load_profile("any machine")  # no test depends on how fast or busy the machine is
 
@@ -45,6 +46,7 @@ def shared_data() -> Path:
 def _no_settings_of_the_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in [name for name in os.environ if name.startswith("PLANNERFORGE_") and name != "PLANNERFORGE_SHARED"]:
         monkeypatch.delenv(name)
+    monkeypatch.setenv("PLANNERFORGE_MAPS_ONLINE", "offline")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
 
 

@@ -1,7 +1,7 @@
 """What a tool function is given beside its arguments, and what it may answer."""
 
 import threading
-from collections.abc import Collection
+from collections.abc import Awaitable, Callable, Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -21,6 +21,7 @@ from ..engine.execution import (
 from ..engine.workspace import Artifact, ArtifactKind, Workspace
 from ..schemas.catalog import PACKAGED_MODEL
 from ..schemas.errors import OutsideRoots
+from ..schemas.maps import MapServices
 from ..schemas.text import quoted
 
 MadeKind = ArtifactKind | Literal["job"]
@@ -28,6 +29,24 @@ _MOST_RECENT = 1_000
 """What is remembered of a session (chosen): nobody asks for what was made so long ago without its id."""
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a tool asks the person behind the client: a sentence, and the answers that there are."""
+
+    text: str
+    choices: tuple[str, ...]
+
+
+Ask = Callable[[Question], Awaitable[str | None]]
+"""Puts a question to the person; None where the client cannot ask, or nobody chose."""
+
+
+async def ask_nobody(question: Question) -> str | None:
+    """In place of a client that cannot ask."""
+    del question
+    return None
 
 
 class Recent:
@@ -77,13 +96,17 @@ class Services:
     with_starter: bool = True
     embedding_model: str = PACKAGED_MODEL
     recent: Recent = field(default_factory=Recent)
+    online: MapServices = field(default_factory=MapServices)
 
 
 class ToolCall:
-    """One call of a tool: the services, and the way to report progress to the client."""
+    """One call of a tool: the services, and the way to report progress to the client and to ask the person there.
 
-    def __init__(self, services: Services, send_progress: OnProgress = no_progress) -> None:
-        self.services = services
+    ``ask``: puts a question; a safe answer to None is always at hand, since most clients cannot ask.
+    """
+
+    def __init__(self, services: Services, send_progress: OnProgress = no_progress, ask: Ask = ask_nobody) -> None:
+        self.services, self.ask = services, ask
         self.remarks: list[str] = []
         """Sentences that the answer tells besides."""
         self._send_progress = send_progress

@@ -16,12 +16,15 @@ from ..schemas.generation import (
     ConvertMapRequest,
     CoverageReport,
     CoverageRequest,
+    FetchedMaps,
+    FetchMapRequest,
     GeneratedScenario,
     GenerationRequest,
     MapFacts,
     ReadMapRequest,
     SiteCount,
 )
+from ..schemas.maps import LocatedPlace, LocateRequest
 from ..schemas.modification import ModificationOutcome, ModificationRequest
 from ..schemas.planning import RunRequest, RunResponse
 from ..schemas.rendering import Rendered, RenderRequest, ReportRequest, ReportWritten
@@ -39,6 +42,8 @@ APPLY_EDITS = Operation(
 # Maps and generation
 CONVERT_MAP = Operation("plannerforge.engine.maps:write_as_xml", ConvertMapRequest, ConvertedMap, timeout_s=120.0)
 READ_MAP = Operation("plannerforge.engine.maps:read_map", ReadMapRequest, MapFacts, timeout_s=120.0)
+LOCATE_PLACE = Operation("plannerforge.engine.maps:locate_place", LocateRequest, LocatedPlace, timeout_s=180.0)
+FETCH_MAPS = Operation("plannerforge.engine.maps:fetch_maps", FetchMapRequest, FetchedMaps, timeout_s=400.0)
 COUNT_SITES = Operation("plannerforge.engine.generation:count_sites", GenerationRequest, SiteCount, timeout_s=180.0)
 GENERATE_SCENARIO = Operation(
     "plannerforge.engine.generation:generate_scenario", GenerationRequest, GeneratedScenario, timeout_s=180.0

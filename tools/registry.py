@@ -25,6 +25,7 @@ class ToolSpec:
         essential: part of the small set for small models.
         seldom: arguments that the small set does not list, and still takes.
         unlisted: arguments that this listing leaves out.
+        open_world: may ask services on the net.
     """
 
     name: str
@@ -34,6 +35,7 @@ class ToolSpec:
     essential: bool = True
     seldom: tuple[str, ...] = ()
     unlisted: tuple[str, ...] = ()
+    open_world: bool = False
 
     @property
     def arguments_type(self) -> type[Arguments]:
@@ -56,7 +58,9 @@ class ToolSpec:
 
 TOOLS: tuple[ToolSpec, ...] = (
     ToolSpec("describe_catalog", "Describe the catalogue", "catalog", read_only=True),
-    ToolSpec("generate_scenarios", "Generate scenarios", "generation.tool", seldom=("cover",)),
+    ToolSpec(
+        "generate_scenarios", "Generate scenarios", "generation.tool", seldom=("cover", "source"), open_world=True
+    ),
     ToolSpec("find_scenarios", "Find scenarios", "catalog"),
     ToolSpec("import_files", "Import files", "importing", essential=False),
     ToolSpec("describe_scenario", "Describe a scenario", "scenarios", read_only=True),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...schemas.generation import Checks
-from ...schemas.network_rules import RuleFinding
+from ...schemas.scenarios import RuleFinding
 from ..commonroad import LoadedScenario, Track, kept_recording, schema_errors
 from ..geometry import BoxTrack, first_overlaps
 from ..network import LaneletGraph, summarise_findings

@@ -12,7 +12,7 @@ from lxml import etree
 
 from ...schemas.errors import NotPossible
 from ...schemas.generation import GenerationRequest
-from ...schemas.network_rules import RuleFinding
+from ...schemas.scenarios import RuleFinding
 from ..commonroad import road_document
 from ..execution import ProgressReporter
 from ..maps import NetMap, OsmMap, Site, cut_map, cut_net

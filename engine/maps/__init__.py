@@ -3,7 +3,6 @@
 ``cut_map``: Write the roads within a circle of an extract as an .osm file; returns the ways written.
 ``cut_net``: Write the roads of a SUMO network that come within a circle as a network; netconvert's warnings.
 ``read_map``: An operation: the facts of a map file, its place and country among them.
-``Box``: (south, west, north, east) in degrees.
 ``MapEntry``: A map at hand: its facts and its file.
 ``MapMatch``: A map that shows an asked place, with the streets that a site there must carry.
 ``SeenFile``: What became of a file in a map folder: the id of a map, or why it was refused.
@@ -13,11 +12,16 @@
 ``NetMap``: A SUMO network as a map.
 ``read_map_file``: The map in a file of either kind, scanned and read.
 ``OsmMap``: An OpenStreetMap extract as nodes, ways and relations.
+``fetch_maps``: An operation: fetch the roads of a place or box from Overpass.
+``locate_place``: An operation: find out through Nominatim what place some words mean.
+``match_fetched``: A fetched map as one that shows what was asked for.
+``NOT_SHOWN``: Reason of a refusal because no map shows the place, the country or the box.
 ``ground_distance_m``: Distance in m of two (latitude, longitude) pairs in degrees.
 ``write_as_xml``: An operation: write a binary extract (.osm.pbf) as XML into a folder.
 ``Sketch``: A map being drawn road by road, in metres; written as OpenStreetMap XML.
 ``Gathering``: Positions of which no two lie closer together than a reach.
 ``country_code``: ISO 3166-1 alpha-3 of a code or a name in several languages; None for anything else.
+``country_name``: The English name of a country by its ISO 3166-1 alpha-3 code.
 ``fold``: A text in lower case, without accents, and only letters and digits.
 ``place_keys``: All keys of a spelling of a place; two spellings mean the same place where they share one.
 ``ALL_ROADS``: OSM's road classes that vehicles use, links included.
@@ -45,11 +49,13 @@ if TYPE_CHECKING:
     from .cut import cut_map, cut_net
     from .drawn_library import Sketch
     from .facts import read_map
-    from .index import Box, MapEntry, MapMatch, SeenFile, SeenFiles, built_in_maps, find_maps
+    from .index import NOT_SHOWN, MapEntry, MapMatch, SeenFile, SeenFiles, built_in_maps, find_maps, match_fetched
     from .map_file import NetMap, read_map_file
     from .nearness import Gathering
+    from .online.fetch import fetch_maps
+    from .online.places import locate_place
     from .osm import OsmMap, ground_distance_m, write_as_xml
-    from .places import country_code, fold, place_keys
+    from .places import country_code, country_name, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
     from .sites import Site, SiteFinder
     from .unpacking import MAP_ENDINGS, is_binary, is_map, is_net, stored_name, unpacked

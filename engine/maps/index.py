@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ...schemas.errors import UnknownName
 from ...schemas.generation import MapFacts, MapList, PlaceArea, ScenarioType
+from ...schemas.maps import Box, NamedPlace
 from ...schemas.text import LONGEST_TEXT
 from ..workspace import Database, versions_of
 from .places import country_code, fold, latin, place_keys
@@ -22,8 +23,6 @@ from .spellings import MOST_KEPT, distinctive, road_keys, road_readings, route_n
 LIBRARY = Path(__file__).parent / "library"
 NOT_SHOWN = "not_shown"
 """Reason of a refusal because no map shows the place, the country or the box."""
-Box = tuple[float, float, float, float]
-"""(south, west, north, east) in degrees."""
 
 
 _CROSSING_WORDS = re.compile(
@@ -124,8 +123,14 @@ class MapMatch:
 
     @property
     def box(self) -> Box | None:
-        """The box around ``area``; None where the whole map is meant."""
-        return None if self.area is None else _box_around(self.area)
+        """The box around ``area``, inside the core of a fetched map; None where the whole map is meant."""
+        area = None if self.area is None else _box_around(self.area)
+        core = None if self.entry.facts.source is None else self.entry.facts.source.core
+        if area is None or core is None:
+            return area or core
+        south, west = max(area[0], core[0]), max(area[1], core[1])
+        north, east = min(area[2], core[2]), min(area[3], core[3])
+        return (south, west, north, east) if south < north and west < east else core
 
 
 def built_in_maps() -> list[MapEntry]:
@@ -166,6 +171,27 @@ def find_maps(
             len(match.unnamed) * 2 + (scenario_type != "any" and scenario_type not in match.entry.facts.sites)
         ),
     )
+
+
+def match_fetched(entry: MapEntry, place: NamedPlace | None, asked: str | None) -> MapMatch:
+    """A fetched map as one that shows what was asked for, where the map itself has other words for it."""
+    if asked is None:
+        return MapMatch(entry)
+    try:
+        return find_maps([entry], place=asked)[0]
+    except UnknownName:
+        label = "" if place is None else place.label
+        taken = (f"{asked!r} is taken as {label}",) if label and fold(label) != fold(asked) else ()
+        return MapMatch(entry, _streets_of(entry.facts, place), understood=taken)
+
+
+def _streets_of(facts: MapFacts, place: NamedPlace | None) -> tuple[tuple[str, ...], ...]:
+    """The roads that were asked for, by the names that they have on the map; none of those that it does not name."""
+    if place is None:
+        return ()
+    known = {fold(name): name for name in (*facts.streets, *facts.refs)}
+    named = (tuple(known[fold(name)] for name in names if fold(name) in known) for names in place.roads)
+    return tuple(names for names in named if names)
 
 
 def same_street(one: str, other: str) -> bool:
@@ -222,14 +248,15 @@ def _showing(found: list[MapMatch], place: str, country: str | None) -> list[Map
 
 def _parts(place: str) -> list[str]:
     """What stands between commas, and around the words for a crossing."""
-    return [part for listed in _listed(place) for part in _crossing(listed)]
+    return [part for listed in listed_parts(place) for part in crossing_parts(listed)]
 
 
-def _listed(place: str) -> list[str]:
+def listed_parts(place: str) -> list[str]:
+    """The parts of a place that stand between commas."""
     return [part.strip() for part in re.split(r"[,;，；]", place) if part.strip()]
 
 
-def _crossing(text: str) -> list[str]:
+def crossing_parts(text: str) -> list[str]:
     """The roads of a crossing (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``); otherwise the text alone."""
     inner = _CROSSING_FRAME.sub("", text).strip()
     return [part.strip() for part in _CROSSING_WORDS.split(inner) if part.strip()]
@@ -252,7 +279,7 @@ def _not_shown(
     nameless = [
         match.entry.facts
         for match in matches
-        if not match.entry.facts.places and any(_roads_called(part, match.entry.facts) for part in _parts(place))
+        if not match.entry.facts.places and any(roads_called(part, match.entry.facts) for part in _parts(place))
     ]
     if nameless:
         return UnknownName(
@@ -336,7 +363,7 @@ def _match(entry: MapEntry, place: str, country: str | None) -> MapMatch | None:
     facts = entry.facts
     reading = _read_part(place, facts)
     if reading is None:
-        listed = _listed(place)
+        listed = listed_parts(place)
         if not listed:
             return None
         reading = _Reading()
@@ -465,9 +492,9 @@ def _read_road(
     ``short``: a single word that tells it is enough, as people name the roads of a crossing; ``whole``: nothing of its
     name may be left out; ``core``: they are all that tells it from other roads.
     """
-    roads = _roads_called(part, facts, short=short, whole=whole) if not core else _roads_after(part, facts)
+    roads = roads_called(part, facts, short=short, whole=whole) if not core else _roads_after(part, facts)
     if not roads and not whole and (unnumbered := _HOUSE_NUMBER.sub("", part)) != part:
-        roads = _roads_called(unnumbered, facts, short=short)
+        roads = roads_called(unnumbered, facts, short=short)
     if not roads:
         return None
     exact = {fold(name) for name in roads} == {fold(part)}
@@ -478,7 +505,7 @@ def _read_road(
 
 def _read_crossing(text: str, facts: MapFacts) -> _Reading | None:
     """The words as several roads or a road near a place; None where one of them is unknown."""
-    parts = _crossing(text)
+    parts = crossing_parts(text)
     if len(parts) < 2:
         return None if parts in ([], [text]) else _read_part(parts[0], facts)
     reading = _Reading()
@@ -547,7 +574,7 @@ def _road_index(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) ->
     return index
 
 
-def _roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool = False) -> tuple[str, ...]:
+def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool = False) -> tuple[str, ...]:
     """Roads of that name with their sections; otherwise those whose names hold all its words (``Loop 101`` in
     ``AZ 101 Loop``), or carry the number (``Route 99``).
     """

@@ -236,5 +236,13 @@ def country_code(text: str) -> str | None:
     return known[0] if known else None
 
 
+def country_name(code: str) -> str:
+    """The English name of a country by its ISO 3166-1 alpha-3 code; the code itself where there is none."""
+    from iso3166 import countries_by_alpha3
+
+    country = countries_by_alpha3.get(code)
+    return code if country is None else country.apolitical_name
+
+
 def _without_digraphs(spelling: str) -> str:
     return spelling.replace("ae", "a").replace("oe", "o").replace("ue", "u")

@@ -47,6 +47,7 @@ class ServerSetup:
             "PLANNERFORGE_MAP_FOLDERS": str(self.maps or ""),
             "PLANNERFORGE_STARTER": "false" if self.scenarios else "true",
             "PLANNERFORGE_WARM_UP": "false",
+            "PLANNERFORGE_MAPS_ONLINE": "offline",  # requests for places that no map shows have to be refused
             "PLANNERFORGE_WORKERS": "1",
             "PLANNERFORGE_JOURNAL": "true" if self.journal else "false",
         }

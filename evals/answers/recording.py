@@ -94,7 +94,13 @@ def opened(workspace: Path, roots: Sequence[Path], checkout: Path | None = None)
     maps = shared_folder() / "data" / "osm"
     if checkout is None:
         settings = Settings(
-            workspace=workspace, roots=tuple(roots), map_folders=(maps,), starter=False, warm_up=False, journal=False
+            workspace=workspace,
+            roots=tuple(roots),
+            map_folders=(maps,),
+            starter=False,
+            warm_up=False,
+            maps_online="offline",
+            journal=False,
         )
         return Client(create_server(settings))
     environment = {
@@ -103,6 +109,7 @@ def opened(workspace: Path, roots: Sequence[Path], checkout: Path | None = None)
         "PLANNERFORGE_ROOTS": os.pathsep.join(map(str, roots)),
         "PLANNERFORGE_MAP_FOLDERS": str(maps),
         "PLANNERFORGE_STARTER": "false",
+        "PLANNERFORGE_MAPS_ONLINE": "offline",
         "PLANNERFORGE_WARM_UP": "false",
         "PLANNERFORGE_JOURNAL": "false",
     }

@@ -190,7 +190,7 @@ def _wait(process: subprocess.Popen[bytes]) -> None:
 
 
 async def _import_and_index(root: Path, folder: Path) -> None:
-    settings = Settings(workspace=root, roots=(folder,), starter=False, warm_up=False)
+    settings = Settings(workspace=root, roots=(folder,), starter=False, warm_up=False, maps_online="offline")
     ended = threading.Event()
     async with Client(create_server(settings, start_folder=folder)) as client, anyio.create_task_group() as tasks:
         tasks.start_soon(anyio.to_thread.run_sync, _keep_indexing, root, ended)

@@ -122,7 +122,12 @@ def _server(workspace: Path, grid: _Grid) -> subprocess.Popen[str]:
     arguments: dict[str, Sequence[str] | int] = {"scenarios": grid.scenarios, "configs": grid.configs, "wait_s": 50}
     return subprocess.Popen(
         [sys.executable, "-m", "plannerforge.server", "call", "run_planner", json.dumps(arguments), "--json"],
-        env={**os.environ, "PLANNERFORGE_WORKSPACE": str(workspace), "PLANNERFORGE_WARM_UP": "false"},
+        env={
+            **os.environ,
+            "PLANNERFORGE_WORKSPACE": str(workspace),
+            "PLANNERFORGE_WARM_UP": "false",
+            "PLANNERFORGE_MAPS_ONLINE": "offline",
+        },
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

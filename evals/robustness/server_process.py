@@ -179,6 +179,7 @@ async def session(folders: Folders, log: Path, program: Program) -> AsyncIterato
     """Start a server and keep asking it cheap things and watching its memory until the block ends."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PLANNERFORGE_")}
     environment |= {"HOME": str(folders.home), "XDG_CONFIG_HOME": str(folders.home), "PLANNERFORGE_WARM_UP": "true"}
+    environment |= {"PLANNERFORGE_MAPS_ONLINE": "offline"}
     server = StdioServerParameters(
         command=sys.executable, args=list(program(folders)), env=environment, cwd=str(folders.root)
     )

@@ -67,7 +67,7 @@ def _measure(scratch: Path, seeds: range, largest: int) -> None:
 
     folder, workspace = existing(shared_scenarios()), scratch / "workspace"
     requests = read_requests(shared_folder() / "corpora/dev/selection.jsonl")
-    settings = Settings(workspace=workspace, roots=(folder,), starter=False, warm_up=False)
+    settings = Settings(workspace=workspace, roots=(folder,), starter=False, warm_up=False, maps_online="offline")
     tell("importing")
     import_s = anyio.run(_import_s, settings, folder)
     database = Database(workspace / "workspace.sqlite")
@@ -118,7 +118,7 @@ def _measure(scratch: Path, seeds: range, largest: int) -> None:
 def _measure_fresh(scratch: Path, seeds: Sequence[int], count: int) -> None:
     """Import all files, ask, compare, print."""
     folder, workspace = existing(shared_scenarios()), scratch / "workspace"
-    settings = Settings(workspace=workspace, roots=(folder,), starter=False, warm_up=False)
+    settings = Settings(workspace=workspace, roots=(folder,), starter=False, warm_up=False, maps_online="offline")
     anyio.run(_import_s, settings, folder)
     database = Database(workspace / "workspace.sqlite")
     files = {path.stem: path for path in scenario_files(folder, None)}

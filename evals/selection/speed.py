@@ -43,7 +43,7 @@ async def measure_searches(
     """Milliseconds of find_scenarios for every request, in a new workspace with ``size`` entries made of real facts."""
     folder.mkdir()
     make_catalog(folder / "workspace.sqlite", real, size).close()
-    settings = Settings(workspace=folder, starter=False, warm_up=False)
+    settings = Settings(workspace=folder, starter=False, warm_up=False, maps_online="offline")
     async with Client(create_server(settings, start_folder=folder)) as client:
         return await search_ms(client, requests)
 
@@ -56,7 +56,11 @@ async def measure_starts(python: str, workspace: Path, new_workspace: Path) -> _
 
     def server(folder: Path, *, starter: bool) -> StdioServerParameters:
         arguments = ["-m", "plannerforge.server", "serve", "--workspace", str(folder)]
-        environment = {**os.environ, "PLANNERFORGE_STARTER": str(starter).lower()}
+        environment = {
+            **os.environ,
+            "PLANNERFORGE_STARTER": str(starter).lower(),
+            "PLANNERFORGE_MAPS_ONLINE": "offline",
+        }
         return StdioServerParameters(command=python, args=arguments, env=environment)
 
     first_s = await _first_search_s(server(workspace, starter=False))

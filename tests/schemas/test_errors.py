@@ -28,6 +28,7 @@ CODES = {
     "not_possible",
     "outside_roots",
     "resource_failure",
+    "service_failure",
     "unexpected",
     "unknown_name",
     "unsafe_input",

@@ -8,8 +8,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ...engine.maps import Box, MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
-from ...schemas.errors import InvalidRequest, NotPossible
+from ...engine.maps import MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
+from ...engine.vehicles import vehicle_classes
+from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.generation import (
     NATURAL_SHARES,
     GenerateScenariosArguments,
@@ -18,6 +19,7 @@ from ...schemas.generation import (
     VehicleDemand,
 )
 from ...schemas.grammar import parse_condition
+from ...schemas.maps import Box
 from ...schemas.vocabulary import vehicle_class_of
 from ..call import ToolCall
 from ..operations import COUNT_SITES
@@ -31,7 +33,7 @@ _MOST_SPARE_MAPS = 3
 
 
 @dataclass(frozen=True)
-class _GenerationPlan:
+class GenerationPlan:
     """The maps that hold what was asked, in the order in which they are used, and notes for the answer."""
 
     matches: tuple[MapMatch, ...]
@@ -59,7 +61,7 @@ class SiteAssignment:
     spare: tuple[MapMatch, ...]
 
 
-def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> _GenerationPlan:
+def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -> GenerationPlan:
     """The maps for a call; those that lack the asked type are left out unless none holds it.
 
     The seed rotates them, so that another seed is another map where several fit.
@@ -69,25 +71,37 @@ def plan_maps(arguments: GenerateScenariosArguments, maps: Sequence[MapEntry]) -
         NotPossible: several do, but none holds the asked type.
         InvalidRequest: a box that is none.
     """
-    matches = find_maps(
-        maps,
-        place=arguments.place,
-        country=arguments.country,
-        bbox=_box_of(arguments.bbox),
-        scenario_type=arguments.scenario_type,
+    return plan_matches(
+        arguments,
+        find_maps(
+            maps,
+            place=arguments.place,
+            country=arguments.country,
+            bbox=box_of(arguments.bbox),
+            scenario_type=arguments.scenario_type,
+        ),
     )
+
+
+def plan_matches(arguments: GenerateScenariosArguments, matches: Sequence[MapMatch]) -> GenerationPlan:
+    """The same for maps that are known to show what was asked for.
+
+    Raises:
+        NotPossible: of several maps none holds the asked type.
+        InvalidRequest: a box that is none.
+    """
     holding = [m for m in matches if arguments.scenario_type in ("any", *m.entry.facts.sites)]
     if not holding and len(matches) > 1:
         raise _held_nowhere(arguments.scenario_type, matches)
-    holding = holding or matches
+    holding = holding or list(matches)
     turn = arguments.seed % len(holding)
     unnamed = sorted({word for match in holding for word in match.unnamed})
     notes = [f"the map does not name {word!r}; its street was found" for word in unnamed]
     notes += [taken for text in arguments.vehicles if (taken := _in_our_words(text)[1])]
     notes += list(dict.fromkeys(text for match in holding for text in match.understood))[:_SHOWN_PLACES]
-    if (box := _box_of(arguments.bbox)) is not None:
+    if (box := box_of(arguments.bbox)) is not None:
         notes += _beyond_the_maps(box, holding)
-    return _GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
+    return GenerationPlan((*holding[turn:], *holding[:turn]), tuple(notes))
 
 
 def _held_nowhere(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> NotPossible:
@@ -200,7 +214,7 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
 
 def _meant_box(arguments: GenerateScenariosArguments, match: MapMatch) -> Box | None:
     """Where sites are looked for: the asked box, the asked part of the map, or what both have in common."""
-    asked, meant = _box_of(arguments.bbox), match.box
+    asked, meant = box_of(arguments.bbox), match.box
     if asked is None or meant is None:
         return asked or meant
     south, west, north, east = zip(asked, meant, strict=True)
@@ -210,6 +224,22 @@ def _meant_box(arguments: GenerateScenariosArguments, match: MapMatch) -> Box | 
 def _code_of(country: str | None) -> str | None:
     """The country's code, however the caller spelled it."""
     return None if country is None else country_code(country) or country.upper()
+
+
+def check_demands(arguments: GenerateScenariosArguments) -> None:
+    """Look at what can be wrong with a call whatever the map is.
+
+    Raises:
+        UnknownName: a vehicle class or road class that there is not.
+        InvalidRequest: numbers of vehicles that cannot be meant.
+    """
+    known = vehicle_classes()
+    for demand in _with_the_ego_s_class(_vehicle_demands(arguments.vehicles), arguments.ego):
+        name = demand.vehicle_class
+        if name not in known:
+            raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known), reason="unknown_class")
+    if arguments.road_classes is not None:
+        resolve_road_classes(arguments.road_classes)
 
 
 def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
@@ -289,8 +319,12 @@ def _in_our_words(text: str) -> tuple[str, str]:
     return f"{found[1]}{name}{found[3]}", f"{found[2].strip()!r} is taken as {name}"
 
 
-def _box_of(bbox: list[float] | None) -> Box | None:
-    """The box of the arguments, checked."""
+def box_of(bbox: list[float] | None) -> Box | None:
+    """The box of the arguments, checked.
+
+    Raises:
+        InvalidRequest: it is none.
+    """
     if bbox is None:
         return None
     if len(bbox) != 4:

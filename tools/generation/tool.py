@@ -8,7 +8,8 @@ from ..call import ToolCall
 from ..maps import maps_at_hand
 from .coverage import cover_combinations
 from .making import make_scenario, with_trial_run
-from .requests import AssignedSite, SiteAssignment, assign_sites, plan_maps, request_for
+from .online import maps_for
+from .requests import AssignedSite, SiteAssignment, assign_sites, request_for
 
 MOST_SINGLY = 50
 """Scenarios of a call without a coverage plan: it waits for all of them."""
@@ -32,7 +33,7 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
             valid=[f"1 to {MOST_SINGLY}; to 5,000 with cover"],
             next_step="say by cover what is to be varied, such as ['density=low|high', 'turn=left|right|straight']",
         )
-    plan = plan_maps(arguments, at_hand.entries)
+    plan = await maps_for(arguments, call, at_hand.entries)
     sites = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, sites)
     call.made("scenario", *(summary.scenario_id for summary in made))

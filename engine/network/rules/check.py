@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ....schemas.errors import UnsafeInput
-from ....schemas.network_rules import CheckedFile, RuleFinding, Severity
+from ....schemas.scenarios import CheckedFile, RuleFinding, Severity
 from ...commonroad import RoadDocument, read_road_document
 from . import geometry, intersections, signs_and_lights, topology, vocabulary
 from .rule import Rule

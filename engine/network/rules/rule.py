@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from ....schemas.network_rules import RuleFinding, Severity
+from ....schemas.scenarios import RuleFinding, Severity
 from ...commonroad import RoadDocument
 from ...geometry import Points
 

@@ -1,0 +1,434 @@
+"""Requests to Nominatim and Overpass: by osmnx, to the configured hosts alone, in turn, with an end.
+
+osmnx makes the requests, names the program, and reads when Overpass has a slot free. What it does not do is done in a
+hook that requests calls with every response before anything of it is read (osmnx's setting ``requests_kwargs``): a
+redirect is not followed, an answer is read only to a limit in bytes and seconds, and a refusal (429, 504 …) becomes an
+exception with the time after which the service wants to be asked again. osmnx would wait 55 s for it, without an end.
+"""
+
+import fcntl
+import io
+import socket
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from email.utils import parsedate_to_datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from tenacity import RetryCallState, Retrying, retry_if_exception, stop_after_attempt
+
+from ....schemas.errors import NotPossible, ServiceFailure
+from ....schemas.maps import MapServices
+from ....schemas.text import one_line
+from ...execution import ProgressReporter
+from .answers import AnswerCache, KeptAnswer
+
+_MIB = 1024**2
+MOST_BYTES = 60 * _MIB
+"""Of one answer (chosen): a map of more is not read either."""
+CONNECT_S = 4.0
+"""Within which a host has to be found and reached (chosen): without a net the refusal comes at once."""
+MOST_WAIT_S = 20.0
+"""For which a service is waited for before the next one is asked (chosen)."""
+MOST_SECONDS = 120.0
+"""For all services together (chosen): then nobody waits for an answer any more."""
+ATTEMPTS = 2
+"""At one service (the paper's: one retry each)."""
+FIRST_PAUSE_S = 1.0
+"""Before the second attempt where the service names no time; doubled for each further one."""
+_MOST_STATUS_READS = 3
+_MOST_SHARE = 0.8
+_CHUNK = 64 * 1024
+_LONGEST_REASON = 160
+_UNKNOWN_PAUSE = -1.0
+_AGAIN = frozenset({429, 500, 502, 503, 504})
+"""Statuses after which the same request may succeed."""
+
+
+class Trouble(Exception):
+    """A service did not answer as it should; ``again``: it may if it is asked again, after ``wait_s`` seconds."""
+
+    def __init__(self, what: str, *, again: bool = False, wait_s: float | None = None) -> None:
+        super().__init__(what)
+        self.again, self.wait_s = again, wait_s
+
+
+@dataclass(frozen=True)
+class Answered:
+    """An answer: from which host, whether it was kept from before, and what could not be asked, a sentence each."""
+
+    answer: Any
+    service: str
+    kept: bool
+    troubles: tuple[str, ...] = ()
+
+
+@dataclass
+class _Guard:
+    """Looks at every response before it is read."""
+
+    hosts: tuple[str, ...]
+    deadline: float
+    tell: Callable[[int], None]
+    status_reads: int = field(default=0)
+
+    def __call__(self, response: Any, *unused: object, **options: object) -> None:
+        """Read the body of a good response; raise for any other.
+
+        Raises:
+            Trouble: a redirect, a status that is no success, a page in place of data, too slow, cut off.
+            NotPossible: it is larger than what is read.
+        """
+        del unused, options
+        host = urlsplit(response.url).netloc.rpartition("@")[2]
+        if host not in self.hosts:
+            raise Trouble(f"{host} is none of the configured hosts")
+        if 300 <= response.status_code < 400:
+            goal = urlsplit(response.headers.get("location", "")).netloc
+            raise Trouble(f"redirects to {one_line(goal) or 'another address'}, which is not followed")
+        is_status = urlsplit(response.url).path.endswith("/status")
+        self._count(is_status)
+        if response.status_code != 200 and not is_status:
+            raise self._refused(response)
+        body = self._body(response)
+        if not is_status and body.lstrip()[:1] == b"<":
+            raise Trouble(f"answered with a page instead of data: {_said(body)}", again=True)
+        response.raw = io.BytesIO(body)
+
+    def _count(self, is_status: bool) -> None:
+        """osmnx asks for the status again and again while all slots are taken: only a few times."""
+        self.status_reads += is_status
+        if self.status_reads > _MOST_STATUS_READS:
+            raise Trouble("its slots stay taken")
+
+    def _refused(self, response: Any) -> Trouble:
+        said = _said(self._body(response))
+        reason = {429: "asks for patience (429)", 504: "is too busy (504)"}.get(
+            response.status_code, f"refuses ({response.status_code})"
+        )
+        wait_s = _retry_after_s(response.headers.get("retry-after", ""))
+        return Trouble(f"{reason}{f': {said}' if said else ''}", again=response.status_code in _AGAIN, wait_s=wait_s)
+
+    def _body(self, response: Any) -> bytes:
+        from requests.exceptions import RequestException
+        from urllib3.exceptions import HTTPError
+
+        stated = response.headers.get("content-length", "")
+        if stated.isdecimal() and int(stated) > MOST_BYTES:
+            raise _too_much()
+        parts: list[bytes] = []
+        size = 0
+        try:
+            for part in response.raw.stream(_CHUNK, decode_content=True):
+                size += len(part)
+                if size > MOST_BYTES:
+                    raise _too_much()
+                if time.monotonic() > self.deadline:
+                    raise Trouble("sends too slowly", again=False)
+                parts.append(part)
+                self.tell(size)
+        except (HTTPError, RequestException, OSError) as error:
+            raise Trouble("broke off in the middle of its answer", again=True) from error
+        finally:
+            response.close()
+        return b"".join(parts)
+
+
+def _too_much() -> NotPossible:
+    """It would be as much from any other service."""
+    return NotPossible(
+        f"the answer holds more than {MOST_BYTES // _MIB} MB of map data; no more is read",
+        next_step="ask for a smaller bbox, or for a street of the place; or lower maps_km2",
+        reason=TOO_LARGE,
+    )
+
+
+def _said(body: bytes) -> str:
+    """What a page says, without its tags."""
+    from lxml import etree, html
+
+    try:
+        text = " ".join(str(part) for part in html.fromstring(body[:_CHUNK]).itertext()) if body.strip() else ""
+    except (etree.LxmlError, ValueError):
+        text = body[:_CHUNK].decode("utf-8", "replace")
+    return one_line(text, _LONGEST_REASON)
+
+
+def _retry_after_s(text: str) -> float | None:
+    """Seconds from a Retry-After header: a number or a date; None where there is none."""
+    if text.strip().isdecimal():
+        return float(text)
+    try:
+        return max((parsedate_to_datetime(text) - datetime.now(UTC)).total_seconds(), 0.0)
+    except (TypeError, ValueError):
+        return None
+
+
+class ServiceClient:
+    """Asks Nominatim and Overpass, or what they answered before."""
+
+    def __init__(self, services: MapServices, report: ProgressReporter) -> None:
+        self._services, self._report, self._share = services, report, 0.05
+        self._cache = AnswerCache(Path(services.cache), services.cache_mb, services.cache_days)
+        self._told_bytes = 0
+        self._give_up_at = time.monotonic() + MOST_SECONDS
+
+    def search(self, parameters: Mapping[str, int | str]) -> Answered:
+        """What Nominatim finds: a list of places as its format jsonv2 has them.
+
+        Raises:
+            ServiceFailure: it cannot be asked, or does not answer as it should.
+            NotPossible: it must not be asked, and did not answer this before.
+        """
+        base = self._services.nominatim_url
+        query = "&".join(f"{key}={value}" for key, value in sorted(parameters.items()))
+
+        def ask(url: str) -> object:
+            del url  # osmnx has it as its setting
+            from osmnx import _nominatim
+
+            return _nominatim._nominatim_request(OrderedDict(sorted(parameters.items())))
+
+        return self._ask(f"nominatim {base} {query}", (base,), ask, "Nominatim")
+
+    def query(self, text: str) -> Answered:
+        """What the first Overpass service that can be asked answers to a query in its language, as its JSON.
+
+        An empty answer is believed where a second service gives none either: some hold a part of the earth alone.
+
+        Raises:
+            ServiceFailure: none answers as it should.
+            NotPossible: none must be asked, and none answered this before.
+        """
+
+        def ask(url: str) -> object:
+            return self._overpass(url, text)
+
+        return self._ask(f"overpass {text}", self._services.overpass_urls, ask, "Overpass", lambda it: it["elements"])
+
+    def _ask(
+        self,
+        question: str,
+        urls: Sequence[str],
+        ask: Callable[[str], object],
+        kind: str,
+        holds: Callable[[Any], object] = bool,
+    ) -> Answered:
+        kept = self._cache.find(question, however_old=self._services.mode == "cache")
+        if kept is not None:
+            return Answered(kept.answer, kept.service, kept=True)
+        if self._services.mode != "online":
+            raise NotPossible(
+                f"{kind} did not answer this before, and maps_online is {self._services.mode}: it is not asked",
+                next_step="set maps_online to online, or import an .osm extract of the place with import_files",
+                reason=NOT_ASKED,
+            )
+        answered, troubles = self._first_answer(urls, ask, holds)
+        if answered is None:
+            old = self._cache.find(question, however_old=True)
+            if old is None:
+                raise ServiceFailure(f"{kind} cannot be used: {'; '.join(troubles)}", reason=UNREACHED)
+            return Answered(old.answer, old.service, True, (*troubles, "an answer kept from long ago is used"))
+        if holds(answered.answer):
+            self._cache.keep(KeptAnswer(question, answered.service, time.time(), answered.answer))
+        return answered
+
+    def _first_answer(
+        self, urls: Sequence[str], ask: Callable[[str], object], holds: Callable[[Any], object]
+    ) -> tuple[Answered | None, list[str]]:
+        """The first answer that holds something, otherwise the first empty one; and what went wrong until then."""
+        empty: Answered | None = None
+        troubles: list[str] = []
+        for url in urls:
+            host = _host_of(url)
+            if time.monotonic() > self._give_up_at:
+                troubles.append(f"{host} was not asked any more after {MOST_SECONDS:g} s")
+                break
+            self._tell(f"asking {host}")
+            try:
+                found = Answered(self._patiently(url, ask), host, kept=False)
+            except Trouble as trouble:
+                troubles.append(f"{host} {trouble}")
+                continue
+            if holds(found.answer):
+                return _with(found, troubles), troubles
+            if empty is not None:
+                break
+            empty = found
+            troubles += [f"{host} holds nothing there"] if len(urls) > 1 else []
+        return (None if empty is None else _with(empty, troubles)), troubles
+
+    def _patiently(self, url: str, ask: Callable[[str], object]) -> object:
+        """One service's answer, asked again once where that may help."""
+
+        def wait_s(state: RetryCallState) -> float:
+            raised = state.outcome.exception() if state.outcome is not None else None
+            named = raised.wait_s if isinstance(raised, Trouble) else None
+            return FIRST_PAUSE_S * 2.0 ** (state.attempt_number - 1) if named is None else named
+
+        def is_worth_it(raised: BaseException) -> bool:
+            return isinstance(raised, Trouble) and raised.again and (raised.wait_s or 0.0) <= MOST_WAIT_S
+
+        def tell(state: RetryCallState) -> None:
+            self._tell(f"{_host_of(url)}: asking again in {wait_s(state):.0f} s")
+
+        again = Retrying(
+            stop=stop_after_attempt(ATTEMPTS),
+            retry=retry_if_exception(is_worth_it),
+            wait=wait_s,
+            before_sleep=tell,
+            reraise=True,
+        )
+        return again(self._once, url, ask)
+
+    def _once(self, url: str, ask: Callable[[str], object]) -> object:
+        _check_reachable(url)
+        with _osmnx_set_up(self._services, url, self._tell_size), self._turn(_host_of(url)):
+            return _answer_of(ask, url)
+
+    def _tell_size(self, size: int) -> None:
+        if size >= self._told_bytes + _MIB or size < self._told_bytes:
+            self._told_bytes = size
+            self._tell(f"{size / _MIB:.1f} MB read")
+
+    def _tell(self, message: str) -> None:
+        """Report what is done now; how much of the whole it is, nobody can know: a little more than before."""
+        self._share += 0.05 * (_MOST_SHARE - self._share)
+        self._report(self._share, message)
+
+    def _overpass(self, url: str, text: str) -> object:
+        """One request to one Overpass service, once it has a slot free."""
+        from osmnx import _overpass, settings
+
+        pause_s: float = _overpass._get_overpass_pause(url, default_pause=_UNKNOWN_PAUSE)
+        if pause_s > MOST_WAIT_S:
+            raise Trouble(f"has no slot free for {pause_s:.0f} s")
+        if pause_s > 0:
+            self._tell(f"{_host_of(url)} has a slot in {pause_s:.0f} s")
+            time.sleep(pause_s)
+        settings.overpass_rate_limit = False  # just asked; osmnx waits 60 s for an unknown one
+        answer = _overpass._overpass_request(OrderedDict(data=text))
+        remark = str(answer.get("remark", ""))
+        if "error" in remark or "timed out" in remark:
+            raise Trouble(f"gave up: {one_line(remark, _LONGEST_REASON)}")
+        if not isinstance(answer.get("elements"), list):
+            raise Trouble("answered with something else than map data")
+        return answer
+
+    @contextmanager
+    def _turn(self, host: str) -> Iterator[None]:
+        """A host's turn: one request at a time of all processes on the workspace, with a pause between two."""
+        path = Path(self._services.cache) / f"{host.replace(':', '_')}.turn"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a+b") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX)
+            stream.seek(0)
+            last = stream.read().decode() or "0"
+            time.sleep(min(max(float(last) + self._services.delay_s - time.time(), 0.0), self._services.delay_s))
+            try:
+                yield
+            finally:
+                stream.truncate(0)
+                stream.write(str(time.time()).encode())
+                stream.flush()
+
+
+NOT_ASKED, UNREACHED, TOO_LARGE = "not_asked", "unreached", "too_large"
+"""Reasons: the settings forbid to ask; no service answered as it should; there is more than is read."""
+
+
+def _with(found: Answered, troubles: Sequence[str]) -> Answered:
+    return Answered(found.answer, found.service, found.kept, tuple(troubles))
+
+
+def _host_of(url: str) -> str:
+    return urlsplit(url).netloc.rpartition("@")[2]
+
+
+@contextmanager
+def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) -> Iterator[None]:
+    """osmnx with these settings, for one service; afterwards its own again."""
+    from osmnx import settings
+
+    ours = {
+        "nominatim_url": url,
+        "overpass_url": url,
+        "http_user_agent": services.user_agent,
+        "http_referer": services.user_agent,
+        "doh_url_template": None,  # no host beside the configured ones, not even to resolve a name
+        "use_cache": False,
+        "log_console": False,
+        "log_file": False,
+        "overpass_rate_limit": True,
+        "requests_timeout": services.timeout_s,
+        "requests_kwargs": {
+            "allow_redirects": False,
+            "stream": True,
+            "hooks": {"response": _Guard((_host_of(url),), time.monotonic() + services.timeout_s + CONNECT_S, tell)},
+        },
+    }
+    before = {name: getattr(settings, name) for name in ours}
+    lookup = socket.getaddrinfo
+    try:
+        for name, value in ours.items():
+            setattr(settings, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(settings, name, value)
+        socket.getaddrinfo = lookup  # osmnx puts its own in its place, which keeps the address of a host
+
+
+def _answer_of(ask: Callable[[str], object], url: str) -> object:
+    """What osmnx returns; whatever goes wrong on the way as trouble of the service."""
+    from requests.exceptions import RequestException, Timeout
+
+    try:
+        return ask(url)
+    except Timeout as error:
+        raise Trouble("did not answer in time") from error
+    except RequestException as error:
+        raise Trouble("cannot be reached", again=True) from error
+    except (ValueError, KeyError, AttributeError, TypeError) as error:  # osmnx's errors are ValueErrors
+        raise Trouble("answered with something that is not the JSON that was asked for", again=True) from error
+
+
+def _check_reachable(url: str) -> None:
+    """Find out within seconds whether a host can be reached; through a proxy it is left to that.
+
+    Raises:
+        Trouble: it cannot.
+    """
+    from requests.utils import get_environ_proxies
+
+    if get_environ_proxies(url):
+        return
+    parts = urlsplit(url)
+    address = (parts.hostname or "", parts.port or (443 if parts.scheme == "https" else 80))
+    outcome: list[OSError | None] = []
+
+    def try_it() -> None:  # in a thread: nothing else bounds how long a name is looked up without a net
+        try:
+            socket.create_connection(address, timeout=CONNECT_S).close()
+            outcome.append(None)
+        except OSError as error:
+            outcome.append(error)
+
+    thread = threading.Thread(target=try_it, daemon=True)
+    thread.start()
+    thread.join(CONNECT_S)
+    if not outcome:
+        raise Trouble(f"cannot be reached: no answer within {CONNECT_S:g} s")
+    if outcome[0] is not None:
+        raise Trouble(f"cannot be reached: {outcome[0].strerror or outcome[0]}")
+
+
+def settings_of_query(services: MapServices) -> str:
+    """How an Overpass query begins: JSON, its own time limit and memory."""
+    return f"[out:json][timeout:{max(int(services.timeout_s), 1)}][maxsize:{4 * MOST_BYTES}];"
