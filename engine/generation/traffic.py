@@ -18,7 +18,7 @@ from ...schemas.generation import GenerationRequest, SiteType
 from ...schemas.text import counted
 from ..execution import ProgressReporter
 from ..maps import FAST_ROADS, RAMP_LINKS, RURAL_CLASSES
-from ..network import LaneletLookup
+from ..network import LaneletLookup, SumoNet
 from ..traffic import (
     WARM_UP_S,
     Demand,
@@ -79,7 +79,8 @@ def generate_traffic(
     more: Counter[str] = Counter()
     for attempt in range(ATTEMPTS):
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
-        trips = TripMaker(site.net, lasting_s, random.Random(seed))  # noqa: S311 - reproducible, not secret
+        choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
+        trips = TripMaker(site.net, lasting_s, choice, *_asked_ramps(request.goal, site.net))
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
         part = _Part(report, 0.3 + 0.4 * attempt / ATTEMPTS, 0.4 / ATTEMPTS)
@@ -117,6 +118,15 @@ def generate_traffic(
     if not shortfalls:
         raise _too_large(request.duration_s)
     raise _no_room(demand, min(shortfalls, key=lambda absent: sum(absent.values())))
+
+
+def _asked_ramps(goal: str, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
+    """Links of motorways where more trips are to begin, for an ego that merges, or to lead, for one that exits."""
+    if goal not in ("through:merge", "through:exit"):
+        return frozenset(), frozenset()
+    roads = (edge for edge in net.edges.values() if not edge.internal)
+    links = frozenset(edge.edge_id for edge in roads if road_classes(edge) & RAMP_LINKS)
+    return (links, frozenset()) if goal == "through:merge" else (frozenset(), links)
 
 
 class _Part:

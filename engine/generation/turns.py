@@ -102,9 +102,17 @@ def _classes(under: list[RoadLanelet], focus: SiteFocus) -> list[frozenset[str]]
     return [road_classes(focus.net.edges[lanelet.edge_id]) for lanelet in under if not lanelet.internal]
 
 
+def _takes_link(roads: list[frozenset[str]], *, onto_main: bool) -> bool:
+    """Whether a car comes over a link from beside the main road onto it, or the other way."""
+    if not any(classes & RAMP_LINKS for classes in roads):
+        return False
+    begins, ends = bool(roads[0] & FAST_ROADS), bool(roads[-1] & FAST_ROADS)
+    return (begins, ends) == (not onto_main, onto_main)
+
+
 _RAMP: Mapping[Turn, Callable[[list[frozenset[str]]], bool]] = {
-    "merge": lambda roads: bool(roads) and bool(roads[0] & RAMP_LINKS) and bool(roads[-1] & FAST_ROADS),
-    "exit": lambda roads: bool(roads) and bool(roads[0] & FAST_ROADS) and bool(roads[-1] & RAMP_LINKS),
+    "merge": lambda roads: _takes_link(roads, onto_main=True),
+    "exit": lambda roads: _takes_link(roads, onto_main=False),
     "straight": lambda roads: bool(roads) and all(classes & FAST_ROADS for classes in roads),
 }
 """What a car does at a ramp, by the classes of the roads that it passes."""

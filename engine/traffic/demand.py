@@ -11,10 +11,20 @@ from ..vehicles import VehicleClass, vehicle_classes
 
 
 class TripMaker:
-    """Makes trips of a class on a net, each long enough to last through the recording where the net allows it."""
+    """Makes trips of a class on a net, each long enough to last through the recording where the net allows it.
 
-    def __init__(self, net: SumoNet, lasting_s: float, choice: random.Random) -> None:
-        self._net, self._lasting_s, self._choice = net, lasting_s, choice
+    Trips begin on the edges ``starts``, and turn into the edges ``ways``, more often by ``FAVOUR_FACTOR``.
+    """
+
+    def __init__(
+        self,
+        net: SumoNet,
+        lasting_s: float,
+        choice: random.Random,
+        starts: frozenset[str] = frozenset(),
+        ways: frozenset[str] = frozenset(),
+    ) -> None:
+        self._net, self._lasting_s, self._choice, self._starts, self._ways = net, lasting_s, choice, starts, ways
         self._edges: dict[str, _OpenEdges] = {}
 
     def check_open(self, vehicle_class: VehicleClass) -> None:
@@ -37,7 +47,7 @@ class TripMaker:
         weights = [self._weight(edges, edge) for edge in starts]
         start = self._choice.choices(starts, weights)[0]
         speed = min(edges.speed_mps[start], vehicle_class.maximum_speed_mps)
-        return edges.random_route(start, speed * self._lasting_s, self._choice)
+        return edges.random_route(start, speed * self._lasting_s, self._choice, self._ways)
 
     def _open_to(self, vehicle_class: VehicleClass) -> "_OpenEdges":
         if vehicle_class.sumo_class not in self._edges:
@@ -47,7 +57,8 @@ class TripMaker:
     def _weight(self, edges: "_OpenEdges", edge: str) -> float:
         """How many trips begin on an edge: by its lane metres and speed, fewer where the way soon ends."""
         lasting = min(edges.reach_m[edge] / (edges.speed_mps[edge] * self._lasting_s), 1.0)
-        return edges.length_m[edge] * edges.lanes[edge] * edges.speed_mps[edge] * max(lasting, LEAST_WEIGHT)
+        weight = edges.length_m[edge] * edges.lanes[edge] * edges.speed_mps[edge] * max(lasting, LEAST_WEIGHT)
+        return weight * (FAVOUR_FACTOR if edge in self._starts else 1.0)
 
 
 FARTHEST_M = 5_000.0
@@ -60,6 +71,8 @@ LEAST_WEIGHT = 0.02
 """Weight for edges whose way on ends at once: few trips begin there, but some do (chosen)."""
 LEAST_PREFERENCE = 0.05
 """Weight of a dead end beside roads that go on as far as wanted, before it is squared (chosen)."""
+FAVOUR_FACTOR = 12.0
+"""Favoured edges are more likely by this factor (chosen): a ramp beside a motorway is then taken by every other car."""
 REVISIT_FACTOR = 4.0
 """An edge that the route has already used is less likely by this factor (chosen): routes should not circle."""
 
@@ -94,8 +107,10 @@ class _OpenEdges:
         after = {edge: tuple(sorted(edges)) for edge, edges in following.items()}
         return cls(lengths, speeds, counts, after, _reach(lengths, after))
 
-    def random_route(self, start: str, wanted_m: float, choice: random.Random) -> tuple[str, ...]:
-        """A route from an edge on; wide and fast roads, and those that go on as far as wanted, are preferred."""
+    def random_route(
+        self, start: str, wanted_m: float, choice: random.Random, favoured: frozenset[str]
+    ) -> tuple[str, ...]:
+        """A route from an edge on; wide, fast and favoured roads come first, and those that go on as far as wanted."""
         route = [start]
         driven_m = self.length_m[start]
         while self.following[route[-1]] and len(route) < MOST_EDGES and driven_m < wanted_m + SPARE_M:
@@ -106,6 +121,7 @@ class _OpenEdges:
                 * self.speed_mps[edge]
                 * max(min(self.reach_m[edge] / rest_m, 1.0), LEAST_PREFERENCE) ** 2
                 / (REVISIT_FACTOR if edge in route else 1.0)
+                * (FAVOUR_FACTOR if edge in favoured else 1.0)
                 for edge in onward
             ]
             route.append(choice.choices(onward, weights)[0])
