@@ -3,6 +3,7 @@
 ``download``: Fetch the file at an address, checked by its SHA-256; returns its path.
 ``unpack``: A context with a temporary folder of the XML files in an archive.
 ``scenario_facets``: The number of scenarios, and counts of places, tags, features, signs and obstacles.
+``ID_TAKEN``: Reason of the refusal of a scenario whose id another one has.
 ``ReadFile``: A file with its SHA-256 and, where its content is new, its facts.
 ``ScenarioIntake``: Decides on the files of an import and stores them: new, known, or new versions of a scenario.
 ``net_beside``: The SUMO network that lies beside a scenario file; None where there is none.
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from .constraints import is_place, known_places
     from .entry_sets import Postings
     from .facets import scenario_facets
-    from .intake import ReadFile, ScenarioIntake, net_beside, put_scenario
+    from .intake import ID_TAKEN, ReadFile, ScenarioIntake, net_beside, put_scenario
     from .ranking import build_index, rank
     from .search import Ranking, Search, entries_of
     from .starter import ARCHIVE, open_catalogue

@@ -22,6 +22,9 @@ from ..workspace import Artifact, NewArtifact, Recipe, Workspace, content_digest
 from .tables import family, list_again, listed_version, refresh
 from .words import summary
 
+ID_TAKEN = "id_taken"
+"""Reason of the refusal of a scenario whose id another one has."""
+
 
 def put_scenario(
     workspace: Workspace,
@@ -69,6 +72,7 @@ def _other_content(scenario_id: str) -> NotPossible:
     return NotPossible(
         f"another scenario with other content has the id {scenario_id} already",
         next_step="give the file another benchmarkID",
+        reason=ID_TAKEN,
     )
 
 

@@ -2,7 +2,7 @@
 
 Rows for what was never tried come from a covering array (covertable). A combination whose row was refused may have been
 innocent: it is tried again in rows of its own, whose other levels went well together, until it was made or refused
-``TRIES`` times; then it is said not to be possible. When nothing is left, further arrays follow, each with other rows.
+``TRIES`` times; then it is said not to be possible. When nothing is left, arrays with other rows follow.
 The same state gives the same rows.
 """
 
@@ -33,7 +33,10 @@ def plan_coverage(request: CoverageRequest, report: ProgressReporter) -> Coverag
     if request.most and left:
         rows = _covering(space, request.strength, left, covered, times)
     elif request.most and allowed:
-        rows = space.array(request.strength, salt=f"lap {request.lap}")
+        for number in range(request.most):  # one array after the other, each of a row at least
+            rows += space.array(request.strength, salt=f"lap {request.lap} {number}")
+            if len(rows) >= request.most:
+                break
     can_be = frozenset(allowed)
     return CoverageReport(
         rows=tuple(rows[: request.most]),

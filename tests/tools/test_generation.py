@@ -1,5 +1,11 @@
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
+from support.builders import town_road
 from support.server import Connect
+
+from plannerforge.server.settings import Settings
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 WISH = {"place": "Musterstadt", "vehicles": ["truck", "bicycle=2"], "duration_s": 5, "count": 2, "seed": 4}
@@ -85,3 +91,23 @@ async def test_without_being_asked_no_planner_runs(connect: Connect) -> None:
         answer = await client.call_tool("generate_scenarios", {"place": "Landmoor", "duration_s": 5})
         assert answer.structured_content is not None
         assert answer.structured_content["scenarios"][0]["trial_run"] == ""
+
+
+async def test_a_scenario_whose_id_another_one_has_gets_an_id_of_its_own(
+    connect: Connect, settings: Settings, tmp_path: Path
+) -> None:
+    wish = {"place": "Landmoor", "duration_s": 5, "seed": 8}
+    async with connect() as client:
+        first = (await client.call_tool("generate_scenarios", wish)).structured_content or {}
+        usual = first["scenarios"][0]["scenario_id"]
+    replace(town_road().cut(4), benchmark_id=usual).write(tmp_path / "taken.xml")
+    fresh = settings.model_copy(update={"workspace": tmp_path / "fresh", "starter": False})
+    async with connect(fresh) as client:
+        imported = await client.call_tool("import_files", {"path": str(tmp_path / "taken.xml")})
+        assert not imported.is_error
+        answer = (await client.call_tool("generate_scenarios", wish)).structured_content or {}
+        made = answer["scenarios"][0]
+        assert made["scenario_id"] != usual
+        assert made["vehicles_realised"] == first["scenarios"][0]["vehicles_realised"]
+        again = (await client.call_tool("generate_scenarios", wish)).structured_content or {}
+        assert (again["scenarios"][0]["scenario_id"], again["scenarios"][0]["reused"]) == (made["scenario_id"], True)

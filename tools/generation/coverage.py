@@ -38,8 +38,8 @@ from .requests import AssignedSite, nth_site, request_for
 logger = logging.getLogger(__name__)
 WAIT_S = 45.0
 """The call answers after this time at most; chosen to be less than clients wait."""
-_AT_ONCE = 2_000
-"""Rows that are planned together (chosen); more rounds would let workers wait for the last row of each."""
+_AT_ONCE = 500
+"""Rows that are planned together (chosen): many of each map, which workers then read once for all of them."""
 _TAKEN = 64
 """Rows that are read from the database together (chosen)."""
 _LISTED = 50

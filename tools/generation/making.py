@@ -3,8 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+from ...engine.catalog import ID_TAKEN
 from ...engine.tuning import DEFAULT_CONFIGURATION
 from ...engine.workspace import Recipe, content_digest, versions_of
+from ...schemas.errors import NotPossible
 from ...schemas.generation import GeneratedScenario, GenerationRequest, ScenarioSummary
 from ...schemas.runs import NO_TRAJECTORY
 from ..call import ToolCall
@@ -19,14 +21,32 @@ _ADVICE = "the default planner cannot run here; another seed makes other traffic
 
 
 async def make_scenario(call: ToolCall, request: GenerationRequest, share: tuple[float, float]) -> ScenarioSummary:
-    """One scenario: the stored one where the same recipe made it before, otherwise a new one."""
+    """One scenario: the stored one where the same recipe made it before, otherwise a new one.
+
+    Of a million scenarios some dozens would get the id of another one: such a one is made again with other digits of
+    its digest in the id.
+
+    Raises:
+        NotPossible: it cannot be made, or another scenario has both of its ids.
+    """
     recipe = recipe_of(request)
-    number = int(recipe.digest[:7], 16) + 1
     stored = call.workspace.find_by_recipe("scenario", recipe)
     if stored is not None:
         kept = call.workspace.file("scenario", stored.artifact_id, REPORT)
         report = GeneratedScenario.model_validate_json(kept.read_bytes())
         return summarise(report, request, stored.artifact_id, reused=True)
+    try:
+        return await _made(call, request, recipe, recipe.digest[:7], share)
+    except NotPossible as refusal:
+        if refusal.reason != ID_TAKEN:
+            raise
+    return await _made(call, request, recipe, recipe.digest[5:], share)
+
+
+async def _made(
+    call: ToolCall, request: GenerationRequest, recipe: Recipe, digits: str, share: tuple[float, float]
+) -> ScenarioSummary:
+    number = int(digits, 16) + 1
     with call.workspace.scratch() as folder:
         numbered = request.model_copy(update={"folder": str(folder), "benchmark_number": number})
         scenario = await call.run(GENERATE_SCENARIO, numbered, share=share)

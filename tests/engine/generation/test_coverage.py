@@ -102,11 +102,12 @@ def test_what_can_only_be_together_with_what_cannot_be_is_said_too() -> None:
     assert len(lonely.cannot) == 1 + 2 + 3
 
 
-def test_once_all_is_covered_every_lap_has_other_rows() -> None:
+def test_once_all_is_covered_every_lap_has_other_rows_and_as_many_as_asked() -> None:
     everything = tuple(sorted(pairs_of(asked().rows)))
-    one, two = (asked(covered=everything, lap=lap).rows for lap in (1, 2))
+    one, two = (asked(covered=everything, lap=lap, most=20).rows for lap in (1, 2))
     assert pairs_of(one) == pairs_of(two) == set(everything)
     assert set(one) != set(two)
+    assert len(asked(covered=everything, lap=1, most=200).rows) == 200
     assert asked(covered=everything, most=0).rows == ()
 
 
