@@ -121,16 +121,17 @@ class ReadMapRequest(Model):
 
 
 class ConvertMapRequest(Model):
-    """A map in OpenStreetMap's binary format that is to be written as XML into a folder."""
+    """A map in another format that is to be written in one that is read, into a folder."""
 
     path: str
     folder: str
 
 
 class ConvertedMap(Model):
-    """The map as XML."""
+    """The map as XML, and what was lost on the way, in words."""
 
     path: str
+    lost: tuple[str, ...] = ()
 
 
 class FetchMapRequest(Model):

@@ -130,6 +130,8 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
         raise InvalidRequest(
             f"{quoted(path.name)} is of no kind that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
         )
+    if wanted == "map" and path.name.lower().endswith(".xml"):  # a road network, to be filled with other traffic
+        return "map"
     if wanted not in ("auto", known):
         raise InvalidRequest(f"{quoted(path.name)} is a {known}, not a {wanted}", valid=[known, "auto"])
     return known

@@ -11,6 +11,7 @@ from ..engine.maps import (
     SeenFiles,
     built_in_maps,
     country_code,
+    foreign_format,
     is_binary,
     is_map,
     stored_name,
@@ -22,7 +23,7 @@ from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts,
 from ..schemas.importing import ImportedItem
 from ..schemas.text import counted, one_line
 from .call import ToolCall
-from .operations import CONVERT_MAP, READ_MAP
+from .operations import CONVERT_MAP, CONVERT_ROADS, READ_MAP
 
 _MOST_FILES, _MOST_MAPS = 200, 1000
 """Files that are read of one map folder, and imported maps that are known; chosen."""
@@ -129,7 +130,7 @@ async def _read(call: ToolCall, seen: SeenFiles, path: Path) -> SeenFile:
 async def import_map(call: ToolCall, path: Path, name: str | None, country: str | None = None) -> ImportedItem:
     """Store a map, unpacked, with what it shows; name and country (ISO alpha-3) win over what the file says."""
     with call.workspace.scratch() as folder:
-        plain = await _plain(call, path, folder)
+        plain, lost = await _plain(call, path, folder)
         recipe = _recipe(plain, name, country)
         before = call.workspace.find_by_recipe("map", recipe)
         artifact = before or await _store_map(call, plain, recipe, name, country)
@@ -140,13 +141,26 @@ async def import_map(call: ToolCall, path: Path, name: str | None, country: str 
         )
         or "no sites"
     )
+    left_out = f"; lost on the way: {'; '.join(lost)}" if lost else ""
+    where = f"{facts.place} ({facts.country or 'country unknown'})"
     return ImportedItem(
         file=one_line(path.name),
         kind="map",
         artifact_id=artifact.artifact_id,
-        summary=f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}",
+        summary=f"{where}: {facts.road_km:.1f} km of roads, {sites}{left_out}",
         reused=before is not None,
     )
+
+
+async def map_of_scenario(call: ToolCall, word: str) -> str | None:
+    """The id of the map that a scenario's road network is, kept when it is first asked for; None for other words.
+
+    Raises:
+        UnsafeInput: no vehicle can drive on the lanelets of the scenario.
+    """
+    if call.workspace.find("scenario", word) is None:
+        return None
+    return (await import_map(call, call.workspace.file("scenario", word, "scenario.xml"), None)).artifact_id
 
 
 def known_country(text: str | None) -> str | None:
@@ -161,12 +175,16 @@ def known_country(text: str | None) -> str | None:
     return code
 
 
-async def _plain(call: ToolCall, path: Path, folder: Path) -> Path:
-    """The map itself, or unpacked into the folder."""
-    if not is_binary(path):
-        return await anyio.to_thread.run_sync(unpacked, path, folder)
-    converted = await call.run(CONVERT_MAP, ConvertMapRequest(path=str(path), folder=str(folder)))
-    return Path(converted.path)
+async def _plain(call: ToolCall, path: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """The map itself, unpacked or converted into the folder, and what is lost of it, in words."""
+    if is_binary(path):
+        converted = await call.run(CONVERT_MAP, ConvertMapRequest(path=str(path), folder=str(folder)))
+        return Path(converted.path), converted.lost
+    plain = await anyio.to_thread.run_sync(unpacked, path, folder)
+    if await anyio.to_thread.run_sync(foreign_format, plain) is None:
+        return plain, ()
+    converted = await call.run(CONVERT_ROADS, ConvertMapRequest(path=str(plain), folder=str(folder)))
+    return Path(converted.path), converted.lost
 
 
 async def _store_map(call: ToolCall, path: Path, recipe: Recipe, name: str | None, country: str | None) -> Artifact:

@@ -41,6 +41,7 @@ APPLY_EDITS = Operation(
 
 # Maps and generation
 CONVERT_MAP = Operation("plannerforge.engine.maps:write_as_xml", ConvertMapRequest, ConvertedMap, timeout_s=120.0)
+CONVERT_ROADS = Operation("plannerforge.engine.maps:convert_roads", ConvertMapRequest, ConvertedMap, timeout_s=180.0)
 READ_MAP = Operation("plannerforge.engine.maps:read_map", ReadMapRequest, MapFacts, timeout_s=120.0)
 LOCATE_PLACE = Operation("plannerforge.engine.maps:locate_place", LocateRequest, LocatedPlace, timeout_s=180.0)
 FETCH_MAPS = Operation("plannerforge.engine.maps:fetch_maps", FetchMapRequest, FetchedMaps, timeout_s=400.0)

@@ -240,7 +240,7 @@ def _write(
             next_step="choose a higher density, another place or other road_classes",
         )
     report(0.8, "writing the file")
-    obstacle_ids = write_scenario(path, site.metadata, site.network, others, task)
+    obstacle_ids = write_scenario(path, site.metadata, site.network, others, task, site.roads)
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
     missed = [] if task.focus_passed else [site.focus.missed(only_car=spec.ego_index is not None)]

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ...schemas.generation import Checks, DensityFacts, GeneratedEgo, GeneratedScenario, GenerationRequest, SiteFacts
-from ..maps import is_net
 from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, GeneratedVehicle, lane_km_of
 from .planning_problem import PlanningTask
 from .site_network import SiteNetwork
@@ -47,7 +46,7 @@ def record_of(
             longitude=round(spot.longitude, 6),
             streets=spot.streets,
             radius_m=round(site.radius_m, 1),
-            osm_id="" if is_net(Path(request.map_path)) else spot.osm_id,
+            osm_id="" if Path(request.map_path).suffix == ".xml" else spot.osm_id,
         ),
         vehicles_asked=demand.total,
         vehicles_realised=len(vehicles),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 from lxml import etree
 
 from ...schemas.errors import NotPossible
@@ -15,7 +16,7 @@ from ...schemas.generation import GenerationRequest
 from ...schemas.scenarios import RuleFinding
 from ..commonroad import road_document
 from ..execution import ProgressReporter
-from ..maps import NetMap, OsmMap, Site, cut_map, cut_net
+from ..maps import LaneletMap, NetMap, OsmMap, RoadFile, Site, cut_lanelets, cut_map, cut_net, read_lanelet_map
 from ..network import (
     RoadNetwork,
     SumoNet,
@@ -23,13 +24,14 @@ from ..network import (
     cap_speeds,
     check_network,
     convert_osm,
+    lights_begin_at,
     read_net,
     remove_hairpins,
     summarise_findings,
 )
 from ..traffic import VEHICLES_PER_LANE_KM, WARM_UP_S, lane_km_of
-from .sites import SiteFocus, classes_for, radius_for, why_not_realised
-from .writer import STEP_S, ScenarioMetadata, write_network
+from .sites import SiteFocus, classes_for, middle_of, radius_for, why_not_realised
+from .writer import STEP_S, ScenarioMetadata, copy_network, write_network
 
 _LEFT = """
 AIA ATG AUS BGD BHS BMU BRB BRN BTN BWA CCK COK CXR CYM CYP DMA FJI FLK GBR GGY GRD GUY HKG IDN IMN IND IRL JAM JEY
@@ -45,6 +47,9 @@ MOST_CROWDED = 1.2
 """More vehicles on a kilometre of lane than of high density by this factor rarely find room to move (chosen)."""
 MOST_WIDENED = 2.5
 """A site is cut out no wider than by this factor (chosen)."""
+WHOLE_LANE_KM = 15.0
+"""A lanelet network with no more of lanes is taken whole, whatever the site in it (chosen)."""
+NOT_LOCATED = "the road network does not say where on earth it lies; its positions in degrees are made up, near 0°, 0°"
 SITE_LOST = "site_lost"
 """Reason of the refusal of a site whose type the net does not show."""
 
@@ -53,7 +58,8 @@ SITE_LOST = "site_lost"
 class SiteNetwork:
     """A site as a SUMO net (in the file at ``net_path``) and as lanelets, ready for traffic.
 
-    ``notes`` are for the answer, ``warnings`` are netconvert's, ``findings`` those of the road rules.
+    ``notes`` are for the answer, ``warnings`` are netconvert's, ``findings`` those of the road rules. ``roads``: of a
+    lanelet network that was filled, what is taken over from its file.
     """
 
     site: Site
@@ -65,6 +71,7 @@ class SiteNetwork:
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
     findings: tuple[RuleFinding, ...] = ()
+    roads: RoadFile | None = None
 
     @cached_property
     def focus(self) -> SiteFocus:
@@ -84,7 +91,7 @@ def prepare_site(
     built = build_network(request, osm, site, usual_m, folder, report)
     counted = 1 + sum(demand.needed for demand in request.vehicles)
     share = counted / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
-    if share <= MOST_CROWDED:
+    if share <= MOST_CROWDED or isinstance(osm, LaneletMap):
         return judged(built, report)
     wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
     wider.mkdir()
@@ -104,10 +111,13 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
         NotPossible: it does not show the site's type, or breaks a rule.
     """
     site = built.site
-    if (reason := why_not_realised(site, built.net)) is not None:
+    is_a_road = built.roads is not None and site.kind in ("highway", "rural", "urban")  # of a network taken as it is
+    if not is_a_road and (reason := why_not_realised(site, built.net)) is not None:
         raise NotPossible(reason, next_step="choose another scenario_type, or another place", reason=SITE_LOST)
     report(0.25, "checking the network")
-    findings = _network_findings(built.network, built.metadata)
+    findings = _network_findings(built)
+    if built.roads is not None:
+        return _as_the_file_has_it(built, findings)
     if errors := summarise_findings(findings, "error"):
         where = f"{site.latitude:.5f}, {site.longitude:.5f}"
         raise NotPossible(
@@ -115,6 +125,14 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
             next_step="choose another place, scenario_type or seed",
         )
     return replace(built, findings=findings)
+
+
+def _as_the_file_has_it(built: SiteNetwork, findings: tuple[RuleFinding, ...]) -> SiteNetwork:
+    """A filled network with what the rules find in it: errors of the file itself are told, and stay in it."""
+    errors = summarise_findings(findings, "error")
+    told = [f"errors of the given road network are left as they are: {'; '.join(errors)}"] if errors else []
+    milder = tuple(finding.model_copy(update={"severity": "warning"}) for finding in findings)
+    return replace(built, findings=milder, notes=(*built.notes, *told))
 
 
 def build_network(
@@ -125,6 +143,8 @@ def build_network(
     Raises:
         NotPossible: no road there is open to cars.
     """
+    if isinstance(osm, LaneletMap):
+        return _fill_lanelets(request, osm, site, radius_m, folder, report)
     net_path = folder / "scenario.net.xml"
     lefthand = request.country in LEFT_HAND_COUNTRIES
     classes = classes_for(site, request)
@@ -151,6 +171,40 @@ def build_network(
     net = read_net(net_path)
     metadata = ScenarioMetadata.of(request, site, net)
     return SiteNetwork(site, radius_m, net_path, net, network, metadata, warnings, tuple(notes))
+
+
+def _fill_lanelets(
+    request: GenerationRequest,
+    lanelets: LaneletMap,
+    site: Site,
+    radius_m: float,
+    folder: Path,
+    report: ProgressReporter,
+) -> SiteNetwork:
+    """A lanelet network as it is, or what of a large one lies around the site.
+
+    Raises:
+        NotPossible: no lanelet there is open to cars.
+    """
+    report(0.05, "laying a net over the lanelets")
+    net_path, cut = folder / "scenario.net.xml", folder / "roads.xml"
+    net_path.write_bytes(lanelets.net)
+    middle = middle_of(site, read_net(net_path))
+    if lane_km_of(read_net(net_path)) > WHOLE_LANE_KM and cut_lanelets(
+        lanelets, (float(middle[0]), float(middle[1])), radius_m, cut
+    ):
+        lanelets = replace(read_lanelet_map(cut), is_located=lanelets.is_located)
+    net_path.write_bytes(lights_begin_at(lanelets.net, WARM_UP_S))
+    if not _is_drivable(net_path) or lanelets.network is None:
+        raise _closed_to_cars()
+    cap_speeds(net_path)
+    net, network, roads = read_net(net_path), lanelets.network, RoadFile.read(lanelets.path)
+    metadata = ScenarioMetadata.of(request, site, net)
+    metadata = replace(metadata, tags=("simulated", *roads.tags))
+    points = np.concatenate([lanelet.polygon for lanelet in network.lanelets.values()])
+    reach_m = float(np.linalg.norm(points - middle_of(site, net), axis=1).max())
+    notes = () if lanelets.is_located else (NOT_LOCATED,)
+    return SiteNetwork(site, reach_m, net_path, net, network, metadata, (), notes, roads=roads)
 
 
 def _convert_site(
@@ -209,8 +263,11 @@ def _lanelets(net_path: Path) -> RoadNetwork:
     return build_road_network(read_net(net_path), step_s=STEP_S, elapsed_s=WARM_UP_S)
 
 
-def _network_findings(network: RoadNetwork, metadata: ScenarioMetadata) -> tuple[RuleFinding, ...]:
+def _network_findings(built: SiteNetwork) -> tuple[RuleFinding, ...]:
     """What the rules find in a network as it will stand in the file."""
-    root = etree.Element("commonRoad", {"benchmarkID": metadata.benchmark_id})
-    write_network(root, network, metadata.speed_sign)
+    root = etree.Element("commonRoad", {"benchmarkID": built.metadata.benchmark_id})
+    if built.roads is not None:
+        copy_network(root, built.roads)
+    else:
+        write_network(root, built.network, built.metadata.speed_sign)
     return check_network(road_document(root))

@@ -7,6 +7,7 @@ exponents, and the date is fixed, because a date would make every file differ.
 import textwrap
 import unicodedata
 from collections.abc import Iterable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from lxml import etree
 from ...schemas.generation import GenerationRequest, SiteType
 from ..commonroad import speed_limit_number
 from ..geometry import Points, wrap_angle
-from ..maps import Site
+from ..maps import RoadFile, Site
 from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, SumoNet, TrafficLight
 from ..traffic import DECIMALS, GeneratedVehicle, sumo_version
 from ..vehicles import Motion
@@ -91,8 +92,9 @@ def write_scenario(
     network: RoadNetwork,
     traffic: tuple[GeneratedVehicle, ...],
     task: PlanningTask,
+    roads: RoadFile | None = None,
 ) -> dict[str, int]:
-    """Write a scenario.
+    """Write a scenario; its roads are copied where they are a file's, otherwise those of the network.
 
     Returns:
         CommonRoad's obstacle id by the vehicle's id.
@@ -109,11 +111,17 @@ def write_scenario(
             "date": _FIXED_DATE,
         },
     )
-    _write_location(root, metadata)
+    if roads is None:
+        _write_location(root, metadata)
+    else:
+        root.append(deepcopy(roads.location))
     tags = _add(root, "scenarioTags")
     for tag in sorted(set(metadata.tags)):
         etree.SubElement(tags, tag)
-    write_network(root, network, metadata.speed_sign)
+    if roads is None:
+        write_network(root, network, metadata.speed_sign)
+    else:
+        copy_network(root, roads)
     ids = {vehicle.vehicle_id: network.next_id + number for number, vehicle in enumerate(traffic)}
     _write_planning_problem(root, network.next_id + len(ids), task)
     etree.indent(root, space=" ")
@@ -162,6 +170,11 @@ def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str | 
         element = etree.SubElement(root, "intersection", {"id": str(intersection.intersection_id)})
         for incoming in intersection.incomings:
             _write_incoming(element, incoming)
+
+
+def copy_network(root: etree._Element, roads: RoadFile) -> None:
+    """Append the roads of a file as they are."""
+    root.extend(deepcopy(element) for element in roads.elements)
 
 
 def _write_point(parent: etree._Element, point: Points) -> None:

@@ -9,6 +9,12 @@
 ``SeenFiles``: The files of map folders that were looked at, kept in the database.
 ``built_in_maps``: The maps that come with the package, by id.
 ``find_maps``: The maps that fit a place, a country, a box and a type of site, the best first.
+``LaneletMap``: The lanelet network of a CommonRoad file as a map.
+``convert_roads``: An operation: write an OpenDRIVE, Lanelet2 or CommonRoad file as a map that is read.
+``foreign_format``: The format of a map that has to be converted before it is read; None for the others.
+``RoadFile``: What a scenario takes over from a kept map: elements of its roads, location, tags.
+``cut_lanelets``: Write the lanelets of a large network that come within a circle, with what stands at them.
+``read_lanelet_map``: Read the network of a CommonRoad file as a map.
 ``NetMap``: A SUMO network as a map.
 ``read_map_file``: The map in a file of either kind, scanned and read.
 ``OsmMap``: An OpenStreetMap extract as nodes, ways and relations.
@@ -49,8 +55,11 @@ if TYPE_CHECKING:
     from .cut import cut_map, cut_net
     from .drawn_library import Sketch
     from .facts import read_map
+    from .foreign.conversion import convert_roads
+    from .foreign.lanelet_map import LaneletMap, RoadFile, cut_lanelets, read_lanelet_map
+    from .foreign.net_map import NetMap
     from .index import NOT_SHOWN, MapEntry, MapMatch, SeenFile, SeenFiles, built_in_maps, find_maps, match_fetched
-    from .map_file import NetMap, read_map_file
+    from .map_file import read_map_file
     from .nearness import Gathering
     from .online.fetch import fetch_maps
     from .online.places import locate_place
@@ -58,6 +67,6 @@ if TYPE_CHECKING:
     from .places import country_code, country_name, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
     from .sites import Site, SiteFinder
-    from .unpacking import MAP_ENDINGS, is_binary, is_map, is_net, stored_name, unpacked
+    from .unpacking import MAP_ENDINGS, foreign_format, is_binary, is_map, is_net, stored_name, unpacked
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

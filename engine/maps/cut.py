@@ -16,7 +16,7 @@ from lxml import etree
 
 from ...schemas.errors import NotPossible
 from ..network import run_netconvert
-from .map_file import NetMap
+from .foreign.net_map import NetMap
 from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, append_node, append_object, ground_distance_m
 
 MOST_ARMS = 32

@@ -80,12 +80,12 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     report(0.0, "reading the map")
     osm = read_map_file(path)
     report(0.6, "looking for sites")
-    given = one_line(request.place or "")
+    given = one_line(request.place or osm.name)
     names = list(dict.fromkeys(([given] if given else []) + _places(osm)))
     roads = osm.roads()
     south, west, north, east = osm.bounds
     near = countries_near(osm.bounds)
-    country = request.country or _country(osm) or (near[0] if len(near) == 1 else None)
+    country = request.country or osm.country or _country(osm) or (near[0] if len(near) == 1 else None)
     return MapFacts(
         map_id=request.map_id or _map_id_of(path),
         file_name=_shown_name(path),

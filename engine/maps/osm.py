@@ -97,7 +97,8 @@ class _OsmRelation:
 class OsmMap:
     """An extract: all nodes by id, ways in the file's order, relations, and the bounds that its header declares.
 
-    ``attribution`` is empty for OpenStreetMap's own data.
+    ``attribution`` is empty for OpenStreetMap's own data; ``name`` and ``country`` (ISO 3166-1 alpha-3) are those of a
+    file that states them of itself.
     """
 
     nodes: dict[int, OsmNode]
@@ -105,6 +106,8 @@ class OsmMap:
     relations: tuple[_OsmRelation, ...]
     declared_bounds: tuple[float, float, float, float] | None
     attribution: str = ""
+    name: str = ""
+    country: str | None = None
 
     def roads(self, classes: frozenset[str] = ALL_ROADS) -> list[OsmWay]:
         """Ways of the given ``highway`` values."""

@@ -1,15 +1,28 @@
-"""Files of maps by their names, and those that come compressed: unpacked, never into more than may be read."""
+"""Files of maps by their names, and those that come compressed: unpacked, never into more than may be read.
+
+Nothing heavy is imported here: the server's process asks.
+"""
 
 import bz2
 import gzip
+import re
 import zlib
 from pathlib import Path
+from typing import Literal
 
 from ...schemas.errors import UnsafeInput
 
 NET_ENDING = ".net.xml"
+LANELETS_ENDING = ".xml"
+"""Of CommonRoad files; the one of SUMO's networks ends in it too, and is looked for first."""
 BINARY_ENDING = ".osm.pbf"
-MAP_ENDINGS = (*(plain + packed for plain in (".osm", NET_ENDING) for packed in ("", ".gz", ".bz2")), BINARY_ENDING)
+DRIVE_ENDING = ".xodr"
+MAP_ENDINGS = (
+    *(plain + packed for plain in (".osm", NET_ENDING, DRIVE_ENDING) for packed in ("", ".gz", ".bz2")),
+    BINARY_ENDING,
+)
+ForeignFormat = Literal["OpenDRIVE", "CommonRoad", "Lanelet2"]
+_LANELET_VALUE = re.compile(rb"""v\s*=\s*["']lanelet["']""")
 LARGEST_BYTES = 60_000_000
 """Of a map: what a worker reads within its memory (docs/generation.md states it)."""
 CHUNK_BYTES = 1 << 20
@@ -58,4 +71,30 @@ def is_binary(path: Path) -> bool:
 
 def stored_name(path: Path) -> str:
     """The name under which a map is kept, not packed: ``map`` with the ending of its kind."""
-    return f"map{NET_ENDING if is_net(path) else '.osm'}"
+    if is_net(path):
+        return f"map{NET_ENDING}"
+    return "map.xml" if path.name.lower().endswith(LANELETS_ENDING) else "map.osm"
+
+
+def foreign_format(path: Path) -> ForeignFormat | None:
+    """The format of a map, not packed, that has to be converted before it is read; None for the others.
+
+    A Lanelet2 map has the ending of OpenStreetMap's streets: its content tells.
+    """
+    name = path.name.lower()
+    if name.endswith(DRIVE_ENDING):
+        return "OpenDRIVE"
+    if name.endswith(LANELETS_ENDING) and not is_net(path):
+        return "CommonRoad"
+    return "Lanelet2" if name.endswith(".osm") and _holds_lanelets(path) else None
+
+
+def _holds_lanelets(path: Path) -> bool:
+    """Whether a file of OpenStreetMap's XML holds lanelets: no file of streets has a tag with that value."""
+    rest = b""
+    with path.open("rb") as stream:
+        while chunk := stream.read(CHUNK_BYTES):
+            if _LANELET_VALUE.search(rest + chunk):
+                return True
+            rest = chunk[-64:]
+    return False

@@ -3,6 +3,9 @@
 ``build_road_network``: All lanes of a SUMO net that road vehicles may use, as lanelets.
 ``remove_hairpins``: Delete the connections of all lanes that have no valid bounds from a net, in place.
 ``Digraph``: A directed graph, and the searches in it: cheapest and shortest routes, costs, what can be reached.
+``GroundPosition``: How coordinates of a network lie on earth: a PROJ string and an offset in m.
+``lights_begin_at``: A net whose lights are after some simulated time as they were at its beginning.
+``net_over_lanelets``: The ``.net.xml`` over a lanelet network, and its driven lanelets as plain values.
 ``LaneletGraph``: Lanelet ids with their lengths in m, successors, predecessors and neighbours of the same direction.
 ``MOTOR_CLASSES``: SUMO's classes of motor vehicles on roads.
 ``NetEdge``: A road in one direction between two junctions, or the inside of a junction (``internal``).
@@ -43,6 +46,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .lanelet_builder import build_road_network, remove_hairpins
     from .lanelet_graph import Digraph, LaneletGraph
+    from .lanelet_net import GroundPosition, lights_begin_at, net_over_lanelets
     from .net_parser import MOTOR_CLASSES, NetEdge, SumoNet, read_net
     from .netconvert import cap_speeds, convert_osm, run_netconvert
     from .positions import POSITION_WORDS, station_m

@@ -97,18 +97,22 @@ class Intersection:
 
 @dataclass(frozen=True)
 class RoadNetwork:
-    """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds."""
+    """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds.
+
+    ``largest_id``: of all elements of the file that the network was read of; 0 where it was read of none.
+    """
 
     lanelets: dict[int, RoadLanelet]
     signs: tuple[SpeedSign, ...]
     lights: tuple[TrafficLight, ...]
     intersections: tuple[Intersection, ...]
     dropped_lanes: tuple[str, ...]
+    largest_id: int = 0
 
     @property
     def next_id(self) -> int:
         """The smallest id above all that the network uses."""
-        used = [*self.lanelets, *(s.sign_id for s in self.signs), *(t.light_id for t in self.lights)]
+        used = [self.largest_id, *self.lanelets, *(s.sign_id for s in self.signs), *(t.light_id for t in self.lights)]
         for crossing in self.intersections:
             used.append(crossing.intersection_id)
             used.extend(i.incoming_id for i in crossing.incomings)

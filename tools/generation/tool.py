@@ -5,7 +5,7 @@ from ...engine.maps import MapMatch
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, WorkerFailure
 from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
 from ..call import ToolCall
-from ..maps import maps_at_hand
+from ..maps import map_of_scenario, maps_at_hand
 from .coverage import cover_combinations
 from .making import make_scenario, with_trial_run
 from .online import maps_for
@@ -24,6 +24,8 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
         InvalidRequest: nothing could be made; the reason of the first scenario.
     """
     open_catalogue(call.workspace, with_starter=call.services.with_starter)  # first, or a starter would be the latest
+    if arguments.place and (filled := await map_of_scenario(call, arguments.place)) is not None:
+        arguments = arguments.model_copy(update={"place": filled})
     at_hand = await maps_at_hand(call)
     if arguments.cover:
         return await cover_combinations(arguments, call, at_hand.entries, at_hand.notes)

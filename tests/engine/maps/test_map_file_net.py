@@ -9,8 +9,8 @@ import sumo
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.maps.facts import read_map
+from plannerforge.engine.maps.foreign.net_map import read_net_map
 from plannerforge.engine.maps.index import LIBRARY
-from plannerforge.engine.maps.map_file import read_net_map
 from plannerforge.engine.maps.osm import OSM_ATTRIBUTION, read_osm
 from plannerforge.engine.maps.sites import SiteFinder
 from plannerforge.engine.network.netconvert import convert_osm

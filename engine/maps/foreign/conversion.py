@@ -1,0 +1,32 @@
+"""The conversion of maps in other formats: an operation, as the files are foreign."""
+
+from pathlib import Path
+
+from ....schemas.generation import ConvertedMap, ConvertMapRequest
+from ...execution import ProgressReporter
+from ..unpacking import NET_ENDING, foreign_format
+from .lanelet2 import convert_lanelet2
+from .lanelet_map import write_network
+from .opendrive import convert_opendrive
+
+
+def convert_roads(request: ConvertMapRequest, report: ProgressReporter) -> ConvertedMap:
+    """Write an OpenDRIVE file as a SUMO network, a Lanelet2 map or a CommonRoad file as a CommonRoad road network.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken, or holds no road.
+    """
+    source, folder = Path(request.path), Path(request.folder)
+    report(0.1, "converting the map")
+    kind = foreign_format(source)
+    stem = source.name.removesuffix(source.suffix)
+    if kind == "OpenDRIVE":
+        target = folder / f"{stem}{NET_ENDING}"
+        lost = convert_opendrive(source, target, folder)
+    elif kind == "Lanelet2":
+        target = folder / f"{stem}.xml"
+        lost = convert_lanelet2(source, target)
+    else:
+        target = folder / f"{stem}.roads.xml"
+        lost = write_network(source, target)
+    return ConvertedMap(path=str(target), lost=lost)

@@ -1,0 +1,288 @@
+"""The lanelet network of a CommonRoad file as a map: traffic is generated on it as it is, with its ids.
+
+A map is kept as a CommonRoad file of the road network alone (2020a, steps of 0.1 s): of a scenario its vehicles and
+planning problems are left out, of a file of format 2018b signs stand for its speed limits.
+"""
+
+import math
+import tempfile
+from collections.abc import Set
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from ....schemas.errors import NotPossible, UnsafeInput
+from ....schemas.text import one_line
+from ...commonroad import LoadedScenario, ScenarioDocument, parse_benchmark_id, read_scenario, speed_limit_number
+from ...network import GroundPosition, RoadNetwork, net_over_lanelets
+from ..osm import OSM_ATTRIBUTION
+from .net_map import PROJECTION, NetMap, read_net_map
+
+ROAD_ELEMENTS = ("lanelet", "trafficSign", "trafficLight", "intersection")
+"""Elements of a file that make its road network, in the order of CommonRoad's schema."""
+STEP_S = 0.1
+"""Time step of generated scenarios, in which the cycles of a kept map's lights are counted."""
+NOWHERE = GroundPosition("+proj=tmerc +lat_0=0 +lon_0=0 +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs", (0.0, 0.0))
+"""Where a network lies that says nothing of it: about 0° N 0° E, where no country is."""
+_OSM_WORDS = ("openstreetmap", "osm")
+_SHORTEST_STEP_S = 1e-3
+"""Chosen: of a file's time step."""
+
+
+@dataclass(frozen=True)
+class LaneletMap(NetMap):
+    """A lanelet network as a map: the file at ``path`` with its lanelets, the net over them, and plain values of both.
+
+    ``is_located``: whether the file says where on earth it lies; otherwise the map has an artificial place there.
+    """
+
+    net: bytes = b""
+    network: RoadNetwork | None = None
+    is_located: bool = False
+
+
+def read_lanelet_map(path: Path) -> LaneletMap:
+    """Read the network of a CommonRoad file as a map.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken, no CommonRoad file, or no lanelet of it is a road for vehicles.
+    """
+    loaded = read_scenario(path)
+    document = ScenarioDocument.read(path).root
+    ground = _ground(document)
+    located = ground is not None or _degrees(document) is not None
+    ground = ground or _around(loaded, _degrees(document))
+    try:
+        net, network = net_over_lanelets(
+            loaded.scenario.lanelet_network, ground, step_s=STEP_S, largest_id=_largest_id(document)
+        )
+    except NotPossible as refusal:
+        raise UnsafeInput(f"{path.name}: {refusal.message}", next_step=refusal.next_step) from refusal
+    with tempfile.TemporaryDirectory() as scratch:
+        net_path = Path(scratch) / "over_lanelets.net.xml"
+        net_path.write_bytes(net)
+        roads = read_net_map(net_path)
+    country, place = parse_benchmark_id(loaded.benchmark_id)
+    return LaneletMap(
+        roads.nodes,
+        roads.ways,
+        (),
+        None,
+        attribution=_attribution(document, loaded.benchmark_id),
+        name=place,
+        country=country,
+        path=path,
+        edges=roads.edges,
+        net=net,
+        network=network,
+        is_located=located,
+    )
+
+
+def write_network(source: Path, target: Path) -> tuple[str, ...]:
+    """Write the road network of a CommonRoad file alone; what was left out, in words.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken or no CommonRoad file.
+    """
+    loaded = read_scenario(source)
+    document = ScenarioDocument.read(source)
+    root = document.root
+    left_out = [f"{len(loaded.tracks)} recorded road users"] if loaded.tracks else []
+    if document.is_2018b:
+        left_out.append(_put_signs(root, parse_benchmark_id(loaded.benchmark_id)[0]))
+    step_s = loaded.step_s
+    if not _SHORTEST_STEP_S <= step_s < math.inf:
+        raise UnsafeInput(f"{source.name} has time steps of {step_s:g} s", valid=["timeStepSize of 0.1"])
+    header = {"timeStepSize": f"{STEP_S:g}", "commonRoadVersion": "2020a", "benchmarkID": loaded.benchmark_id}
+    kept = {key: one_line(root.get(key, "")) for key in ("author", "affiliation", "source", "date")}
+    copy = etree.Element("commonRoad", {**header, **kept})
+    location, tags = root.find("location"), root.find("scenarioTags")
+    copy.append(_no_location() if location is None else location)
+    copy.append(etree.Element("scenarioTags") if tags is None else tags)
+    for tag in ROAD_ELEMENTS:
+        copy.extend(list(root.iterfind(tag)))
+    for steps in copy.iterfind("trafficLight/cycle//duration"):
+        steps.text = str(max(round(int(steps.text or 0) * step_s / STEP_S), 1))
+    for steps in copy.iterfind("trafficLight/cycle/timeOffset"):
+        steps.text = str(round(int(steps.text or 0) * step_s / STEP_S))
+    if (count := _without_torn(copy)) > 0:
+        left_out.append(
+            f"{count} elements that CommonRoad's schema refuses (empty intersections and signs, lost references)"
+        )
+    target.write_bytes(etree.tostring(copy, encoding="UTF-8", xml_declaration=True) + b"\n")
+    return tuple(left_out)
+
+
+def _without_torn(root: etree._Element) -> int:
+    """Take out what files hold against the schema, and nobody can use; how many elements that were."""
+    torn = [one for one in root.iterfind("intersection") if one.find("incoming") is None]
+    torn += [one for one in root.iterfind("trafficSign") if one.find("trafficSignElement") is None]
+    for element in torn:
+        root.remove(element)
+    known = {one.get("id") for one in root.iter("*") if one.get("id") is not None}
+    words = (
+        "isLeftOf",
+        "trafficSignRef",
+        "trafficLightRef",
+        "predecessor",
+        "successor",
+        "adjacentLeft",
+        "adjacentRight",
+    )
+    lost = [one for tag in words for one in root.iter(tag) if one.get("ref") not in known]
+    for element in lost:
+        parent = element.getparent()
+        if parent is not None:
+            parent.remove(element)
+    return len(torn) + len(lost)
+
+
+@dataclass(frozen=True)
+class RoadFile:
+    """What a scenario takes over from a kept map: the elements of its roads, its location, and its tags."""
+
+    elements: tuple[etree._Element, ...]
+    location: etree._Element
+    tags: tuple[str, ...]
+
+    @classmethod
+    def read(cls, path: Path) -> "RoadFile":
+        """Read a map that :func:`write_network` wrote."""
+        root = etree.parse(path, etree.XMLParser(remove_blank_text=True, remove_comments=True)).getroot()
+        elements = tuple(element for tag in ROAD_ELEMENTS for element in root.iterfind(tag))
+        tags = tuple(str(tag.tag) for tag in root.iterfind("scenarioTags/*"))
+        location = root.find("location")
+        return cls(elements, _no_location() if location is None else location, tags)
+
+
+def cut_lanelets(lanelets: LaneletMap, center: tuple[float, float], radius_m: float, target: Path) -> bool:
+    """Write the lanelets that come within a circle around (x, y) in m of a network, with what stands at them.
+
+    Returns:
+        Whether that is less than the whole network; nothing is written otherwise.
+    """
+    from shapely import Point, Polygon
+
+    known = {} if lanelets.network is None else lanelets.network.lanelets
+    middle = Point(*center)
+    kept = {key for key, lanelet in known.items() if Polygon(lanelet.polygon).distance(middle) <= radius_m}
+    if len(kept) == len(known):
+        return False
+    root = etree.parse(lanelets.path).getroot()
+    beyond = {element.get("id", "") for element in root.iterfind("lanelet") if int(element.get("id", "0")) not in kept}
+    for element in [one for one in root.iterfind("lanelet") if one.get("id") in beyond]:
+        root.remove(element)
+    used = {one.get("ref") for tag in ("trafficSignRef", "trafficLightRef") for one in root.iter(tag)}
+    for tag in ("trafficSign", "trafficLight"):
+        for element in [one for one in root.iterfind(tag) if one.get("id") not in used]:
+            root.remove(element)
+    _forget(root, beyond)
+    target.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n")
+    return True
+
+
+def _forget(root: etree._Element, beyond: Set[str]) -> None:
+    """Take references to lanelets that are gone out of a network, and arms and intersections that are left empty."""
+    words = ("predecessor", "successor", "adjacentLeft", "adjacentRight", "incomingLanelet", "crossing")
+    turns = ("successorsRight", "successorsStraight", "successorsLeft")
+    for element in [one for tag in (*words, *turns) for one in root.iter(tag) if one.get("ref") in beyond]:
+        parent = element.getparent()
+        if parent is not None:
+            parent.remove(element)
+    for crossing in list(root.iterfind("intersection")):
+        for arm in [arm for arm in crossing.iterfind("incoming") if arm.find("incomingLanelet") is None]:
+            crossing.remove(arm)
+        if crossing.find("incoming") is None:
+            root.remove(crossing)
+
+
+def _no_location() -> etree._Element:
+    """CommonRoad's words for a place that is not known."""
+    location = etree.Element("location")
+    for tag, text in (("geoNameId", "-999"), ("gpsLatitude", "999"), ("gpsLongitude", "999")):
+        etree.SubElement(location, tag).text = text
+    return location
+
+
+def _put_signs(document: etree._Element, country: str) -> str:
+    """Replace the speed limits of format 2018b by signs, where CommonRoad has one in the country; what was done."""
+    number, next_id = speed_limit_number(country), _largest_id(document) + 1
+    signs: dict[str, int] = {}
+    for lanelet in document.iterfind("lanelet"):
+        if lanelet.find("laneletType") is None:
+            etree.SubElement(lanelet, "laneletType").text = "unknown"
+        for limit in list(lanelet.iterfind("speedLimit")):
+            lanelet.remove(limit)
+            text = (limit.text or "").strip()
+            if number is None or not text:
+                continue
+            if text not in signs:
+                signs[text] = next_id + len(signs)
+                document.append(_sign(signs[text], number, text, lanelet))
+            etree.SubElement(lanelet, "trafficSignRef", {"ref": str(signs[text])})
+    return "format 2018b: its speed limits are " + ("signs now" if signs or number else "left out, there is no sign")
+
+
+def _sign(key: int, number: str, speed_mps: str, lanelet: etree._Element) -> etree._Element:
+    sign = etree.Element("trafficSign", {"id": str(key)})
+    inside = etree.SubElement(sign, "trafficSignElement")
+    etree.SubElement(inside, "trafficSignID").text = number
+    etree.SubElement(inside, "additionalValue").text = speed_mps
+    point = lanelet.find("rightBound/point")
+    if point is not None:
+        etree.SubElement(sign, "position").append(deepcopy(point))
+    etree.SubElement(sign, "virtual").text = "true"
+    return sign
+
+
+def _largest_id(document: etree._Element) -> int:
+    return max(int(element.get("id", "0")) for element in document.iter("*") if element.get("id", "").isdigit())
+
+
+def _degrees(document: etree._Element) -> tuple[float, float] | None:
+    """Latitude and longitude that the file gives; None where it gives none, or 999 as CommonRoad's word for that."""
+    try:
+        latitude = float(document.findtext("location/gpsLatitude") or "")
+        longitude = float(document.findtext("location/gpsLongitude") or "")
+    except ValueError:
+        return None
+    is_place = -80 <= latitude <= 84 and -180 <= longitude <= 180 and (latitude, longitude) != (0.0, 0.0)
+    return (latitude, longitude) if is_place else None
+
+
+def _ground(document: etree._Element) -> GroundPosition | None:
+    """The projection that the file names, where its coordinates are those of it but for a shift."""
+    projection = (document.findtext("location/geoTransformation/geoReference") or "").strip()
+    if PROJECTION.fullmatch(projection) is None:
+        return None
+    more = document.find("location/geoTransformation/additionalTransformation")
+    if more is None:
+        return GroundPosition(projection, (0.0, 0.0))
+    try:
+        shift = float(more.findtext("xTranslation") or 0.0), float(more.findtext("yTranslation") or 0.0)
+        turned = float(more.findtext("zRotation") or 0.0), float(more.findtext("scaling") or 1.0) - 1.0
+    except ValueError:
+        return None
+    return GroundPosition(projection, shift) if not any(turned) and np.isfinite(shift).all() else None
+
+
+def _around(loaded: LoadedScenario, degrees: tuple[float, float] | None) -> GroundPosition:
+    """A plane on earth: the middle of the network lies at the place that the file gives, or nowhere."""
+    points = np.concatenate([lanelet.center_vertices[:, :2] for lanelet in loaded.scenario.lanelet_network.lanelets])
+    x, y = (points.min(axis=0) + points.max(axis=0)) / 2
+    if degrees is None:
+        return GroundPosition(NOWHERE.projection, (round(float(x), 3), round(float(y), 3)))
+    place = f"+lat_0={degrees[0]:.7f} +lon_0={degrees[1]:.7f}"
+    projection = NOWHERE.projection.replace("+lat_0=0 +lon_0=0", place)
+    return GroundPosition(projection, (round(float(x), 3), round(float(y), 3)))
+
+
+def _attribution(document: etree._Element, benchmark_id: str) -> str:
+    """What a scenario on the network has to name: the file, and OpenStreetMap where its roads came from there."""
+    origin = f"{document.get('source', '')} {document.get('affiliation', '')}".lower().replace(",", " ").split()
+    osm = f"; {OSM_ATTRIBUTION}" if any(word.strip(".;()") in _OSM_WORDS for word in origin) else ""
+    return f"road network of CommonRoad {one_line(benchmark_id)}{osm}"

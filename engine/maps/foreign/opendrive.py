@@ -1,0 +1,146 @@
+"""OpenDRIVE files as SUMO networks, through netconvert: what it reads of them, where they lie, and what is lost."""
+
+import math
+import re
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from ....schemas.errors import NotPossible, UnsafeInput
+from ....schemas.text import counted, quoted
+from ...commonroad import XmlLimits, scan_xml
+from ...network import run_netconvert
+from ..unpacking import LARGEST_BYTES
+from .lanelet_map import NOWHERE
+from .net_map import PROJECTION
+
+LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=24)
+MOST_LANES, MOST_ROADS, MOST_GEOMETRIES = 50_000, 10_000, 200_000
+"""Elements of a file (chosen): a town has some hundred roads; netconvert takes seconds for some thousand."""
+MOST_AT_ONCE = 64
+"""Lanes of one cross-section (chosen)."""
+FARTHEST_M, LONGEST_M = 1e8, 1e6
+"""Of coordinates and of one piece of a reference line (chosen)."""
+DRIVEN = frozenset({"driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "bus", "taxi"})
+"""Types of lanes that vehicles of SUMO drive on; bicycles have lanes of type biking besides."""
+_VERTICAL = re.compile(r"\+(geoidgrids|nadgrids|vunits|vto_meter|to_meter)=\S*")
+"""Parts of a PROJ string that say how heights are meant, or name files."""
+
+
+def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, ...]:
+    """Write the roads of an OpenDRIVE file as a SUMO network; what is lost on the way, in words.
+
+    Raises:
+        UnsafeInput: the file is hostile, broken, no OpenDRIVE, without roads or too large, or netconvert refuses it.
+    """
+    root = _checked(source)
+    reference = root.find("header/geoReference")
+    said = "" if reference is None else " ".join(_VERTICAL.sub("", reference.text or "").split())
+    located = PROJECTION.fullmatch(said) is not None and "+proj=" in said
+    if reference is not None:
+        reference.clear()
+        if located:
+            reference.text = etree.CDATA(said)
+        else:
+            root.find("header").remove(reference)  # type: ignore[union-attr]  # it was found there
+    cleaned = scratch / "cleaned.xodr"
+    cleaned.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
+    options = ["--opendrive-files", str(cleaned), "--opendrive.curve-resolution", "1", "--output.street-names", "true"]
+    try:
+        warnings = run_netconvert(options, target)
+    except NotPossible as refusal:
+        raise UnsafeInput(f"{source.name}: {refusal.message}", next_step="mend the file, or take another") from refusal
+    lost = _lost(root)
+    if warnings:
+        lost.append(f"netconvert warned {counted(len(warnings), 'time')}, first: {warnings[0]}")
+    if not _has_place(target):
+        why = (
+            "no georeference that can be read" if reference is None or not located else "a georeference that is unknown"
+        )
+        _put_nowhere(target)
+        lost.insert(0, f"it has {why}, so its roads are given an artificial place near 0°, 0°")
+    return tuple(lost)
+
+
+def _checked(path: Path) -> etree._Element:
+    name = scan_xml(path, LIMITS).name
+    if name != "OpenDRIVE":
+        raise UnsafeInput(f"{path.name} is no OpenDRIVE file: its root element is <{name[:80]}>, not <OpenDRIVE>")
+    try:
+        root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
+    except etree.LxmlError as error:
+        raise UnsafeInput(f"{path.name} is not readable as OpenDRIVE: {error}") from error
+    roads = list(root.iterfind("road"))
+    if not roads:
+        raise UnsafeInput(f"{path.name} holds no road", next_step="use a file with roads in it")
+    counts = {
+        "roads": (len(roads), MOST_ROADS),
+        "lanes": (sum(1 for _ in root.iter("lane")), MOST_LANES),
+        "pieces of reference lines": (sum(1 for _ in root.iter("geometry")), MOST_GEOMETRIES),
+        "lanes side by side": (
+            max((_beside(section) for section in root.iter("laneSection")), default=0),
+            MOST_AT_ONCE,
+        ),
+    }
+    for what, (count, most) in counts.items():
+        if count > most:
+            raise UnsafeInput(f"{path.name} has {count:,} {what}", valid=[f"at most {most:,}"])
+    for piece in root.iter("geometry"):
+        for key in ("x", "y", "hdg"):
+            _number(path, piece, key, FARTHEST_M)
+        _number(path, piece, "length", LONGEST_M)
+    for element in root.iter("width", "laneOffset"):
+        for key in ("a", "b", "c", "d"):
+            _number(path, element, key, FARTHEST_M)
+    return root
+
+
+def _beside(section: etree._Element) -> int:
+    return sum(1 for _ in section.iter("lane"))
+
+
+def _number(path: Path, element: etree._Element, key: str, most: float) -> None:
+    text = element.get(key, "0")
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= most:
+        raise UnsafeInput(f"{path.name}: {key} of a {element.tag} is {quoted(text)}", valid=[f"numbers up to {most:g}"])
+
+
+def _lost(root: etree._Element) -> list[str]:
+    """What the network does not hold of the file."""
+    signals, objects = (sum(1 for _ in root.iter(tag)) for tag in ("signal", "object"))
+    heights = any(
+        float(one.get(key, "0") or 0)
+        for one in root.iter("elevation", "superelevation")
+        for key in ("a", "b", "c", "d")
+    )
+    kinds = Counter(one.get("type", "none") for one in root.iter("lane") if one.get("id") != "0")
+    others = [f"{kind} {count}" for kind, count in kinds.most_common() if kind not in DRIVEN and kind != "none"]
+    lost = [f"{counted(signals, 'signal')} (lights may remain, signs do not)"] if signals else []
+    lost += [counted(objects, "object")] if objects else []
+    lost += ["heights"] if heights else []
+    lost += [f"lanes that cars do not use, as what they are: {', '.join(others[:5])}"] if others else []
+    return lost
+
+
+def _has_place(net: Path) -> bool:
+    location = etree.parse(net).getroot().find("location")
+    return location is not None and location.get("projParameter", "!") != "!"
+
+
+def _put_nowhere(net: Path) -> None:
+    """Give a network the artificial place, its middle there."""
+    tree = etree.parse(net)
+    location = tree.getroot().find("location")
+    if location is None:
+        raise UnsafeInput("netconvert wrote a network without a location")
+    box = np.array([float(part) for part in location.get("convBoundary", "0,0,0,0").split(",")])
+    x, y = (box[:2] + box[2:]) / 2
+    location.set("projParameter", NOWHERE.projection)
+    location.set("netOffset", f"{x:.2f},{y:.2f}")
+    tree.write(net, encoding="UTF-8", xml_declaration=True)
