@@ -5,7 +5,7 @@ import statistics
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..harness import print_figures, rate_text, share
@@ -105,7 +105,7 @@ def print_generation(
         **{key: share(getattr(one, key) for one in made) for key in _VERDICTS},
         "density": ratio(sum(verdict.honest for verdict in densities), len(made)),
         "refused_right": share(not fault for _, fault in refusals),
-        **motion_figures(whole),
+        **motion_figures(one.motion for one in whole),
     }
     for density in ("low", "high"):
         counted = [stages.counted for stages in _timed(whole, density)]
@@ -131,9 +131,9 @@ def print_generation(
     print_figures("Generation", figures, more_rows=rows)
 
 
-def motion_figures(made: Sequence[Made]) -> dict[str, float]:
+def motion_figures(found: Iterable[MotionFigures | None]) -> dict[str, float]:
     """How the traffic of scenarios moves: shares of feasible tracks and of positions on lanelets, overlapping pairs."""
-    motions = [one.motion for one in made if one.motion is not None]
+    motions = [motion for motion in found if motion is not None]
     return {
         "feasible": ratio(sum(motion.feasible for motion in motions), sum(motion.checked for motion in motions)),
         "inside_lanelets": ratio(sum(motion.inside for motion in motions), sum(motion.positions for motion in motions)),

@@ -181,7 +181,7 @@ def print_fresh(seeds: Sequence[int], found: Sequence[FreshMap]) -> None:
         "fresh_road_type": share(one.road_type for one in typed),
         "fresh_road_type_judged": len(typed),
         "fresh_vehicles": share(one.vehicles for one in whole),
-        **{f"fresh_{key}": figure for key, figure in motion_figures(whole).items()},
+        **{f"fresh_{key}": figure for key, figure in motion_figures(one.motion for one in whole).items()},
         "fresh_lost_sites": sum(each.lost_sites for each in found),
     }
     print_figures("Generation from fresh maps", figures, more_rows=_more_rows(found, outcomes))

@@ -26,7 +26,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ..harness import Figures, existing, print_figures, shared_folder
-from .bench import MapsBench
+from .bench import LeftOut, MapsBench
 
 KEYS: Mapping[str, tuple[str, ...]] = {
     "online": ("online_done", "online_refused_right", "faults_survived", "cache_same_bytes"),
@@ -75,6 +75,9 @@ def measured(
         sys.stderr.write(f"{part} …\n")
         try:
             found = measure(bench)
+        except LeftOut as reason:
+            faults.append(f"{part}: left out: {reason}")
+            continue
         except Exception as error:  # noqa: BLE001 - the boundary of a part: the others are measured all the same
             sys.stderr.write(traceback.format_exc())
             faults.append(f"{part}: failed: {error}")
