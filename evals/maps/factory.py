@@ -215,7 +215,7 @@ class Factory:
         return self._process
 
     def _end(self) -> int | None:
-        """End the process where one runs; the status of one that ended by itself."""
+        """End the process where one runs; its status."""
         if self._process is None or self._listener is None:
             return None
         process, self._process = self._process, None
@@ -224,7 +224,8 @@ class Factory:
         process.kill()
         self._listener.join()
         with suppress(BrokenPipeError), process:
-            return process.wait()
+            process.wait()
+        return process.returncode
 
 
 def _listen(process: "subprocess.Popen[str]", answers: "queue.Queue[str]") -> None:
