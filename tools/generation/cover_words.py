@@ -7,9 +7,12 @@ A level is a value of an argument of the call, or a turn, which is a goal. Facto
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from typing import Any, get_args
+
+from pydantic import ValidationError
 
 from ...engine.generation import Levels, made_before
 from ...engine.maps import MapEntry, MapMatch
@@ -20,7 +23,8 @@ from ...schemas.generation import TURNS_AT, Combination, Density, GenerateScenar
 from ...schemas.text import quoted
 from ..call import ToolCall
 from .making import shape_of
-from .requests import AssignedSite, plan_maps, request_for
+from .online import maps_for
+from .requests import AssignedSite, request_for
 
 MOST_FACTORS, MOST_LEVELS, MOST_COMBINATIONS = 10, 60, 20_000
 """Of a plan (chosen): choosing its rows takes seconds then."""
@@ -109,20 +113,27 @@ def _factor(name: str, values: str | None, known: Sequence[str]) -> PlanFactor:
 
 @dataclass(frozen=True)
 class AskedPlan:
-    """What a call asks a plan for: ``arguments`` are those that all of its scenarios share."""
+    """What a call asks a plan for: ``arguments`` are those that all of its scenarios share.
+
+    ``shown``: the maps for the levels of place and country together, by those levels; ``notes``: on finding them.
+    """
 
     arguments: GenerateScenariosArguments
     factors: tuple[PlanFactor, ...]
     strength: int
-    entries: tuple[MapEntry, ...]
+    shown: dict[tuple[tuple[int, int], ...], tuple[MapMatch, ...]] = field(default_factory=dict)
+    notes: dict[str, None] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, arguments: GenerateScenariosArguments, entries: Sequence[MapEntry]) -> "AskedPlan":
-        """Read the arguments, and try each level once.
+    async def of(
+        cls, arguments: GenerateScenariosArguments, call: ToolCall, entries: Sequence[MapEntry]
+    ) -> "AskedPlan":
+        """Read the arguments, find or fetch the maps, and try each level once.
 
         Raises:
             InvalidRequest: arguments that contradict each other, or a level that cannot be meant.
             UnknownName: no map shows a place.
+            ServiceFailure: a map would have to be fetched, and cannot be.
         """
         factors, strength = read_cover(arguments.cover)
         names = {factor.name.partition(" ")[0] for factor in factors}
@@ -134,7 +145,11 @@ class AskedPlan:
             raise InvalidRequest("a goal on a lanelet means one site; a plan has many", valid=["through", "steps:50"])
         if "turn" in names and arguments.goal != "through":
             raise InvalidRequest(f"cover varies the turn; goal {quoted(arguments.goal)} has none", valid=["through"])
-        asked = cls(arguments, factors, strength, tuple(entries))
+        asked = cls(arguments, factors, strength)
+        for group in asked.groups("place", "country"):
+            found = await maps_for(asked.row_arguments(group), call, entries)
+            asked.shown[tuple(group.items())] = found.matches
+            asked.notes.update(dict.fromkeys(found.notes))
         for factor, levels in enumerate(one.levels for one in factors):
             for level in range(len(levels)):
                 asked.check({factor: level})
@@ -173,16 +188,20 @@ class AskedPlan:
             else:
                 changed[name] = value
         given = self.arguments.model_dump() | changed | {"vehicles": vehicles}
-        return GenerateScenariosArguments.model_validate(given)
+        try:
+            return GenerateScenariosArguments.model_validate(given)
+        except ValidationError as error:
+            raise InvalidRequest(
+                f"cover asks for {self.words(levels)}, which cannot be: {error.errors()[0]['msg']}", next_step=_HOW
+            ) from error
 
     def matches(self, levels: Mapping[int, int]) -> tuple[MapMatch, ...]:
-        """The maps for some levels.
-
-        Raises:
-            UnknownName: no map shows the place.
-        """
-        arguments = self.row_arguments(levels).model_copy(update={"scenario_type": "any"})
-        return plan_maps(arguments, self.entries).matches
+        """The maps for some levels; those of all places and countries where the levels name none."""
+        names = ("place", "country")
+        where = {(factor, level) for factor, level in levels.items() if self.factors[factor].name in names}
+        fitting = (matches for key, matches in self.shown.items() if where <= set(key))
+        each = {(match.entry.facts.map_id, match.streets, match.box): match for matches in fitting for match in matches}
+        return tuple(each.values())
 
     @cached_property
     def recipe(self) -> Recipe:
@@ -209,14 +228,14 @@ class AskedPlan:
 
     def of_spot(self) -> Iterator[dict[int, int]]:
         """The levels of the factors that say where a scenario may lie, in all their combinations."""
-        names = ("place", "country", "scenario_type")
+        by_type = any(factor.name == "scenario_type" for factor in self.factors)
+        return self.groups("place", "country", "scenario_type" if by_type else "turn")
+
+    def groups(self, *names: str) -> Iterator[dict[int, int]]:
+        """The levels of some factors, by their names, in all combinations; one empty group where there is no such."""
         saying = [index for index, factor in enumerate(self.factors) if factor.name in names]
-        if all(self.factors[index].name != "scenario_type" for index in saying):
-            saying += [index for index, factor in enumerate(self.factors) if factor.name == "turn"]
-        groups: list[dict[int, int]] = [{}]
-        for index in saying:
-            groups = [{**group, index: level} for group in groups for level in range(len(self.factors[index].levels))]
-        yield from groups
+        for levels in product(*(range(len(self.factors[index].levels)) for index in saying)):
+            yield dict(zip(saying, levels, strict=True))
 
     def words(self, levels: Mapping[int, int]) -> str:
         """Levels as they are written in a call, with a plus between them."""

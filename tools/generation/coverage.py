@@ -74,7 +74,8 @@ async def cover_combinations(
         InvalidRequest: a plan that cannot be meant.
         UnknownName: no map shows the place.
     """
-    asked = AskedPlan.of(arguments, entries)
+    asked = await AskedPlan.of(arguments, call, entries)
+    notes = [*asked.notes, *notes]
     call.made("plan", asked.plan_id)
     rows = PlanRows(call.workspace.database, asked.plan_id)
     job: Job | None = None
@@ -142,7 +143,7 @@ class _PlanWork:
         if not any(spots.values()):
             raise NotPossible(
                 "no map holds a site for any of the combinations",
-                valid=sorted({kind for entry in asked.entries for kind in entry.facts.sites}),
+                valid=sorted({kind for match in asked.matches({}) for kind in match.entry.facts.sites}),
                 next_step="name another place, or other levels of scenario_type",
             )
         record = PlanRecord(
@@ -307,7 +308,8 @@ async def _answer(
             else "the job that ran was asked for fewer: the same call goes on"
         )
     ids = {map_id for held in record.spots.values() for map_id, _ in held}
-    sources = sorted({entry.facts.attribution for entry in asked.entries if entry.facts.map_id in ids})
+    shown = (match.entry.facts for match in asked.matches({}))
+    sources = sorted({facts.attribution for facts in shown if facts.map_id in ids})
     return GenerateScenariosResult(
         scenarios=[], notes=told, attribution=sources, plan=summary, job_id=job.job_id if job else "", state=state
     )
