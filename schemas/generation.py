@@ -202,6 +202,8 @@ class GenerationRequest(Model):
     ``index`` counts the scenarios of one call, ``site_index`` those on this map: no site is taken twice. When a site
     fails its checks, the one ``site_step`` further on is tried.
 
+    ``most_sites``: after so many sites without a scenario the request is refused; None: as many as the generator tries.
+
     ``streets``: for every road that the site must carry its names or numbers, as the map has them. ``road_classes``:
     OSM's ``highway`` values; empty: all roads, with links where the site is a ramp or a motorway.
     """
@@ -224,6 +226,7 @@ class GenerationRequest(Model):
     index: int = 0
     site_index: int = 0
     site_step: int = 1
+    most_sites: int | None = Field(None, ge=1, exclude_if=lambda sites: sites is None)
     benchmark_number: int = 1
     folder: str
 

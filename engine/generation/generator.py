@@ -126,11 +126,14 @@ class _Attempts:
     def run(self, osm: OsmMap, sites: Iterable[Site]) -> None:
         """Try the first site that is fit twice and the others once; the only one as often as all together are tried.
 
-        A lost site takes none of these tries: the next one is taken in its place.
+        A lost site takes none of these tries: the next one is taken in its place. Where the request is to be given up
+        after fewer sites, it is as long as none of them gave a scenario.
         """
         fit: list[tuple[SiteNetwork, Path]] = []
+        few = self._request.most_sites
         for number, site in enumerate(sites):
-            if number - len(self.lost) == MOST_SITES or len(self.lost) == MOST_LOST:
+            most = MOST_SITES if few is None or self.made else few
+            if number - len(self.lost) >= most or len(self.lost) == MOST_LOST:
                 break
             folder = self._scratch / str(number)
             folder.mkdir()
@@ -147,7 +150,7 @@ class _Attempts:
                 return
             if self._spec.goal.lanelet is not None:  # an id means another lanelet elsewhere
                 break
-        if len(fit) == 1 and not any(refusal.reason == NO_ROOM for refusal in self.refusals):
+        if len(fit) == 1 and few is None and not any(refusal.reason == NO_ROOM for refusal in self.refusals):
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def best(self, osm: OsmMap) -> _Attempt:

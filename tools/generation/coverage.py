@@ -240,6 +240,8 @@ class _PlanWork:
         """Make a row's scenario and note what became of it; that, and whether it was made before."""
         arguments = self._asked.row_arguments(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
         request = request_for(arguments, AssignedSite(match, row.site_index), 0)
+        if row.lap:  # all is covered: a row that fails costs more than another one
+            request = request.model_copy(update={"most_sites": 1})
         try:
             made = await make_scenario(self._call, request, (0.0, 1.0))
         except NotPossible as refusal:

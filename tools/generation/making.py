@@ -70,7 +70,7 @@ def recipe_of(request: GenerationRequest) -> Recipe:
 
 def shape_of(request: GenerationRequest) -> dict[str, Any]:
     """What a request says of its scenario: not on which copy of a map, at which of its sites, and by which numbers."""
-    numbers = {"map_path", "folder", "benchmark_number", "seed", "index", "site_index", "site_step"}
+    numbers = {"map_path", "folder", "benchmark_number", "seed", "index", "site_index", "site_step", "most_sites"}
     return request.model_dump(mode="json", exclude=numbers | {"place", "country", "attribution"})
 
 

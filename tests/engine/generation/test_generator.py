@@ -14,6 +14,7 @@ from plannerforge.engine.commonroad.document import schema_errors
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import recorded_tracks
 from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation import generator as generating
 from plannerforge.engine.generation import site_network
 from plannerforge.engine.generation.generator import generate_scenario
 from plannerforge.engine.generation.site_network import SiteNetwork, build_network
@@ -211,3 +212,20 @@ def test_signs_show_the_posted_limits_although_traffic_slows_for_bends(tmp_path:
     assert posted <= {30, 50, 70, 100}
     driven = {float(speed) for speed in re.findall(r'speed="([\d.]+)"', (tmp_path / "scenario.net.xml").read_text())}
     assert min(driven) < 30 / 3.6 - 1
+
+
+def test_a_request_that_is_to_be_given_up_soon_tries_no_further_site(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[object] = []
+
+    def refuses(*given: object) -> None:
+        tried.append(given[2])
+        raise NotPossible("this site is flooded")
+
+    monkeypatch.setattr(generating, "prepare_site", refuses)
+    for sites, expected in ((None, 10), (2, 2)):
+        tried.clear()
+        with pytest.raises(NotPossible, match="flooded"):
+            make("Quadratstadt", tmp_path, scenario_type="intersection", most_sites=sites)
+        assert len(tried) == expected
