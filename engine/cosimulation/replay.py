@@ -333,7 +333,7 @@ class _Run:
                 self._sumo.let_roll(actor.key)
             return False
         if actor.key not in self._standing:
-            if self._sumo.is_at_its_end(actor.key):
+            if not self._sumo.stays_as_placed(actor.key):
                 return False
             self._standing.add(actor.key)
             self._sumo.stop_at_once(actor.key)

@@ -282,7 +282,9 @@ def draw(folder: Path) -> list[Path]:
         paths.append(folder / f"{name}.osm")
         plan().write(paths[-1])
     facts = tuple(read_map(ReadMapRequest(path=str(path)), silent) for path in paths)
-    (folder / "catalogue.json").write_text(MapList(maps=facts).model_dump_json(indent=1) + "\n", encoding="utf-8")
+    (folder / "catalogue.json").write_text(
+        MapList(maps=facts).model_dump_json(indent=1, exclude_none=True) + "\n", encoding="utf-8"
+    )
     return paths
 
 

@@ -3,7 +3,7 @@
 ``build_road_network``: All lanes of a SUMO net that road vehicles may use, as lanelets.
 ``remove_hairpins``: Delete the connections of all lanes that have no valid bounds from a net, in place.
 ``Digraph``: A directed graph, and the searches in it: cheapest and shortest routes, costs, what can be reached.
-``GroundPosition``: How coordinates of a network lie on earth: a PROJ string and an offset in m.
+``GeoReference``: How coordinates of a network lie on earth: a PROJ string and an offset in m.
 ``lights_begin_at``: A net whose lights are after some simulated time as they were at its beginning.
 ``net_over_lanelets``: The ``.net.xml`` over a lanelet network, and its driven lanelets as plain values.
 ``LaneletGraph``: Lanelet ids with their lengths in m, successors, predecessors and neighbours of the same direction.
@@ -46,7 +46,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .lanelet_builder import build_road_network, remove_hairpins
     from .lanelet_graph import Digraph, LaneletGraph
-    from .lanelet_net import GroundPosition, lights_begin_at, net_over_lanelets
+    from .lanelet_net import GeoReference, lights_begin_at, net_over_lanelets
     from .net_parser import MOTOR_CLASSES, NetEdge, SumoNet, read_net
     from .netconvert import cap_speeds, convert_osm, run_netconvert
     from .positions import POSITION_WORDS, station_m

@@ -44,7 +44,7 @@ _ALLOWED = {
 
 
 @dataclass(frozen=True)
-class GroundPosition:
+class GeoReference:
     """How coordinates of a network lie on earth: a PROJ string, and what was added to its coordinates in m."""
 
     projection: str
@@ -52,7 +52,7 @@ class GroundPosition:
 
 
 def net_over_lanelets(
-    network: "LaneletNetwork", ground: GroundPosition, *, step_s: float, largest_id: int
+    network: "LaneletNetwork", ground: GeoReference, *, step_s: float, largest_id: int
 ) -> tuple[bytes, RoadNetwork]:
     """The ``.net.xml`` over a lanelet network, and the lanelets that vehicles drive on as plain values.
 
@@ -133,7 +133,7 @@ def _lights(network: "LaneletNetwork", driven: Mapping[int, RoadLanelet]) -> tup
     )
 
 
-def _completed(text: str, layout: NetLayout, lanelets: "Mapping[int, Lanelet]", ground: GroundPosition) -> bytes:
+def _completed(text: str, layout: NetLayout, lanelets: "Mapping[int, Lanelet]", ground: GeoReference) -> bytes:
     """The net with its place on earth, the kinds of its roads, and lanes for some vehicles only."""
     root = etree.fromstring(text.encode())
     location = root.find("location")

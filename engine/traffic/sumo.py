@@ -27,6 +27,8 @@ _MATCH_REACH_M = 8.0
 """How far from the place SUMO looks for a lane when a vehicle is moved; far enough for all that are beside the road."""
 _ARRIVAL_REACH_M = 1.0
 """How near to the end of its route a standing vehicle may arrive (chosen; SUMO's own reach is 0.1 m)."""
+_TURN_REACH_M = 0.01
+"""How far the centre of a standing vehicle may move when SUMO turns it along its lane (chosen: seen by no driver)."""
 _KEEP_ROUTE, _KEEP_POSE = 1, 2
 """SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
 _PLACED_SPEED_MODE = 32
@@ -216,13 +218,22 @@ class Sumo:
         """Undo :meth:`stop_at_once`."""
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
 
-    def is_at_its_end(self, key: str) -> bool:
-        """Whether a vehicle is off the lanes or where its route ends: SUMO takes it out if it is not placed again."""
+    def stays_as_placed(self, key: str) -> bool:
+        """Whether a vehicle that was placed and stands is shown at the same pose when it is not placed again.
+
+        SUMO turns one that stands across its lane along it, and takes one out that is off the lanes or where its
+        route ends.
+        """
         lane = self.lane(key)
         if not lane:
-            return True
-        at_end = self.station_m(key) > self.lane_length_m(lane) - _ARRIVAL_REACH_M
-        return at_end and lane.rpartition("_")[0] == self.last_edge(key)
+            return False
+        station_m, half_length_m = self.station_m(key), self._vehicle.getLength(key) / 2
+        at_end = station_m > self.lane_length_m(lane) - _ARRIVAL_REACH_M
+        if at_end and lane.rpartition("_")[0] == self.last_edge(key):
+            return False
+        along_deg = self._lane.getAngle(lane, max(station_m - half_length_m, 0.0))
+        across_rad = math.radians(math.remainder(self.angle_deg(key) - along_deg, 360.0))
+        return half_length_m * abs(across_rad) <= _TURN_REACH_M
 
     def show_speed(self, key: str, speed_mps: float) -> None:
         """Set the speed that other drivers see of a vehicle that is placed by hand."""

@@ -17,7 +17,7 @@ from lxml import etree
 from ....schemas.errors import NotPossible, UnsafeInput
 from ....schemas.text import one_line
 from ...commonroad import LoadedScenario, ScenarioDocument, parse_benchmark_id, read_scenario, speed_limit_number
-from ...network import GroundPosition, RoadNetwork, net_over_lanelets
+from ...network import GeoReference, RoadNetwork, net_over_lanelets
 from ..osm import OSM_ATTRIBUTION
 from .net_map import PROJECTION, NetMap, read_net_map
 
@@ -25,7 +25,7 @@ ROAD_ELEMENTS = ("lanelet", "trafficSign", "trafficLight", "intersection")
 """Elements of a file that make its road network, in the order of CommonRoad's schema."""
 STEP_S = 0.1
 """Time step of generated scenarios, in which the cycles of a kept map's lights are counted."""
-NOWHERE = GroundPosition("+proj=tmerc +lat_0=0 +lon_0=0 +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs", (0.0, 0.0))
+NOWHERE = GeoReference("+proj=tmerc +lat_0=0 +lon_0=0 +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs", (0.0, 0.0))
 """Where a network lies that says nothing of it: about 0° N 0° E, where no country is."""
 _OSM_WORDS = ("openstreetmap", "osm")
 _SHORTEST_STEP_S = 1e-3
@@ -254,31 +254,31 @@ def _degrees(document: etree._Element) -> tuple[float, float] | None:
     return (latitude, longitude) if is_place else None
 
 
-def _ground(document: etree._Element) -> GroundPosition | None:
+def _ground(document: etree._Element) -> GeoReference | None:
     """The projection that the file names, where its coordinates are those of it but for a shift."""
     projection = (document.findtext("location/geoTransformation/geoReference") or "").strip()
     if PROJECTION.fullmatch(projection) is None:
         return None
     more = document.find("location/geoTransformation/additionalTransformation")
     if more is None:
-        return GroundPosition(projection, (0.0, 0.0))
+        return GeoReference(projection, (0.0, 0.0))
     try:
         shift = float(more.findtext("xTranslation") or 0.0), float(more.findtext("yTranslation") or 0.0)
         turned = float(more.findtext("zRotation") or 0.0), float(more.findtext("scaling") or 1.0) - 1.0
     except ValueError:
         return None
-    return GroundPosition(projection, shift) if not any(turned) and np.isfinite(shift).all() else None
+    return GeoReference(projection, shift) if not any(turned) and np.isfinite(shift).all() else None
 
 
-def _around(loaded: LoadedScenario, degrees: tuple[float, float] | None) -> GroundPosition:
+def _around(loaded: LoadedScenario, degrees: tuple[float, float] | None) -> GeoReference:
     """A plane on earth: the middle of the network lies at the place that the file gives, or nowhere."""
     points = np.concatenate([lanelet.center_vertices[:, :2] for lanelet in loaded.scenario.lanelet_network.lanelets])
     x, y = (points.min(axis=0) + points.max(axis=0)) / 2
     if degrees is None:
-        return GroundPosition(NOWHERE.projection, (round(float(x), 3), round(float(y), 3)))
+        return GeoReference(NOWHERE.projection, (round(float(x), 3), round(float(y), 3)))
     place = f"+lat_0={degrees[0]:.7f} +lon_0={degrees[1]:.7f}"
     projection = NOWHERE.projection.replace("+lat_0=0 +lon_0=0", place)
-    return GroundPosition(projection, (round(float(x), 3), round(float(y), 3)))
+    return GeoReference(projection, (round(float(x), 3), round(float(y), 3)))
 
 
 def _attribution(document: etree._Element, benchmark_id: str) -> str:
