@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, get_args
 
 from pydantic import Field
 
@@ -196,6 +196,26 @@ class VehicleDemand(Model):
         return 1 if self.least is None else self.least
 
 
+Weather = Literal["light_rain", "heavy_rain", "fog", "snow", "hail"]
+WEATHERS: tuple[Weather, ...] = get_args(Weather)
+"""CommonRoad's words for bad weather; for good weather its schema and commonroad-io have no word in common."""
+
+
+class TrafficConditions(Model):
+    """Under which conditions traffic drives.
+
+    ``time``: of day, ``HH:MM``, empty where it is not given; ``drivers``: the preset that all drivers have;
+    ``natural_mix``: all classes at their natural shares. ``per_lane_km``: vehicles per kilometre of lane at the start
+    that stand in the place of the density's, None where the density counts.
+    """
+
+    time: str = ""
+    weather: Weather | None = None
+    drivers: str = ""
+    natural_mix: bool = False
+    per_lane_km: float | None = None
+
+
 class GenerationRequest(Model):
     """Everything that makes one scenario; the same request gives the same bytes.
 
@@ -205,7 +225,8 @@ class GenerationRequest(Model):
     ``most_sites``: after so many sites without a scenario the request is refused; None: as many as the generator tries.
 
     ``streets``: for every road that the site must carry its names or numbers, as the map has them. ``road_classes``:
-    OSM's ``highway`` values; empty: all roads, with links where the site is a ramp or a motorway.
+    OSM's ``highway`` values; empty: all roads, with links where the site is a ramp or a motorway. A recipe does not
+    hold ``conditions`` of None.
     """
 
     map_path: str
@@ -228,6 +249,7 @@ class GenerationRequest(Model):
     site_step: int = 1
     most_sites: int | None = Field(None, ge=1, exclude_if=lambda sites: sites is None)
     benchmark_number: int = 1
+    conditions: TrafficConditions | None = Field(None, exclude_if=lambda conditions: conditions is None)
     folder: str
 
 
@@ -394,6 +416,9 @@ class GenerateScenariosArguments(Arguments):
     count: int = Field(1, ge=1, le=5000)
     seed: int = 0
     trial_run: bool = Field(False, description="run a planner too")
+    conditions: list[str] = Field(
+        [], description="time=rush_hour|night|17:30, weather=rain|snow|fog, drivers=PRESET, mix=natural"
+    )
     cover: list[str] = Field(
         [], description="combinations to fill: 'density=low|high', 'turn=left|right', 'strength=2'"
     )

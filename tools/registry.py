@@ -59,7 +59,11 @@ class ToolSpec:
 TOOLS: tuple[ToolSpec, ...] = (
     ToolSpec("describe_catalog", "Describe the catalogue", "catalog", read_only=True),
     ToolSpec(
-        "generate_scenarios", "Generate scenarios", "generation.tool", seldom=("cover", "source"), open_world=True
+        "generate_scenarios",
+        "Generate scenarios",
+        "generation.tool",
+        seldom=("conditions", "cover", "source"),
+        open_world=True,
     ),
     ToolSpec("find_scenarios", "Find scenarios", "catalog"),
     ToolSpec("import_files", "Import files", "importing", essential=False),

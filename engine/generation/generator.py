@@ -228,7 +228,8 @@ def _write(
     Raises:
         NotPossible: the site does not hold what was asked for.
     """
-    demand = plan_counts(request.density, request.vehicles, lane_km_of(site.net))
+    per_lane_km = request.conditions.per_lane_km if request.conditions is not None else None
+    demand = plan_counts(request.density, request.vehicles, lane_km_of(site.net), per_lane_km)
     traffic = generate_traffic(request, demand, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)

@@ -76,12 +76,13 @@ def record_of(
 def _density(request: GenerationRequest, site: SiteNetwork, vehicles: Sequence[GeneratedVehicle]) -> DensityFacts:
     """Vehicles per kilometre of lane that is open to cars at step 0 and at the last step, beside the target."""
     lane_km, last_step = lane_km_of(site.net), round(request.duration_s / STEP_S)
+    of_the_hour = request.conditions.per_lane_km if request.conditions is not None else None
     staying = sum(vehicle.steps > last_step - 1 for vehicle in vehicles)
     return DensityFacts(
         wish=request.density,
         paper_trips=PAPER_TRIPS[request.density],
         lane_km=round(lane_km, 3),
-        target_per_lane_km=VEHICLES_PER_LANE_KM[request.density],
+        target_per_lane_km=of_the_hour or VEHICLES_PER_LANE_KM[request.density],
         at_start_per_lane_km=round(len(vehicles) / lane_km, 2),
         at_end_per_lane_km=round(staying / lane_km, 2),
     )

@@ -16,12 +16,15 @@ import numpy as np
 from ...schemas.errors import NotPossible
 from ...schemas.generation import GenerationRequest, SiteType
 from ...schemas.text import counted
+from ..cosimulation import presets
 from ..execution import ProgressReporter
 from ..maps import FAST_ROADS, RAMP_LINKS, RURAL_CLASSES
 from ..network import LaneletLookup, SumoNet
 from ..traffic import (
+    SPEED_FACTORS,
     WARM_UP_S,
     Demand,
+    DrivingStyle,
     GeneratedVehicle,
     TooFewFoundRoom,
     TripMaker,
@@ -96,6 +99,7 @@ def generate_traffic(
                 seed=seed,
                 scratch=scratch,
                 report=part,
+                style=_style_of(request),
             )
         except TooFewFoundRoom as full:
             shortfalls.append(_absent(demand, full.counts))
@@ -127,6 +131,15 @@ def _asked_ramps(goal: str, net: SumoNet) -> tuple[frozenset[str], frozenset[str
     roads = (edge for edge in net.edges.values() if not edge.internal)
     links = frozenset(edge.edge_id for edge in roads if road_classes(edge) & RAMP_LINKS)
     return (links, frozenset()) if goal == "through:merge" else (frozenset(), links)
+
+
+def _style_of(request: GenerationRequest) -> DrivingStyle | None:
+    """How all drive under the request's conditions; None: as usual."""
+    conditions = request.conditions
+    if conditions is None:
+        return None
+    factor = 1.0 if conditions.weather is None else SPEED_FACTORS.get(conditions.weather, 1.0)
+    return DrivingStyle(factor, presets()[conditions.drivers] if conditions.drivers else {})
 
 
 class _Part:

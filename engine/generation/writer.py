@@ -13,7 +13,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from ...schemas.generation import GenerationRequest, SiteType
+from ...schemas.generation import GenerationRequest, SiteType, TrafficConditions
 from ..commonroad import speed_limit_number
 from ..geometry import Points, wrap_angle
 from ..maps import RoadFile, Site
@@ -40,6 +40,9 @@ _TAGS: dict[SiteType, tuple[str, ...]] = {
     "signalised_intersection": ("urban", "intersection"),
     "roundabout": ("urban", "roundabout"),
 }
+_NOON = 12
+_NIGHT_HOURS = (22, 23, 0, 1, 2, 3, 4, 5)
+"""Hours that a file calls night (chosen)."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 
 
@@ -60,6 +63,7 @@ class ScenarioMetadata:
     offset_m: tuple[float, float]
     tags: tuple[str, ...]
     speed_sign: str | None
+    conditions: TrafficConditions | None = None
 
     @classmethod
     def of(cls, request: GenerationRequest, site: Site, net: SumoNet) -> "ScenarioMetadata":
@@ -75,6 +79,7 @@ class ScenarioMetadata:
             offset_m=net.offset_m,
             tags=("simulated", *_TAGS[site.kind]),
             speed_sign=speed_limit_number(country),
+            conditions=request.conditions,
         )
 
 
@@ -136,8 +141,24 @@ def _write_location(root: etree._Element, metadata: ScenarioMetadata) -> None:
     _add(location, "geoNameId", "-999")
     _add(location, "gpsLatitude", f"{metadata.latitude:.6f}")
     _add(location, "gpsLongitude", f"{metadata.longitude:.6f}")
-    if not metadata.projection:
+    if metadata.projection:
+        _write_projection(location, metadata)
+    _write_environment(location, metadata.conditions)
+
+
+def _write_environment(location: etree._Element, conditions: TrafficConditions | None) -> None:
+    """Time and bad weather. Of a day and of good weather the schema has words that commonroad-io cannot read."""
+    if conditions is None or conditions.weather is None:
         return
+    hour = int(conditions.time[:2]) if conditions.time else _NOON
+    environment = _add(location, "environment")
+    _add(environment, "time", f"{conditions.time or f'{_NOON}:00'}:00")
+    _add(environment, "timeOfDay", "night" if hour in _NIGHT_HOURS else "unknown")
+    _add(environment, "weather", conditions.weather)
+    _add(environment, "underground", "snow" if conditions.weather in ("snow", "hail") else "wet")
+
+
+def _write_projection(location: etree._Element, metadata: ScenarioMetadata) -> None:
     transformation = _add(location, "geoTransformation")
     _add(transformation, "geoReference", metadata.projection)
     additional = _add(transformation, "additionalTransformation")

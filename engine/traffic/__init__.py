@@ -17,6 +17,12 @@
 ``TripMaker``: Makes trips of a class on a net, each long enough to last through the recording where the net allows it.
 ``TooFewFoundRoom``: What is raised where too few vehicles are there at step 0.
 ``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
+``DrivingStyle``: How all drivers of a traffic drive: a factor on free speeds, parameters of SUMO's vehicle types.
+``SPEED_FACTORS``: Free speeds in bad weather over those in good weather.
+``SPEED_FACTORS_SOURCE``: Whose figures they are.
+``SHARES_OF_DAY_SOURCE``: Whose figures the hours' shares of a day are.
+``heavy_factor``: The share of goods vehicles in an hour's traffic over that in the whole day's.
+``vehicles_per_lane_km``: How dense traffic is in an hour of a working day.
 ``WARM_UP_S``: How long vehicles drive before the first recorded step, in s.
 ``GeneratedVehicle``: A generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
 ``generated_vehicles``: The recorded vehicles with smoothed, drivable motions.
@@ -29,9 +35,16 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .conditions import (
+        SHARES_OF_DAY_SOURCE,
+        SPEED_FACTORS,
+        SPEED_FACTORS_SOURCE,
+        heavy_factor,
+        vehicles_per_lane_km,
+    )
     from .demand import TripMaker, lane_km_of
     from .motions import DECIMALS, GeneratedVehicle, drop_infeasible, generated_vehicles
-    from .simulation import WARM_UP_S, TooFewFoundRoom, simulate_traffic
+    from .simulation import WARM_UP_S, DrivingStyle, TooFewFoundRoom, simulate_traffic
     from .sumo import NO_LANE, LaneChanges, LaneHint, Sumo, sumo_pose, sumo_running, sumo_version, vehicle_type
     from .vehicle_counts import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, plan_counts
 

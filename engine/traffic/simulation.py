@@ -20,6 +20,8 @@ WARM_UP_S = 20.0
 """Simulated before the first recorded step, so that vehicles have met and stand at lights (chosen)."""
 LAST_INSERTION_S = 18.5
 """No vehicle enters later, so that none is recorded in the first second after SUMO put it on the road (chosen)."""
+USUAL_SPEEDS = (0.95, 0.08, 0.75, 1.1)
+"""Speeds over the limit: mean, standard deviation, least and most (chosen)."""
 LANE_CHANGE_S = 3.0
 """How long a change of lane takes; SUMO's usual one is a leap."""
 
@@ -43,6 +45,17 @@ class RawTrack:
     lead_in: int
 
 
+@dataclass(frozen=True)
+class DrivingStyle:
+    """How all drivers of a traffic drive.
+
+    ``speed_factor``: of all free speeds; ``parameters``: of SUMO's vehicle types, in the place of the class's own.
+    """
+
+    speed_factor: float = 1.0
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
 class TooFewFoundRoom(Exception):
     """At step 0 there are too few vehicles; ``counts``: of each class."""
 
@@ -62,6 +75,7 @@ def simulate_traffic(
     seed: int,
     scratch: Path,
     report: ProgressReporter,
+    style: DrivingStyle | None = None,
 ) -> tuple[RawTrack, ...]:
     """Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 
@@ -70,6 +84,7 @@ def simulate_traffic(
 
     Args:
         is_enough: whether to go on with so many vehicles of each class at step 0.
+        style: how all drive; None: as usual.
 
     Raises:
         NotPossible: SUMO refuses the net, naming its reason.
@@ -80,7 +95,7 @@ def simulate_traffic(
     running = sumo_running(
         net_path,
         scratch / "types.add.xml",
-        [_vehicle_type(known[name]) for name in sorted(demand.counts)],
+        [_vehicle_type(known[name], style or DrivingStyle()) for name in sorted(demand.counts)],
         step_s=step_s,
         seed=seed % 2**31,  # SUMO's seeds have 31 bits
         options={"--lanechange.duration": LANE_CHANGE_S, "--ignore-route-errors": "true"},
@@ -91,19 +106,25 @@ def simulate_traffic(
         return _record(sumo, source, is_enough, duration_s, step_s, report)
 
 
-def _vehicle_type(vehicle_class: VehicleClass) -> str:
+def _vehicle_type(vehicle_class: VehicleClass, style: DrivingStyle) -> str:
     """SUMO's type for a class: EIDM as the follower model, real dimensions, speeds around the limit."""
+    own = {
+        "accel": vehicle_class.acceleration_mps2,
+        "decel": vehicle_class.deceleration_mps2,
+        "minGap": vehicle_class.minimum_gap_m,
+    } | {name: value for name, value in style.parameters.items() if name != "speedFactor"}
+    if vehicle_class.minimum_gap_m != vehicle_classes()["car"].minimum_gap_m:  # a class that stands closer by nature
+        own["minGap"] = vehicle_class.minimum_gap_m
+    speeds = tuple(bound * style.speed_factor * style.parameters.get("speedFactor", 1.0) for bound in USUAL_SPEEDS)
     return vehicle_type(
         vehicle_class.name,
         vClass=vehicle_class.sumo_class,
         carFollowModel="EIDM",
         length=f"{vehicle_class.length_m:g}",
         width=f"{vehicle_class.width_m:g}",
-        accel=f"{vehicle_class.acceleration_mps2:g}",
-        decel=f"{vehicle_class.deceleration_mps2:g}",
-        minGap=f"{vehicle_class.minimum_gap_m:g}",
+        **{name: f"{value:g}" for name, value in own.items()},
         maxSpeed=f"{vehicle_class.maximum_speed_mps:g}",
-        speedFactor="normc(0.95,0.08,0.75,1.1)",
+        speedFactor=f"normc({','.join(f'{speed:g}' for speed in speeds)})",
     )
 
 

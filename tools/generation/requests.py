@@ -23,6 +23,7 @@ from ...schemas.maps import Box
 from ...schemas.vocabulary import vehicle_class_of
 from ..call import ToolCall
 from ..operations import COUNT_SITES
+from .conditions import read_conditions, with_natural_mix
 
 MOST_VEHICLES = 300
 """A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
@@ -185,10 +186,10 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
     """What the engine is asked for the scenario number ``index`` of a call.
 
     Raises:
-        UnknownName: no such road class.
-        InvalidRequest: numbers of vehicles that cannot be meant.
+        UnknownName: no such road class or condition.
+        InvalidRequest: numbers of vehicles or conditions that cannot be meant.
     """
-    facts = site.match.entry.facts
+    facts, conditions = site.match.entry.facts, read_conditions(arguments).conditions
     return GenerationRequest(
         map_path=str(site.match.entry.path),
         map_id=facts.map_id,
@@ -200,7 +201,9 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
         bbox=_meant_box(arguments, site.match),
         road_classes=() if arguments.road_classes is None else resolve_road_classes(arguments.road_classes),
         density=arguments.density,
-        vehicles=_with_the_ego_s_class(_vehicle_demands(arguments.vehicles), arguments.ego),
+        vehicles=with_natural_mix(
+            _with_the_ego_s_class(_vehicle_demands(arguments.vehicles), arguments.ego), conditions
+        ),
         duration_s=arguments.duration_s,
         ego=arguments.ego,
         goal=arguments.goal,
@@ -208,6 +211,7 @@ def request_for(arguments: GenerateScenariosArguments, site: AssignedSite, index
         index=index,
         site_index=site.site_index,
         site_step=site.site_step,
+        conditions=conditions,
         folder="",
     )
 

@@ -6,6 +6,7 @@ from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, WorkerFa
 from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
 from ..call import ToolCall
 from ..maps import map_of_scenario, maps_at_hand
+from .conditions import read_conditions
 from .coverage import cover_combinations
 from .making import make_scenario, with_trial_run
 from .online import maps_for
@@ -35,11 +36,12 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
             valid=[f"1 to {MOST_SINGLY}; to 5,000 with cover"],
             next_step="say by cover what is to be varied, such as ['density=low|high', 'turn=left|right|straight']",
         )
+    conditions = read_conditions(arguments)
     plan = await maps_for(arguments, call, at_hand.entries)
     sites = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, sites)
     call.made("scenario", *(summary.scenario_id for summary in made))
-    notes = [*plan.notes, *at_hand.notes, *failures]
+    notes = [*conditions.notes, *plan.notes, *at_hand.notes, *failures]
     if len(sites.planned) < arguments.count:
         notes.append(f"only {len(sites.planned)} different site(s) fit; {arguments.count} were asked for")
     used = {summary.map_id for summary in made}
