@@ -333,7 +333,8 @@ class DensityFacts(Model):
     """Vehicles per lane-kilometre of the cut: wanted, there at step 0, and there at the last step.
 
     CommonRoad's schema lets obstacles begin at step 0 only, so that traffic thins out as vehicles leave.
-    ``paper_trips``: what the paper's scenarios of that density have.
+    ``paper_trips``: what the paper's scenarios of that density have. ``at_time``: the time of day that set what is
+    wanted in the place of ``wish``; empty where none did.
     """
 
     wish: Density
@@ -342,6 +343,12 @@ class DensityFacts(Model):
     target_per_lane_km: float
     at_start_per_lane_km: float
     at_end_per_lane_km: float
+    at_time: str = ""
+
+    @property
+    def asked(self) -> str:
+        """What set the wanted density: a word, or a time."""
+        return self.at_time or f"{self.wish} density"
 
 
 class Checks(Model):

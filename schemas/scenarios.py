@@ -333,6 +333,7 @@ class DescribedGeneration(Model):
     notes: tuple[str, ...] = ()
     network_warnings: tuple[str, ...] = ()
     netconvert_warnings: tuple[str, ...] = ()
+    conditions: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Site, traffic and checks in a line, then notes and warnings, one each."""
@@ -341,6 +342,8 @@ class DescribedGeneration(Model):
         mark = f", OSM {site.osm_id}" if site.osm_id else ""
         classes = ", ".join(counted(count, name) for name, count in self.classes_realised.items()) or "the ego alone"
         asked = "".join(f", with {counted(count, name)}" for name, count in self.classes_asked.items())
+        asked_density = density.at_time or density.wish
+        under = f"conditions {', '.join(self.conditions)}; " if self.conditions else ""
         listed = [f"Generation note: {note}" for note in self.notes]
         listed += [f"Road network: {warning}" for warning in self.network_warnings]
         listed += [f"netconvert: {warning}" for warning in self.netconvert_warnings]
@@ -350,9 +353,10 @@ class DescribedGeneration(Model):
             f"Generated: {site.scenario_type} (asked: {self.scenario_type_asked}) at {site.latitude:.5f}, "
             f"{site.longitude:.5f} within {site.radius_m:g} m ({streets}{mark}); vehicles {self.vehicles_realised} "
             f"(asked: {self.vehicles_asked}{asked}), beside the ego {classes}; {density.at_start_per_lane_km:g} per "
-            f"lane-km at the start, {density.at_end_per_lane_km:g} at the end (asked: {density.wish}, "
+            f"lane-km at the start, {density.at_end_per_lane_km:g} at the end (asked: {asked_density}, "
             f"{density.target_per_lane_km:g}); {self.recorded_s:g} s recorded (asked: {self.duration_asked_s:g} s); "
-            f"{self.feasible_share:.0%} of tracks drivable; checks failed: {', '.join(self.checks_failed) or 'none'}."
+            f"{under}{self.feasible_share:.0%} of tracks drivable; "
+            f"checks failed: {', '.join(self.checks_failed) or 'none'}."
         )
         return [first + unlisted, *listed]
 

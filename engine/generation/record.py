@@ -76,7 +76,8 @@ def record_of(
 def _density(request: GenerationRequest, site: SiteNetwork, vehicles: Sequence[GeneratedVehicle]) -> DensityFacts:
     """Vehicles per kilometre of lane that is open to cars at step 0 and at the last step, beside the target."""
     lane_km, last_step = lane_km_of(site.net), round(request.duration_s / STEP_S)
-    of_the_hour = request.conditions.per_lane_km if request.conditions is not None else None
+    conditions = request.conditions
+    of_the_hour = None if conditions is None else conditions.per_lane_km
     staying = sum(vehicle.steps > last_step - 1 for vehicle in vehicles)
     return DensityFacts(
         wish=request.density,
@@ -85,6 +86,7 @@ def _density(request: GenerationRequest, site: SiteNetwork, vehicles: Sequence[G
         target_per_lane_km=of_the_hour or VEHICLES_PER_LANE_KM[request.density],
         at_start_per_lane_km=round(len(vehicles) / lane_km, 2),
         at_end_per_lane_km=round(staying / lane_km, 2),
+        at_time="" if conditions is None or of_the_hour is None else conditions.time,
     )
 
 
@@ -96,7 +98,7 @@ def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[
     target, reached = density.target_per_lane_km, density.at_start_per_lane_km
     if abs(reached - target) > MISSED_BY * target:
         notes.append(
-            f"{density.wish} density missed: {reached:g} vehicles per lane-km at the start instead of {target:g}, "
+            f"{density.asked} missed: {reached:g} vehicles per lane-km at the start instead of {target:g}, "
             f"because {_miss_reason(density, demand, too_many=reached > target)}"
         )
     return notes

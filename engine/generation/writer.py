@@ -116,10 +116,7 @@ def write_scenario(
             "date": _FIXED_DATE,
         },
     )
-    if roads is None:
-        _write_location(root, metadata)
-    else:
-        root.append(deepcopy(roads.location))
+    write_location(root, metadata, roads)
     tags = _add(root, "scenarioTags")
     for tag in sorted(set(metadata.tags)):
         etree.SubElement(tags, tag)
@@ -136,13 +133,18 @@ def write_scenario(
     return ids
 
 
-def _write_location(root: etree._Element, metadata: ScenarioMetadata) -> None:
-    location = _add(root, "location")
-    _add(location, "geoNameId", "-999")
-    _add(location, "gpsLatitude", f"{metadata.latitude:.6f}")
-    _add(location, "gpsLongitude", f"{metadata.longitude:.6f}")
-    if metadata.projection:
-        _write_projection(location, metadata)
+def write_location(root: etree._Element, metadata: ScenarioMetadata, roads: RoadFile | None = None) -> None:
+    """Append where a scenario lies, as the file of its roads says if there is one, and under which conditions."""
+    if roads is None:
+        location = _add(root, "location")
+        _add(location, "geoNameId", "-999")
+        _add(location, "gpsLatitude", f"{metadata.latitude:.6f}")
+        _add(location, "gpsLongitude", f"{metadata.longitude:.6f}")
+        if metadata.projection:
+            _write_projection(location, metadata)
+    else:
+        location = deepcopy(roads.location)
+        root.append(location)
     _write_environment(location, metadata.conditions)
 
 
@@ -151,6 +153,8 @@ def _write_environment(location: etree._Element, conditions: TrafficConditions |
     if conditions is None or conditions.weather is None:
         return
     hour = int(conditions.time[:2]) if conditions.time else _NOON
+    for recorded in location.findall("environment"):
+        location.remove(recorded)
     environment = _add(location, "environment")
     _add(environment, "time", f"{conditions.time or f'{_NOON}:00'}:00")
     _add(environment, "timeOfDay", "night" if hour in _NIGHT_HOURS else "unknown")

@@ -11,6 +11,7 @@ from ...schemas.generation import (
     GeneratedScenario,
     GenerationRequest,
     ScenarioSummary,
+    TrafficConditions,
 )
 from ...schemas.scenarios import DescribedGeneration, DescribedVehicle, Detail
 from ...schemas.text import counted
@@ -81,7 +82,7 @@ def _unlike(realised: str, asked: str) -> str:
 def _density(density: DensityFacts) -> str:
     return (
         f"{density.at_start_per_lane_km:g} vehicles per lane-km at the start, "
-        f"{density.at_end_per_lane_km:g} at the end ({density.wish}: {density.target_per_lane_km:g})"
+        f"{density.at_end_per_lane_km:g} at the end ({density.at_time or density.wish}: {density.target_per_lane_km:g})"
     )
 
 
@@ -124,7 +125,23 @@ def described_generation(report: GeneratedScenario, artifact: Artifact, detail: 
         notes=report.notes if full else (),
         network_warnings=report.checks.network_warnings if full else (),
         netconvert_warnings=report.netconvert_warnings if full else (),
+        conditions=_conditions(artifact),
     )
+
+
+def _conditions(artifact: Artifact) -> tuple[str, ...]:
+    """The conditions of the request as they are written in a call."""
+    kept = artifact.recipe.arguments.get("conditions")
+    if kept is None:
+        return ()
+    asked = TrafficConditions.model_validate(kept)
+    words = {
+        "time": asked.time,
+        "weather": asked.weather,
+        "drivers": asked.drivers,
+        "mix": "natural" * asked.natural_mix,
+    }
+    return tuple(f"{name}={word}" for name, word in words.items() if word)
 
 
 def with_classes(vehicles: tuple[DescribedVehicle, ...], report: GeneratedScenario) -> tuple[DescribedVehicle, ...]:
