@@ -404,32 +404,26 @@ class GenerateScenariosArguments(Arguments):
     country: str | None = Field(None, description="ISO alpha-3")
     bbox: list[float] | None = Field(None, description="south, west, north, east")
     scenario_type: ScenarioType = "any"
-    road_classes: list[str] | None = Field(
-        None, description="roads, link, all or OSM highway values; default: roads, link for ramps"
-    )
+    road_classes: list[str] | None = Field(None, description="roads, link, all or OSM highway values")
     density: Density = "low"
     vehicles: list[str] = Field(
         [],
         description=(
-            "beside cars; 'truck', 'truck=2' at least, 'car=4..4' exactly, 'taxi=30%'. Classes: car truck bus "
-            "motorcycle bicycle trailer delivery coach taxi emergency moped (scooters)"
+            "beside cars: 'truck=2' at least, 'car=4..4' exactly, 'taxi=30%'. Classes: car truck bus "
+            "motorcycle bicycle trailer delivery coach taxi emergency moped (scooter)"
         ),
     )
     duration_s: float = Field(20, ge=5, le=120)
     ego: str = Field(
-        "first", description="first, index:N (cars, from 0), type:CLASS (any: it joins traffic, the ego stays a car)"
+        "first", description="first, index:N (cars, from 0), type:CLASS (joins traffic, the ego stays a car)"
     )
     goal: str = Field("through", description="through; steps:N, distance_m:X on its track, lanelet:ID:POSITION")
     count: int = Field(1, ge=1, le=5000)
     seed: int = 0
     trial_run: bool = Field(False, description="run a planner too")
-    conditions: list[str] = Field(
-        [], description="time=rush_hour|night|17:30, weather=rain|snow|fog, drivers=PRESET, mix=natural"
-    )
-    cover: list[str] = Field(
-        [], description="combinations to fill: 'density=low|high', 'turn=left|right', 'strength=2'"
-    )
-    source: MapChoice = Field("auto", description="online: fetch the map; auto: where no local map shows it")
+    conditions: list[str] = Field([], description="time=rush_hour or 17:30, weather=rain, drivers=PRESET, mix=natural")
+    cover: list[str] = Field([], description="combine: 'density=low|high', 'turn=left|right'")
+    source: MapChoice = Field("auto", description="auto: online where no local map shows it")
 
 
 class ScenarioSummary(Model):

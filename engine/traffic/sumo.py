@@ -233,7 +233,7 @@ class Sumo:
             return False
         along_deg = self._lane.getAngle(lane, max(station_m - half_length_m, 0.0))
         across_rad = math.radians(math.remainder(self.angle_deg(key) - along_deg, 360.0))
-        return half_length_m * abs(across_rad) <= _TURN_REACH_M
+        return bool(half_length_m * abs(across_rad) <= _TURN_REACH_M)
 
     def show_speed(self, key: str, speed_mps: float) -> None:
         """Set the speed that other drivers see of a vehicle that is placed by hand."""

@@ -54,7 +54,7 @@ def test_hours_rank_as_their_shares_of_the_day() -> None:
     assert heavy_factor(10) > 1.5 > 1 > heavy_factor(17)
 
 
-def test_natural_traffic_has_all_classes_of_the_statistics_and_goods_vehicles_of_the_hour() -> None:
+def test_natural_traffic_has_the_classes_of_the_statistics_and_goods_of_the_hour() -> None:
     mixed = with_natural_mix(
         (VehicleDemand(vehicle_class="bus", least=2),), TrafficConditions(natural_mix=True, time="10:30")
     )

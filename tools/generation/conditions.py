@@ -83,7 +83,9 @@ def with_natural_mix(
     factor = heavy_factor(_hour(conditions.time)) if conditions.time else 1.0
     return tuple(
         demand.model_copy(update={"share": round(demand.share * factor, 5)})
-        if demand.vehicle_class in _GOODS and demand.share == NATURAL_SHARES.get(demand.vehicle_class)
+        if demand.share is not None
+        and demand.vehicle_class in _GOODS
+        and demand.share == NATURAL_SHARES.get(demand.vehicle_class)
         else demand
         for demand in demands
     )
