@@ -201,12 +201,51 @@ WEATHERS: tuple[Weather, ...] = get_args(Weather)
 """CommonRoad's words for bad weather; for good weather its schema and commonroad-io have no word in common."""
 
 
+TripKind = Literal["usual", "fringe", "uniform", "length", "lanes", "speed"]
+"""On which roads more trips begin: long, wide and fast ones (usual); those on which traffic enters; every one alike;
+long ones; long and wide ones; fast ones."""
+TRIP_KINDS: tuple[TripKind, ...] = get_args(TripKind)
+
+
+COMPASS_DEG: Mapping[str, float] = MappingProxyType(
+    {
+        "north": 90.0,
+        "northeast": 45.0,
+        "east": 0.0,
+        "southeast": -45.0,
+        "south": -90.0,
+        "southwest": -135.0,
+        "west": 180.0,
+        "northwest": 135.0,
+    }
+)
+"""Directions of the compass as headings in degrees, counter-clockwise from east."""
+
+
+class RoadFlow(Model):
+    """Vehicles that were counted in an hour: on a road, in one direction of the compass if any, or from it to another.
+
+    ``road``, ``to``: a street's name, an OSM way's id or, for a flow from somewhere to somewhere, a direction.
+    """
+
+    road: str
+    per_h: float = Field(gt=0)
+    direction: str = Field("", exclude_if=lambda word: not word)
+    to: str = Field("", exclude_if=lambda word: not word)
+
+    def __str__(self) -> str:
+        if self.to:
+            return f"{self.road} to {self.to}"
+        return f"{self.road} ({self.direction}bound)" if self.direction else self.road
+
+
 class TrafficConditions(Model):
     """Under which conditions traffic drives.
 
     ``time``: of day, ``HH:MM``, empty where it is not given; ``drivers``: the preset that all drivers have;
     ``natural_mix``: all classes at their natural shares. ``per_lane_km``: vehicles per kilometre of lane at the start
-    that stand in the place of the density's, None where the density counts.
+    that stand in the place of the density's, None where the density counts. ``flows``: counted traffic that stands in
+    the place of both; ``trips``: on which roads more trips begin.
     """
 
     time: str = ""
@@ -214,6 +253,8 @@ class TrafficConditions(Model):
     drivers: str = ""
     natural_mix: bool = False
     per_lane_km: float | None = None
+    flows: tuple[RoadFlow, ...] = Field((), exclude_if=lambda flows: not flows)
+    trips: TripKind = Field("usual", exclude_if=lambda kind: kind == "usual")
 
 
 class GenerationRequest(Model):

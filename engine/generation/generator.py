@@ -18,11 +18,12 @@ from ..execution import ProgressReporter
 from ..maps import OsmMap, Site, read_map_file
 from ..traffic import lane_km_of, plan_counts
 from .checks import check_scenario, faults_of
+from .flows import flow_notes
 from .planning_problem import TaskSpec, choose_task
 from .record import record_of
 from .site_network import SITE_LOST, SiteNetwork, prepare_site
 from .sites import fitting_sites, other_types
-from .traffic import NO_ROOM, along_the_site, generate_traffic, without_spares
+from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
 from .writer import STEP_S, write_scenario
 
 OWN_ROUNDS, MOST_ROUNDS, MOST_SITES = 2, 5, 10
@@ -228,9 +229,10 @@ def _write(
     Raises:
         NotPossible: the site does not hold what was asked for.
     """
-    per_lane_km = request.conditions.per_lane_km if request.conditions is not None else None
-    demand = plan_counts(request.density, request.vehicles, lane_km_of(site.net), per_lane_km)
-    traffic = generate_traffic(request, demand, site, round_number, path.parent, report)
+    aim = TrafficAim.of(request, site.net)
+    lane_km = lane_km_of(site.net)
+    demand = plan_counts(request.density, request.vehicles, lane_km, aim.per_lane_km, fewest=aim.fewest)
+    traffic = generate_traffic(request, demand, aim, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)
     report(0.75, "choosing ego and goal")
@@ -257,5 +259,6 @@ def _write(
     notes = missed if spec.goal.through_s is None else []  # otherwise other traffic may do better
     if task.stands_in:
         notes.append(f"{request.ego} has no goal {spec.goal} on its way; a car after it, which has, is the ego")
-    scenario = record_of(request, site, demand, task, vehicles, obstacle_ids, checks, notes)
+    counted = [] if aim.plan is None else flow_notes(aim.plan, vehicles, site)
+    scenario = record_of(request, site, demand, aim, task, vehicles, obstacle_ids, checks, [*notes, *counted])
     return scenario, [] if notes else missed

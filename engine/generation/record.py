@@ -8,6 +8,7 @@ from ...schemas.generation import Checks, DensityFacts, GeneratedEgo, GeneratedS
 from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, GeneratedVehicle, lane_km_of
 from .planning_problem import PlanningTask
 from .site_network import SiteNetwork
+from .traffic import TrafficAim
 from .writer import STEP_S
 
 MISSED_BY = 0.25
@@ -18,6 +19,7 @@ def record_of(
     request: GenerationRequest,
     site: SiteNetwork,
     demand: Demand,
+    aim: TrafficAim,
     task: PlanningTask,
     vehicles: Sequence[GeneratedVehicle],
     obstacle_ids: Mapping[str, int],
@@ -34,7 +36,7 @@ def record_of(
     spot, metadata = site.site, site.metadata
     others = [vehicle for vehicle in vehicles if vehicle is not task.ego]
     counts = Counter(vehicle.vehicle_class.name for vehicle in others)
-    density = _density(request, site, vehicles)
+    density = _density(request, aim, site, vehicles)
     recorded_s = round((max(vehicle.steps for vehicle in vehicles) - 1) * STEP_S, 6)
     signs = site.network.signs if metadata.speed_sign is None else ()
     limits = {key: round(sign.speed_mps * 3.6, 1) for sign in signs for key in sign.lanelet_ids}
@@ -73,20 +75,20 @@ def record_of(
     )
 
 
-def _density(request: GenerationRequest, site: SiteNetwork, vehicles: Sequence[GeneratedVehicle]) -> DensityFacts:
+def _density(
+    request: GenerationRequest, aim: TrafficAim, site: SiteNetwork, vehicles: Sequence[GeneratedVehicle]
+) -> DensityFacts:
     """Vehicles per kilometre of lane that is open to cars at step 0 and at the last step, beside the target."""
     lane_km, last_step = lane_km_of(site.net), round(request.duration_s / STEP_S)
-    conditions = request.conditions
-    of_the_hour = None if conditions is None else conditions.per_lane_km
     staying = sum(vehicle.steps > last_step - 1 for vehicle in vehicles)
     return DensityFacts(
         wish=request.density,
         paper_trips=PAPER_TRIPS[request.density],
         lane_km=round(lane_km, 3),
-        target_per_lane_km=of_the_hour or VEHICLES_PER_LANE_KM[request.density],
+        target_per_lane_km=round(aim.per_lane_km or VEHICLES_PER_LANE_KM[request.density], 2),
         at_start_per_lane_km=round(len(vehicles) / lane_km, 2),
         at_end_per_lane_km=round(staying / lane_km, 2),
-        at_time="" if conditions is None or of_the_hour is None else conditions.time,
+        at_time=aim.asked_by,
     )
 
 

@@ -21,6 +21,7 @@ from ..execution import ProgressReporter
 from ..maps import FAST_ROADS, RAMP_LINKS, RURAL_CLASSES
 from ..network import LaneletLookup, SumoNet
 from ..traffic import (
+    FEWEST,
     SPEED_FACTORS,
     WARM_UP_S,
     Demand,
@@ -30,9 +31,11 @@ from ..traffic import (
     TripMaker,
     drop_infeasible,
     generated_vehicles,
+    lane_km_of,
     simulate_traffic,
 )
 from ..vehicles import vehicle_classes
+from .flows import FlowPlan, FlowTrips, plan_flows
 from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
 from .writer import STEP_S
@@ -54,6 +57,36 @@ LASTING_S = 30.0
 
 
 @dataclass(frozen=True)
+class TrafficAim:
+    """How much traffic a site is to have: vehicles per kilometre of lane, what asked for it, and routes of counts.
+
+    ``per_lane_km``: None where the request's density counts; ``asked_by``: a time or ``counts``, then; ``fewest``
+    vehicles are put on the site.
+    """
+
+    per_lane_km: float | None = None
+    asked_by: str = ""
+    plan: FlowPlan | None = None
+    fewest: int = FEWEST
+
+    @classmethod
+    def of(cls, request: GenerationRequest, net: SumoNet) -> "TrafficAim":
+        """The aim of a request at a site.
+
+        Raises:
+            NotPossible: of the roads that were counted none is at the site.
+        """
+        conditions = request.conditions
+        if conditions is None:
+            return cls()
+        if not conditions.flows:
+            return cls(conditions.per_lane_km, conditions.time if conditions.per_lane_km else "")
+        seed = _mixed_seed(request.seed, request.index, 0)
+        plan = plan_flows(conditions.flows, net, random.Random(seed))  # noqa: S311 - reproducible, not secret
+        return cls(plan.vehicles / lane_km_of(net), "counts", plan, 1)
+
+
+@dataclass(frozen=True)
 class _GeneratedTraffic:
     """Smoothed vehicles at a site, spare ones among them, and the demand that they meet."""
 
@@ -64,6 +97,7 @@ class _GeneratedTraffic:
 def generate_traffic(
     request: GenerationRequest,
     demand: Demand,
+    aim: TrafficAim,
     site: SiteNetwork,
     round_number: int,
     scratch: Path,
@@ -83,7 +117,7 @@ def generate_traffic(
     for attempt in range(ATTEMPTS):
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
-        trips = TripMaker(site.net, lasting_s, choice, *_asked_ramps(request.goal, site.net))
+        trips = _trips(request, aim, site.net, lasting_s, choice)
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
         part = _Part(report, 0.3 + 0.4 * attempt / ATTEMPTS, 0.4 / ATTEMPTS)
@@ -122,6 +156,15 @@ def generate_traffic(
     if not shortfalls:
         raise _too_large(request.duration_s)
     raise _no_room(demand, min(shortfalls, key=lambda absent: sum(absent.values())))
+
+
+def _trips(
+    request: GenerationRequest, aim: TrafficAim, net: SumoNet, lasting_s: float, choice: random.Random
+) -> TripMaker:
+    if aim.plan is not None:
+        return FlowTrips(net, lasting_s, choice, aim.plan)
+    kind = "usual" if request.conditions is None else request.conditions.trips
+    return TripMaker(net, lasting_s, choice, *_asked_ramps(request.goal, net), kind=kind)
 
 
 def _asked_ramps(goal: str, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:

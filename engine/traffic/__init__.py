@@ -14,6 +14,7 @@
 ``FEWEST``: The least number of vehicles on a site.
 ``PAPER_TRIPS``: The paper's numbers of trips by density.
 ``VEHICLES_PER_LANE_KM``: Vehicles on a kilometre of lane at the first step, the ego included, by density.
+``OpenEdges``: The edges of a net that are open to a class: how long, fast and wide they are, and what follows them.
 ``TripMaker``: Makes trips of a class on a net, each long enough to last through the recording where the net allows it.
 ``TooFewFoundRoom``: What is raised where too few vehicles are there at step 0.
 ``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
         heavy_factor,
         vehicles_per_lane_km,
     )
-    from .demand import TripMaker, lane_km_of
+    from .demand import OpenEdges, TripMaker, lane_km_of
     from .motions import DECIMALS, GeneratedVehicle, drop_infeasible, generated_vehicles
     from .simulation import WARM_UP_S, DrivingStyle, TooFewFoundRoom, simulate_traffic
     from .sumo import NO_LANE, LaneChanges, LaneHint, Sumo, sumo_pose, sumo_running, sumo_version, vehicle_type

@@ -1,10 +1,14 @@
 """Where the vehicles of a class begin and drive on a site: random trips over the edges that are open to the class."""
 
+import heapq
 import random
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 from ...schemas.errors import NotPossible
+from ...schemas.generation import TripKind
 from ..geometry import length_m
 from ..network import SumoNet
 from ..vehicles import VehicleClass, vehicle_classes
@@ -13,7 +17,8 @@ from ..vehicles import VehicleClass, vehicle_classes
 class TripMaker:
     """Makes trips of a class on a net, each long enough to last through the recording where the net allows it.
 
-    Trips begin on the edges ``starts``, and turn into the edges ``ways``, more often by ``FAVOUR_FACTOR``.
+    Trips begin on the edges ``starts``, and turn into the edges ``ways``, more often by ``FAVOUR_FACTOR``. ``kind``:
+    what makes a trip begin on an edge rather than on another.
     """
 
     def __init__(
@@ -23,9 +28,11 @@ class TripMaker:
         choice: random.Random,
         starts: frozenset[str] = frozenset(),
         ways: frozenset[str] = frozenset(),
+        kind: TripKind = "usual",
     ) -> None:
         self._net, self._lasting_s, self._choice, self._starts, self._ways = net, lasting_s, choice, starts, ways
-        self._edges: dict[str, _OpenEdges] = {}
+        self._kind = kind
+        self._edges: dict[str, OpenEdges] = {}
 
     def check_open(self, vehicle_class: VehicleClass) -> None:
         """Refuse a class that no road of the net is open to.
@@ -33,32 +40,45 @@ class TripMaker:
         Raises:
             NotPossible: naming the classes that could drive here.
         """
-        if not self._open_to(vehicle_class).length_m:
+        if not self.open_to(vehicle_class).length_m:
             raise NotPossible(
                 f"no road at this site is open to the vehicle class {vehicle_class.name!r}",
-                valid=[name for name, other in vehicle_classes().items() if self._open_to(other).length_m],
+                valid=[name for name, other in vehicle_classes().items() if self.open_to(other).length_m],
                 next_step="leave the class out, or choose another place or scenario_type",
             )
 
     def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
         """The edges of a random trip of a class that is open here; fast roads and long ways on begin more of them."""
-        edges = self._open_to(vehicle_class)
+        edges = self.open_to(vehicle_class)
         starts = sorted(edges.length_m)
         weights = [self._weight(edges, edge) for edge in starts]
         start = self._choice.choices(starts, weights)[0]
         speed = min(edges.speed_mps[start], vehicle_class.maximum_speed_mps)
         return edges.random_route(start, speed * self._lasting_s, self._choice, self._ways)
 
-    def _open_to(self, vehicle_class: VehicleClass) -> "_OpenEdges":
+    def open_to(self, vehicle_class: VehicleClass) -> "OpenEdges":
+        """The edges of the net that are open to a class."""
         if vehicle_class.sumo_class not in self._edges:
-            self._edges[vehicle_class.sumo_class] = _OpenEdges.of(self._net, vehicle_class.sumo_class)
+            self._edges[vehicle_class.sumo_class] = OpenEdges.of(self._net, vehicle_class.sumo_class)
         return self._edges[vehicle_class.sumo_class]
 
-    def _weight(self, edges: "_OpenEdges", edge: str) -> float:
+    def _weight(self, edges: "OpenEdges", edge: str) -> float:
         """How many trips begin on an edge: by its lane metres and speed, fewer where the way soon ends."""
-        lasting = min(edges.reach_m[edge] / (edges.speed_mps[edge] * self._lasting_s), 1.0)
-        weight = edges.length_m[edge] * edges.lanes[edge] * edges.speed_mps[edge] * max(lasting, LEAST_WEIGHT)
-        return weight * (FAVOUR_FACTOR if edge in self._starts else 1.0)
+        length_m, lanes, speed_mps = edges.length_m[edge], edges.lanes[edge], edges.speed_mps[edge]
+        match self._kind:
+            case "usual" | "fringe":
+                weight = length_m * lanes * speed_mps
+                weight *= FRINGE_FACTOR if self._kind == "fringe" and edge in edges.entries else 1.0
+            case "uniform":
+                weight = 1.0
+            case "length":
+                weight = length_m
+            case "lanes":
+                weight = length_m * lanes
+            case "speed":
+                weight = speed_mps
+        lasting = min(edges.reach_m[edge] / (speed_mps * self._lasting_s), 1.0)
+        return weight * max(lasting, LEAST_WEIGHT) * (FAVOUR_FACTOR if edge in self._starts else 1.0)
 
 
 FARTHEST_M = 5_000.0
@@ -73,12 +93,14 @@ LEAST_PREFERENCE = 0.05
 """Weight of a dead end beside roads that go on as far as wanted, before it is squared (chosen)."""
 FAVOUR_FACTOR = 12.0
 """Favoured edges are more likely by this factor (chosen): a ramp beside a motorway is then taken by every other car."""
+FRINGE_FACTOR = 10.0
+"""Where trips begin at the fringe, a road on which traffic enters is more likely by this factor (chosen)."""
 REVISIT_FACTOR = 4.0
 """An edge that the route has already used is less likely by this factor (chosen): routes should not circle."""
 
 
 @dataclass(frozen=True)
-class _OpenEdges:
+class OpenEdges:
     """Edges that a class may use: length in m, speed in m/s, lanes, those that follow, and how far one can go.
 
     ``reach_m`` is the length of the longest known way on from the beginning of an edge, at most ``FARTHEST_M``.
@@ -91,7 +113,7 @@ class _OpenEdges:
     reach_m: dict[str, float]
 
     @classmethod
-    def of(cls, net: SumoNet, sumo_class: str) -> "_OpenEdges":
+    def of(cls, net: SumoNet, sumo_class: str) -> "OpenEdges":
         """The part of a net that vehicles of a SUMO class may use."""
         lanes = [lane for lane in net.lanes.values() if not lane.internal and sumo_class in lane.allowed]
         lengths = {lane.edge_id: length_m(lane.shape) for lane in lanes}
@@ -106,6 +128,38 @@ class _OpenEdges:
                 following[connection.from_edge].add(connection.to_edge)
         after = {edge: tuple(sorted(edges)) for edge, edges in following.items()}
         return cls(lengths, speeds, counts, after, _reach(lengths, after))
+
+    @cached_property
+    def entries(self) -> frozenset[str]:
+        """The edges on which traffic enters: none leads into them. All where there is no such edge."""
+        reached = {edge for onward in self.following.values() for edge in onward}
+        return frozenset(self.length_m.keys() - reached) or frozenset(self.length_m)
+
+    @cached_property
+    def exits(self) -> frozenset[str]:
+        """The edges on which traffic leaves: they lead into none. All where there is no such edge."""
+        return frozenset(edge for edge, onward in self.following.items() if not onward) or frozenset(self.length_m)
+
+    def travel_s(self, route: Iterable[str]) -> float:
+        """How long a route takes at the speed limits."""
+        return sum(self.length_m[edge] / self.speed_mps[edge] for edge in route)
+
+    def quickest(self, starts: Iterable[str], goal: str) -> tuple[str, ...] | None:
+        """The quickest route from any of some edges to an edge, both included; None where no way leads there."""
+        queue: list[tuple[float, tuple[str, ...]]] = [(self.travel_s([start]), (start,)) for start in sorted(starts)]
+        heapq.heapify(queue)
+        done: set[str] = set()
+        while queue:
+            time_s, route = heapq.heappop(queue)
+            if route[-1] == goal:
+                return route
+            if route[-1] in done:
+                continue
+            done.add(route[-1])
+            for edge in self.following[route[-1]]:
+                if edge not in done:
+                    heapq.heappush(queue, (time_s + self.travel_s([edge]), (*route, edge)))
+        return None
 
     def random_route(
         self, start: str, wanted_m: float, choice: random.Random, favoured: frozenset[str]

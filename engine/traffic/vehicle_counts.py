@@ -56,12 +56,17 @@ class Demand:
 
 
 def plan_counts(
-    density: Density, vehicles: Iterable[VehicleDemand], lane_km: float, per_lane_km: float | None = None
+    density: Density,
+    vehicles: Iterable[VehicleDemand],
+    lane_km: float,
+    per_lane_km: float | None = None,
+    *,
+    fewest: int = FEWEST,
 ) -> Demand:
     """Split a density over the classes: counted and named ones first, cars for the rest; one car more is the ego.
 
     ``lane_km``: kilometres of lane at the site that are open to cars. ``per_lane_km``: vehicles on a kilometre of lane,
-    in the place of the density's.
+    in the place of the density's. ``fewest``: no fewer are put on the site.
 
     Raises:
         UnknownName: a class that does not exist.
@@ -72,7 +77,7 @@ def plan_counts(
         if name not in known:
             raise UnknownName(f"there is no vehicle class {name!r}", valid=closest(name, known), reason="unknown_class")
     dense = round((per_lane_km or VEHICLES_PER_LANE_KM[density]) * lane_km)
-    wanted = min(max(dense, FEWEST), MOST)
+    wanted = min(max(dense, fewest), MOST)
     named = NAMED_SHARE / max(1, len(asked) / 2)
     counts = {name: _count_of(demand, wanted, named) for name, demand in asked.items()}
     rest = max(wanted - sum(count for name, count in counts.items() if name != "car"), 1)

@@ -1,10 +1,16 @@
 """Conditions of a call: what words mean, what they do to density and classes, what is refused, what recipes hold."""
 
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
 import pytest
 
+from plannerforge.engine.execution import Limits
 from plannerforge.engine.traffic import SPEED_FACTORS, heavy_factor, vehicles_per_lane_km
 from plannerforge.engine.traffic.conditions import CAR_SHARES, HEAVY_SHARES
-from plannerforge.schemas.errors import InvalidRequest, PlannerForgeError
+from plannerforge.engine.workspace import Workspace
+from plannerforge.schemas.errors import InvalidRequest, OutsideRoots, PlannerForgeError
 from plannerforge.schemas.generation import (
     NATURAL_SHARES,
     WEATHERS,
@@ -13,7 +19,24 @@ from plannerforge.schemas.generation import (
     TrafficConditions,
     VehicleDemand,
 )
-from plannerforge.tools.generation.conditions import read_conditions, with_natural_mix
+from plannerforge.tools.call import Services, ToolCall
+from plannerforge.tools.generation.conditions import read_conditions, with_natural_mix, with_tables_read
+
+
+@pytest.fixture
+def allowed(tmp_path: Path) -> Path:
+    """A folder that tools may read."""
+    folder = tmp_path / "allowed"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def call(tmp_path: Path, allowed: Path) -> Iterator[ToolCall]:
+    """A call that may read one folder."""
+    workspace, unused = Workspace(tmp_path / "workspace"), cast("Any", None)
+    yield ToolCall(Services(workspace, unused, unused, unused, Limits(roots=(allowed,))))
+    workspace.close()
 
 
 def arguments(*conditions: str, **others: object) -> GenerateScenariosArguments:
@@ -89,6 +112,89 @@ def test_what_cannot_be_meant_is_refused_with_what_can(conditions: list[str], na
     with pytest.raises(PlannerForgeError) as refusal:
         read_conditions(arguments(*conditions))
     assert [word for word in named if word not in refusal.value.text] == []
+
+
+COUNTS_CASES = [
+    ("counts=Main Street:600", [("Main Street", "", 600, "")]),
+    ("counts=4711:250:north; A 9 : 1200", [("4711", "", 250, "north"), ("A 9", "", 1200, "")]),
+    ("counts=Elm: 10:Westbound", [("Elm", "", 10, "west")]),
+    ("od=north>Main Street:300;west>east:12.5", [("north", "Main Street", 300, ""), ("west", "east", 12.5, "")]),
+]
+
+
+@pytest.mark.parametrize(("text", "flows"), COUNTS_CASES)
+def test_flows_are_read_as_they_are_written(text: str, flows: list[tuple[str, str, float, str]]) -> None:
+    read = read_conditions(arguments(text, "time=rush_hour")).conditions
+    assert read is not None
+    assert [(flow.road, flow.to, flow.per_h, flow.direction) for flow in read.flows] == flows
+    assert read.per_lane_km is None, "counts stand in the place of the hour's density"
+
+
+def test_counts_and_origins_stand_side_by_side() -> None:
+    read = read_conditions(arguments("counts=A:5", "od=B>C:6", "trips=fringe")).conditions
+    assert read is not None
+    assert [str(flow) for flow in read.flows] == ["A", "B to C"]
+    assert read.trips == "fringe"
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("counts=Main Street", "is no flow"),
+        ("counts=A>B:5", "is no flow"),
+        ("od=A:5", "is no flow"),
+        ("counts=A:5:up", "directions: north"),
+        ("counts=A:0", "above 0"),
+        ("counts=A:999999", "20,000"),
+        ("counts=;", "holds 0 flows"),
+        ("trips=some", "fringe"),
+    ],
+)
+def test_flows_that_cannot_be_are_refused(text: str, named: str) -> None:
+    with pytest.raises(PlannerForgeError) as refusal:
+        read_conditions(arguments(text))
+    assert named in refusal.value.text
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "flows"),
+    [
+        ("road,vehicles_per_h\nMain Street,600\n4711,0\nElm,5\n", "counts", ["Main Street", "Elm"]),
+        ("Street;Flow;Direction\nA;600;north\n\n", "counts", ["A (northbound)"]),
+        ("\ufefffrom\tto\tvehicles\nnorth\tsouth\t60\n", "od", ["north to south"]),
+    ],
+)
+def test_a_table_of_counts_is_read(call: ToolCall, allowed: Path, text: str, key: str, flows: list[str]) -> None:
+    path = allowed / "counts.csv"
+    path.write_text(text, encoding="utf-8")
+    read = read_conditions(with_tables_read(arguments(f"{key}={path}"), call)).conditions
+    assert read is not None
+    assert [str(flow) for flow in read.flows] == flows
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        (b"", "names no column road"),
+        (b"road,length\nA,5\n", "no column vehicles_per_h"),
+        (b"road,flow\nA,many\n", "line 2 of counts.csv"),
+        (b"road,flow\nA,nan\n", "line 2 of counts.csv"),
+        (b"road,flow\n,5\n", "line 2 of counts.csv"),
+        (b"\xff\xfe\x00", "no text in UTF-8"),
+        (b"road,flow\n" + b"A,5\n" * 300_000, "larger than 1 MB"),
+    ],
+)
+def test_a_table_that_cannot_be_read_is_refused(call: ToolCall, allowed: Path, content: bytes, named: str) -> None:
+    path = allowed / "counts.csv"
+    path.write_bytes(content)
+    with pytest.raises(InvalidRequest) as refusal:
+        with_tables_read(arguments(f"counts={path}"), call)
+    assert named in refusal.value.text
+
+
+def test_a_table_lies_where_tools_may_read(call: ToolCall) -> None:
+    with pytest.raises(OutsideRoots):
+        with_tables_read(arguments("counts=/etc/hosts.csv"), call)
 
 
 def test_all_faults_of_the_conditions_are_told_at_once() -> None:

@@ -1,8 +1,10 @@
 """The conditions of a call (``time=rush_hour``, ``weather=snow``): read, and what they make of density and classes."""
 
+import csv
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from ...engine.cosimulation import presets
 from ...engine.traffic import (
@@ -14,14 +16,19 @@ from ...engine.traffic import (
 )
 from ...schemas.errors import Faults, InvalidRequest, UnknownName, closest
 from ...schemas.generation import (
+    COMPASS_DEG,
     NATURAL_SHARES,
     SHARES_SOURCE,
+    TRIP_KINDS,
     WEATHERS,
     GenerateScenariosArguments,
+    RoadFlow,
     TrafficConditions,
+    TripKind,
     VehicleDemand,
     Weather,
 )
+from ..call import ToolCall
 
 _TIMES = {"night": "02:30", "morning_rush": "07:30", "morning": "09:30", "noon": "12:30", "day": "11:30"}
 _TIMES |= {"afternoon": "14:30", "rush_hour": "17:30", "evening_rush": "17:30", "evening": "20:30"}
@@ -29,8 +36,23 @@ _TIMES |= {"afternoon": "14:30", "rush_hour": "17:30", "evening_rush": "17:30", 
 _WEATHER_WORDS: dict[str, Weather] = {"rain": "light_rain", "mist": "fog", "snowfall": "snow"}
 _GOODS = ("truck", "trailer")
 """Classes whose share changes with the hour as that of goods vehicles does."""
-_KEYS = ("time", "weather", "drivers", "mix")
+_KEYS = ("time", "weather", "drivers", "mix", "counts", "od", "trips")
 _FIELDS = {"mix": "natural_mix"}
+_NAMING = ("counts", "od")
+"""Conditions whose values are names of roads: their spelling is kept."""
+_LARGEST_TABLE_BYTES, MOST_FLOWS = 1_000_000, 2_000
+_COLUMNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "road": ("road", "from", "street", "way", "osm_way", "edge", "origin"),
+        "to": ("to", "destination"),
+        "per_h": ("vehicles_per_h", "per_h", "flow", "count", "vehicles", "veh_per_h"),
+        "direction": ("direction", "heading"),
+    }
+)
+"""Columns of a table of counts, and the names that each may have."""
+
+MOST_PER_H = 20_000
+"""More vehicles in an hour than any road carries."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +81,11 @@ def read_conditions(arguments: GenerateScenariosArguments) -> ReadConditions:
     faults.raise_all()
     if not read:
         return ReadConditions()
+    flows = tuple(flow for key in _NAMING for flow in _flows_in(read.pop(key, ())))
+    if flows:
+        read["flows"] = flows
     conditions = TrafficConditions.model_validate({_FIELDS.get(key, key): value for key, value in read.items()})
-    if conditions.time and "density" not in arguments.model_fields_set:
+    if not flows and conditions.time and "density" not in arguments.model_fields_set:
         per_lane_km = vehicles_per_lane_km(_hour(conditions.time))
         conditions = conditions.model_copy(update={"per_lane_km": per_lane_km})
         notes.append(
@@ -96,14 +121,18 @@ def _hour(time: str) -> int:
 
 
 def _parted(text: str) -> tuple[str, str]:
-    key, mark, value = (part.strip().lower() for part in text.partition("="))
+    key, mark, value = (part.strip() for part in text.partition("="))
+    key = key.lower()
     if not mark or key not in _KEYS:
         raise UnknownName(
             f"conditions {text!r}: {key or 'nothing'} is no condition",
             valid=[f"{known}=…" for known in _KEYS],
             next_step="give conditions such as time=rush_hour, weather=snow, drivers=aggressive, mix=natural",
         )
-    return key, value.replace(" ", "_").replace("-", "_") if key != "time" else value.replace(" ", "_")
+    if key in _NAMING:
+        return key, value
+    value = value.lower().replace(" ", "_")
+    return key, value.replace("-", "_") if key != "time" else value
 
 
 def _time(value: str) -> tuple[str, str]:
@@ -148,9 +177,109 @@ def _mix(value: str) -> tuple[bool, str]:
     return True, f"mix: {shares}, one each at least, of goods vehicles as the hour has them ({SHARES_SOURCE})"
 
 
+def _trips(value: str) -> tuple[TripKind, str]:
+    kind = next((kind for kind in TRIP_KINDS if kind == value), None)
+    if kind is None:
+        raise UnknownName(f"there are no trips {value!r}", valid=TRIP_KINDS)
+    return kind, ""
+
+
+def _counts(value: str) -> tuple[tuple[RoadFlow, ...], str]:
+    flows = _flows(value, "counts", "counts=Main Street:600; 4711:250:north (street or OSM way id: vehicles an hour)")
+    return flows, "counts stand in the place of the density; roads without a count carry what turns into them"
+
+
+def _origins(value: str) -> tuple[tuple[RoadFlow, ...], str]:
+    flows = _flows(value, "od", "od=north>Main Street:300; west>east:120 (road or direction > road or direction)")
+    return flows, "flows from origin to destination stand in the place of the density"
+
+
+def _flows(value: str, key: str, example: str) -> tuple[RoadFlow, ...]:
+    parts = [part.strip() for part in value.split(";") if part.strip()]
+    if not 0 < len(parts) <= MOST_FLOWS:
+        raise InvalidRequest(f"{key} holds {len(parts):,} flows", valid=[f"1 to {MOST_FLOWS:,}", example])
+    return tuple(_flow(part, key, example) for part in parts)
+
+
+def _flows_in(read: object) -> tuple[RoadFlow, ...]:
+    return tuple(flow for flow in read if isinstance(flow, RoadFlow)) if isinstance(read, tuple) else ()
+
+
+def _flow(text: str, key: str, example: str) -> RoadFlow:
+    found = re.fullmatch(r"(.+?)\s*:\s*(\d+(?:\.\d+)?)(?:\s*:\s*([a-zA-Z-]*))?", text)
+    road, mark, to = ("", "", "") if found is None else (part.strip() for part in found[1].partition(">"))
+    direction = "" if found is None else (found[3] or "").lower().replace("-", "").removesuffix("bound")
+    if found is None or not road or (key == "od") != bool(mark and to) or (direction and direction not in COMPASS_DEG):
+        raise InvalidRequest(f"{key}: {text!r} is no flow", valid=[example, f"directions: {', '.join(COMPASS_DEG)}"])
+    per_h = float(found[2])
+    if not 0 < per_h <= MOST_PER_H:
+        raise InvalidRequest(f"{key}: {text!r} has no flow that can be", valid=[f"above 0 to {MOST_PER_H:,} an hour"])
+    return RoadFlow(road=road, to=to, per_h=per_h, direction=direction)
+
+
+def with_tables_read(arguments: GenerateScenariosArguments, call: ToolCall) -> GenerateScenariosArguments:
+    """The same with the content of tables (``counts=FILE.csv``, ``od=FILE.csv``) in the place of their names.
+
+    Raises:
+        InvalidRequest: a table is missing, too large, no text, or lacks a column; naming its line.
+        OutsideRoots: it lies elsewhere than tools may read.
+    """
+    read = [_with_table_read(text, call) for text in arguments.conditions]
+    return arguments if read == arguments.conditions else arguments.model_copy(update={"conditions": read})
+
+
+def _with_table_read(text: str, call: ToolCall) -> str:
+    key, _, value = (part.strip() for part in text.partition("="))
+    if key.lower() not in _NAMING or not value.lower().endswith((".csv", ".tsv", ".txt")):
+        return text
+    path = call.allowed_path(value)
+    if not path.is_file():
+        raise InvalidRequest(f"{key}: there is no file {value}", next_step="name a CSV file, or write flows out")
+    if path.stat().st_size > _LARGEST_TABLE_BYTES:
+        raise InvalidRequest(f"{key}: {path.name} is larger than 1 MB", next_step="keep the rows of one town")
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise InvalidRequest(f"{key}: {path.name} is no text in UTF-8") from error
+    return f"{key}={'; '.join(_rows(lines, key.lower(), path.name))}"
+
+
+def _rows(lines: list[str], key: str, name: str) -> Iterator[str]:
+    """The flows of a table as they are written out in a call."""
+    separator = max(",;\t", key=(lines[0] if lines else "").count)
+    reader = csv.reader(lines, delimiter=separator)
+    header = [word.strip().lower().replace(" ", "_") for word in next(reader, [])]
+    columns = {
+        column: next((header.index(word) for word in words if word in header), None)
+        for column, words in _COLUMNS.items()
+    }
+    needed = ("road", "to", "per_h") if key == "od" else ("road", "per_h")
+    if missing := [" or ".join(_COLUMNS[column][:2]) for column in needed if columns[column] is None]:
+        raise InvalidRequest(
+            f"{key}: the first line of {name} names no column {' and no column '.join(missing)}",
+            valid=["from,to,vehicles_per_h" if key == "od" else "road,vehicles_per_h,direction"],
+        )
+    for number, row in enumerate(reader, 2):
+        if not any(cell.strip() for cell in row):
+            continue
+        cells = {
+            column: row[at].strip().replace(";", ",") if at is not None and at < len(row) else ""
+            for column, at in columns.items()
+        }
+        if not cells["road"] or not re.fullmatch(r"\d+(\.\d+)?", cells["per_h"]):
+            raise InvalidRequest(f"{key}: line {number} of {name} holds no road and number: {', '.join(row)[:80]!r}")
+        if float(cells["per_h"]) == 0:
+            continue
+        road = f"{cells['road']}>{cells['to']}" if key == "od" else cells["road"]
+        yield ":".join(part for part in (road, cells["per_h"], cells["direction"]) if part)
+
+
 _READERS: dict[str, Callable[[str], tuple[object, str]]] = {
     "time": _time,
     "weather": _weather,
     "drivers": _drivers,
     "mix": _mix,
+    "counts": _counts,
+    "od": _origins,
+    "trips": _trips,
 }

@@ -6,7 +6,7 @@ from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, WorkerFa
 from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
 from ..call import ToolCall
 from ..maps import map_of_scenario, maps_at_hand
-from .conditions import read_conditions
+from .conditions import read_conditions, with_tables_read
 from .coverage import cover_combinations
 from .making import make_scenario, with_trial_run
 from .online import maps_for
@@ -27,6 +27,7 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
     open_catalogue(call.workspace, with_starter=call.services.with_starter)  # first, or a starter would be the latest
     if arguments.place and (filled := await map_of_scenario(call, arguments.place)) is not None:
         arguments = arguments.model_copy(update={"place": filled})
+    arguments = with_tables_read(arguments, call)
     at_hand = await maps_at_hand(call)
     if arguments.cover:
         return await cover_combinations(arguments, call, at_hand.entries, at_hand.notes)

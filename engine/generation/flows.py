@@ -1,0 +1,263 @@
+"""Traffic by counts: routes over a site that together carry the flows that were counted on its roads, or between them.
+
+Of counts alone no routes follow: of all that carry them, those are taken that spread traffic most evenly over the
+candidates (least squares without negative flows, with a small ridge). How many vehicles are on a route at a moment
+follows from its flow and travel time (Little's law).
+"""
+
+import math
+import random
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ...schemas.errors import NotPossible
+from ...schemas.generation import COMPASS_DEG, RoadFlow
+from ...schemas.text import counted
+from ..geometry import Points
+from ..maps import fold
+from ..network import LaneletLookup, SumoNet
+from ..traffic import GeneratedVehicle, OpenEdges, TripMaker
+from ..vehicles import VehicleClass, vehicle_classes
+from .site_network import SiteNetwork
+
+ROUTES_A_START = 40
+"""Candidate routes that are drawn from every edge on which traffic enters (chosen)."""
+EVENNESS = 0.05
+"""Weight of an even spread beside meeting the counts (chosen): only decides between routes that meet them alike."""
+LONGEST_M = 5_000.0
+"""Candidate routes are no longer: no site is larger (chosen)."""
+LEAST_PER_H = 0.5
+"""A route with a smaller flow is none (chosen)."""
+_OSM_WAY = re.compile(r"-?(\d+)")
+MOST_ASIDE_RAD = math.radians(67.5)
+"""A road leads into a direction of the compass where its heading is no further from it."""
+
+
+@dataclass(frozen=True)
+class RouteFlow:
+    """A route as edges, vehicles that drive it in an hour, and the free travel time over it in s."""
+
+    edges: tuple[str, ...]
+    per_h: float
+    travel_s: float
+
+    @property
+    def present(self) -> float:
+        """Vehicles on the route at a moment, on average (Little's law)."""
+        return self.per_h * self.travel_s / 3600
+
+
+@dataclass(frozen=True)
+class CountedRoad:
+    """A flow of the request at this site: the cross-sections it was counted on, each as edges, and what routes carry.
+
+    ``planned_per_h`` is the mean over the cross-sections; none where the road is not here.
+    """
+
+    flow: RoadFlow
+    sections: tuple[frozenset[str], ...]
+    planned_per_h: float
+
+
+@dataclass(frozen=True)
+class FlowPlan:
+    """Routes with their flows, and how the flows of the request are met."""
+
+    routes: tuple[RouteFlow, ...]
+    roads: tuple[CountedRoad, ...]
+
+    @property
+    def vehicles(self) -> int:
+        """Vehicles at the site at a moment, one at least."""
+        return max(round(sum(route.present for route in self.routes)), 1)
+
+
+def plan_flows(flows: Iterable[RoadFlow], net: SumoNet, choice: random.Random) -> FlowPlan:
+    """Routes of cars over a site that carry flows.
+
+    Raises:
+        NotPossible: none of the roads is here, or no way leads from where to where traffic was counted.
+    """
+    flows = tuple(flows)
+    edges = OpenEdges.of(net, vehicle_classes()["car"].sumo_class)
+    place = _Place(net, edges)
+    candidates = _candidates(edges, choice)
+    routes: list[RouteFlow] = []
+    for flow in flows:
+        if flow.to:
+            ways = place.ways_between(flow.road, flow.to)
+            routes += [RouteFlow(way, flow.per_h / len(ways), edges.travel_s(way)) for way in ways]
+    counts = [(section, flow.per_h) for flow in flows if not flow.to for section in place.sections(flow)]
+    routes += _meeting(counts, candidates, edges)
+    roads = tuple(_counted(flow, place, routes) for flow in flows)
+    if not routes:
+        raise NotPossible(
+            f"of the counted roads none carries traffic at this site: {', '.join(str(flow) for flow in flows[:5])}",
+            valid=place.names()[:12],
+            next_step="name roads of this site (street names or OSM way ids), or take another place",
+        )
+    return FlowPlan(tuple(routes), roads)
+
+
+def _counted(flow: RoadFlow, place: "_Place", routes: list[RouteFlow]) -> CountedRoad:
+    if flow.to:
+        ways = set(place.ways_between(flow.road, flow.to))
+        planned = sum(route.per_h for route in routes if route.edges in ways)
+        return CountedRoad(flow, (), min(planned, flow.per_h))
+    sections = place.sections(flow)
+    carried = [sum(route.per_h for route in routes if section & set(route.edges)) for section in sections]
+    return CountedRoad(flow, sections, float(np.mean(carried)) if carried else 0.0)
+
+
+def _candidates(edges: OpenEdges, choice: random.Random) -> list[tuple[str, ...]]:
+    """Routes from where traffic enters until it leaves, each once, so that every edge they can reach lies on one."""
+    drawn = {
+        edges.random_route(start, LONGEST_M, choice, frozenset())
+        for start in sorted(edges.entries)
+        for _ in range(ROUTES_A_START)
+    }
+    covered = {edge for route in drawn for edge in route}
+    for edge in sorted(set(edges.length_m) - covered):
+        way = edges.quickest(edges.entries, edge) or (edge,)
+        drawn.add((*way[:-1], *edges.random_route(edge, LONGEST_M, choice, frozenset())))
+    return sorted(drawn)
+
+
+def _meeting(
+    counts: list[tuple[frozenset[str], float]], candidates: list[tuple[str, ...]], edges: OpenEdges
+) -> list[RouteFlow]:
+    """The flows of candidate routes that meet counts at cross-sections best."""
+    from scipy.optimize import nnls
+
+    used = [route for route in candidates if any(section & set(route) for section, _ in counts)]
+    if not used:
+        return []
+    passes = np.array([[float(bool(section & set(route))) for route in used] for section, _ in counts])
+    wanted = np.array([per_h for _, per_h in counts])
+    system = np.vstack([passes, EVENNESS * np.eye(len(used))])
+    flows, _ = nnls(system, np.concatenate([wanted, np.zeros(len(used))]))
+    return [
+        RouteFlow(route, float(flow), edges.travel_s(route))
+        for route, flow in zip(used, flows, strict=True)
+        if flow >= LEAST_PER_H
+    ]
+
+
+def flow_notes(plan: FlowPlan, vehicles: Sequence[GeneratedVehicle], site: SiteNetwork) -> list[str]:
+    """What was counted beside what the routes carry and how many vehicles are there at step 0, a sentence a flow."""
+    here = Counter(_edges_at_start(vehicles, site))
+    return [_flow_note(road, sum(here[edge] for section in road.sections for edge in section)) for road in plan.roads]
+
+
+def _flow_note(road: CountedRoad, at_start: int) -> str:
+    asked = f"{road.flow}: {road.flow.per_h:g} vehicles an hour counted"
+    if road.flow.to:
+        ways = f"{road.planned_per_h:.0f} planned on its ways" if road.planned_per_h else "but no way leads there here"
+        return f"{asked}, {ways}"
+    if not road.sections:
+        return f"{asked}, but no such road carries cars at this site"
+    return f"{asked}, {road.planned_per_h:.0f} planned; {counted(at_start, 'vehicle')} on it at the start"
+
+
+def _edges_at_start(vehicles: Sequence[GeneratedVehicle], site: SiteNetwork) -> Iterator[str]:
+    lookup = LaneletLookup(site.network)
+    for vehicle in vehicles:
+        lanelet = lookup.under(vehicle.motion.positions[0], float(vehicle.motion.headings_rad[0]))
+        if lanelet is not None:
+            yield lanelet.edge_id
+
+
+class FlowTrips(TripMaker):
+    """Makes trips along the routes of a plan, begun where a vehicle on them would be at a random moment.
+
+    A class that none of the routes is open to drives as without a plan.
+    """
+
+    def __init__(self, net: SumoNet, lasting_s: float, choice: random.Random, plan: FlowPlan) -> None:
+        super().__init__(net, lasting_s, choice)
+        self._plan = plan
+
+    def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
+        """The rest of a route of the plan: routes by the vehicles on them, its beginning by the time on each edge."""
+        edges = self.open_to(vehicle_class)
+        routes = [route for route in self._plan.routes if edges.length_m.keys() >= set(route.edges)]
+        if not routes:
+            return super().trip(vehicle_class)
+        route = self._choice.choices(routes, [each.present for each in routes])[0].edges
+        times_s = [edges.travel_s([edge]) for edge in route]
+        return route[self._choice.choices(range(len(route)), times_s)[0] :]
+
+
+class _Place:
+    """The roads of a site by the words of a request: street names, OSM way ids, directions of the compass."""
+
+    def __init__(self, net: SumoNet, edges: OpenEdges) -> None:
+        self._net, self._edges = net, edges
+        ends = np.array([self._ends(edge) for edge in sorted(edges.length_m)])
+        self._middle = ends.reshape(-1, 2).mean(axis=0)
+
+    def names(self) -> list[str]:
+        """The streets with a name, then the OSM way ids of the others."""
+        named = {self._net.edges[edge].name for edge in self._edges.length_m} - {""}
+        unnamed = {_way(edge) for edge in self._edges.length_m if not self._net.edges[edge].name}
+        return [*sorted(named), *sorted(unnamed)]
+
+    def sections(self, flow: RoadFlow) -> tuple[frozenset[str], ...]:
+        """The cross-sections of a counted road: the edges of both directions side by side, or of the one asked for."""
+        sections: dict[str, set[str]] = {}
+        for edge in sorted(self._edges.length_m):
+            if self._is_named(edge, flow.road) and self._leads(edge, flow.direction):
+                sections.setdefault(edge.lstrip("-"), set()).add(edge)
+        return tuple(frozenset(section) for section in sections.values())
+
+    def ways_between(self, origin: str, destination: str) -> tuple[tuple[str, ...], ...]:
+        """The quickest ways from each edge where traffic enters from the origin, to each where it leaves there."""
+        starts, goals = (
+            self._beginning(origin, self._edges.entries, 0),
+            self._beginning(destination, self._edges.exits, 1),
+        )
+        ways = (self._edges.quickest([start], goal) for start, goal in product(starts, goals))
+        return tuple(sorted(way for way in ways if way and not self._turns_back(way)))
+
+    def _turns_back(self, way: tuple[str, ...]) -> bool:
+        return self._net.edges[way[0]].from_junction == self._net.edges[way[-1]].to_junction
+
+    def _beginning(self, word: str, edges: frozenset[str], end: int) -> list[str]:
+        """Those of the edges that a word names; ``end``: whose start (0) or end (1) lies in a direction."""
+        heading_deg = COMPASS_DEG.get(word.lower())
+        if heading_deg is None:
+            return [edge for edge in sorted(edges) if self._is_named(edge, word)]
+        return [
+            edge
+            for edge in sorted(edges)
+            if _turn(self._ends(edge)[end] - self._middle, heading_deg) <= MOST_ASIDE_RAD / 1.5
+        ]
+
+    def _is_named(self, edge: str, word: str) -> bool:
+        return word == _way(edge) or fold(word) == fold(self._net.edges[edge].name) != ""
+
+    def _leads(self, edge: str, direction: str) -> bool:
+        if not direction:
+            return True
+        start, end = self._ends(edge)
+        return _turn(end - start, COMPASS_DEG[direction]) <= MOST_ASIDE_RAD
+
+    def _ends(self, edge: str) -> tuple[Points, Points]:
+        shape = self._net.lanes[self._net.edges[edge].lane_ids[-1]].shape
+        return shape[0], shape[-1]
+
+
+def _way(edge: str) -> str:
+    """The OSM way of an edge that netconvert made."""
+    found = _OSM_WAY.match(edge)
+    return found[1] if found else edge
+
+
+def _turn(step: Points, heading_deg: float) -> float:
+    """The angle in rad between a step and a heading."""
+    return abs(math.remainder(math.atan2(step[1], step[0]) - math.radians(heading_deg), math.tau))
