@@ -4,7 +4,7 @@ places that none of them shows one that stands in, moved there with its metres k
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -65,7 +65,7 @@ STAND_INS: Mapping[str, StandIn] = {
     "gen-d074": StandIn("bautzen.osm", 59.913, 10.754, {"A 4": "E 6"}),
     "gen-d075": _of("HND_Santa_Barbara-1.osm", 63.933, -20.997),
     "gen-d076": _of("USA_Memphis-1.osm", -34.604, -58.382),
-    "gen-d077": _of("o2s_bristol_sausage_links.osm", -1.286, 36.817),
+    "gen-d077": _of("o2s_st_georges_cycletrack.osm", -1.286, 36.817),
     "gen-d078": _of("o2s_cycleway_rejoin_road.osm", -33.925, 18.424),
     "gen-d079": StandIn("false_positive_u_turns.osm", 51.305, -0.520, {"A167(M)": "M25"}),
     "gen-d080": _of("o2s_borough_sausage_links.osm", -33.861, 151.210),
@@ -75,7 +75,7 @@ STAND_INS: Mapping[str, StandIn] = {
     "gen-d084": _of("o2s_northgate_dual_carriageway.osm", 60.170, 24.938),
     "gen-d085": StandIn("o2s_arizona_highways.osm", 25.198, 55.274, {"Pima Freeway": "Sheikh Zayed Road"}),
     "gen-d087": _of("West-Oakland.osm", 40.7597, -73.98155),
-    "gen-d088": _of("map_without_crossing_nodes.osm", 59.328, 18.060),
+    "gen-d088": _of("West-Oakland.osm", 59.328, 18.060),
     "gen-d096": _of("ALB_Korce-1.osm", 37.984, 23.728),
     "gen-d100": _of("Laufamholzstrasse.osm", 47.918, 106.917),
 }
@@ -84,12 +84,16 @@ STAND_INS: Mapping[str, StandIn] = {
 
 @dataclass(frozen=True)
 class Region:
-    """An extract as it is served: the file that says the same (moved where it stands in), and the town's names."""
+    """An extract as it is served: the file that says the same (moved where it stands in), and the town's names.
+
+    ``most``: how many sites of a type there are, where ``places.json`` counts them.
+    """
 
     extract: Extract
     file: Path
     towns: tuple[str, ...]
     country: str
+    most: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
     def evidence(self) -> MapEvidence:
@@ -122,7 +126,11 @@ def earth_for(lines: Sequence[Mapping[str, Any]], maps: Path, scratch: Path) -> 
         if name is not None and name not in regions:
             extract = Extract.read(maps / name)
             file = _as_xml(extract, scratch / f"{len(regions)}.osm") if name.endswith(".pbf") else maps / name
-            regions[name] = Region(extract, file, tuple(shown[name]["places"]), shown[name]["country"])
+            most = {
+                "signalised_intersection": int(shown[name]["contains"]["signalised_crossings"]["count"]),
+                "roundabout": int(shown[name]["contains"]["roundabouts"]["count"]),
+            }
+            regions[name] = Region(extract, file, tuple(shown[name]["places"]), shown[name]["country"], most)
         elif name is None and line["id"] in STAND_INS:
             regions[line["id"]] = _stand_in(STAND_INS[line["id"]], line["truth"]["location"], maps, scratch)
     return Earth(regions, (*_towns(regions), *_roads_and_sights(regions), *_springfields()))

@@ -59,6 +59,8 @@ class Extract:
             tags = {tag.k: found.renamed.get(tag.v, tag.v) for tag in entity.tags}
             if nameless:
                 tags = {key: value for key, value in tags.items() if not key.startswith(("place", "addr:", "is_in"))}
+                if tags.get("highway") == "motorway_junction":
+                    tags.pop("name", None)
             if entity.is_node():
                 if entity.location.valid():
                     found.nodes[entity.id] = (entity.lat, entity.lon, tags)

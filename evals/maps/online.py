@@ -182,8 +182,8 @@ def _what_is_wrong(request: BenchRequest, answered: _Answered, region: Region, w
     """What did not come as asked, a few words each."""
     if answered.refused:
         return [f"refused: {answered.text}"]
-    asked = request.arguments
-    faults = [] if len(answered.scenarios) == asked.count else [f"{len(answered.scenarios)} of {asked.count} scenarios"]
+    asked = min(request.arguments.count, region.most.get(request.arguments.scenario_type, request.arguments.count))
+    faults = [] if len(answered.scenarios) == asked else [f"{len(answered.scenarios)} of {asked} scenarios"]
     if len(set(answered.scenarios)) != len(answered.scenarios):
         faults.append("a scenario twice")
     for scenario_id in answered.scenarios:

@@ -4,6 +4,7 @@ import gzip
 from pathlib import Path
 
 import pytest
+from support.online import town_servers
 from typer.testing import CliRunner, Result
 
 from plannerforge.engine.maps.drawn_library import LIBRARY
@@ -57,3 +58,25 @@ def test_ids_are_listed_whole_where_the_terminal_is_narrow(monkeypatch: pytest.M
     listed = maps("list")
     assert "map_fahrhausen " in listed.stdout
     assert "map_quadratstadt " in listed.stdout
+
+
+def test_a_map_is_fetched_to_have_it_beside_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    with town_servers().running() as servers:
+        monkeypatch.setenv("PLANNERFORGE_MAPS_ONLINE", "online")
+        monkeypatch.setenv("PLANNERFORGE_NOMINATIM_URL", servers.nominatim)
+        monkeypatch.setenv("PLANNERFORGE_OVERPASS_URLS", ",".join(servers.mirrors))
+        fetched = maps("fetch", "Ringstadt", "--country", "Germany", "--scenario-type", "roundabout")
+        assert fetched.exit_code == 0, fetched.output
+        assert "Ringstadt (DEU): 2.3 km of roads" in fetched.stdout
+        assert "1 roundabout site" in fetched.stdout
+        assert f"roads of Ringstadt, Germany downloaded from 127.0.0.1:{servers.port}" in fetched.stdout
+        assert "© OpenStreetMap contributors, ODbL" in fetched.stdout
+        assert f"Asks 127.0.0.1:{servers.port}" in fetched.stderr
+        assert "Ringstadt" in maps("list").stdout
+        unknown = maps("fetch", "Gotham City")
+        assert unknown.exit_code == 1
+        assert "knows no such place" in unknown.stderr
+    monkeypatch.setenv("PLANNERFORGE_MAPS_ONLINE", "offline")
+    refused = maps("fetch", "Ringstadt")
+    assert refused.exit_code == 1
+    assert "nothing is fetched" in refused.stderr

@@ -95,3 +95,28 @@ def test_the_embedding_model_is_the_packaged_one_a_folder_or_a_name_on_the_hub(t
 
 def test_every_setting_says_what_it_is_for() -> None:
     assert [name for name, field in Settings.model_fields.items() if not field.description] == []
+
+
+def test_addresses_of_map_services_are_checked_and_listed_in_any_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLANNERFORGE_OVERPASS_URLS", "https://one.example/api/, http://two.example:8080/api")
+    monkeypatch.setenv("PLANNERFORGE_NOMINATIM_URL", "https://names.example/")
+    services = Settings().map_services()
+    assert services.overpass_urls == ("https://one.example/api", "http://two.example:8080/api")
+    assert services.hosts == ("names.example", "one.example", "two.example:8080")
+    assert services.mode == "offline"  # as conftest.py sets it
+    monkeypatch.setenv("PLANNERFORGE_OVERPASS_URLS", '["https://one.example/api"]')
+    assert Settings().overpass_urls == ("https://one.example/api",)
+    for wrong in ("ftp://one.example", "https://user:word@one.example", "https://one.example/?x=1", ""):
+        monkeypatch.setenv("PLANNERFORGE_OVERPASS_URLS", wrong)
+        with pytest.raises(ValidationError, match="is no address such as"):
+            Settings()
+
+
+def test_a_fresh_install_asks_the_net_only_for_what_is_not_at_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PLANNERFORGE_MAPS_ONLINE")
+    services = Settings().map_services()
+    assert services.mode == "online"
+    assert services.hosts[0] == "nominatim.openstreetmap.org"
+    assert len(services.hosts) == 5
+    assert services.user_agent.startswith("PlannerForge-MCP/")
+    assert services.delay_s >= 1.0  # Nominatim's policy

@@ -42,8 +42,10 @@ _MARGIN_M: Mapping[ScenarioType, float] = {"highway": 900.0, "ramp": 900.0, "rur
 _USUAL_MARGIN_M = 500.0
 MOST_TRIES = 3
 """Downloads for one map (chosen): a spot may turn out to be no site."""
+SPARE_SITES = 3
+"""Beside those asked for: a network that cannot be built there is no scenario (chosen)."""
 MOST_MAPS = 6
-"""For one request for many scenarios (chosen)."""
+"""For one request for many scenarios (chosen); two downloads more for each beyond the first."""
 MOST_SEARCHED_M = 60_000.0
 """Longest side of a box in which spots are looked for (chosen); of a larger one the middle."""
 MOST_SPOTS = 4000
@@ -52,6 +54,7 @@ ON_ROAD_M = 60.0
 """From a road to the spots that lie on it (chosen)."""
 OUT_OF_TOWN_M = 1200.0
 """From the middle of a settlement to rural roads (chosen); farther for towns and cities."""
+_TOWN_LIMIT_KMH = 60
 _SPOT_FILTERS: Mapping[ScenarioType, str] = {
     "roundabout": 'way["highway"]["junction"~"^(roundabout|circular)$"]',
     "signalised_intersection": 'node["highway"="traffic_signals"]',
@@ -84,7 +87,7 @@ def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMap
     troubles: list[str] = []
     held: set[SiteType] = set()
     sites, has_roads = 0, False
-    for number, core in enumerate(islice(search.cores(), MOST_TRIES + min(request.count, MOST_MAPS) - 1)):
+    for number, core in enumerate(islice(search.cores(), MOST_TRIES + 2 * min(request.count, MOST_MAPS) - 2)):
         query = map_query(request, core)
         answered = client.query(query)
         troubles += answered.troubles
@@ -163,17 +166,20 @@ class _Area:
         return area_km2(widened(core, margin_m(self._kind))) <= self._request.services.most_km2
 
     def _about(self, spots: Sequence[Spot]) -> Iterator[Box]:
-        """A core about each spot that lies in none of those before, with as many neighbours as fit."""
+        """A core about each spot that overlaps none of those before, with neighbours as far as they fit.
+
+        There is room for as many as scenarios are asked for, and for some that take the place of one that fails.
+        """
         used: list[Box] = []
         for spot in spots:
             core = _about_spot(spot, CORE_M)
             if any(_overlap(core, box) for box in used):
                 continue
-            if self._request.count > 1:
-                for other in sorted(spots, key=lambda each: ground_distance_m(spot, each)):
-                    larger = _around_both(core, _about_spot(other, LEAST_CORE_M))
-                    apart = not any(_overlap(larger, box) for box in used)
-                    core = larger if apart and self._fits(larger) else core
+            room = self._request.count + SPARE_SITES
+            for other in sorted(spots, key=lambda each: ground_distance_m(spot, each))[:room]:
+                larger = _around_both(core, _about_spot(other, LEAST_CORE_M))
+                apart = not any(_overlap(larger, box) for box in used)
+                core = larger if apart and self._fits(larger) else core
             used.append(core)
             yield core
 
@@ -214,7 +220,8 @@ class _Area:
         return [one for one in self._client.query(query).answer["elements"] if _has_position(one)]
 
     def _out_of_town(self, roads: list[Mapping[str, Any]], box: Box) -> list[Mapping[str, Any]]:
-        """Roads that lie away from the middle of every settlement; all where none does."""
+        """Roads that nothing tells to lie in a town, and that lie away from its middle; all where there is none."""
+        roads = [road for road in roads if not _is_of_town(road["tags"])] or roads
         towns = [(_position(one), one["tags"].get("place")) for one in self._found([_SETTLEMENTS], box)]
         far = {"city": 3 * OUT_OF_TOWN_M, "town": 1.5 * OUT_OF_TOWN_M, "hamlet": 0.4 * OUT_OF_TOWN_M}
         apart = [
@@ -329,6 +336,13 @@ def _is_on(spot: Spot, lines: Sequence[Sequence[Spot]]) -> bool:
     )
 
 
+def _is_of_town(tags: Mapping[str, str]) -> bool:
+    """Whether a limit or a pavement tells of a town."""
+    limit = tags.get("maxspeed", "").split(" ")[0]
+    slow = limit.isdecimal() and int(limit) * (1.6 if "mph" in tags["maxspeed"] else 1.0) < _TOWN_LIMIT_KMH
+    return slow or tags.get("sidewalk", "no") not in ("no", "none")
+
+
 def _has_position(element: Mapping[str, Any]) -> bool:
     return "lat" in element or "center" in element
 
@@ -359,9 +373,8 @@ def _sites_inside(path: Path, core: Box, request: FetchMapRequest) -> Mapping[Si
     kinds: tuple[SiteType, ...] = get_args(SiteType)
     found = {kind: sum(_lies_in(site.position, core) for site in finder.find(kind)) for kind in kinds}
     held: dict[SiteType, int] = {kind: count for kind, count in found.items() if count}
-    if not held and request.scenario_type == "any" and finder.longest_road() is not None:
-        return {"urban": 1}
-    return held
+    longest = finder.longest_road() if not held and request.scenario_type == "any" else None
+    return {longest.kind: 1} if longest is not None and _lies_in(longest.position, core) else held
 
 
 def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answered: Answered) -> FetchedMap:
@@ -369,7 +382,8 @@ def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answer
     name = _town_of(place) if place is not None else None
     country = (place.country if place is not None else None) or request.country
     facts = read_map(ReadMapRequest(path=str(path), place=name, country=country), silent)
-    known = () if place is None else (place.name, *place.names, *place.around)
+    own = () if place is None or not place.is_settlement else (place.name, *place.names)  # a road is no place on it
+    known = () if place is None else (*own, *place.around)
     places = tuple(dict.fromkeys((*facts.places[:1], *known, *facts.places)))[:MOST_PLACES]
     stamp = answered.answer.get("osm3s", {}).get("timestamp_osm_base", "")
     return FetchedMap(

@@ -86,6 +86,13 @@ class _Guard:
             NotPossible: it is larger than what is read.
         """
         del unused, options
+        try:
+            self._look_at(response)
+        except BaseException:
+            response.close()
+            raise
+
+    def _look_at(self, response: Any) -> None:
         host = urlsplit(response.url).netloc.rpartition("@")[2]
         if host not in self.hosts:
             raise Trouble(f"{host} is none of the configured hosts")

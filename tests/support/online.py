@@ -1,0 +1,48 @@
+"""Map services on this machine, with drawn towns of the package put anywhere on earth."""
+
+from pathlib import Path
+
+from plannerforge.engine.maps.drawn_library import LIBRARY
+from plannerforge.evals.maps.extracts import Extract
+from plannerforge.evals.maps.loopback import MapServers, Mirror, Place, places_in, settlement
+from plannerforge.schemas.maps import MapServices
+
+HERE = (48.0, 11.0)
+
+
+def drawn_town(file: str, middle: tuple[float, float] = HERE, first_id: int = 0) -> Extract:
+    """A drawn map of the package, moved, its ids raised: those of two drawn maps are the same."""
+    town = Extract.read(LIBRARY / file, middle=middle, nameless=True)
+    town.nodes = {first_id + key: node for key, node in town.nodes.items()}
+    town.ways = {
+        first_id + key: (tuple(first_id + node for node in nodes), tags) for key, (nodes, tags) in town.ways.items()
+    }
+    return town
+
+
+def town_places(name: str, extract: Extract, country: str = "DEU") -> list[Place]:
+    """What Nominatim knows of it."""
+    return [settlement([name], country, extract.box), *places_in(extract, name, country)]
+
+
+def town_servers(
+    name: str = "Ringstadt", file: str = "kreiselheim.osm", mirrors: tuple[Mirror, ...] = (Mirror("one"), Mirror("two"))
+) -> MapServers:
+    """Services that know one town."""
+    extract = drawn_town(file)
+    return MapServers([extract], town_places(name, extract), mirrors)
+
+
+def services_of(servers: MapServers, cache: Path, **more: object) -> MapServices:
+    """The services as settings name them, without pauses."""
+    given: dict[str, object] = {
+        "mode": "online",
+        "nominatim_url": servers.nominatim,
+        "overpass_urls": servers.mirrors,
+        "user_agent": "PlannerForge tests",
+        "cache": str(cache),
+        "delay_s": 0.0,
+        "timeout_s": 5.0,
+        **more,
+    }
+    return MapServices.model_validate(given)
