@@ -44,19 +44,19 @@ def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, co
 
 
 def fetch_map(settings: Settings, place: str, *, country: str | None, scenario_type: ScenarioType) -> int:
-    """Fetch a place's map into the library, with its progress on stderr; 0, or 1 where it cannot be had."""
+    """Fetch a place's map into the library, with its progress on stderr; 0, or 1 where settings forbid it.
+
+    Raises:
+        PlannerForgeError: it cannot be had, alone or in a group of the tasks that it ended.
+    """
     if settings.maps_online == "offline":
         _complain("maps_online is offline: nothing is fetched; set it to online")
         return 1
     errors = Console(stderr=True)
     errors.print(f"Asks {', '.join(settings.map_services().hosts)}", style="dim", highlight=False)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn())
-    try:
-        with Progress(*columns, console=errors, transient=True) as bars:
-            facts, notes = anyio.run(_fetch, settings, place, known_country(country), scenario_type, bars)
-    except PlannerForgeError as error:
-        _complain(error.text)
-        return 1
+    with Progress(*columns, console=errors, transient=True) as bars:
+        facts, notes = anyio.run(_fetch, settings, place, known_country(country), scenario_type, bars)
     sites = ", ".join(counted(count, f"{kind.replace('_', ' ')} site") for kind, count in sorted(facts.sites.items()))
     said = f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}"
     for line in (f"{facts.map_id}: {said}", *notes, facts.attribution):
@@ -66,11 +66,7 @@ def fetch_map(settings: Settings, place: str, *, country: str | None, scenario_t
 
 def list_maps(settings: Settings) -> int:
     """A table of all maps at hand: where they lie and what sites they hold."""
-    try:
-        at_hand = anyio.run(_all, settings)
-    except PlannerForgeError as error:
-        _complain(error.text)
-        return 1
+    at_hand = anyio.run(_all, settings)
     longest = max((len(entry.facts.map_id) for entry in at_hand.entries), default=0)
     identity = Column("id", no_wrap=True, min_width=longest)  # never cut: it is what other commands are given
     table = Table(identity, "place", "country", "south, west, north, east", "road km", "sites", "streets", title="Maps")

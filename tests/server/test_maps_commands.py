@@ -75,7 +75,7 @@ def test_a_map_is_fetched_to_have_it_beside_one(monkeypatch: pytest.MonkeyPatch)
         assert "Ringstadt" in maps("list").stdout
         unknown = maps("fetch", "Gotham City")
         assert unknown.exit_code == 1
-        assert "knows no such place" in unknown.stderr
+        assert "knows no such place" in repr(unknown.exception), "which the command line tells"
     monkeypatch.setenv("PLANNERFORGE_MAPS_ONLINE", "offline")
     refused = maps("fetch", "Ringstadt")
     assert refused.exit_code == 1
