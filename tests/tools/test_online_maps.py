@@ -133,7 +133,7 @@ async def test_the_setting_says_whether_the_net_is_asked(
 
 
 @pytest.mark.parametrize("era", ["auto"], indirect=True)
-async def test_what_can_never_be_met_is_refused_before_anybody_is_asked(
+async def test_what_can_never_be_met_is_refused_before_a_service_is_asked(
     connect: Connect, online: Settings, servers: MapServers
 ) -> None:
     async with connect(online) as client:
@@ -185,7 +185,7 @@ async def test_which_of_two_towns_is_asked_where_the_client_can_ask(
     assert question.message == "Which Springfield is meant?"
 
 
-async def test_which_of_two_towns_is_told_where_nobody_chooses(
+async def test_which_of_two_towns_is_told_where_no_choice_is_made(
     warm_workers: None, online: Settings, era: str, tmp_path: Path
 ) -> None:
     async def decline(context: Any, parameters: ElicitRequestParams) -> ElicitResult:

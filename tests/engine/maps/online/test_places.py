@@ -80,7 +80,7 @@ def test_a_territory_with_a_code_of_its_own_is_found_by_it(tmp_path: Path) -> No
         assert found(servers, tmp_path, "Frederiksted", "VIR").country == "VIR"
 
 
-def test_a_place_that_nobody_knows_is_refused(tmp_path: Path) -> None:
+def test_an_unknown_place_is_refused(tmp_path: Path) -> None:
     with town_servers().running() as servers:
         with pytest.raises(UnknownName, match=r"'Gotham City', and 127\.0\.0\.1:\d+ knows no such place") as caught:
             located(servers, tmp_path, "Gotham City")

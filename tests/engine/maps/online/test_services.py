@@ -115,7 +115,7 @@ def test_a_kept_answer_needs_no_service_and_no_permission(tmp_path: Path) -> Non
         ServiceClient(here.model_copy(update={"mode": "cache"}), silent).query(NOWHERE)
 
 
-def test_an_answer_that_is_too_old_is_used_where_nobody_can_be_asked(tmp_path: Path) -> None:
+def test_an_answer_that_is_too_old_is_used_where_no_service_can_be_asked(tmp_path: Path) -> None:
     with town_servers().running() as servers:
         ServiceClient(services_of(servers, tmp_path), silent).query(ROADS)
         here = services_of(servers, tmp_path, cache_days=1e-9)
