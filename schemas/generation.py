@@ -74,13 +74,29 @@ class MapSource(Model):
     beside: bool = False
 
 
+class ExtractSize(Model):
+    """How much an extract of a country holds that is kept by tiles; a node at a border of tiles may count for each.
+
+    ``data_time``: as the file states it, empty where it does not.
+    """
+
+    places: int
+    road_names: int
+    nodes: int
+    ways: int
+    tiles: int
+    data_time: str
+
+
 class MapFacts(Model):
     """What a map shows: read from the file, nothing guessed.
 
     ``country`` is None where neither the file nor the caller names it; ``countries_near`` are then those that it may
     lie in (none: nothing is known). ``sites`` counts sites by scenario type. ``road_names``: for roads that have
     several names the one of ``streets`` or ``refs``, then the others; ``areas``: places that the map shows in part of
-    itself. ``source``: where a fetched map comes from.
+    itself. ``source``: where a fetched map comes from. ``extract``: of an extract of a country, which is
+    kept by tiles; scenarios are made from parts of it, whose ``cut_of`` is its id. ``places`` then names the largest,
+    and streets are looked up in its index.
     """
 
     map_id: str
@@ -102,6 +118,8 @@ class MapFacts(Model):
     areas: tuple[PlaceArea, ...] = ()
     facts_version: int = 1
     source: MapSource | None = None
+    extract: ExtractSize | None = None
+    cut_of: str = ""
 
 
 class MapList(Model):
@@ -128,10 +146,14 @@ class ConvertMapRequest(Model):
 
 
 class ConvertedMap(Model):
-    """The map as XML, and what was lost on the way, in words."""
+    """The map as XML, and what was lost on the way, in words.
+
+    ``too_large``: it holds more than is read at once, and the file is not there.
+    """
 
     path: str
     lost: tuple[str, ...] = ()
+    too_large: bool = False
 
 
 class FetchMapRequest(Model):

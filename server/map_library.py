@@ -1,5 +1,6 @@
 """The library of maps from the command line: taking maps in, fetching them, and listing what is there."""
 
+import math
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, closing
 from pathlib import Path
@@ -11,7 +12,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
 from rich.table import Column, Table
 
 from ..engine.execution import CallThreads
-from ..schemas.errors import InvalidRequest, PlannerForgeError
+from ..schemas.errors import InvalidRequest, PlannerForgeError, UnsafeInput
 from ..schemas.generation import MapFacts, ScenarioType
 from ..schemas.importing import ImportedItem
 from ..schemas.text import counted
@@ -92,15 +93,26 @@ async def _services(settings: Settings) -> AsyncIterator[Services]:
 async def _add(
     settings: Settings, paths: Sequence[Path], place: str | None, country: str | None
 ) -> list[tuple[Path, ImportedItem | PlannerForgeError]]:
-    outcomes: list[tuple[Path, ImportedItem | PlannerForgeError]] = []
-    async with _services(settings) as services:
-        call = ToolCall(services)
-        for path in paths:
-            try:
-                outcomes.append((path, await import_map(call, path, place, country)))
-            except PlannerForgeError as error:
-                outcomes.append((path, error))
-    return outcomes
+    with Console(stderr=True).status("") as status:
+
+        async def show(share: float, message: str) -> None:
+            status.update(escape(f"{message} ({share:.0%})"))
+
+        async with _services(settings) as services:
+            call = ToolCall(services, show)
+            return [(path, await _added(call, path, place, country)) for path in paths]
+
+
+async def _added(
+    call: ToolCall, path: Path, place: str | None, country: str | None
+) -> ImportedItem | PlannerForgeError:
+    try:
+        added = await import_map(call, path, place, country, wait_s=math.inf)
+    except PlannerForgeError as error:
+        return error
+    if isinstance(added, ImportedItem):
+        return added
+    return UnsafeInput(added.error or f"the job {added.job_id} was {added.state}", next_step="add it again to go on")
 
 
 async def _fetch(

@@ -12,8 +12,8 @@ from typing import Literal
 import anyio
 
 from ..engine.catalog import open_catalogue
-from ..engine.execution import JobProgress, OnProgress
-from ..engine.maps import MAP_ENDINGS, is_net
+from ..engine.execution import Job, JobProgress, OnProgress
+from ..engine.maps import MAP_ENDINGS, is_binary, is_net
 from ..engine.workspace import Recipe
 from ..schemas.errors import InvalidRequest, PlannerForgeError, UnexpectedFailure, as_told
 from ..schemas.importing import ImportedItem, ImportFilesArguments, ImportFilesResult, RefusedItem
@@ -52,10 +52,15 @@ class _Tally:
     items: list[ImportedItem] = field(default_factory=list)
     refusals: list[RefusedItem] = field(default_factory=list)
     failures: list[PlannerForgeError] = field(default_factory=list)
+    jobs: list[Job] = field(default_factory=list)
 
-    def note(self, path: Path, outcome: ImportedItem | PlannerForgeError) -> None:
-        """Count a file that is done with."""
-        if isinstance(outcome, ImportedItem):
+    def note(self, path: Path, outcome: ImportedItem | Job | PlannerForgeError) -> None:
+        """Count a file that is done with, or is read by a job of its own."""
+        if isinstance(outcome, Job) and not outcome.ended:
+            self.jobs.append(outcome)
+        elif isinstance(outcome, Job):
+            self.refusals.append(RefusedItem(file=one_line(path.name), reason=outcome.error or outcome.state))
+        elif isinstance(outcome, ImportedItem):
             self.items.append(outcome)
         else:
             if isinstance(outcome, UnexpectedFailure) and self.total > 1:  # of a single file it is the call's error
@@ -66,7 +71,7 @@ class _Tally:
     @property
     def done(self) -> int:
         """Files that are done with."""
-        return len(self.items) + len(self.refusals)
+        return len(self.items) + len(self.refusals) + len(self.jobs)
 
     def result(self, job_id: str = "", state: JobState = "done") -> ImportFilesResult:
         """The answer for what is done."""
@@ -94,7 +99,19 @@ async def import_files(arguments: ImportFilesArguments, call: ToolCall) -> Impor
     await _take_in(call, files, arguments, tally, call.progress)
     if len(files) == 1 and tally.failures:
         raise tally.failures[0]
-    return tally.result()
+    return _with_running(tally)
+
+
+def _with_running(tally: _Tally) -> ImportFilesResult:
+    """The answer, with the job that still reads a large extract: the last one of several."""
+    if not tally.jobs:
+        return tally.result()
+    job = tally.jobs[-1]
+    more = f"; so are {len(tally.jobs) - 1} more" if len(tally.jobs) > 1 else ""
+    note = (
+        f"too large to be read at once, the extract is read into tiles ({job.share:.0%} done) and then is a map{more}"
+    )
+    return tally.result(job.job_id, "running").model_copy(update={"note": note})
 
 
 def _country(arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]) -> str | None:
@@ -169,8 +186,10 @@ async def _take_in(
 ) -> None:
     """Import the files; the share done is reported every half second."""
 
-    def note(path: Path, item: ImportedItem | PlannerForgeError) -> None:
+    def note(path: Path, item: ImportedItem | Job | PlannerForgeError) -> None:
         tally.note(path, item)
+        if isinstance(item, Job):
+            call.made("job", item.job_id)
         if isinstance(item, ImportedItem):
             call.made(item.kind, item.artifact_id)
 
@@ -191,12 +210,13 @@ async def _keep_reporting(tally: _Tally, report: OnProgress) -> None:
 
 async def _imported_other(
     call: ToolCall, path: Path, kind: _ImportKind, arguments: ImportFilesArguments
-) -> ImportedItem | PlannerForgeError:
+) -> ImportedItem | Job | PlannerForgeError:
     try:
         checked = call.allowed_path(str(path))
-        call.limits.check_size(checked)
+        if not is_binary(checked):  # one of any size is read piece by piece
+            call.limits.check_size(checked)
         if kind == "map":
-            return await import_map(call, checked, arguments.name, arguments.country)
+            return await import_map(call, checked, arguments.name, arguments.country, wait_s=WAIT_S)
         return await import_configuration(call, checked, arguments.name)
     except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
         return as_told(raised, f"import of {kind} {path.name}")

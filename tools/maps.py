@@ -5,6 +5,7 @@ from pathlib import Path
 
 import anyio
 
+from ..engine.execution import Job
 from ..engine.maps import (
     MapEntry,
     SeenFile,
@@ -13,16 +14,18 @@ from ..engine.maps import (
     country_code,
     foreign_format,
     is_binary,
+    is_large,
     is_map,
     stored_name,
     unpacked,
 )
-from ..engine.workspace import Artifact, Recipe, content_digest
+from ..engine.workspace import Artifact, Recipe
 from ..schemas.errors import InvalidRequest, UnexpectedFailure, UnsafeInput, WorkerFailure
 from ..schemas.generation import MAP_FACTS_VERSION, ConvertMapRequest, MapFacts, ReadMapRequest
 from ..schemas.importing import ImportedItem
 from ..schemas.text import counted, one_line
 from .call import ToolCall
+from .extracts import KnownAs, extract_index, map_recipe, start_indexing, told_of
 from .operations import CONVERT_MAP, CONVERT_ROADS, READ_MAP
 
 _MOST_FILES, _MOST_MAPS = 200, 1000
@@ -55,9 +58,9 @@ async def _amend_old(call: ToolCall) -> None:
     """Read anew what an older program kept of maps: it knew fewer names, and not where the parts of a place lie."""
     for artifact in call.workspace.newest(kind="map", limit=_MOST_MAPS):
         facts = artifact.read(MapFacts)
-        if facts.facts_version >= MAP_FACTS_VERSION:
+        if facts.facts_version >= MAP_FACTS_VERSION or facts.extract is not None:
             continue
-        request = ReadMapRequest(path=str(_entry(call, artifact).path), map_id=facts.map_id)
+        request = ReadMapRequest(path=str(map_entry(call, artifact).path), map_id=facts.map_id)
         read = await call.run(READ_MAP, request)
         names = {"road_names": read.road_names, "areas": read.areas, "facts_version": read.facts_version}
         call.workspace.amend("map", artifact.artifact_id, facts.model_copy(update=names))
@@ -79,14 +82,18 @@ def maps_seen(call: ToolCall) -> MapInventory:
 
 
 def _together(call: ToolCall, notes: list[str]) -> MapInventory:
-    imported = [_entry(call, artifact) for artifact in call.workspace.newest(kind="map", limit=_MOST_MAPS)]
+    imported = [map_entry(call, artifact) for artifact in call.workspace.newest(kind="map", limit=_MOST_MAPS)]
+    imported = [entry for entry in imported if not entry.facts.cut_of]
     more = len(notes) - _SHOWN_NOTES
     shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{more} more map files were left out"]
     return MapInventory((*imported, *built_in_maps()), tuple(shown))
 
 
-def _entry(call: ToolCall, artifact: Artifact) -> MapEntry:
+def map_entry(call: ToolCall, artifact: Artifact) -> MapEntry:
+    """A stored map with its file; of an extract of a country, the index of its tiles."""
     facts = artifact.read(MapFacts)
+    if facts.extract is not None:
+        return MapEntry(facts, extract_index(call, facts.map_id))
     return MapEntry(facts, call.workspace.file("map", artifact.artifact_id, stored_name(Path(facts.file_name))))
 
 
@@ -106,34 +113,67 @@ def _left_out(path: Path, file: SeenFile) -> str:
 
 
 async def _taken_in(call: ToolCall, seen: SeenFiles, folder: Path) -> list[str]:
-    """Take the maps of a folder in; returns notes on what was left out."""
+    """Take the maps of a folder in; returns notes on what was left out, or is not there yet."""
     paths, notes = _files(folder)
     for path in paths:
         try:
             file = seen.find(path) or await _read(call, seen, path)
         except OSError as error:
             file = SeenFile("", error.strerror or str(error))
-        if file.refusal:
+        if isinstance(file, Job):
+            notes.append(
+                f"the map {one_line(path.name)} is still read into tiles: {file.job_id}, {file.share:.0%} done"
+            )
+        elif file.refusal:
             notes.append(_left_out(path, file))
     return notes
 
 
-async def _read(call: ToolCall, seen: SeenFiles, path: Path) -> SeenFile:
+async def _read(call: ToolCall, seen: SeenFiles, path: Path) -> SeenFile | Job:
+    """What becomes of a file, or the job that reads it."""
     try:
-        file = SeenFile((await import_map(call, path, None)).artifact_id, "")
+        imported = await import_map(call, path, None)
+        if isinstance(imported, Job) and not imported.ended:
+            return imported
+        refusal = imported.error if isinstance(imported, Job) else ""
+        file = SeenFile("" if isinstance(imported, Job) else imported.artifact_id, refusal)
     except (UnsafeInput, InvalidRequest, WorkerFailure, UnexpectedFailure) as error:
         file = SeenFile("", error.message)
     seen.keep(path, file)
     return file
 
 
-async def import_map(call: ToolCall, path: Path, name: str | None, country: str | None = None) -> ImportedItem:
-    """Store a map, unpacked, with what it shows; name and country (ISO alpha-3) win over what the file says."""
+async def import_map(
+    call: ToolCall, path: Path, name: str | None, country: str | None = None, *, wait_s: float = 0.0
+) -> ImportedItem | Job:
+    """Store a map, unpacked, with what it shows; name and country (ISO alpha-3) win over what the file says.
+
+    A binary extract that is too large to be read at once is read into tiles by a job, which is waited for; where it
+    has not come to its end by then, or failed, it is what comes back.
+    """
+    known = KnownAs(name, country)
+    if is_large(path):
+        return await _as_extract(call, path, known, wait_s)
     with call.workspace.scratch() as folder:
         plain, lost = await _plain(call, path, folder)
-        recipe = _recipe(plain, name, country)
+        if plain is None:
+            return await _as_extract(call, path, known, wait_s)
+        recipe = map_recipe(plain, known)
         before = call.workspace.find_by_recipe("map", recipe)
         artifact = before or await _store_map(call, plain, recipe, name, country)
+    return _item(path, artifact, lost, reused=before is not None)
+
+
+async def _as_extract(call: ToolCall, path: Path, known: KnownAs, wait_s: float) -> ImportedItem | Job:
+    newest = {artifact.artifact_id for artifact in call.workspace.newest(kind="map", limit=_MOST_MAPS)}
+    job = await call.wait_for(start_indexing(call, path, known).job_id, wait_s)
+    if job.state != "done":
+        return job
+    artifact = call.workspace.get(job.results[0], "map")
+    return _item(path, artifact, reused=artifact.artifact_id in newest)
+
+
+def _item(path: Path, artifact: Artifact, lost: tuple[str, ...] = (), *, reused: bool) -> ImportedItem:
     facts = artifact.read(MapFacts)
     sites = (
         ", ".join(
@@ -141,14 +181,15 @@ async def import_map(call: ToolCall, path: Path, name: str | None, country: str 
         )
         or "no sites"
     )
+    size = f"; {told_of(facts)}" if facts.extract is not None else ""
     left_out = f"; lost on the way: {'; '.join(lost)}" if lost else ""
     where = f"{facts.place} ({facts.country or 'country unknown'})"
     return ImportedItem(
         file=one_line(path.name),
         kind="map",
         artifact_id=artifact.artifact_id,
-        summary=f"{where}: {facts.road_km:.1f} km of roads, {sites}{left_out}",
-        reused=before is not None,
+        summary=f"{where}: {facts.road_km:.1f} km of roads, {sites}{size}{left_out}",
+        reused=reused,
     )
 
 
@@ -160,7 +201,8 @@ async def map_of_scenario(call: ToolCall, word: str) -> str | None:
     """
     if call.workspace.find("scenario", word) is None:
         return None
-    return (await import_map(call, call.workspace.file("scenario", word, "scenario.xml"), None)).artifact_id
+    roads = await import_map(call, call.workspace.file("scenario", word, "scenario.xml"), None)
+    return None if isinstance(roads, Job) else roads.artifact_id
 
 
 def known_country(text: str | None) -> str | None:
@@ -175,11 +217,14 @@ def known_country(text: str | None) -> str | None:
     return code
 
 
-async def _plain(call: ToolCall, path: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """The map itself, unpacked or converted into the folder, and what is lost of it, in words."""
+async def _plain(call: ToolCall, path: Path, folder: Path) -> tuple[Path | None, tuple[str, ...]]:
+    """The map itself, unpacked or converted into the folder, and what is lost of it, in words.
+
+    None where it is more than is read at once.
+    """
     if is_binary(path):
         converted = await call.run(CONVERT_MAP, ConvertMapRequest(path=str(path), folder=str(folder)))
-        return Path(converted.path), converted.lost
+        return None if converted.too_large else Path(converted.path), converted.lost
     plain = await anyio.to_thread.run_sync(unpacked, path, folder)
     if await anyio.to_thread.run_sync(foreign_format, plain) is None:
         return plain, ()
@@ -193,9 +238,3 @@ async def _store_map(call: ToolCall, path: Path, recipe: Recipe, name: str | Non
     return call.workspace.put(
         "map", facts.map_id, recipe=recipe, record=facts, files={stored_name(path): path}, name=facts.place
     )
-
-
-def _recipe(path: Path, name: str | None, country: str | None) -> Recipe:
-    arguments = {"content": content_digest(path)}
-    arguments |= ({"name": name} if name else {}) | ({"country": country} if country else {})
-    return Recipe(tool="import_files", arguments=arguments)

@@ -11,6 +11,7 @@ from ..engine.execution import Operation
 from ..schemas.artifacts import FileWritten, RunTableRequest, SolutionRequest
 from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
 from ..schemas.comparison import CompareRequest, CompareResultsResult
+from ..schemas.extracts import CutExtractRequest, CutOfExtract, IndexedExtract, IndexExtractRequest
 from ..schemas.generation import (
     ConvertedMap,
     ConvertMapRequest,
@@ -42,6 +43,10 @@ APPLY_EDITS = Operation(
 # Maps and generation
 CONVERT_MAP = Operation("plannerforge.engine.maps:write_as_xml", ConvertMapRequest, ConvertedMap, timeout_s=120.0)
 CONVERT_ROADS = Operation("plannerforge.engine.maps:convert_roads", ConvertMapRequest, ConvertedMap, timeout_s=180.0)
+INDEX_EXTRACT = Operation(
+    "plannerforge.engine.maps:index_extract", IndexExtractRequest, IndexedExtract, timeout_s=43_200.0
+)
+CUT_EXTRACT = Operation("plannerforge.engine.maps:cut_extract", CutExtractRequest, CutOfExtract, timeout_s=50.0)
 READ_MAP = Operation("plannerforge.engine.maps:read_map", ReadMapRequest, MapFacts, timeout_s=120.0)
 LOCATE_PLACE = Operation("plannerforge.engine.maps:locate_place", LocateRequest, LocatedPlace, timeout_s=180.0)
 FETCH_MAPS = Operation("plannerforge.engine.maps:fetch_maps", FetchMapRequest, FetchedMaps, timeout_s=400.0)

@@ -2,12 +2,16 @@
 
 ``cut_map``: Write the roads within a circle of an extract as an .osm file; returns the ways written.
 ``cut_net``: Write the roads of a SUMO network that come within a circle as a network; netconvert's warnings.
+``index_extract``: An operation: read an extract of a country into tiles, or go on where that broke off.
+``cut_extract``: An operation: the part of an extract that a request means, as a map.
 ``read_map``: An operation: the facts of a map file, its place and country among them.
 ``MapEntry``: A map at hand: its facts and its file.
 ``MapMatch``: A map that shows an asked place, with the streets that a site there must carry.
 ``SeenFile``: What became of a file in a map folder: the id of a map, or why it was refused.
 ``SeenFiles``: The files of map folders that were looked at, kept in the database.
 ``built_in_maps``: The maps that come with the package, by id.
+``place_parts``: What of the words for a place stands between commas, and around the words for a crossing.
+``NOT_SHOWN``: Reason of a refusal because no map shows the place, the country or the box.
 ``find_maps``: The maps that fit a place, a country, a box and a type of site, the best first.
 ``LaneletMap``: The lanelet network of a CommonRoad file as a map.
 ``convert_roads``: An operation: write an OpenDRIVE, Lanelet2 or CommonRoad file as a map that is read.
@@ -41,6 +45,7 @@
 ``SiteFinder``: Finds the sites of one map by their type.
 ``MAP_ENDINGS``: Endings of the names of map files.
 ``is_binary``: Whether a file is a binary extract by its name.
+``is_large``: Whether a file is a binary extract that is read into tiles without trying to read it at once.
 ``is_map``: Whether a file is a map by its name.
 ``is_net``: Whether a file, not packed, is a SUMO network by its name.
 ``stored_name``: The name under which a map is kept, not packed.
@@ -54,11 +59,23 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .cut import cut_map, cut_net
     from .drawn_library import Sketch
+    from .extracts.cutting import cut_extract
+    from .extracts.indexing import index_extract
     from .facts import read_map
     from .foreign.conversion import convert_roads
     from .foreign.lanelet_map import LaneletMap, RoadFile, cut_lanelets, read_lanelet_map
     from .foreign.net_map import NetMap
-    from .index import NOT_SHOWN, MapEntry, MapMatch, SeenFile, SeenFiles, built_in_maps, find_maps, match_fetched
+    from .index import (
+        NOT_SHOWN,
+        MapEntry,
+        MapMatch,
+        SeenFile,
+        SeenFiles,
+        built_in_maps,
+        find_maps,
+        match_fetched,
+        place_parts,
+    )
     from .map_file import read_map_file
     from .nearness import Gathering
     from .online.fetch import fetch_maps
@@ -67,6 +84,6 @@ if TYPE_CHECKING:
     from .places import country_code, country_name, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
     from .sites import Site, SiteFinder
-    from .unpacking import MAP_ENDINGS, foreign_format, is_binary, is_map, is_net, stored_name, unpacked
+    from .unpacking import MAP_ENDINGS, foreign_format, is_binary, is_large, is_map, is_net, stored_name, unpacked
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -22,6 +22,7 @@ from .map_file import read_map_file
 from .osm import OSM_ATTRIBUTION, OsmMap, ground_distance_m, length_m
 from .places import country_code, fold
 from .sites import SiteFinder
+from .spellings import road_keys, whole_road_keys
 from .unpacking import MAP_ENDINGS
 
 if TYPE_CHECKING:
@@ -80,6 +81,12 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     report(0.0, "reading the map")
     osm = read_map_file(path)
     report(0.6, "looking for sites")
+    return facts_of(osm, request)
+
+
+def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
+    """What a map shows that was read from the request's file."""
+    path = Path(request.path)
     given = one_line(request.place or osm.name)
     names = list(dict.fromkeys(([given] if given else []) + _places(osm)))
     roads = osm.roads()
@@ -139,12 +146,18 @@ def _places(osm: OsmMap) -> list[str]:
     return list({fold(name): name for name in reversed(merged)}.values())[::-1]
 
 
-def _names_of(tags: Mapping[str, str]) -> list[str]:
+def names_of(tags: Mapping[str, str]) -> list[str]:
     """All names that the tags give, the main one first, each once."""
     keys = [key for key in tags if key.partition(":")[0] in NAME_KEYS]
     keys.sort(key=lambda key: (NAME_KEYS.index(key.partition(":")[0]), key != "name:en", key))
     names = (name.strip() for key in keys for name in tags[key].split(";"))
     return list(dict.fromkeys(name for name in names if name))[:MOST_NAMES]
+
+
+def keys_of_road(tags: Mapping[str, str]) -> frozenset[str]:
+    """The keys of all names and numbers of a road; two spellings mean the same road where they share one."""
+    names = [*names_of(tags), *(part.strip() for part in tags.get("ref", "").split(";") if part.strip())]
+    return frozenset(key for name in names for key in (*road_keys(name), *whole_road_keys(name)))
 
 
 def _road_names(osm: OsmMap) -> tuple[tuple[str, ...], ...]:
@@ -153,7 +166,7 @@ def _road_names(osm: OsmMap) -> tuple[tuple[str, ...], ...]:
     junctions = (node.tags for node in osm.nodes.values() if node.tags.get("highway") == "motorway_junction")
     for tags in (*(way.tags for way in osm.roads()), *junctions):
         main = tags.get("name", "").strip() or tags.get("ref", "").partition(";")[0].strip()
-        others = [name for name in _names_of(tags) if name != main]
+        others = [name for name in names_of(tags) if name != main]
         if main and others:
             found.setdefault(main, {}).update(dict.fromkeys(others))
     return tuple((main, *list(found[main])[:MOST_NAMES]) for main in sorted(found))[:MOST_STREETS]
@@ -192,7 +205,7 @@ def _middle_and_reach(points: list[Position]) -> tuple[Position, float]:
 def _merged(outlines: list[tuple[Mapping[str, str], Position, float | None]]) -> tuple[PlaceArea, ...]:
     """One area a place; without an outline it reaches at most half way to the next place that is as large."""
     ranked = sorted((PLACE_KINDS.index(tags["place"]), index) for index, (tags, _, _) in enumerate(outlines))
-    named = [(rank, *outlines[index], names) for rank, index in ranked if (names := _names_of(outlines[index][0]))]
+    named = [(rank, *outlines[index], names) for rank, index in ranked if (names := names_of(outlines[index][0]))]
     keyed = [(rank, fold(names[0]), middle) for rank, _, middle, _, names in named[:MOST_AREAS]]
     merged: dict[str, PlaceArea] = {}
     for rank, tags, middle, reach, names in named[:MOST_AREAS]:

@@ -246,7 +246,7 @@ def _showing(found: list[MapMatch], place: str, country: str | None) -> list[Map
     return [match for match in matches if match is not None]
 
 
-def _parts(place: str) -> list[str]:
+def place_parts(place: str) -> list[str]:
     """What stands between commas, and around the words for a crossing."""
     return [part for listed in listed_parts(place) for part in crossing_parts(listed)]
 
@@ -279,7 +279,7 @@ def _not_shown(
     nameless = [
         match.entry.facts
         for match in matches
-        if not match.entry.facts.places and any(roads_called(part, match.entry.facts) for part in _parts(place))
+        if not match.entry.facts.places and any(roads_called(part, match.entry.facts) for part in place_parts(place))
     ]
     if nameless:
         return UnknownName(
@@ -307,7 +307,9 @@ def _not_shown(
 
 def _near(place: str, shown: Sequence[MapFacts]) -> list[str]:
     """Names that are like the text or a part of it in spelling or sound, the most alike first."""
-    parts = [part for part in dict.fromkeys((place, *_parts(place))) if len(part) >= _TELLING_LETTERS or part == place]
+    parts = [
+        part for part in dict.fromkeys((place, *place_parts(place))) if len(part) >= _TELLING_LETTERS or part == place
+    ]
     words = _words(place)
     named: dict[str, str] = {}
     for facts in shown:
@@ -432,7 +434,7 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     stem = facts.file_name.partition(".")[0]
     if fold(part) in {fold(facts.map_id), fold(facts.map_id.removeprefix("map_")), fold(facts.file_name), fold(stem)}:
         return _Reading(named=True)
-    keys = place_keys(part) | place_keys(_PLACE_FRAME.sub("", part))
+    keys = place_keys(part) | place_keys(without_frame(part))
     for area in facts.areas:
         if not keys.isdisjoint(_all_keys(area.name, area.other_names)):
             taken = "" if fold(part) == fold(area.name) else f"{part!r} is taken as "
@@ -449,6 +451,11 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     ):
         return _Reading(named=True)
     return None
+
+
+def without_frame(part: str) -> str:
+    """A place's name without a postcode and the words for what it is (``city of``, ``Stadtteil``)."""
+    return _PLACE_FRAME.sub("", part)
 
 
 def _named_by_file(stem: str) -> frozenset[str]:

@@ -85,7 +85,7 @@ class OsmWay:
 
 
 @dataclass(frozen=True)
-class _OsmRelation:
+class OsmRelation:
     """A relation: (type, id, role) of every member, and its tags."""
 
     relation_id: int
@@ -103,7 +103,7 @@ class OsmMap:
 
     nodes: dict[int, OsmNode]
     ways: tuple[OsmWay, ...]
-    relations: tuple[_OsmRelation, ...]
+    relations: tuple[OsmRelation, ...]
     declared_bounds: tuple[float, float, float, float] | None
     attribution: str = ""
     name: str = ""
@@ -156,7 +156,7 @@ def _read(path: Path) -> tuple[OsmMap, int]:
     """The extract, and how many of its nodes were left out because they lie too near to a pole."""
     nodes: dict[int, OsmNode] = {}
     ways: dict[int, OsmWay] = {}
-    relations: list[_OsmRelation] = []
+    relations: list[OsmRelation] = []
     bounds: tuple[float, float, float, float] | None = None
     with path.open("rb") as stream:
         document = etree.iterparse(
@@ -289,9 +289,9 @@ def _way(element: Any) -> OsmWay:
     return OsmWay(_id(element), references, _tags(element))
 
 
-def _relation(element: Any) -> _OsmRelation:
+def _relation(element: Any) -> OsmRelation:
     members = tuple((m.get("type", ""), int(m.get("ref", "0")), m.get("role", "")) for m in element.iterfind("member"))
-    return _OsmRelation(_id(element), members, _tags(element))
+    return OsmRelation(_id(element), members, _tags(element))
 
 
 def _id(element: Any) -> int:
@@ -327,10 +327,10 @@ KEPT_KEYS = (
 
 
 def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> ConvertedMap:
-    """Write a binary extract as XML into a folder.
+    """Write a binary extract as XML into a folder, unless it holds more than is read at once.
 
     Raises:
-        UnsafeInput: the file is broken, or holds more elements than may be read.
+        UnsafeInput: the file is broken.
     """
     import osmium
 
@@ -340,9 +340,7 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
     try:
         # Read once before: osmium's writer would leave half a map, without a word, where reading breaks off.
         if sum(1 for _ in _kept(path)) > LIMITS.elements:
-            raise UnsafeInput(
-                f"{path.name} holds more than {LIMITS.elements:,} elements", next_step="use a smaller extract"
-            )
+            return ConvertedMap(path="", too_large=True)
         with osmium.BackReferenceWriter(str(target), ref_src=str(path), overwrite=True) as writer:
             for element in _kept(path):
                 writer.add(element)
@@ -350,6 +348,9 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
         raise UnsafeInput(
             f"{path.name} cannot be unpacked: {error}", next_step="get the extract again, or convert it to .osm"
         ) from error
+    if target.stat().st_size > LIMITS.size_bytes:
+        target.unlink()
+        return ConvertedMap(path="", too_large=True)
     return ConvertedMap(path=str(target))
 
 

@@ -25,6 +25,8 @@ ForeignFormat = Literal["OpenDRIVE", "CommonRoad", "Lanelet2"]
 _LANELET_VALUE = re.compile(rb"""v\s*=\s*["']lanelet["']""")
 LARGEST_BYTES = 60_000_000
 """Of a map: what a worker reads within its memory (docs/generation.md states it)."""
+LARGE_BINARY_BYTES = 24_000_000
+"""Of a binary extract: roads and houses of a larger one are hardly ever less than what a worker reads (chosen)."""
 CHUNK_BYTES = 1 << 20
 """Bytes that are in memory at a time."""
 
@@ -67,6 +69,11 @@ def is_net(path: Path) -> bool:
 def is_binary(path: Path) -> bool:
     """Whether a file is an extract in OpenStreetMap's binary format by its name."""
     return path.name.lower().endswith(BINARY_ENDING)
+
+
+def is_large(path: Path) -> bool:
+    """Whether a file is a binary extract that is read into tiles without trying to read it at once."""
+    return is_binary(path) and path.stat().st_size > LARGE_BINARY_BYTES
 
 
 def stored_name(path: Path) -> str:

@@ -8,6 +8,7 @@ from ..call import ToolCall
 from ..maps import map_of_scenario, maps_at_hand
 from .conditions import read_conditions, with_tables_read
 from .coverage import cover_combinations
+from .cuts import with_cuts
 from .making import make_scenario, with_trial_run
 from .online import maps_for
 from .requests import AssignedSite, SiteAssignment, assign_sites, request_for
@@ -29,8 +30,10 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
         arguments = arguments.model_copy(update={"place": filled})
     arguments = with_tables_read(arguments, call)
     at_hand = await maps_at_hand(call)
+    choice = await with_cuts(arguments, call, at_hand.entries)
+    arguments, told = choice.arguments, (*choice.notes, *at_hand.notes)
     if arguments.cover:
-        return await cover_combinations(arguments, call, at_hand.entries, at_hand.notes)
+        return await cover_combinations(arguments, call, choice.entries, told)
     if arguments.count > MOST_SINGLY:
         raise InvalidRequest(
             f"count {arguments.count:,} is more than one call makes without a plan",
@@ -38,11 +41,11 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
             next_step="say by cover what is to be varied, such as ['density=low|high', 'turn=left|right|straight']",
         )
     conditions = read_conditions(arguments)
-    plan = await maps_for(arguments, call, at_hand.entries)
+    plan = await maps_for(arguments, call, choice.entries)
     sites = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, sites)
     call.made("scenario", *(summary.scenario_id for summary in made))
-    notes = [*conditions.notes, *plan.notes, *at_hand.notes, *failures]
+    notes = [*conditions.notes, *plan.notes, *told, *failures]
     if len(sites.planned) < arguments.count:
         notes.append(f"only {len(sites.planned)} different site(s) fit; {arguments.count} were asked for")
     used = {summary.map_id for summary in made}

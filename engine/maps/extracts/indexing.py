@@ -1,0 +1,332 @@
+"""Reading an extract of a country into tiles, once: elements, then names, then the sites of each tile.
+
+What is done is noted in the index itself, so that work that broke off goes on: a stage that was not finished begins
+anew, sites go on at the tile that they had come to. Positions of nodes are kept on disk meanwhile, so that memory does
+not grow with the extract.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+import numpy as np
+
+from ....schemas.errors import UnsafeInput
+from ....schemas.extracts import INDEX_NAME, IndexedExtract, IndexExtractRequest
+from ....schemas.generation import MAP_FACTS_VERSION, ExtractSize, MapFacts, PlaceArea, SiteType
+from ....schemas.text import one_line
+from ...execution import ProgressReporter
+from ..facts import LEAST_RADIUS_M, PLACE_KINDS, USUAL_RADIUS_M, countries_near, keys_of_road, names_of
+from ..osm import (
+    EARTH_RADIUS_M,
+    KEPT_KEYS,
+    NORTHMOST_DEG,
+    OSM_ATTRIBUTION,
+    SOUTHMOST_DEG,
+    OsmMap,
+    OsmNode,
+    OsmRelation,
+    OsmWay,
+    tag_text,
+)
+from ..places import fold, place_keys
+from ..road_classes import ALL_ROADS
+from ..sites import SiteFinder
+from .tiles import TileStore, box_of_tile, tile_of
+
+VERSION = "1"
+"""Raised when the index holds something else than before: it is then made anew."""
+SURROUNDINGS_DEG = 0.012
+"""What is looked at around a tile, so that its sites are those of a map of any size (over a kilometre; chosen)."""
+_TOLD_EVERY, _BYTES_OF_ELEMENT = 10_000, 60
+"""Elements between two reports; what one that is kept takes in a file, for the share that is read (measured)."""
+_TIMESTAMP = "osmosis_replication_timestamp"
+"""The header's field for the time of the data."""
+_SHOWN_PLACES = 300
+"""Names of places that the facts list (chosen)."""
+
+
+def index_extract(request: IndexExtractRequest, report: ProgressReporter) -> IndexedExtract:
+    """Read an extract into tiles, or go on where that broke off.
+
+    Raises:
+        UnsafeInput: the file is broken, or holds no road for vehicles.
+        ResourceFailure: the index cannot be written.
+    """
+    path, folder = Path(request.path), Path(request.folder)
+    index = folder / INDEX_NAME
+    store = _begun(index)
+    try:
+        if not store.state("staged"):
+            report(0.0, "reading the extract")
+            store.forget("staged", "places", "place_names")
+            _stage(path, folder, store, report)
+        if not store.state("packed"):
+            for done, left in enumerate(store.pack(), start=1):
+                report(0.4 + 0.2 * done / (done + left), f"packing tiles: {left:,} left")
+        _find_sites(store, report)
+        store.finish()
+        return IndexedExtract(index=str(index), facts=_facts(request, store))
+    finally:
+        store.close()
+
+
+def _begun(index: Path) -> TileStore:
+    """The index as far as it was made; from the beginning where another version of this program began it."""
+    store = TileStore(index, writable=True)
+    if store.state("version") not in ("", VERSION):
+        store.close()
+        for leftover in index.parent.glob(f"{index.name}*"):
+            leftover.unlink()
+        store = TileStore(index, writable=True)
+    store.note("version", VERSION)
+    return store
+
+
+def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter) -> None:
+    import osmium
+
+    positions = folder / "positions"
+    positions.unlink(missing_ok=True)
+    bounds = [math.inf, math.inf, -math.inf, -math.inf]
+    nodes = ways = 0
+    road_m = 0.0
+    places: list[_Settlement] = []
+    try:
+        header = osmium.FileProcessor(str(path)).header
+        if header.has_multiple_object_versions:
+            raise UnsafeInput(
+                f"{path.name} holds the history of its objects",
+                next_step="use an extract of one time (osmium time-filter)",
+            )
+        for element in _in_order(_elements(path, positions), path.name):
+            if element.is_node():
+                node = _node(element)
+                if node is None:
+                    continue
+                nodes += 1
+                store.stage_nodes([node])
+                if node.tags.get("place") in PLACE_KINDS and (names := names_of(node.tags)):
+                    places.append(_Settlement(PLACE_KINDS.index(node.tags["place"]), tuple(names), *node.position))
+            elif element.is_way():
+                way, line = _way(element)
+                if len(set(way.node_ids)) < 2:
+                    continue
+                ways += 1
+                store.stage_way(way, line)
+                if way.road_class in ALL_ROADS:
+                    road_m += _length_m(line)
+                    bounds = _widened(bounds, line)
+            elif element.is_relation() and (relation := _relation(element)):
+                if not store.state("ways_staged"):
+                    store.note("ways_staged", "yes")
+                    store.index_staged()
+                store.stage_relation(relation)
+            if (nodes + ways) % _TOLD_EVERY == 0:
+                share = (nodes + ways) * _BYTES_OF_ELEMENT / path.stat().st_size
+                report(0.4 * min(share, 1.0), f"reading the extract: {nodes + ways:,} elements")
+    except (RuntimeError, ValueError) as error:  # all that osmium raises on a broken file
+        raise UnsafeInput(
+            f"{path.name} cannot be read: {error}", next_step="get the extract again, or convert it to .osm.pbf"
+        ) from error
+    finally:
+        positions.unlink(missing_ok=True)
+    if not road_m:
+        raise UnsafeInput(f"{path.name} holds no road for vehicles", next_step="use an extract with streets in it")
+    for number, (rank, place) in enumerate(_areas(places)):
+        keys = {key for name in (place.name, *place.other_names) for key in place_keys(name)}
+        store.add_place(number, rank, place.model_dump_json(), keys)
+    store.note("data_time", header.get(_TIMESTAMP, ""))
+    store.note("counts", json.dumps([road_m / 1000, ways, bounds]))
+    store.note("staged", "yes")
+
+
+def _elements(path: Path, positions: Path) -> Iterator[Any]:
+    import osmium
+
+    found: Iterable[Any] = (
+        osmium.FileProcessor(str(path))
+        .with_locations(f"sparse_file_array,{positions}")
+        .with_filter(osmium.filter.KeyFilter(*KEPT_KEYS))
+    )
+    return iter(found)
+
+
+def _in_order(elements: Iterator[Any], name: str) -> Iterator[Any]:
+    """Nodes, then ways, then relations, each by id and once: what comes before its nodes has no position.
+
+    Raises:
+        UnsafeInput: they come in another order.
+    """
+    last = (0, False, -1)
+    for element in elements:
+        here = ("nwr".find(element.type_str()), element.id > 0, abs(element.id))
+        if here <= last:
+            raise UnsafeInput(
+                f"{name} is not in order at {element.type_str()}{element.id}, or holds it twice",
+                next_step="sort it with osmium sort, or use an extract of one time",
+            )
+        last = here
+        yield element
+
+
+def _tags(element: Any) -> dict[str, str]:
+    return {tag_text(tag.k): tag_text(tag.v) for tag in element.tags}
+
+
+def _node(element: Any) -> OsmNode | None:
+    """The node; None where it was deleted, has no position, or lies where no map is drawn."""
+    if element.deleted or not element.location.valid():
+        return None
+    latitude, longitude = element.location.lat, element.location.lon
+    if not SOUTHMOST_DEG <= latitude <= NORTHMOST_DEG:
+        return None
+    return OsmNode(element.id, latitude, longitude, _tags(element))
+
+
+def _way(element: Any) -> tuple[OsmWay, list[tuple[int, int]]]:
+    """The way through the nodes that have a position, and their (latitude, longitude) in 1e-7 degrees."""
+    refs, line = [], []
+    if not element.deleted:
+        for node in element.nodes:
+            place = node.location
+            if place.valid() and SOUTHMOST_DEG <= place.lat <= NORTHMOST_DEG:
+                refs.append(node.ref)
+                line.append((place.y, place.x))
+    return OsmWay(element.id, tuple(refs), _tags(element)), line
+
+
+def _relation(element: Any) -> OsmRelation | None:
+    if element.deleted:
+        return None
+    kinds = {"n": "node", "w": "way", "r": "relation"}
+    members = tuple((kinds.get(member.type, ""), member.ref, member.role) for member in element.members)
+    return OsmRelation(element.id, members, _tags(element))
+
+
+def _length_m(line: list[tuple[int, int]]) -> float:
+    """Length of a line of (latitude, longitude) in 1e-7 degrees."""
+    sides = np.radians(np.array(line) / 1e7)
+    north, east = np.diff(sides, axis=0).T
+    middle = (sides[1:, 0] + sides[:-1, 0]) / 2
+    return float(np.hypot(north, east * np.cos(middle)).sum() * EARTH_RADIUS_M)
+
+
+def _widened(bounds: list[float], line: list[tuple[int, int]]) -> list[float]:
+    latitudes, longitudes = [y / 1e7 for y, _ in line], [x / 1e7 for _, x in line]
+    south, west, north, east = bounds
+    return [min(south, *latitudes), min(west, *longitudes), max(north, *latitudes), max(east, *longitudes)]
+
+
+class _Settlement(NamedTuple):
+    """A place node: its rank among the kinds of places, its names, and its position in degrees."""
+
+    rank: int
+    names: tuple[str, ...]
+    latitude: float
+    longitude: float
+
+
+def _areas(places: Iterable[_Settlement]) -> list[tuple[int, PlaceArea]]:
+    """Settlements with their rank, the larger first; each reaches at most half way to the next that is as large."""
+    from scipy.spatial import cKDTree
+
+    ranked = sorted(places, key=lambda place: (place.rank, fold(place.names[0]), place.latitude, place.longitude))
+    if not ranked:
+        return []
+    angles = np.radians(np.array([(place.latitude, place.longitude) for place in ranked]))
+    points = np.column_stack(
+        [np.cos(angles[:, 0]) * np.cos(angles[:, 1]), np.cos(angles[:, 0]) * np.sin(angles[:, 1]), np.sin(angles[:, 0])]
+    )
+    ranks = np.array([place.rank for place in ranked])
+    reach_m = np.array([USUAL_RADIUS_M[PLACE_KINDS[rank]] for rank in ranks])
+    for rank in sorted(set(ranks.tolist())):
+        as_large, of_rank = np.flatnonzero(ranks <= rank), np.flatnonzero(ranks == rank)
+        if len(as_large) > 1:
+            apart, _ = cKDTree(points[as_large]).query(points[of_rank], k=2)
+            reach_m[of_rank] = np.minimum(reach_m[of_rank], np.asarray(apart)[:, 1] * EARTH_RADIUS_M / 2)
+    return [
+        (
+            place.rank,
+            PlaceArea(
+                name=place.names[0],
+                kind=PLACE_KINDS[place.rank],
+                other_names=place.names[1:],
+                latitude=place.latitude,
+                longitude=place.longitude,
+                radius_m=round(max(float(reach), LEAST_RADIUS_M)),
+            ),
+        )
+        for place, reach in zip(ranked, reach_m, strict=True)
+    ]
+
+
+def _find_sites(store: TileStore, report: ProgressReporter) -> None:
+    tiles = store.tiles_without_sites()
+    for number, tile in enumerate(tiles):
+        if number % 20 == 0:
+            report(0.6 + 0.4 * number / len(tiles), f"looking for sites: {len(tiles) - number:,} tiles left")
+        south, west, north, east = box_of_tile(tile)
+        wide = south - SURROUNDINGS_DEG, west - SURROUNDINGS_DEG, north + SURROUNDINGS_DEG, east + SURROUNDINGS_DEG
+        osm = store.read(wide)
+        store.add_sites(tile, _sites_in(osm, tile), _road_keys(osm, tile))
+
+
+def _road_keys(osm: OsmMap, tile: int) -> set[str]:
+    """The keys of all names and numbers of the roads that come through a tile."""
+    return {
+        key
+        for way in osm.roads()
+        if any(tile_of(*osm.nodes[node].position) == tile for node in way.node_ids)
+        for key in keys_of_road(way.tags)
+    }
+
+
+def _sites_in(osm: OsmMap, tile: int) -> Iterator[tuple[str, float, float, str]]:
+    """The sites in a tile, of a map that shows what lies around it too."""
+    if not osm.roads():
+        return
+    south, west, north, east = box_of_tile(tile)
+    finder = SiteFinder(osm)
+    for kind in get_args(SiteType):
+        for site in finder.find(kind):
+            if south <= site.latitude < north and west <= site.longitude < east:
+                yield kind, site.latitude, site.longitude, site.osm_id
+
+
+def _facts(request: IndexExtractRequest, store: TileStore) -> MapFacts:
+    road_km, ways, box = json.loads(store.state("counts"))
+    south, west, north, east = box
+    near = countries_near((south, west, north, east))
+    country = request.country or (near[0] if len(near) == 1 else None)
+    counts = store.counts()
+    largest = [PlaceArea.model_validate_json(body).name for body in store.largest_places(_SHOWN_PLACES)]
+    name = one_line(Path(request.path).name)
+    return MapFacts(
+        map_id=request.map_id,
+        file_name=name,
+        place=request.place or name.partition(".")[0],
+        places=tuple(dict.fromkeys(largest)),
+        country=country,
+        countries_near=() if country else near,
+        south=south,
+        west=west,
+        north=north,
+        east=east,
+        streets=(),
+        refs=(),
+        sites=store.site_counts(),
+        road_km=round(road_km, 1),
+        attribution=OSM_ATTRIBUTION,
+        facts_version=MAP_FACTS_VERSION,
+        extract=ExtractSize(
+            places=counts["places"],
+            road_names=counts["road_names"],
+            nodes=store.kept_nodes(),
+            ways=ways,
+            tiles=counts["tiles"],
+            data_time=store.state("data_time"),
+        ),
+    )

@@ -1,0 +1,119 @@
+"""Extracts of whole countries: read into tiles by a job, and kept in a folder of their own in the workspace.
+
+An extract becomes a map like any other when its index is whole; what a broken off job left is gone on with by the next
+job for the same file.
+"""
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import anyio
+
+from ..engine.execution import Job, JobProgress
+from ..engine.workspace import Artifact, Recipe, content_digest, disk_failure, make_private
+from ..schemas.errors import ResourceFailure, UnsafeInput
+from ..schemas.extracts import INDEX_NAME, IndexExtractRequest
+from ..schemas.generation import MapFacts
+from ..schemas.text import one_line
+from .call import ToolCall
+from .operations import INDEX_EXTRACT
+
+_DISK_PER_BYTE = 6
+"""Bytes on disk that indexing a byte of an extract takes at its most, positions of all nodes included (measured)."""
+_DIGESTED = 0.02
+"""Share of the work that is done when the file's digest is known (chosen)."""
+
+
+@dataclass(frozen=True)
+class KnownAs:
+    """What the person who adds a map says of it: its place, its country (ISO alpha-3); None: what the file says."""
+
+    place: str | None = None
+    country: str | None = None
+
+
+def extract_index(call: ToolCall, map_id: str) -> Path:
+    """Where the index of an extract lies."""
+    return call.workspace.root / "extracts" / map_id / INDEX_NAME
+
+
+def map_recipe(path: Path, known: KnownAs) -> Recipe:
+    """What a map is told by: the content of its file, and what was said of it."""
+    arguments = {"content": content_digest(path)}
+    arguments |= {"name": known.place} if known.place else {}
+    arguments |= {"country": known.country} if known.country else {}
+    return Recipe(tool="import_files", arguments=arguments)
+
+
+def start_indexing(call: ToolCall, path: Path, known: KnownAs) -> Job:
+    """Start the job that reads an extract into tiles, or join the one that does.
+
+    Raises:
+        UnsafeInput: the file is gone.
+    """
+
+    async def work(progress: JobProgress) -> None:
+        async def report(share: float, message: str) -> None:
+            progress.report(share, message)
+
+        own_call = ToolCall(call.services, report)  # the one that started the job may have been answered already
+        artifact = await _indexed(own_call, path, known)
+        progress.add_result(artifact.artifact_id)
+        progress.report(1.0, f"{one_line(path.name)} is the map {artifact.artifact_id}")
+
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise UnsafeInput(f"{path.name} cannot be read: {error.strerror}") from error
+    arguments = {"extract": str(path), "size": stat.st_size, "changed_ns": stat.st_mtime_ns}
+    arguments |= {"name": known.place, "country": known.country}
+    return call.jobs.start("import", Recipe(tool="import_files", arguments=arguments), work)
+
+
+async def _indexed(call: ToolCall, path: Path, known: KnownAs) -> Artifact:
+    """The extract as a map: the one of the same content, or a new one.
+
+    Raises:
+        UnsafeInput: the file is broken, is not sorted, or holds no road; nothing of it is kept then.
+        ResourceFailure: the disk has no room.
+    """
+    await call.progress(0.0, "reading the extract")
+    recipe = await anyio.to_thread.run_sync(map_recipe, path, known)
+    before = call.workspace.find_by_recipe("map", recipe)
+    if before is not None:
+        return before
+    map_id = f"map_{recipe.digest}"
+    folder = extract_index(call, map_id).parent
+    _make_room(folder, path)
+    request = IndexExtractRequest(
+        path=str(path), folder=str(folder), map_id=map_id, place=known.place, country=known.country
+    )
+    try:
+        indexed = await call.run(INDEX_EXTRACT, request, share=(_DIGESTED, 1.0))
+    except UnsafeInput:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return call.workspace.put("map", map_id, recipe=recipe, record=indexed.facts, name=indexed.facts.place)
+
+
+def _make_room(folder: Path, path: Path) -> None:
+    try:
+        make_private(folder.parent.parent)
+        folder.mkdir(parents=True, exist_ok=True)
+        free = shutil.disk_usage(folder).free + sum(each.stat().st_size for each in folder.iterdir())
+    except OSError as error:
+        raise disk_failure(folder, error) from error
+    needed = _DISK_PER_BYTE * path.stat().st_size
+    if free < needed:
+        raise ResourceFailure(
+            f"reading {one_line(path.name)} into tiles takes up to {needed / 1e9:.1f} GB of disk;"
+            f" {free / 1e9:.1f} GB are free",
+            next_step="free disk space, choose another --workspace, or use a smaller extract",
+        )
+
+
+def told_of(facts: MapFacts) -> str:
+    """How much an extract holds, in words; empty for other maps."""
+    size = facts.extract
+    return "" if size is None else f"{size.places:,} places, kept by {size.tiles:,} tiles"
