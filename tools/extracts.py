@@ -13,8 +13,7 @@ import anyio
 from ..engine.execution import Job, JobProgress
 from ..engine.workspace import Artifact, Recipe, content_digest, disk_failure, make_private
 from ..schemas.errors import ResourceFailure, UnsafeInput
-from ..schemas.extracts import INDEX_NAME, IndexExtractRequest
-from ..schemas.generation import MapFacts
+from ..schemas.generation import INDEX_NAME, IndexExtractRequest, MapFacts
 from ..schemas.text import one_line
 from .call import ToolCall
 from .operations import INDEX_EXTRACT

@@ -11,16 +11,19 @@ from ..engine.execution import Operation
 from ..schemas.artifacts import FileWritten, RunTableRequest, SolutionRequest
 from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
 from ..schemas.comparison import CompareRequest, CompareResultsResult
-from ..schemas.extracts import CutExtractRequest, CutOfExtract, IndexedExtract, IndexExtractRequest
 from ..schemas.generation import (
     ConvertedMap,
     ConvertMapRequest,
     CoverageReport,
     CoverageRequest,
+    CutExtractRequest,
+    CutOfExtract,
     FetchedMaps,
     FetchMapRequest,
     GeneratedScenario,
     GenerationRequest,
+    IndexedExtract,
+    IndexExtractRequest,
     MapFacts,
     ReadMapRequest,
     SiteCount,

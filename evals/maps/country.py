@@ -26,7 +26,6 @@ import time
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, closing
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -38,8 +37,7 @@ from osmium.osm import mutable
 
 from ...engine.execution import silent
 from ...engine.maps import SiteFinder, cut_extract, read_map_file
-from ...schemas.extracts import INDEX_NAME, CutExtractRequest
-from ...schemas.generation import MapFacts, SiteType
+from ...schemas.generation import INDEX_NAME, CutExtractRequest, MapFacts, SiteType
 from ..harness import Figures, ask, ask_to_the_end
 from .bench import MapsBench
 
@@ -228,7 +226,7 @@ class _Cell:
             yield self._way(number, (*corners, node), {"building": "house"})
             node += len(line)
         begins: list[int] = []
-        for line, tags in self._motorways:
+        for line, _ in self._motorways:
             begins.append(node)
             node += len(line)
         ends = {0: begins[0] + 20, 1: begins[1] + 20}
@@ -255,7 +253,7 @@ class _Cell:
             ]
 
     def _lines(self) -> Iterator[tuple[list[Position], dict[str, str]]]:
-        """Two carriageways north of the town, an exit and an entry at each, and a road past their ends."""
+        """Two carriageways north of the town, with an exit and an entry at each."""
         steps = range(60)
         bend = [60.0 * math.sin(step / 7) for step in steps]
         length_m = _CELL_M / (len(bend) - 1)
@@ -282,3 +280,178 @@ class _Cell:
 
     def _way(self, number: int, nodes: Sequence[int], tags: Mapping[str, str]) -> mutable.Way:
         return mutable.Way(id=self._base + number, nodes=[self._base + node for node in nodes], tags=dict(tags))
+
+
+@dataclass(frozen=True)
+class _Timed:
+    """What a town's scenario took, in seconds, and whether it was made out of the country."""
+
+    place: str
+    seconds: float
+    made: bool
+
+
+@asynccontextmanager
+async def _server(bench: MapsBench, workspace: Path) -> AsyncIterator[tuple[Client, psutil.Process]]:
+    """A client of a server in a process of its own, and that process."""
+    arguments = ["-m", "plannerforge.server", "serve", "--workspace", str(workspace), "--roots", str(bench.scratch)]
+    settings = {"STARTER": "false", "WARM_UP": "false", "MAPS_ONLINE": "offline", "WORKERS": str(bench.workers)}
+    environment = {**os.environ, **{f"PLANNERFORGE_{name}": value for name, value in settings.items()}}
+    before = {child.pid for child in psutil.Process().children()}
+    async with Client(StdioServerParameters(command=sys.executable, args=arguments, env=environment)) as client:
+        await client.list_tools()
+        yield client, next(child for child in psutil.Process().children() if child.pid not in before)
+
+
+def measure(bench: MapsBench) -> Figures:
+    """Make the country, take it in, make scenarios in its towns, and judge its sites by the file itself."""
+    path, workspace = bench.scratch / "Syntheticland.osm.pbf", bench.folder("country")
+    nodes = write_country(bench.maps, path)
+    figures, facts = anyio.run(_through_the_server, bench, path, workspace)
+    index = workspace / "extracts" / facts.map_id / INDEX_NAME
+    return {
+        **figures,
+        "country_nodes": nodes,
+        "country_file_mb": round(path.stat().st_size / 1e6, 1),
+        "country_index_mb": round(index.stat().st_size / 1e6, 1),
+        **_cuts_alone(index, facts, bench.folder("cuts")),
+        **_judged(index, path, bench.folder("judged")),
+    }
+
+
+async def _through_the_server(
+    bench: MapsBench, path: Path, workspace: Path
+) -> tuple[dict[str, float | int | str], MapFacts]:
+    count = min(bench.limit or _PLACES, _PLACES)
+    towns = [name_of(number * 64) for number in range(0, COLUMNS * ROWS, COLUMNS * ROWS // _PLACES)][:count]
+    async with _server(bench, workspace) as (client, server):
+        started = time.perf_counter()
+        await ask_to_the_end(client, "import_files", path=str(path))
+        index_s = time.perf_counter() - started
+        await ask(client, "describe_catalog", facet="maps")
+        indexing_mb = _peak_mb(server)
+        timed = [await _made(client, town) for town in towns]
+        generating_mb = _peak_mb(server)
+    records = [json.loads(row) for row in _records(workspace)]
+    facts = next(facts for facts in map(MapFacts.model_validate, records) if facts.extract is not None)
+    seconds = [one.seconds for one in timed if one.made]
+    figures: dict[str, float | int | str] = {
+        "country_cut_s": round(statistics.median(seconds), 2),
+        "country_cut_worst_s": round(max(seconds), 2),
+        "country_places": len(timed),
+        "country_refused": sum(not one.made for one in timed),
+        "country_memory_mb": round(indexing_mb),
+        "country_generating_mb": round(generating_mb),
+        "country_index_s": round(index_s, 1),
+        "country_tiles": facts.extract.tiles if facts.extract is not None else 0,
+    }
+    return figures, facts
+
+
+async def _made(client: Client, town: str) -> _Timed:
+    started = time.perf_counter()
+    answer = await client.call_tool("generate_scenarios", {"place": town})
+    seconds = time.perf_counter() - started
+    content = answer.structured_content or {}
+    told = any("was cut out of" in note for note in content.get("notes", ()))
+    made = not answer.is_error and told and content["scenarios"][0]["place"] == town
+    sys.stderr.write(f"{town}: {seconds:.2f} s{'' if made else f', not made: {answer.content}'}\n")
+    return _Timed(town, seconds, made)
+
+
+def _peak_mb(server: psutil.Process) -> float:
+    """The most memory (resident) that the server had at once, and the most that one of its workers had."""
+    workers = [_peak_of(worker.pid) for worker in server.children(recursive=True)]
+    return _peak_of(server.pid) + max(workers, default=0.0)
+
+
+def _peak_of(pid: int) -> float:
+    status = Path(f"/proc/{pid}/status").read_text(encoding="ascii", errors="replace")
+    peak = next((line for line in status.splitlines() if line.startswith("VmHWM")), "VmHWM: 0 kB")
+    return int(peak.split()[1]) / 1000
+
+
+def _records(workspace: Path) -> list[str]:
+    with closing(sqlite3.connect(workspace / "workspace.sqlite")) as database:
+        return [row[0] for row in database.execute("SELECT record FROM artifacts WHERE kind = 'map'")]
+
+
+def _cuts_alone(index: Path, facts: MapFacts, folder: Path) -> dict[str, float | int]:
+    """Seconds of cutting a town out, without a server; and whether it has the same bytes when it is cut again."""
+    seconds: list[float] = []
+    same = True
+    for number in range(0, COLUMNS * ROWS, COLUMNS * ROWS // _PLACES):
+        request = CutExtractRequest(index=str(index), folder=str(folder), facts=facts, place=name_of(number * 64))
+        started = time.perf_counter()
+        cut = cut_extract(request, silent)
+        seconds.append(time.perf_counter() - started)
+        content = Path(cut.path).read_bytes()
+        same = same and Path(cut_extract(request, silent).path).read_bytes() == content
+    return {"country_cut_alone_s": round(statistics.median(seconds), 2), "country_same_bytes": int(same)}
+
+
+def _judged(index: Path, path: Path, folder: Path) -> dict[str, int]:
+    """Tiles whose sites are those of a small map of the same area."""
+    with closing(sqlite3.connect(index)) as database:
+        tiles = [row[0] for row in database.execute("SELECT DISTINCT tile FROM sites ORDER BY tile")]
+        chosen = random.Random(18).sample(tiles, min(_JUDGED_TILES, len(tiles)))  # noqa: S311 - reproducible
+        held = {
+            tile: set(database.execute("SELECT kind, mark FROM sites WHERE tile = ?", (tile,)).fetchall())
+            for tile in chosen
+        }
+    boxes = {tile: _box_of(tile, _SURROUNDINGS_DEG) for tile in chosen}
+    files = _small_maps(path, boxes, folder)
+    found = {tile: _sites_of(files[tile], _box_of(tile, 0.0)) for tile in chosen}
+    for tile in chosen:
+        if found[tile] != held[tile]:
+            sys.stderr.write(f"tile {tile}: only in the index {sorted(held[tile] - found[tile])[:5]}, ")
+            sys.stderr.write(f"only in the small map {sorted(found[tile] - held[tile])[:5]}\n")
+    return {
+        "country_tiles_judged": len(chosen),
+        "country_tiles_equal": sum(found[tile] == held[tile] for tile in chosen),
+        "country_sites_judged": sum(len(sites) for sites in found.values()),
+    }
+
+
+def _box_of(tile: int, around_deg: float) -> Box:
+    """A tile's box as docs/maps.md states it: 0.05 degrees, numbered from the south-west by rows."""
+    row, column = divmod(tile, 7200)
+    south, west = row / 20 - 90, column / 20 - 180
+    return south - around_deg, west - around_deg, south + 0.05 + around_deg, west + 0.05 + around_deg
+
+
+def _small_maps(path: Path, boxes: Mapping[int, Box], folder: Path) -> dict[int, Path]:
+    """What osmium finds in each box: ways with a node there, whole, in two passes over the file."""
+    inside: dict[int, set[int]] = {tile: set() for tile in boxes}
+    for one in osmium.FileProcessor(str(path), osmium.osm.NODE):
+        node: Any = one
+        latitude, longitude = node.location.lat, node.location.lon
+        for tile, (south, west, north, east) in boxes.items():
+            if south <= latitude <= north and west <= longitude <= east:
+                inside[tile].add(node.id)
+    writers = {
+        tile: osmium.BackReferenceWriter(str(folder / f"{tile}.osm"), ref_src=str(path), overwrite=True)
+        for tile in boxes
+    }
+    for one in osmium.FileProcessor(str(path)):
+        element: Any = one
+        for tile, writer in writers.items():
+            if element.is_node():
+                if element.id in inside[tile] and len(element.tags):
+                    writer.add(element)
+            elif element.is_way() and any(node.ref in inside[tile] for node in element.nodes):
+                writer.add(element)
+    for writer in writers.values():
+        writer.close()
+    return {tile: folder / f"{tile}.osm" for tile in boxes}
+
+
+def _sites_of(path: Path, box: Box) -> set[tuple[str, str]]:
+    finder = SiteFinder(read_map_file(path))
+    south, west, north, east = box
+    return {
+        (kind, site.osm_id)
+        for kind in get_args(SiteType)
+        for site in finder.find(kind)
+        if south <= site.latitude < north and west <= site.longitude < east
+    }

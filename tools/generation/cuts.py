@@ -7,8 +7,7 @@ from pathlib import Path
 from ...engine.maps import NOT_SHOWN, MapEntry, country_code, fold, place_parts, stored_name
 from ...engine.workspace import Recipe, content_digest
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName
-from ...schemas.extracts import CutExtractRequest, CutOfExtract
-from ...schemas.generation import GenerateScenariosArguments, MapFacts
+from ...schemas.generation import CutExtractRequest, CutOfExtract, GenerateScenariosArguments, MapFacts
 from ...schemas.maps import Box
 from ..call import ToolCall
 from ..extracts import extract_index

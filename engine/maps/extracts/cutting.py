@@ -12,8 +12,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from ....schemas.extracts import CutExtractRequest, CutOfExtract
-from ....schemas.generation import PlaceArea, ReadMapRequest
+from ....schemas.generation import CutExtractRequest, CutOfExtract, PlaceArea, ReadMapRequest
 from ....schemas.maps import Box
 from ....schemas.text import LONGEST_TEXT
 from ...execution import ProgressReporter

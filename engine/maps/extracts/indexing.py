@@ -14,8 +14,16 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from ....schemas.errors import UnsafeInput
-from ....schemas.extracts import INDEX_NAME, IndexedExtract, IndexExtractRequest
-from ....schemas.generation import MAP_FACTS_VERSION, ExtractSize, MapFacts, PlaceArea, SiteType
+from ....schemas.generation import (
+    INDEX_NAME,
+    MAP_FACTS_VERSION,
+    ExtractSize,
+    IndexedExtract,
+    IndexExtractRequest,
+    MapFacts,
+    PlaceArea,
+    SiteType,
+)
 from ....schemas.text import one_line
 from ...execution import ProgressReporter
 from ..facts import LEAST_RADIUS_M, PLACE_KINDS, USUAL_RADIUS_M, countries_near, keys_of_road, names_of
@@ -288,11 +296,10 @@ def _sites_in(osm: OsmMap, tile: int) -> Iterator[tuple[str, float, float, str]]
     """The sites in a tile, of a map that shows what lies around it too."""
     if not osm.roads():
         return
-    south, west, north, east = box_of_tile(tile)
     finder = SiteFinder(osm)
     for kind in get_args(SiteType):
         for site in finder.find(kind):
-            if south <= site.latitude < north and west <= site.longitude < east:
+            if tile_of(*site.position) == tile:
                 yield kind, site.latitude, site.longitude, site.osm_id
 
 

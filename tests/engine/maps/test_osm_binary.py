@@ -54,12 +54,15 @@ def test_a_binary_extract_that_is_cut_off_or_something_else_is_refused(binary: P
             written(path, tmp_path / f"out{index}")
 
 
-def test_more_elements_than_may_be_read_are_refused(
-    binary: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("limits", [XmlLimits(10**9, 8, elements=2), XmlLimits(1000, 8, elements=10**6)])
+def test_an_extract_that_is_too_large_is_told_and_not_written(
+    limits: XmlLimits, binary: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(binary_osm, "LIMITS", XmlLimits(size_bytes=1000, depth=8, elements=2))
-    with pytest.raises(UnsafeInput, match="more than 2 elements"):
-        written(binary, tmp_path / "out")
+    monkeypatch.setattr(binary_osm, "LIMITS", limits)
+    request = ConvertMapRequest(path=str(binary), folder=str(tmp_path / "out"))
+    (tmp_path / "out").mkdir()
+    assert write_as_xml(request, silent).too_large
+    assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_binary_extracts_are_known_by_their_names() -> None:

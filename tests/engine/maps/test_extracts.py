@@ -1,0 +1,280 @@
+"""Extracts of countries by tiles: what is cut out of them is what the whole file shows."""
+
+import sqlite3
+import subprocess
+import sys
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import osmium
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+from lxml import etree
+from osmium.osm import mutable
+from support.extracts import APART_DEG, IDS_APART, SECOND_TOWN, elements, indexed, written
+
+from plannerforge.engine.execution import silent
+from plannerforge.engine.maps import OsmMap, SiteFinder, cut_map, ground_distance_m, read_map_file
+from plannerforge.engine.maps.extracts.cutting import cut_extract
+from plannerforge.engine.maps.extracts.tiles import TileStore, box_of_tile, tile_of, tiles_in
+from plannerforge.engine.maps.osm import OsmWay, read_osm
+from plannerforge.engine.maps.road_classes import ALL_ROADS
+from plannerforge.schemas.errors import ResourceFailure, UnsafeInput
+from plannerforge.schemas.generation import CutExtractRequest, CutOfExtract, IndexedExtract, ScenarioType
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("country")
+
+
+@pytest.fixture(scope="module")
+def country(folder: Path) -> IndexedExtract:
+    return indexed(written(folder / "Country.osm.pbf", elements()), folder / "index")
+
+
+@pytest.fixture(scope="module")
+def whole(folder: Path) -> OsmMap:
+    return read_osm(written(folder / "country.osm", elements()))
+
+
+def cut(
+    country: IndexedExtract, folder: Path, place: str | None = None, kind: ScenarioType = "any", seed: int = 0
+) -> CutOfExtract:
+    request = CutExtractRequest(
+        index=country.index, folder=str(folder), facts=country.facts, place=place, scenario_type=kind, seed=seed
+    )
+    return cut_extract(request, silent)
+
+
+@cache
+def store_of(index: str) -> TileStore:
+    return TileStore(Path(index))
+
+
+def roads_within(osm: OsmMap, site: tuple[float, float], radius_m: float, target: Path) -> list[object]:
+    """What is cut out around a site, without the ids of nodes that the cut makes."""
+    cut_map(osm, site, radius_m, ALL_ROADS, target)
+    root = etree.parse(str(target)).getroot()
+    at = {node.get("id"): (node.get("lat"), node.get("lon"), len(node)) for node in root.iter("node")}
+    ways = [
+        (way.get("id") if int(way.get("id")) < 2 * IDS_APART else "", [at[nd.get("ref")] for nd in way.iter("nd")])
+        for way in root.iter("way")
+    ]
+    return sorted(map(str, ways)) + sorted(
+        str([(member.get("type"), member.get("role")) for member in relation.iter("member")])
+        for relation in root.iter("relation")
+    )
+
+
+@given(data=some.data())
+def test_a_site_of_any_place_is_cut_as_out_of_the_whole_file(
+    data: some.DataObject, country: IndexedExtract, whole: OsmMap, folder: Path
+) -> None:
+    node = whole.nodes[data.draw(some.sampled_from(sorted(whole.nodes)))]
+    radius_m = data.draw(some.floats(20.0, 900.0))
+    spot = (
+        node.latitude + data.draw(some.floats(-0.004, 0.004)),
+        node.longitude + data.draw(some.floats(-0.004, 0.004)),
+    )
+    aside = radius_m * 1.01 / ground_distance_m(spot, (spot[0], spot[1] + 1.0))
+    up = radius_m * 1.01 / ground_distance_m(spot, (spot[0] + 1.0, spot[1]))
+    part = store_of(country.index).read((spot[0] - up, spot[1] - aside, spot[0] + up, spot[1] + aside))
+    assert roads_within(part, spot, radius_m, folder / "a.osm") == roads_within(whole, spot, radius_m, folder / "b.osm")
+
+
+def test_the_sites_of_every_tile_are_those_of_the_whole_file(country: IndexedExtract, whole: OsmMap) -> None:
+    assert len({tile_of(*node.position) for node in whole.nodes.values()}) == 8
+    finder = SiteFinder(whole)
+    everywhere = {(kind, site.osm_id) for kind in finder.kinds() for site in finder.find(kind)}
+    with sqlite3.connect(country.index) as database:
+        assert set(database.execute("SELECT kind, mark FROM sites")) == everywhere
+    assert country.facts.sites == finder.kinds()
+
+
+def test_the_facts_of_a_country_count_what_is_in_it(country: IndexedExtract, whole: OsmMap) -> None:
+    facts = country.facts
+    assert facts.extract is not None
+    assert facts.extract.places == 2
+    assert facts.extract.tiles == 8
+    assert {"Fahrhausen", SECOND_TOWN} == set(facts.places)
+    length_m = sum(
+        ground_distance_m(whole.nodes[one].position, whole.nodes[other].position)
+        for way in whole.roads()
+        for one, other in pairwise(way.node_ids)
+    )
+    assert facts.road_km == pytest.approx(length_m / 1000, abs=0.1)
+
+
+def test_a_part_is_found_by_its_town_and_holds_no_other(country: IndexedExtract, tmp_path: Path) -> None:
+    found = cut(country, tmp_path, SECOND_TOWN)
+    assert found.facts is not None
+    assert (found.facts.place, found.label, found.words) == (SECOND_TOWN, f"town {SECOND_TOWN}", "")
+    assert found.facts.cut_of == "map_country"
+    part = read_map_file(Path(found.path))
+    assert min(part.nodes) > IDS_APART
+    south, west, north, east = found.core
+    assert all(south < node.latitude < north and west < node.longitude < east for node in part.nodes.values())
+
+
+def test_the_same_words_give_the_same_bytes(country: IndexedExtract, tmp_path: Path) -> None:
+    one, other = tmp_path / "one", tmp_path / "other"
+    for each in (one, other):
+        each.mkdir()
+        cut(country, each, f"Uferstraße, {SECOND_TOWN}", "intersection")
+    assert (one / "cut.osm").read_bytes() == (other / "cut.osm").read_bytes()
+
+
+def test_a_street_of_two_towns_is_that_of_the_town_that_is_named(country: IndexedExtract, tmp_path: Path) -> None:
+    for town, west in (("Fahrhausen", 5.2), (SECOND_TOWN, 5.2 + APART_DEG)):
+        found = cut(country, tmp_path, f"Uferstr., {town}")
+        assert found.words == "Uferstr."
+        assert west < found.core[1] < found.core[3] < west + 0.1
+
+
+def test_a_street_without_a_town_is_looked_up_by_the_seed(country: IndexedExtract, tmp_path: Path) -> None:
+    west = {round(cut(country, tmp_path, "Deichweg", seed=seed).core[1], 1) for seed in range(8)}
+    assert west == {5.2, 5.6}
+
+
+def test_a_crossing_lies_in_the_middle_of_its_part(country: IndexedExtract, whole: OsmMap, tmp_path: Path) -> None:
+    named = {way.tags["name"]: way for way in of_town_ways(whole) if "name" in way.tags}
+    pairs = [
+        (one, other)
+        for one in named
+        for other in named
+        if one < other and set(named[one].node_ids) & set(named[other].node_ids)
+    ]
+    for one, other in pairs[:3]:
+        found = cut(country, tmp_path, f"{one} / {other}, Fahrhausen")
+        middle = (found.core[0] + found.core[2]) / 2, (found.core[1] + found.core[3]) / 2
+        met = set.intersection(
+            *(
+                {key for way in whole.roads() if way.tags.get("name") == name for key in way.node_ids}
+                for name in (one, other)
+            )
+        )
+        assert min(ground_distance_m(middle, whole.nodes[key].position) for key in met) < 30.0
+    assert pairs
+
+
+def of_town_ways(whole: OsmMap) -> list[OsmWay]:
+    return [way for way in whole.roads() if way.way_id < IDS_APART]
+
+
+def test_the_country_itself_is_a_site_that_the_seed_draws(country: IndexedExtract, tmp_path: Path) -> None:
+    parts = [cut(country, tmp_path, "Country", "intersection", seed) for seed in range(6)]
+    assert len({part.label for part in parts}) > 1
+    assert all(part.words == "" and part.facts and part.facts.sites["intersection"] for part in parts)
+
+
+def test_words_that_mean_nothing_in_the_country_give_no_part(country: IndexedExtract, tmp_path: Path) -> None:
+    for place in ("Atlantis", "Uferstraße, Atlantis", "Nowhere Road"):
+        assert cut(country, tmp_path, place) == CutOfExtract()
+
+
+def test_an_index_that_is_gone_or_no_index_is_told(country: IndexedExtract, tmp_path: Path) -> None:
+    for content in (None, b"no index at all"):
+        path = tmp_path / "extract.sqlite"
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(ResourceFailure, match=r"extract\.sqlite"):
+            cut(country.model_copy(update={"index": str(path)}), tmp_path, SECOND_TOWN)
+
+
+def test_tiles_cover_a_box_without_gaps() -> None:
+    box = (54.58, 5.23, 54.61, 5.26)
+    boxes = [box_of_tile(tile) for tile in tiles_in(box)]
+    assert len(boxes) == 4
+    assert min(each[0] for each in boxes) <= box[0]
+    assert max(each[3] for each in boxes) >= box[3]
+
+
+KILLED = """
+import os, sys
+from plannerforge.engine.maps.extracts.indexing import index_extract
+from plannerforge.schemas.generation import IndexExtractRequest
+def report(share, message):
+    if message.startswith(sys.argv[3]):
+        seen.append(message)
+        if len(seen) == int(sys.argv[4]):
+            os.kill(os.getpid(), 9)
+seen = []
+index_extract(IndexExtractRequest(path=sys.argv[1], folder=sys.argv[2], map_id="map_country"), report)
+"""
+
+
+@pytest.mark.parametrize(
+    ("stage", "times"), [("reading", 1), ("packing", 1), ("packing", 4), ("packing", 8), ("looking", 1)]
+)
+def test_work_that_is_killed_goes_on_to_the_same_index(
+    stage: str, times: int, country: IndexedExtract, folder: Path, tmp_path: Path
+) -> None:
+    path = folder / "Country.osm.pbf"
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(path), str(tmp_path), stage, str(times)], check=False)
+    assert killed.returncode == -9
+    again = indexed(path, tmp_path)
+    assert again.facts == country.facts
+    assert content_of(again.index) == content_of(country.index)
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["extract.sqlite"]
+
+
+def content_of(index: str) -> dict[str, list[object]]:
+    tables = ("state", "tiles", "places", "place_names", "road_names", "sites", "sited")
+    with sqlite3.connect(index) as database:
+        return {table: sorted(database.execute(f"SELECT * FROM {table}")) for table in tables}
+
+
+def refusal(path: Path, folder: Path) -> str:
+    with pytest.raises(UnsafeInput) as refused:
+        indexed(path, folder)
+    return refused.value.text
+
+
+def test_a_file_that_is_cut_in_the_middle_is_refused_at_any_point(folder: Path, tmp_path: Path) -> None:
+    content = (folder / "Country.osm.pbf").read_bytes()
+    for share in (0.02, 0.3, 0.6, 0.99):
+        path = tmp_path / "half.osm.pbf"
+        path.write_bytes(content[: int(len(content) * share)])
+        assert "half.osm.pbf cannot be read" in refusal(path, tmp_path / f"index{share}")
+
+
+def test_ways_before_their_nodes_are_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "wild.osm.pbf", elements()[::-1])
+    assert "wild.osm.pbf is not in order" in refusal(path, tmp_path / "index")
+
+
+def test_an_id_twice_is_refused(tmp_path: Path) -> None:
+    found = elements()
+    path = written(tmp_path / "twice.osm.pbf", [*found[:-1], found[-1], found[-1]])
+    assert "or holds it twice" in refusal(path, tmp_path / "index")
+
+
+def test_a_history_is_refused(tmp_path: Path) -> None:
+    with osmium.SimpleWriter(osmium.io.File(str(tmp_path / "old.osm.pbf"), "osh.pbf")) as writer:
+        for element in elements():
+            writer.add(element)
+    assert "history" in refusal(tmp_path / "old.osm.pbf", tmp_path / "index")
+
+
+def test_a_country_without_roads_is_refused(tmp_path: Path) -> None:
+    nodes = [element for element in elements() if isinstance(element, mutable.Node)]
+    assert "holds no road" in refusal(written(tmp_path / "sea.osm.pbf", nodes), tmp_path / "index")
+
+
+def test_the_largest_ids_and_nodes_that_are_missing_are_read(tmp_path: Path) -> None:
+    huge = 2**62
+    more = [
+        mutable.Way(id=huge, nodes=[1, 2, huge + 1], tags={"highway": "residential", "name": "Far Way"}),
+        mutable.Way(id=huge + 5, nodes=[huge + 1, huge + 2], tags={"highway": "residential"}),
+    ]
+    found = [element for element in elements() if element.id < IDS_APART]
+    nodes, others = ([e for e in found if isinstance(e, mutable.Node) is wanted] for wanted in (True, False))
+    ways = [element for element in others if isinstance(element, mutable.Way)]
+    country = indexed(written(tmp_path / "far.osm.pbf", [*nodes, *ways, *more]), tmp_path / "index")
+    part = cut(country, tmp_path, "Far Way")
+    assert part.facts is not None
+    read = read_map_file(Path(part.path))
+    assert {way.node_ids for way in read.ways if way.way_id >= huge} == {(1, 2)}
