@@ -123,7 +123,7 @@ class MapFacts(Model):
     facts_version: int = 1
     source: MapSource | None = None
     extract: ExtractSize | None = None
-    cut_of: str = ""
+    cut_of: str = Field("", exclude_if=lambda map_id: not map_id)
 
 
 class MapList(Model):

@@ -9,7 +9,7 @@ from plannerforge.engine.generation.checks import LEAST_FEASIBLE, LEAST_ON_LANEL
 from plannerforge.engine.generation.sites import RADIUS_M
 from plannerforge.engine.generation.traffic import MOST_STATES
 from plannerforge.engine.maps.osm import LIMITS
-from plannerforge.engine.maps.sites import MERGE_M, SIGNAL_REACH_M
+from plannerforge.engine.maps.site_search.finder import MERGE_M, SIGNAL_REACH_M
 from plannerforge.engine.maps.unpacking import LARGEST_BYTES, MAP_ENDINGS
 from plannerforge.engine.traffic.simulation import WARM_UP_S
 from plannerforge.engine.traffic.vehicle_counts import FEWEST, MOST, PAPER_TRIPS, VEHICLES_PER_LANE_KM

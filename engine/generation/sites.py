@@ -59,7 +59,7 @@ ANY_ORDER: tuple[SiteType, ...] = (
 )
 """All types, the rarer first."""
 SAME_PLACE_M = 60.0
-"""Sites of different types that lie closer together are one, as sites of one type are (``maps.sites.MERGE_M``)."""
+"""Sites of different types that lie closer together are one, as sites of one type are (``maps.site_search``)."""
 SHOWN_CLASSES = 3
 """Road classes that a refusal names, at most."""
 

@@ -77,13 +77,13 @@ if TYPE_CHECKING:
         place_parts,
     )
     from .map_file import read_map_file
-    from .nearness import Gathering
     from .online.fetch import fetch_maps
     from .online.places import locate_place
     from .osm import OsmMap, ground_distance_m, write_as_xml
     from .places import country_code, country_name, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
-    from .sites import Site, SiteFinder
+    from .site_search.finder import Site, SiteFinder
+    from .site_search.nearness import Gathering
     from .unpacking import MAP_ENDINGS, foreign_format, is_binary, is_large, is_map, is_net, stored_name, unpacked
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -21,7 +21,7 @@ from ..execution import ProgressReporter
 from .map_file import read_map_file
 from .osm import OSM_ATTRIBUTION, OsmMap, ground_distance_m, length_m
 from .places import country_code, fold
-from .sites import SiteFinder
+from .site_search.finder import SiteFinder
 from .spellings import road_keys, whole_road_keys
 from .unpacking import MAP_ENDINGS
 

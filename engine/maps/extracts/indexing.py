@@ -41,7 +41,7 @@ from ..osm import (
 )
 from ..places import fold, place_keys
 from ..road_classes import ALL_ROADS
-from ..sites import SiteFinder
+from ..site_search.finder import SiteFinder
 from .tiles import TileStore, box_of_tile, tile_of
 
 VERSION = "1"

@@ -25,7 +25,7 @@ from ..index import NOT_SHOWN, roads_called
 from ..map_file import read_map_file
 from ..osm import ground_distance_m
 from ..places import latin
-from ..sites import SiteFinder
+from ..site_search.finder import SiteFinder
 from .services import Answered, ServiceClient, settings_of_query
 
 Spot = tuple[float, float]

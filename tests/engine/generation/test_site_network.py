@@ -15,7 +15,7 @@ from plannerforge.engine.generation.sites import RADIUS_M, fitting_sites
 from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.map_file import read_map_file
 from plannerforge.engine.maps.osm import OsmMap
-from plannerforge.engine.maps.sites import Site
+from plannerforge.engine.maps.site_search.finder import Site
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.traffic.demand import lane_km_of
 from plannerforge.schemas.errors import NotPossible

@@ -8,7 +8,7 @@ import pytest
 from support.generation_bench import Road, made
 
 from plannerforge.engine.generation.sites import why_not_realised
-from plannerforge.engine.maps.sites import Site
+from plannerforge.engine.maps.site_search.finder import Site
 from plannerforge.engine.network.net_parser import SumoNet
 from plannerforge.schemas.generation import SiteType
 

@@ -12,7 +12,7 @@ from plannerforge.engine.maps.facts import read_map
 from plannerforge.engine.maps.foreign.net_map import read_net_map
 from plannerforge.engine.maps.index import LIBRARY
 from plannerforge.engine.maps.osm import OSM_ATTRIBUTION, read_osm
-from plannerforge.engine.maps.sites import SiteFinder
+from plannerforge.engine.maps.site_search.finder import SiteFinder
 from plannerforge.engine.network.netconvert import convert_osm
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import ReadMapRequest

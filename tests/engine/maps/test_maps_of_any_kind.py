@@ -17,7 +17,7 @@ from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.maps.facts import read_map
 from plannerforge.engine.maps.osm import OsmMap, ground_distance_m, read_osm
 from plannerforge.engine.maps.road_classes import ALL_ROADS
-from plannerforge.engine.maps.sites import MOST_ON_SEGMENT, SiteFinder
+from plannerforge.engine.maps.site_search.finder import MOST_ON_SEGMENT, SiteFinder
 from plannerforge.schemas.errors import NotPossible, UnsafeInput
 from plannerforge.schemas.generation import MapFacts, ReadMapRequest
 

@@ -8,7 +8,7 @@ from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.maps import osm as binary_osm
 from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.osm import read_osm, write_as_xml
-from plannerforge.engine.maps.sites import SiteFinder
+from plannerforge.engine.maps.site_search.finder import SiteFinder
 from plannerforge.engine.maps.unpacking import is_binary, is_map, stored_name
 from plannerforge.schemas.errors import UnsafeInput
 from plannerforge.schemas.generation import ConvertMapRequest

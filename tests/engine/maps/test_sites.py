@@ -5,7 +5,7 @@ import pytest
 
 from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.maps.osm import read_osm
-from plannerforge.engine.maps.sites import SiteFinder
+from plannerforge.engine.maps.site_search.finder import SiteFinder
 
 
 def finder(folder: Path, sketch: Sketch) -> SiteFinder:

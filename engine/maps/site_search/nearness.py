@@ -6,7 +6,7 @@ A long line is looked at in short pieces, because its distance to a point costs 
 import math
 from collections.abc import Iterable, Sequence
 
-from .osm import EARTH_RADIUS_M, ground_distance_m
+from ..osm import EARTH_RADIUS_M, ground_distance_m
 
 Place = tuple[float, float]
 """Latitude and longitude in degrees."""

@@ -11,11 +11,11 @@ from functools import cached_property, partial
 from heapq import heapify, heappop, heappush
 from itertools import islice, pairwise
 
-from ...schemas.generation import SiteType
+from ....schemas.generation import SiteType
+from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
+from ..road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
 from .nearness import Gathering, Surroundings
-from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
 from .rings import RING_TAGS, Rings, direction_of
-from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, THROUGH_ROADS
 
 AHEAD_M = 25.0
 """From a signal to the junction that it stands for: netconvert's ``tls.guess-signals.dist``."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from heapq import heappop, heappush
 from itertools import islice, pairwise
 
-from .osm import OsmMap, OsmWay, ground_distance_m
+from ..osm import OsmMap, OsmWay, ground_distance_m
 
 LONGEST_RING_M = 1_000.0
 """Around a ring (chosen): what is cut out around a site holds no longer one."""
