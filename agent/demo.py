@@ -130,7 +130,7 @@ async def _demo(scenario: Path | None, map_file: Path | None, folder: Path, cons
     started = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="plannerforge-demo-") as workspace:
         roots = [folder.parent, *(path.resolve().parent for path in (scenario, map_file) if path)]
-        arguments = ["-m", "plannerforge.server", "serve", "--workspace", workspace]
+        arguments = ["-P", "-m", "plannerforge.server", "serve", "--workspace", workspace]
         arguments += [part for root in dict.fromkeys(roots) for part in ("--roots", str(root))]
         async with Client(StdioServerParameters(command=sys.executable, args=arguments)) as client:
             tools = (await client.list_tools()).tools

@@ -601,7 +601,7 @@ class ScenarioSummary(Model):
         failed = f"; FAILED: {', '.join(self.checks_failed)}" if self.checks_failed else ""
         tried = f"; trial run: {self.trial_run}" if self.trial_run else ""
         made = f"- {self.scenario_id}{' (made before)' if self.reused else ''}"
-        return f"{made}: {self.where}; {self.traffic}{tried}{failed}"
+        return f"{made}: {self.where}; {self.recorded_s:g} s, {self.traffic}; {self.density}{tried}{failed}"
 
 
 class PlanRecord(Model):

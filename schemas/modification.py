@@ -202,8 +202,8 @@ class TouchedVehicle(Model):
     """A vehicle whose motion was computed anew, and whether a car can drive it (judged as ``checked_by`` says).
 
     ``reason``: whom a vehicle that no edit names would have hit, and when. ``handover_*``: differences between the
-    recorded state at the hand-over and the first new step, beyond what the speed explains; None for vehicles that were
-    not recorded.
+    recorded state at the hand-over and the first new step, beyond what the speed explains; ``moved_m``: the largest
+    distance from where it was recorded at the same moment. None for vehicles that were not recorded.
     """
 
     vehicle_id: int
@@ -215,6 +215,7 @@ class TouchedVehicle(Model):
     feasible_share: float
     handover_jump_m: float | None = None
     handover_speed_step_mps: float | None = None
+    moved_m: float | None = None
     reason: str = ""
 
 
@@ -346,9 +347,21 @@ class ModifyScenarioResult(Result):
             most, _ = self._most(_MOST_TOUCHED)
             more = f" and {len(named) - most} more" if len(named) > most else ""
             lines.append(f"Driven besides, to react: {', '.join(named[:most])}{more}.")
+        lines += self._moved()
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
         return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
+
+    def _moved(self) -> list[str]:
+        """How far the edits moved the vehicles that they name: the farthest first."""
+        moved = sorted(
+            (vehicle for vehicle in self.touched if vehicle.cause == "edited" and vehicle.moved_m is not None),
+            key=lambda vehicle: (-(vehicle.moved_m or 0.0), vehicle.vehicle_id),
+        )
+        most, _ = self._most(_MOST_TOUCHED)
+        told = ", ".join(f"{vehicle.vehicle_id} {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
+        least = f" and {len(moved) - most} more by less" if len(moved) > most else ""
+        return [f"Away from where it was recorded, at most: {told}{least}."] if moved else []
 
     def _judged(self) -> list[str]:
         if self.checkers_agree is None:
@@ -413,7 +426,7 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
     return [f"New for the ego{blindness}: {', '.join(new)}."]
 
 
-_RISK = "risk score of 5 (0: collision)"
+_RISK = "risk score (0 worst, 5 best)"
 
 
 def _danger_figures(danger: EgoDanger) -> dict[str, str]:

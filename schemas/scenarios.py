@@ -409,7 +409,9 @@ class DescribeScenarioResult(Result):
             return [f"No vehicle within radius_m of {shown.focus}; {shown.vehicles_total} elsewhere: raise radius_m."]
         more = shown.vehicles_total - len(shown.vehicles)
         rest = "raise radius_m" if self.detail == "vehicles" else "detail=vehicles"
-        head = f"Vehicles, nearest to {shown.focus} first{f' ({more} more: {rest})' if more else ''}:"
+        measured = ", metres along its lane" if shown.focus == "the ego" else ""
+        others = f" ({more} more: {rest})" if more else ""
+        head = f"Vehicles, in a straight line nearest to {shown.focus} first{measured}{others}:"
         return [head, *(_vehicle(vehicle, shown.asked) for vehicle in shown.vehicles)]
 
     def _lanelets(self) -> list[str]:

@@ -61,7 +61,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     starts = tuple(key for key in ego.lanelets if key in under) or ego.lanelets[:1]
     routes = _ways_to(edit, scene, changes, starts)
     route, goal, task, distance = _first_that_can_be(routes, edit, scene, ego)
-    turned = f"after the {edit.turn} turn at the next fork: " if edit.turn in ("left", "right") else ""
+    turned = f"{edit.turn} turn at the next fork: " if edit.turn in ("left", "right") else ""
     turned = "straight on at the next fork: " if edit.turn == "straight" else turned
     where = f"lanelet {goal.lanelet_id} at {_station_m(edit, scene, route):.1f} m"
     what = f"{turned}goal on {where}, {distance:.1f} m ahead of the ego, {task}"
@@ -72,7 +72,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _ways_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """The ego's ways to the goal's lanelet: to the named one, or along the branch that turns so, the farthest first."""
+    """The ego's ways to the goal's lanelet: to the named one, or those of the branch that turns so, in their order."""
     if bool(edit.to) == bool(edit.turn):
         near = reachable_lanelets(scene, starts)
         raise InvalidRequest(
@@ -83,7 +83,7 @@ def _ways_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]
     if edit.turn is None:
         return [route_to(scene, starts, target_lanelets(edit.to, scene, changes), "the ego")]
     branch = branch_for(scene, starts[0], edit.turn, "the ego")
-    return [route_to(scene, starts[:1], [lanelet], "the ego") for lanelet in reversed(branch.lanelets)]
+    return [route_to(scene, starts[:1], [lanelet], "the ego") for lanelet in branch.lanelets]
 
 
 def _first_that_can_be(

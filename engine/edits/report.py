@@ -153,7 +153,16 @@ def _touched(scene: Scene, plan: DrivePlan, track: TakenOverTrack, verdict: Feas
         feasible_share=round(verdict.share_of_steps, 4),
         handover_jump_m=round(max(float(moved) - float(speeds[:2].max()) * scene.step_s, 0.0), 4) if recorded else None,
         handover_speed_step_mps=round(abs(float(speeds[1] - speeds[0])), 4) if recorded else None,
+        moved_m=_moved_m(track, scene.tracks[track.obstacle_id]) if recorded else None,
     )
+
+
+def _moved_m(track: TakenOverTrack, recorded: Track) -> float:
+    """The largest distance in m between two tracks at the same steps."""
+    first = max(track.first_step, recorded.first_step)
+    ours, theirs = track.positions[first - track.first_step :], recorded.positions[first - recorded.first_step :]
+    steps = min(len(ours), len(theirs))
+    return round(float(np.linalg.norm(ours[:steps] - theirs[:steps], axis=1).max(initial=0.0)), 2)
 
 
 def _ego_notes(simulated: SimulatedEdits) -> list[str]:

@@ -166,7 +166,7 @@ class _WorkerProcess:
         """Spawn a worker that imports ``preload`` before its first order; its stray output goes to ``log``."""
         with await anyio.to_thread.run_sync(_opened, log) as stderr:
             process = await anyio.open_process(
-                [sys.executable, "-m", "plannerforge.engine.execution.worker"],
+                [sys.executable, "-P", "-m", "plannerforge.engine.execution.worker"],  # nothing of the current folder
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=stderr,

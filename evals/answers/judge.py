@@ -323,7 +323,7 @@ def _danger(told: Told, verdict: Verdict) -> None:
         verdict.excludes(f"nothing new, and {changed}")
     if line.startswith("New for the ego") and changed and all(a.strip() == b.strip() for a, b in changed):
         verdict.excludes(f"new, but the same: {changed}")
-    risk = re.search(r"risk score of 5 \(0: collision\) (?:[\d]+ → )?(\d+)", line)
+    risk = re.search(r"risk score \(0 worst, 5 best\) (?:[\d]+ → )?(\d+)", line)
     hits = re.search(r"collision (?:[^,.]*→ )?(with \d+|none)", line)
     if risk is not None and hits is not None and (risk[1] == "0") != (hits[1] != "none"):
         verdict.excludes(f"risk score {risk[1]} and collision {hits[1]}")

@@ -59,9 +59,9 @@ def route(vehicle_id: int, *lanelets: int, arrives: bool | None = None) -> Vehic
 def test_the_answer_tells_what_is_new_for_the_ego_and_nothing_else() -> None:
     assert (
         "New for the ego (it does not see the edited traffic): nearest 1.49 m → 0 m, time to collision none within "
-        "60 s → 0 s, risk score of 5 (0: collision) 4 → 0, collision none → with 39 at 6.5 s."
+        "60 s → 0 s, risk score (0 worst, 5 best) 4 → 0, collision none → with 39 at 6.5 s."
     ) in text(SHIFTED).splitlines()
-    assert "Nothing new for the ego: risk score of 5 (0: collision) 4." in text(ego_after=CALM).splitlines()
+    assert "Nothing new for the ego: risk score (0 worst, 5 best) 4." in text(ego_after=CALM).splitlines()
     nearer = text(ego_after=CALM.model_copy(update={"minimum_distance_m": 0.7}))
     assert "New for the ego: nearest 1.49 m → 0.7 m." in nearer.replace(" (it does not see the edited traffic)", "")
 

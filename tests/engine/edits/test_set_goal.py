@@ -182,8 +182,8 @@ START = Problem(start=(10.0, 0.0, 0.0, 6.0), goal=(100.0, 0.0, 8.0, 3.0), steps=
 AT_FORK = ScenarioBuilder(FORK, problems=(START,))
 
 
-@pytest.mark.parametrize(("turn", "lanelet"), [("left", 4), ("straight", 2)])
-def test_a_goal_lies_behind_the_turn_that_was_asked(apply: Apply, turn: str, lanelet: int) -> None:
+@pytest.mark.parametrize(("turn", "lanelet"), [("left", 3), ("straight", 2)])
+def test_a_goal_lies_on_the_lanelet_that_turns_as_asked(apply: Apply, turn: str, lanelet: int) -> None:
     applied = apply({"op": "set_goal", "turn": turn}, builder=AT_FORK)
     written = read_scenario(applied.xml)
     assert goal_center_lanelets(written.scenario.lanelet_network, written.problem()) == (lanelet,)

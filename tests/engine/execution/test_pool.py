@@ -53,6 +53,15 @@ async def run(
     return await pool.run(operation, Words(text=text, number=number), on_progress=on_progress)
 
 
+async def test_a_module_in_the_current_folder_takes_no_place_of_another(
+    pool: WorkerPool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("json.py", "numpy.py", "plannerforge.py"):
+        (tmp_path / name).write_text("raise SystemExit('a foreign module was imported')")
+    monkeypatch.chdir(tmp_path)
+    assert (await run(pool, "tell_pid")).number > 0
+
+
 async def pid_of_worker(pool: WorkerPool) -> int:
     return (await run(pool, "tell_pid")).number
 
