@@ -151,7 +151,7 @@ def record() -> str:
             capture_output=True,
             text=True,
             check=True,
-            env={**os.environ, "PYTHONPATH": str(CHECKOUT), "COLUMNS": "118"},
+            env={**os.environ, "PYTHONPATH": str(CHECKOUT), "COLUMNS": "118", "PLANNERFORGE_MAPS_ONLINE": "offline"},
         )
     text = done.stdout.replace(str(Path(folder).resolve()), SHOWN_WORKSPACE)
     return re.sub(r"chats/\d{4}-\d\d-\d\d-\d{6}", "chats/2026-11-23-091500", text)
