@@ -181,7 +181,8 @@ class WeightChange(Model):
 class ConfigurePlannerResult(Result):
     """The configuration that was made, which is the current one now; ``notes`` on what changed nothing.
 
-    ``base``: what it was made of; ``changes``: against what was named, ``against``: the preset, else the base.
+    ``base``: what it was made of; ``changes``: against what was named, ``against``: the preset where
+    something else was changed too, else the base.
     """
 
     config_id: str

@@ -93,6 +93,8 @@ async def configure_planner(arguments: ConfigurePlannerArguments, call: ToolCall
     stored = store_configuration(call, made, recipe).read(PlannerConfiguration)
     call.made("config", stored.config_id)
     named = base if arguments.preset is None else preset_configuration(base.planner, arguments.preset)
+    if not differences(named, stored):  # against itself there is nothing to tell
+        named = base
     return ConfigurePlannerResult(
         config_id=stored.config_id,
         name=stored.name,

@@ -23,6 +23,10 @@ from .spellings import MOST_KEPT, distinctive, road_keys, road_readings, route_n
 LIBRARY = Path(__file__).parent / "library"
 NOT_SHOWN = "not_shown"
 """Reason of a refusal because no map shows the place, the country or the box."""
+_NEAREST_SHOWN = 4
+"""Maps that a refusal of a box names (chosen)."""
+_EARTH_RADIUS_KM = 6371.0088
+"""Mean radius of the Earth (IUGG)."""
 
 
 _CROSSING_WORDS = re.compile(
@@ -226,14 +230,27 @@ def _in_box(matches: list[MapMatch], bbox: Box) -> list[MapMatch]:
         and east >= match.entry.facts.west
     ]
     if not fitting:
-        boxes = [_box_text(match.entry.facts) for match in matches]
+        nearest = sorted((match.entry.facts for match in matches), key=lambda facts: _km_between(_box_of(facts), bbox))
         raise UnknownName(
-            f"no map shows the box {list(bbox)}",
-            valid=boxes,
+            f"no map shows the box {list(bbox)}; the nearest are named",
+            valid=[f"{_box_text(f)}, {_km_between(_box_of(f), bbox):,.0f} km away" for f in nearest[:_NEAREST_SHOWN]],
             next_step="choose a box inside one of these",
             reason=NOT_SHOWN,
         )
     return fitting
+
+
+def _box_of(f: MapFacts) -> Box:
+    return f.south, f.west, f.north, f.east
+
+
+def _km_between(one: Box, other: Box) -> float:
+    """Distance between the middles of two boxes on a sphere (haversine formula)."""
+    (south, west), (north, east) = (
+        (math.radians((box[0] + box[2]) / 2), math.radians((box[1] + box[3]) / 2)) for box in (one, other)
+    )
+    half = math.sin((north - south) / 2) ** 2 + math.cos(south) * math.cos(north) * math.sin((east - west) / 2) ** 2
+    return 2.0 * _EARTH_RADIUS_KM * math.asin(math.sqrt(min(half, 1.0)))
 
 
 def _box_text(f: MapFacts) -> str:
