@@ -526,7 +526,7 @@ class GenerateScenariosArguments(Arguments):
         [],
         description=(
             "beside cars: 'truck=2' at least, 'car=4..4' exactly, 'taxi=30%'. Classes: car truck bus "
-            "motorcycle bicycle trailer delivery coach taxi emergency moped (scooter)"
+            "motorcycle bicycle pedestrian trailer delivery coach taxi emergency moped"
         ),
     )
     duration_s: float = Field(20, ge=5, le=120)
@@ -570,10 +570,13 @@ class ScenarioSummary(Model):
     @property
     def traffic(self) -> str:
         """The ego and the others by class; beside how many the request comes to where those are not as many."""
-        classes = ", ".join(["the ego", *(counted(count, name) for name, count in self.classes_realised.items())])
+        on_foot = self.classes_realised.get("pedestrian", 0)
+        vehicles = {name: count for name, count in self.classes_realised.items() if name != "pedestrian"}
+        classes = ", ".join(["the ego", *(counted(count, name) for name, count in vehicles.items())])
+        beside = f"; {counted(on_foot, 'pedestrian')}" if on_foot else ""
         differs = self.vehicles_realised != self.vehicles_asked
         wanted = f" of {self.vehicles_asked} that the request comes to" if differs else ""
-        return f"{counted(self.vehicles_realised, 'vehicle')}{wanted}: {classes}"
+        return f"{counted(self.vehicles_realised, 'vehicle')}{wanted}: {classes}{beside}"
 
     @property
     def where(self) -> str:

@@ -140,6 +140,10 @@ _VEHICLE_WORDS: Final[dict[str, str]] = {
         "bike bikes cyclist cyclists cycle fahrrad rad radfahrer velo vélo cycliste bicicleta ciclista "
         "bicicletta fiets rower велосипед велосипедист 自行车 自転車"
     ),
+    "pedestrian": (
+        "person people walker walkers fußgänger fußgängerin passant passanten piéton piétons peatón peatones pedone "
+        "pedoni pedestre voetganger pieszy пешеход пешеходы 行人 歩行者"
+    ),
 }
 """Words that users have for the classes of a request, in the larger languages."""
 _PRESET_WORDS: Final[dict[str, str]] = {

@@ -34,12 +34,24 @@ def scenario_of(tree: Any, step_s: float, benchmark_id: str, version: str, metad
     scenario = Scenario(step_s, scenario_id, **metadata, tags=tags, location=location)
     scenario.add_objects(_network(tree))
     scenario.add_objects(ScenarioFactory._obstacles(tree, scenario.lanelet_network, False))
+    scenario.footways = [_Lanelets.create_from_xml_node(node) for node in tree.findall("lanelet") if _is_footway(node)]
     return scenario
+
+
+def _is_footway(node: Element) -> bool:
+    """Whether a lanelet is open to pedestrians in both directions, and to nobody else.
+
+    Such lanelets are kept beside the network: whatever asks the network here asks where vehicles drive.
+    """
+    both_ways = [user.text for user in node.findall("userBidirectional")]
+    return both_ways == ["pedestrian"] and node.find("userOneWay") is None
 
 
 def _network(tree: Any) -> LaneletNetwork:
     network = LaneletNetwork()
     for node in tree.findall("lanelet"):
+        if _is_footway(node):
+            continue
         network.add_lanelet(_Lanelets.create_from_xml_node(node), rtree=False)
     network._create_strtree()
     country = LaneletNetworkFactory._find_country(tree)

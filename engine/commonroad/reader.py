@@ -39,6 +39,7 @@ from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem, PlanningProblemSet
+    from commonroad.scenario.lanelet import Lanelet
     from commonroad.scenario.scenario import Scenario
 
 
@@ -80,6 +81,11 @@ class LoadedScenario:
     def tracks(self) -> dict[int, Track]:
         """The recording, as ``recorded_tracks`` gives it."""
         return recorded_tracks(self.scenario, self.plain_states)
+
+    @property
+    def footways(self) -> "tuple[Lanelet, ...]":
+        """The lanelets that are open to pedestrians in both directions, and to nobody else: not in the network."""
+        return tuple(getattr(self.scenario, "footways", ()))  # format 2018b has none
 
     @property
     def benchmark_id(self) -> str:

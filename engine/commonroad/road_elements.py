@@ -77,6 +77,11 @@ class LaneletElement:
         finite = bool(np.isfinite(self.left).all() and np.isfinite(self.right).all())
         return finite and len(self.left) == len(self.right) >= 2
 
+    @property
+    def is_footway(self) -> bool:
+        """Whether it is open to pedestrians alone."""
+        return self.users == ("pedestrian",)
+
     @cached_property
     def center(self) -> Points:
         """Centre line of shape (n, 2) of a drawn lanelet: the middle of the bounds."""
@@ -162,6 +167,11 @@ class RoadDocument:
     def drawn(self) -> tuple[LaneletElement, ...]:
         """The drawn lanelets."""
         return tuple(lanelet for lanelet in self.lanelets if lanelet.is_drawn)
+
+    @cached_property
+    def driven(self) -> tuple[LaneletElement, ...]:
+        """The drawn lanelets but those of pedestrians, who go in any direction and turn on the spot."""
+        return tuple(lanelet for lanelet in self.drawn if not lanelet.is_footway)
 
     @cached_property
     def joins(self) -> tuple[tuple[LaneletElement, LaneletElement], ...]:

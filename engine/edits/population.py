@@ -69,7 +69,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         NotPossible: the place is taken (the nearest free ones are named), the vehicle behind cannot brake enough, or
             there is no such lane.
     """
-    if edit.vehicle_class is not None and edit.vehicle_class.strip().lower() == "pedestrian":
+    if edit.vehicle_class is not None and vehicle_class_of(edit.vehicle_class) == "pedestrian":
         return _add_pedestrian(edit, scene, changes)
     vehicle_class = _class(edit.vehicle_class)
     place = first_place(edit, scene, changes, vehicle_class.length_m)

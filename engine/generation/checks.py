@@ -35,14 +35,15 @@ def check_scenario(path: Path, ego: BoxTrack, findings: Sequence[RuleFinding]) -
         loaded, tracks = recorded.loaded, recorded.tracks
         bodies = [BoxTrack(track.positions, track.headings_rad, track.size_m) for track in tracks.values()]
         overlaps = first_overlaps([ego, *bodies])
-        infeasible = tuple(key for key, track in tracks.items() if not _feasible(track, loaded.step_s))
+        driven = {key: track for key, track in tracks.items() if track.kind != "pedestrian"}
+        infeasible = tuple(key for key, track in driven.items() if not _feasible(track, loaded.step_s))
         return Checks(
             goal_reachable=_goal_reachable(loaded),
             collisions_at_start=_collisions_at_start(loaded, tracks),
             overlapping_pairs=sum(pair.first > 0 for pair in overlaps),
             recorded_ego_collision_free=all(pair.first > 0 for pair in overlaps),
             centers_on_lanelets=_share_on_lanelets(loaded, tracks),
-            feasible_share=1.0 - len(infeasible) / max(len(tracks), 1),
+            feasible_share=1.0 - len(infeasible) / max(len(driven), 1),
             infeasible_vehicles=infeasible,
             network_errors=summarise_findings(findings, "error"),
             network_warnings=summarise_findings(findings, "warning"),
@@ -107,9 +108,8 @@ def _share_on_lanelets(loaded: LoadedScenario, tracks: dict[int, Track]) -> floa
 
     if not tracks:
         return 1.0
-    union = union_all(
-        [lanelet.polygon.shapely_object.buffer(EDGE_M) for lanelet in loaded.scenario.lanelet_network.lanelets]
-    )
+    lanelets = [*loaded.scenario.lanelet_network.lanelets, *loaded.footways]
+    union = union_all([lanelet.polygon.shapely_object.buffer(EDGE_M) for lanelet in lanelets])
     prepare(union)
     points = np.concatenate([track.positions for track in tracks.values()])
     return float(np.mean(contains_xy(union, points[:, 0], points[:, 1])))

@@ -19,6 +19,7 @@ from ..maps import OsmMap, Site, read_map_file
 from ..traffic import lane_km_of, plan_counts
 from .checks import check_scenario, faults_of
 from .flows import flow_notes
+from .people import people_asked, people_notes, people_wanted, vehicles_asked
 from .planning_problem import TaskSpec, choose_task
 from .record import record_of
 from .site_network import SITE_LOST, SiteNetwork, prepare_site
@@ -231,7 +232,7 @@ def _write(
     """
     aim = TrafficAim.of(request, site.net)
     lane_km = lane_km_of(site.net)
-    demand = plan_counts(request.density, request.vehicles, lane_km, aim.per_lane_km, fewest=aim.fewest)
+    demand = plan_counts(request.density, vehicles_asked(request), lane_km, aim.per_lane_km, fewest=aim.fewest)
     traffic = generate_traffic(request, demand, aim, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)
@@ -246,7 +247,8 @@ def _write(
             next_step="choose a higher density, another place or other road_classes",
         )
     report(0.8, "writing the file")
-    obstacle_ids = write_scenario(path, site.metadata, site.network, others, task, site.roads)
+    people = tuple(person.body for person in traffic.people)
+    obstacle_ids = write_scenario(path, site.metadata, site.network, (*others, *people), task, site.roads)
     report(0.85, "reading back and checking")
     checks = check_scenario(path, task.ego.body, site.findings)
     missed = [] if task.focus_passed else [site.focus.missed(only_car=spec.ego_index is not None)]
@@ -260,5 +262,7 @@ def _write(
     if task.stands_in:
         notes.append(f"{request.ego} has no goal {spec.goal} on its way; a car after it, which has, is the ego")
     counted = [] if aim.plan is None else flow_notes(aim.plan, vehicles, site)
-    scenario = record_of(request, site, demand, aim, task, vehicles, obstacle_ids, checks, [*notes, *counted])
+    if (on_foot := people_asked(request)) is not None:
+        counted += people_notes(traffic.people, people_wanted(on_foot, request.density, demand.total))
+    scenario = record_of(request, site, demand, aim, task, vehicles, people, obstacle_ids, checks, [*notes, *counted])
     return scenario, [] if notes else missed

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from ...schemas.generation import Checks, DensityFacts, GeneratedEgo, GeneratedScenario, GenerationRequest, SiteFacts
 from ..traffic import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, GeneratedVehicle, lane_km_of
+from ..vehicles import PEDESTRIAN
+from .people import people_asked, people_wanted
 from .planning_problem import PlanningTask
 from .site_network import SiteNetwork
 from .traffic import TrafficAim
@@ -22,6 +24,7 @@ def record_of(
     aim: TrafficAim,
     task: PlanningTask,
     vehicles: Sequence[GeneratedVehicle],
+    people: Sequence[GeneratedVehicle],
     obstacle_ids: Mapping[str, int],
     checks: Checks,
     notes: Iterable[str],
@@ -30,6 +33,7 @@ def record_of(
 
     Args:
         vehicles: the ego and the others.
+        people: those on foot, who count as no vehicles.
         obstacle_ids: CommonRoad's id by the vehicle's id, the ego left out.
         notes: on its traffic and ego; those on what differs from the request follow them.
     """
@@ -37,7 +41,9 @@ def record_of(
     others = [vehicle for vehicle in vehicles if vehicle is not task.ego]
     counts = Counter(vehicle.vehicle_class.name for vehicle in others)
     density = _density(request, aim, site, vehicles)
-    recorded_s = round((max(vehicle.steps for vehicle in vehicles) - 1) * STEP_S, 6)
+    recorded_s = round((max(each.steps for each in (*vehicles, *people)) - 1) * STEP_S, 6)
+    walkers, asked = len(people), people_asked(request)
+    wanted = {} if asked is None else {PEDESTRIAN.name: people_wanted(asked, request.density, demand.total)}
     signs = site.network.signs if metadata.speed_sign is None else ()
     limits = {key: round(sign.speed_mps * 3.6, 1) for sign in signs for key in sign.lanelet_ids}
     return GeneratedScenario(
@@ -52,12 +58,13 @@ def record_of(
         ),
         vehicles_asked=demand.total,
         vehicles_realised=len(vehicles),
-        classes_asked=demand.least,
-        classes_realised={name: counts[name] for name in demand.counts if counts[name]},
+        classes_asked=demand.least | wanted,
+        classes_realised={name: counts[name] for name in demand.counts if counts[name]}
+        | ({PEDESTRIAN.name: walkers} if walkers else {}),
         density=density,
         duration_s=request.duration_s,
         recorded_s=recorded_s,
-        lanelets=len(site.network.lanelets),
+        lanelets=len(site.network.lanelets) + len(site.network.walkways),
         traffic_lights=len(site.network.lights),
         ego=_ego_facts(task, vehicles),
         checks=checks,

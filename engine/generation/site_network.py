@@ -16,7 +16,19 @@ from ...schemas.generation import GenerationRequest
 from ...schemas.scenarios import RuleFinding
 from ..commonroad import road_document
 from ..execution import ProgressReporter
-from ..maps import LaneletMap, NetMap, OsmMap, RoadFile, Site, cut_lanelets, cut_map, cut_net, read_lanelet_map
+from ..maps import (
+    LaneletMap,
+    NetMap,
+    OsmMap,
+    Pavements,
+    RoadFile,
+    Site,
+    cut_lanelets,
+    cut_map,
+    cut_net,
+    find_pavements,
+    read_lanelet_map,
+)
 from ..network import (
     RoadNetwork,
     SumoNet,
@@ -30,6 +42,7 @@ from ..network import (
     summarise_findings,
 )
 from ..traffic import VEHICLES_PER_LANE_KM, WARM_UP_S, lane_km_of
+from .people import Footways, footways_of, nowhere_to_walk, open_footways, people_asked, vehicles_asked, with_walkways
 from .sites import SiteFocus, classes_for, middle_of, radius_for, why_not_realised
 from .writer import STEP_S, ScenarioMetadata, copy_network, write_network
 
@@ -59,7 +72,7 @@ class SiteNetwork:
     """A site as a SUMO net (in the file at ``net_path``) and as lanelets, ready for traffic.
 
     ``notes`` are for the answer, ``warnings`` are netconvert's, ``findings`` those of the road rules. ``roads``: of a
-    lanelet network that was filled, what is taken over from its file.
+    lanelet network that was filled, what is taken over from its file. ``footways``: None where no people are asked for.
     """
 
     site: Site
@@ -72,6 +85,7 @@ class SiteNetwork:
     notes: tuple[str, ...]
     findings: tuple[RuleFinding, ...] = ()
     roads: RoadFile | None = None
+    footways: Footways | None = None
 
     @cached_property
     def focus(self) -> SiteFocus:
@@ -89,7 +103,7 @@ def prepare_site(
     """
     usual_m = radius_for(site, request)
     built = build_network(request, osm, site, usual_m, folder, report)
-    counted = 1 + sum(demand.needed for demand in request.vehicles)
+    counted = 1 + sum(demand.needed for demand in vehicles_asked(request))
     share = counted / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
     if share <= MOST_CROWDED or isinstance(osm, LaneletMap):
         return judged(built, report)
@@ -143,23 +157,31 @@ def build_network(
     Raises:
         NotPossible: no road there is open to cars.
     """
+    on_foot = people_asked(request) is not None
     if isinstance(osm, LaneletMap):
+        if on_foot:
+            raise _no_pavements_in_lanelets()
         return _fill_lanelets(request, osm, site, radius_m, folder, report)
     net_path = folder / "scenario.net.xml"
     lefthand = request.country in LEFT_HAND_COUNTRIES
     classes = classes_for(site, request)
     cut = folder / "site.osm"
     notes: list[str] = []
+    pavements: Pavements | None = None
     report(0.05, "cutting out the site")
     if isinstance(osm, NetMap):
-        warnings = cut_net(osm, site.position, radius_m, classes, net_path, folder)
+        warnings = cut_net(osm, site.position, radius_m, classes, net_path, folder, pavements=on_foot)
         if not _is_drivable(net_path):
             raise _closed_to_cars()
         report(0.15, "building the lanelets")
         network = _lanelets(net_path)
     else:
-        cut_map(osm, site.position, radius_m, classes, cut)
-        warnings, notes, network = _convert_site(site, cut, net_path, lefthand=lefthand, report=report)
+        if on_foot:
+            pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m)
+            if not pavements.mapped_km + pavements.guessed_km:
+                raise nowhere_to_walk()
+        cut_map(osm, site.position, radius_m, classes, cut, pavements)
+        warnings, notes, network = _convert_site(site, cut, net_path, lefthand=lefthand, on_foot=on_foot, report=report)
     if network.dropped_lanes:
         removed, later = remove_hairpins(net_path, folder)
         warnings += later
@@ -167,10 +189,23 @@ def build_network(
         network = _lanelets(net_path)
     if request.country is None and not isinstance(osm, NetMap):  # a network itself says on which side it drives
         notes.append(UNKNOWN_SIDE)
+    if on_foot:
+        open_footways(net_path)
     cap_speeds(net_path)
     net = read_net(net_path)
     metadata = ScenarioMetadata.of(request, site, net)
-    return SiteNetwork(site, radius_m, net_path, net, network, metadata, warnings, tuple(notes))
+    footways = footways_of(net_path, net, pavements) if on_foot else None
+    if footways is not None:
+        network = with_walkways(network, footways)
+        notes = [*footways.notes, *notes]
+    return SiteNetwork(site, radius_m, net_path, net, network, metadata, warnings, tuple(notes), footways=footways)
+
+
+def _no_pavements_in_lanelets() -> NotPossible:
+    return NotPossible(
+        "the lanelet network of this map is filled as it is, and pavements are not put beside it",
+        next_step="leave pedestrian out of vehicles, or take an OpenStreetMap extract or a SUMO network as the map",
+    )
 
 
 def _fill_lanelets(
@@ -208,7 +243,7 @@ def _fill_lanelets(
 
 
 def _convert_site(
-    site: Site, cut: Path, net_path: Path, *, lefthand: bool, report: ProgressReporter
+    site: Site, cut: Path, net_path: Path, *, lefthand: bool, on_foot: bool, report: ProgressReporter
 ) -> tuple[tuple[str, ...], list[str], RoadNetwork]:
     """Convert what was cut out; junctions close together stay apart where the joined one swallows the site.
 
@@ -219,20 +254,24 @@ def _convert_site(
         NotPossible: no road there is open to cars.
     """
     report(0.1, "running netconvert")
-    warnings, notes = convert_map(cut, net_path, lefthand=lefthand)
+    warnings, notes = convert_map(cut, net_path, lefthand=lefthand, pavements=on_foot)
     lost = why_not_realised(site, read_net(net_path)) is not None
     report(0.15, "building the lanelets")
     network = _lanelets(net_path)
     if lost or len(network.dropped_lanes) > MANY_HAIRPINS:
         service = bool(notes)
-        warnings = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False)
+        warnings = convert_osm(
+            cut, net_path, lefthand=lefthand, drivable_service_roads=service, join_junctions=False, pavements=on_foot
+        )
         why = "the site was lost in one of them" if lost else "one of them became too large to be drawn"
         notes.append(f"junctions close together were not joined, because {why}")
         network = _lanelets(net_path)
     return warnings, notes, network
 
 
-def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[tuple[str, ...], list[str]]:
+def convert_map(
+    cut: Path, net_path: Path, *, lefthand: bool, pavements: bool = False
+) -> tuple[tuple[str, ...], list[str]]:
     """Convert with the mildest settings that give a net on which cars can drive.
 
     Returns:
@@ -241,10 +280,10 @@ def convert_map(cut: Path, net_path: Path, *, lefthand: bool) -> tuple[tuple[str
     Raises:
         NotPossible: no road of the extract is open to cars, however it is converted.
     """
-    warnings = convert_osm(cut, net_path, lefthand=lefthand)
+    warnings = convert_osm(cut, net_path, lefthand=lefthand, pavements=pavements)
     if _is_drivable(net_path):
         return warnings, []
-    warnings = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True)
+    warnings = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True, pavements=pavements)
     if not _is_drivable(net_path):
         raise _closed_to_cars()
     return warnings, ["only service roads lie here; they were opened to all vehicles"]

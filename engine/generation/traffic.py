@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...schemas.errors import NotPossible
-from ...schemas.generation import GenerationRequest, SiteType
+from ...schemas.generation import GenerationRequest, SiteType, VehicleDemand
 from ...schemas.text import counted
 from ..cosimulation import presets
 from ..execution import ProgressReporter
@@ -29,6 +29,7 @@ from ..traffic import (
     GeneratedVehicle,
     TooFewFoundRoom,
     TripMaker,
+    WalkedPerson,
     drop_infeasible,
     generated_vehicles,
     lane_km_of,
@@ -36,6 +37,7 @@ from ..traffic import (
 )
 from ..vehicles import vehicle_classes
 from .flows import FlowPlan, FlowTrips, plan_flows
+from .people import people_among, people_asked, people_wanted, walkers_for
 from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
 from .writer import STEP_S
@@ -88,10 +90,11 @@ class TrafficAim:
 
 @dataclass(frozen=True)
 class _GeneratedTraffic:
-    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet."""
+    """Smoothed vehicles at a site, spare ones among them, and the demand that they meet; the people beside them."""
 
     vehicles: tuple[GeneratedVehicle, ...]
     demand: Demand
+    people: tuple[WalkedPerson, ...] = ()
 
 
 def generate_traffic(
@@ -113,6 +116,9 @@ def generate_traffic(
     lasting_s = min(WARM_UP_S + request.duration_s, LASTING_S)
     needed = {name: least + (name == "car") for name, least in {"car": 0, **demand.least}.items()}
     shortfalls: list[dict[str, int]] = []
+    asked = people_asked(request)
+    people = 0 if asked is None else people_wanted(asked, request.density, demand.total)
+    most_people = 0
     more: Counter[str] = Counter()
     for attempt in range(ATTEMPTS):
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
@@ -120,6 +126,12 @@ def generate_traffic(
         trips = _trips(request, aim, site.net, lasting_s, choice)
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
+        walkers = None
+        if site.footways is not None:
+            middle = middle_of(site.site, site.net)
+            walkers = walkers_for(
+                site.footways, site.network, people, middle, duration_s=request.duration_s, step_s=STEP_S, seed=seed
+            )
         part = _Part(report, 0.3 + 0.4 * attempt / ATTEMPTS, 0.4 / ATTEMPTS)
         part(0.0, "simulating traffic")
         try:
@@ -134,6 +146,7 @@ def generate_traffic(
                 scratch=scratch,
                 report=part,
                 style=_style_of(request),
+                walkers=walkers,
             )
         except TooFewFoundRoom as full:
             shortfalls.append(_absent(demand, full.counts))
@@ -147,15 +160,30 @@ def generate_traffic(
         part(1.0, "looking for overlaps")
         kept = drop_infeasible(smoothed, needed)
         absent = _absent(demand, Counter(vehicle.vehicle_class.name for vehicle in kept))
+        walked = () if walkers is None else people_among(walkers, kept, people)
+        most_people = max(most_people, len(walked))
+        if not absent and (len(walked) == people or (walked and attempt == ATTEMPTS - 1 and not _is_counted(asked))):
+            return _GeneratedTraffic(kept, demand, walked)
         if not absent:
-            return _GeneratedTraffic(kept, demand)
+            continue
         shortfalls.append(absent)
         if _is_hopeless(demand, absent):
             break
         more.update({name: MORE_FOR_EACH_ABSENT * count for name, count in absent.items()})
+    if not shortfalls and most_people < people:
+        raise NotPossible(
+            f"asked for {counted(people, 'pedestrian')}; {most_people} found room on the pavements of this site",
+            valid=[f"pedestrian={most_people}"] if most_people else [],
+            next_step="ask for fewer, or choose another place, scenario_type or seed",
+        )
     if not shortfalls:
         raise _too_large(request.duration_s)
     raise _no_room(demand, min(shortfalls, key=lambda absent: sum(absent.values())))
+
+
+def _is_counted(asked: VehicleDemand | None) -> bool:
+    """Whether a class is asked for by number."""
+    return asked is not None and asked.least is not None
 
 
 def _trips(

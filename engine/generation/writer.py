@@ -17,7 +17,7 @@ from ...schemas.generation import GenerationRequest, SiteType, TrafficConditions
 from ..commonroad import speed_limit_number
 from ..geometry import Points, wrap_angle
 from ..maps import RoadFile, Site
-from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, SumoNet, TrafficLight
+from ..network import Incoming, RoadLanelet, RoadNetwork, SpeedSign, SumoNet, TrafficLight, Walkway
 from ..traffic import DECIMALS, GeneratedVehicle, sumo_version
 from ..vehicles import Motion
 from .planning_problem import HEADING_MARGIN_RAD, PlanningTask
@@ -186,6 +186,8 @@ def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str | 
         lights.setdefault(light.lanelet_id, []).append(light.light_id)
     for key, lanelet in network.lanelets.items():
         _write_lanelet(root, lanelet, signs.get(key, []), lights.get(key, []))
+    for walkway in network.walkways:
+        _write_walkway(root, walkway)
     if speed_sign is not None:
         for sign in network.signs:
             _write_sign(root, sign, speed_sign)
@@ -252,6 +254,18 @@ def _write_lanelet(root: etree._Element, lanelet: RoadLanelet, signs: list[int],
         _add(element, "userOneWay", word)
     _references(element, "trafficSignRef", signs)
     _references(element, "trafficLightRef", lights)
+
+
+def _write_walkway(root: etree._Element, walkway: Walkway) -> None:
+    """Append a way for people: they walk on it in both directions, and it leads vehicles nowhere."""
+    element = etree.SubElement(root, "lanelet", {"id": str(walkway.lanelet_id)})
+    for tag, line in (("leftBound", walkway.left), ("rightBound", walkway.right)):
+        bound = etree.SubElement(element, tag)
+        for point in line:
+            _write_point(bound, point)
+        _add(bound, "lineMarking", "no_marking")
+    _add(element, "laneletType", "crosswalk" if walkway.crosses else "sidewalk")
+    _add(element, "userBidirectional", "pedestrian")
 
 
 def _write_sign(root: etree._Element, sign: SpeedSign, speed_sign: str) -> None:

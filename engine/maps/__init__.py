@@ -4,6 +4,8 @@
 ``cut_net``: Write the roads of a SUMO network that come within a circle as a network; netconvert's warnings.
 ``index_extract``: An operation: read an extract of a country into tiles, or go on where that broke off.
 ``cut_extract``: An operation: the part of an extract that a request means, as a map.
+``Pavements``: On which sides roads have pavements, by the map or by a guess, and the crossings that the map marks.
+``find_pavements``: The pavements of roads within a circle around a point.
 ``read_map``: An operation: the facts of a map file, its place and country among them.
 ``MapEntry``: A map at hand: its facts and its file.
 ``MapMatch``: A map that shows an asked place, with the streets that a site there must carry.
@@ -80,6 +82,7 @@ if TYPE_CHECKING:
     from .online.fetch import fetch_maps
     from .online.places import locate_place
     from .osm import OsmMap, ground_distance_m, write_as_xml
+    from .pavements import Pavements, find_pavements
     from .places import country_code, country_name, fold, place_keys
     from .road_classes import ALL_ROADS, FAST_ROADS, LINKS, RAMP_LINKS, ROADS, RURAL_CLASSES, resolve_road_classes
     from .site_search.finder import Site, SiteFinder

@@ -18,6 +18,7 @@ from ...schemas.errors import NotPossible
 from ..network import run_netconvert
 from .foreign.net_map import NetMap
 from .osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, append_node, append_object, ground_distance_m
+from .pavements import Pavements
 
 MOST_ARMS = 32
 """Roads at one junction (chosen): SUMO's take 256 connections, and netconvert's time grows with their square."""
@@ -39,11 +40,17 @@ class _Piece:
 
 
 def cut_map(
-    osm: OsmMap, center: tuple[float, float], radius_m: float, classes: Iterable[str], target: Path
+    osm: OsmMap,
+    center: tuple[float, float],
+    radius_m: float,
+    classes: Iterable[str],
+    target: Path,
+    pavements: Pavements | None = None,
 ) -> tuple[OsmWay, ...]:
     """Write the roads of the given classes within a circle around (latitude, longitude) as an .osm file.
 
-    Turn restrictions are kept where all their ways are inside in one piece.
+    Turn restrictions are kept where all their ways are inside in one piece. ``pavements``: those that the roads get, in
+    the place of what their tags say.
 
     Returns:
         The ways that were written (parts of a way count once).
@@ -67,7 +74,8 @@ def cut_map(
         (whole.discard if piece.way.way_id in used else whole.add)(piece.way.way_id)
         used.add(piece.way.way_id)
         references = [("nd", {"ref": str(node.node_id)}) for node in piece.nodes]
-        append_object(root, "way", way_id, _buildable(piece.way.tags), parts=references)
+        tags = piece.way.tags if pavements is None else pavements.tags_of(piece.way)
+        append_object(root, "way", way_id, _buildable(tags), parts=references)
     _write_restrictions(root, osm, nodes, whole)
     target.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
     return tuple({piece.way.way_id: piece.way for piece in pieces}.values())
@@ -148,11 +156,19 @@ def _write_restrictions(root: etree._Element, osm: OsmMap, nodes: dict[int, OsmN
 
 
 def cut_net(
-    net: NetMap, center: tuple[float, float], radius_m: float, classes: Iterable[str], target: Path, scratch: Path
+    net: NetMap,
+    center: tuple[float, float],
+    radius_m: float,
+    classes: Iterable[str],
+    target: Path,
+    scratch: Path,
+    *,
+    pavements: bool = False,
 ) -> tuple[str, ...]:
     """Write the roads of the given classes that come within a circle around (latitude, longitude) as a network.
 
-    Coordinates, junctions and traffic lights stay those of the whole network.
+    Coordinates, junctions and traffic lights stay those of the whole network. ``pavements``: slow roads without any get
+    some, and junctions crossings.
 
     Raises:
         NotPossible: no such road, too many of them, or netconvert refuses the network.
@@ -164,6 +180,8 @@ def cut_net(
     kept = scratch / "kept_edges.txt"
     kept.write_text("".join(f"{edge}\n" for way in near for edge in net.edges[way.way_id]), encoding="utf-8")
     options = ["--sumo-net-file", str(net.path), "--keep-edges.input-file", str(kept)]
+    if pavements:
+        options += ["--sidewalks.guess", "true", "--crossings.guess", "true"]
     return run_netconvert([*options, "--offset.disable-normalization", "true"], target)
 
 

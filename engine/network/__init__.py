@@ -13,6 +13,13 @@
 ``read_net``: Read a SUMO net from a file that is not trusted.
 ``cap_speeds``: Lower the speed limits of a net, in place, to what the curves of its lanes allow; how many changed.
 ``convert_osm``: Turn an OSM extract into a SUMO net; netconvert's warnings.
+``Crossing``: A crossing of a SUMO net from one corner to another.
+``Pavement``: A pavement of a SUMO net, in the direction of its road.
+``WalkNet``: Where people walk in a SUMO net: pavements, crossings, corners.
+``draw_walkways``: Pavements, crossings and corners as lanelets for pedestrians.
+``give_way_at_crossings``: Give pedestrians the right of way at all crossings of a net without lights, in place.
+``read_walk_net``: The pavements, corners and crossings of a SUMO net.
+``Walkway``: A lanelet for pedestrians in both directions.
 ``run_netconvert``: Run netconvert with the options and those for good geometry inside junctions; its warnings.
 ``POSITION_WORDS``: Words for places along a lanelet, with their shares of its length.
 ``station_m``: Arc length in m for a position word, a fraction or metres, at least a centimetre inside the lanelet.
@@ -58,6 +65,7 @@ if TYPE_CHECKING:
         RoadNetwork,
         SpeedSign,
         TrafficLight,
+        Walkway,
     )
     from .rules.check import check_file, check_network, summarise_findings
     from .sumo_export.layout import NetLayout
@@ -71,5 +79,6 @@ if TYPE_CHECKING:
         straight_speeds,
     )
     from .sumo_export.writer import Signal, signals_of, sumo_net
+    from .walk_net import Crossing, Pavement, WalkNet, draw_walkways, give_way_at_crossings, read_walk_net
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

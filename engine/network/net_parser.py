@@ -141,7 +141,7 @@ def _net(root: etree._Element) -> SumoNet:
     return SumoNet(
         lanes=lanes,
         edges=edges,
-        connections=tuple(_connection(c) for c in root.iterfind("connection")),
+        connections=tuple(_connection(c) for c in root.iterfind("connection") if _ends(c) <= edges.keys()),
         junction_types={j.get("id", ""): j.get("type", "") for j in root.iterfind("junction")},
         signals={t.get("id", ""): _signal(t) for t in root.iterfind("tlLogic")},
         roundabout_edges=tuple(tuple(r.get("edges", "").split()) for r in root.iterfind("roundabout")),
@@ -219,6 +219,10 @@ def _permissions(allow: str | None, disallow: str | None) -> frozenset[str]:
     if disallow is not None:
         return frozenset() if disallow == "all" else _ALL_CLASSES - frozenset(disallow.split())
     return _ALL_CLASSES
+
+
+def _ends(connection: etree._Element) -> set[str]:
+    return {connection.get("from", ""), connection.get("to", "")}
 
 
 def _connection(element: etree._Element) -> Connection:

@@ -59,7 +59,13 @@ _OSM_OPTIONS = """
 
 
 def convert_osm(
-    osm: Path, net: Path, *, lefthand: bool, drivable_service_roads: bool = False, join_junctions: bool = True
+    osm: Path,
+    net: Path,
+    *,
+    lefthand: bool,
+    drivable_service_roads: bool = False,
+    join_junctions: bool = True,
+    pavements: bool = False,
 ) -> tuple[str, ...]:
     """Turn an OSM extract into a SUMO net; netconvert's warnings.
 
@@ -69,6 +75,7 @@ def convert_osm(
         lefthand: whether traffic keeps to the left.
         drivable_service_roads: open service roads (delivery only by SUMO's default) to all vehicles.
         join_junctions: make one junction of those that lie close together.
+        pavements: build the pavements that tags state, and crossings where they meet at a junction.
 
     Raises:
         NotPossible: netconvert refuses the extract, naming its error.
@@ -80,6 +87,9 @@ def convert_osm(
         types.append(Path(__file__).parent.parent / "maps" / "service_roads.typ.xml")
     options = ["--osm-files", str(osm), "--type-files", ",".join(str(path) for path in types), *_OSM_OPTIONS.split()]
     options += ["--lefthand", str(lefthand).lower(), "--junctions.join", str(join_junctions).lower()]
+    if pavements:
+        options[options.index("--keep-edges.by-vclass") + 1] += ",pedestrian"
+        options += ["--osm.sidewalks", "true", "--crossings.guess", "true"]
     return run_netconvert(options, net)
 
 

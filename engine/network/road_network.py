@@ -96,10 +96,25 @@ class Intersection:
 
 
 @dataclass(frozen=True)
+class Walkway:
+    """A lanelet for pedestrians in both directions: a crossing, or a pavement or a corner where pavements meet.
+
+    ``edge_id``: SUMO's; bounds (n, 2) in metres.
+    """
+
+    lanelet_id: int
+    edge_id: str
+    crosses: bool
+    left: Points
+    right: Points
+
+
+@dataclass(frozen=True)
 class RoadNetwork:
     """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds.
 
-    ``largest_id``: of all elements of the file that the network was read of; 0 where it was read of none.
+    ``largest_id``: of all elements of the file that the network was read of; 0 where it was read of none. ``walkways``
+    are beside the lanelets, which are those of vehicles.
     """
 
     lanelets: dict[int, RoadLanelet]
@@ -108,6 +123,7 @@ class RoadNetwork:
     intersections: tuple[Intersection, ...]
     dropped_lanes: tuple[str, ...]
     largest_id: int = 0
+    walkways: tuple[Walkway, ...] = ()
 
     @property
     def next_id(self) -> int:
@@ -116,6 +132,7 @@ class RoadNetwork:
         for crossing in self.intersections:
             used.append(crossing.intersection_id)
             used.extend(i.incoming_id for i in crossing.incomings)
+        used.extend(walkway.lanelet_id for walkway in self.walkways)
         return max(used, default=0) + 1
 
     @cached_property

@@ -13,11 +13,12 @@ import numpy as np
 from ...schemas.runs import RunRecord, RunSource
 from ..analysis import driven_tracks, read_steps
 from ..commonroad import Track, last_recorded_step, size_of
-from ..geometry import Points, Values, oriented_rectangle
+from ..geometry import Points, Values, length_m, oriented_rectangle, resample
 from .canvas import EGO_COLOUR, series_style
 
 if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
+    from commonroad.scenario.lanelet import Lanelet
     from commonroad.scenario.scenario import Scenario
 
     from ..commonroad import RecordedScenario
@@ -67,7 +68,10 @@ class VehicleShape:
 
 @dataclass(frozen=True)
 class ScenarioContent:
-    """Everything that is drawn of one scenario; ``goals`` are polygons (n, 2), none where any place counts."""
+    """Everything that is drawn of one scenario; ``goals`` are polygons (n, 2), none where any place counts.
+
+    ``pavements`` and the stripes of ``crossings`` are polygons of ways that are open to pedestrians alone.
+    """
 
     scenario_id: str
     step_s: float
@@ -82,6 +86,8 @@ class ScenarioContent:
     ego_speed_mps: float
     ego_step: int
     goals: tuple[Points, ...]
+    pavements: tuple[Points, ...] = ()
+    crossings: tuple[Points, ...] = ()
 
     def positions_at(self, step: int) -> dict[int, Points]:
         """Where the moving vehicles are at a step, by id; each a point (2,)."""
@@ -120,7 +126,28 @@ def content_of(recorded: "RecordedScenario") -> ScenarioContent:
         ego_speed_mps=float(ego.velocity) if ego else 0.0,
         ego_step=int(ego.time_step) if ego else 0,
         goals=_goals(problem, scenario) if problem else (),
+        pavements=tuple(_outline(one) for one in loaded.footways if not _crosses(one)),
+        crossings=tuple(stripe for one in loaded.footways if _crosses(one) for stripe in _stripes(one)),
     )
+
+
+_STRIPE_M = 0.6
+"""Width of a stripe of a crossing, and of the gap beside it (chosen)."""
+
+
+def _crosses(footway: "Lanelet") -> bool:
+    return any(kind.value == "crosswalk" for kind in footway.lanelet_type)
+
+
+def _outline(footway: "Lanelet") -> Points:
+    return np.concatenate([footway.right_vertices, footway.left_vertices[::-1]])
+
+
+def _stripes(footway: "Lanelet") -> list[Points]:
+    """The stripes of a crossing, along the road that it crosses."""
+    count = 2 * max(round(length_m(np.asarray(footway.center_vertices)) / _STRIPE_M / 2), 1)
+    left, right = (resample(np.asarray(side), count + 1) for side in (footway.left_vertices, footway.right_vertices))
+    return [np.array([right[k], right[k + 1], left[k + 1], left[k]]) for k in range(0, count, 2)]
 
 
 def _lanelets(scenario: "Scenario") -> tuple[LaneletShape, ...]:

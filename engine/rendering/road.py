@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Points, arc_length, interpolate, length_m, point_at, resample, without_repeats
-from .canvas import DIRECTION, EGO_COLOUR, INK, ROAD, ROAD_EDGE, light_mark
+from .canvas import DIRECTION, EGO_COLOUR, INK, PAVEMENT, ROAD, ROAD_EDGE, light_mark
 from .content import LaneletShape, ScenarioContent, Viewport
 
 if TYPE_CHECKING:
@@ -33,6 +33,10 @@ def draw_road(axes: "Axes", content: ScenarioContent, viewport: Viewport) -> Non
 
     shown = [lanelet for lanelet in content.lanelets if _may_be_seen(lanelet, viewport)]
     surfaces = [lanelet.outline for lanelet in shown]
+    if content.pavements:
+        axes.add_collection(PolyCollection(content.pavements, facecolors=PAVEMENT, edgecolors=PAVEMENT, zorder=0.9))
+    if content.crossings:
+        axes.add_collection(PolyCollection(content.crossings, facecolors=_LANE_LINE, edgecolors="none", zorder=2.3))
     axes.add_collection(PolyCollection(surfaces, facecolors=ROAD, edgecolors=ROAD, linewidths=0.8, zorder=1))
     plain = [lanelet for lanelet in shown if not lanelet.inside_intersection]
     sides = [side for one in plain for side in ((one.left, one.left_neighbour), (one.right, one.right_neighbour))]

@@ -24,6 +24,11 @@
 ``SHARES_OF_DAY_SOURCE``: Whose figures the hours' shares of a day are.
 ``heavy_factor``: The share of goods vehicles in an hour's traffic over that in the whole day's.
 ``vehicles_per_lane_km``: How dense traffic is in an hour of a working day.
+``WALKING_SOURCE``: Whose figures of walking speeds are used.
+``WalkedPerson``: A person who was simulated, and whether he is on a crossing during the recording.
+``Walkers``: Puts people onto the pavements of a simulation, and records them.
+``apart``: The people who overlap no vehicle and nobody before them.
+``plan_walks``: Walks along pavements and over crossings near a place.
 ``WARM_UP_S``: How long vehicles drive before the first recorded step, in s.
 ``GeneratedVehicle``: A generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
 ``generated_vehicles``: The recorded vehicles with smoothed, drivable motions.
@@ -48,5 +53,6 @@ if TYPE_CHECKING:
     from .simulation import WARM_UP_S, DrivingStyle, TooFewFoundRoom, simulate_traffic
     from .sumo import NO_LANE, LaneChanges, LaneHint, Sumo, sumo_pose, sumo_running, sumo_version, vehicle_type
     from .vehicle_counts import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, plan_counts
+    from .walkers import WALKING_SOURCE, WalkedPerson, Walkers, apart, plan_walks
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -56,6 +57,20 @@ class DrivingStyle:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
 
+class Pedestrians(Protocol):
+    """People on foot in a simulation; ``sumo_type``: the ``vType`` element that they need."""
+
+    sumo_type: str
+
+    def before_step(self, sumo: Sumo, step: int) -> None:
+        """Called before each step, from 1 on."""
+        ...
+
+    def after_step(self, sumo: Sumo, step: int) -> None:
+        """Called after each step."""
+        ...
+
+
 class TooFewFoundRoom(Exception):
     """At step 0 there are too few vehicles; ``counts``: of each class."""
 
@@ -76,6 +91,7 @@ def simulate_traffic(
     scratch: Path,
     report: ProgressReporter,
     style: DrivingStyle | None = None,
+    walkers: Pedestrians | None = None,
 ) -> tuple[RawTrack, ...]:
     """Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 
@@ -85,6 +101,7 @@ def simulate_traffic(
     Args:
         is_enough: whether to go on with so many vehicles of each class at step 0.
         style: how all drive; None: as usual.
+        walkers: the people on foot, who are put in and looked at by the way.
 
     Raises:
         NotPossible: SUMO refuses the net, naming its reason.
@@ -95,7 +112,10 @@ def simulate_traffic(
     running = sumo_running(
         net_path,
         scratch / "types.add.xml",
-        [_vehicle_type(known[name], style or DrivingStyle()) for name in sorted(demand.counts)],
+        [
+            *(_vehicle_type(known[name], style or DrivingStyle()) for name in sorted(demand.counts)),
+            *(() if walkers is None else (walkers.sumo_type,)),
+        ],
         step_s=step_s,
         seed=seed % 2**31,  # SUMO's seeds have 31 bits
         options={"--lanechange.duration": LANE_CHANGE_S, "--ignore-route-errors": "true"},
@@ -103,7 +123,7 @@ def simulate_traffic(
     )
     with running as sumo:
         source = _Source(sumo, demand, trips, random.Random(seed))  # noqa: S311 - reproducible, not secret
-        return _record(sumo, source, is_enough, duration_s, step_s, report)
+        return _record(sumo, source, is_enough, duration_s, step_s, report, walkers)
 
 
 def _vehicle_type(vehicle_class: VehicleClass, style: DrivingStyle) -> str:
@@ -168,6 +188,7 @@ def _record(
     duration_s: float,
     step_s: float,
     report: ProgressReporter,
+    walkers: Pedestrians | None,
 ) -> tuple[RawTrack, ...]:
     warm_up, last_insertion = round(WARM_UP_S / step_s), round(LAST_INSERTION_S / step_s)
     steps = round(duration_s / step_s)
@@ -176,7 +197,11 @@ def _record(
     for step in range(1, warm_up + steps + 1):
         if step <= last_insertion and step % 10 == 1:
             source.fill()
+        if walkers is not None:
+            walkers.before_step(sumo, step)
         sumo.step()
+        if walkers is not None:
+            walkers.after_step(sumo, step)
         if step % 50 == 0:
             report(step / (warm_up + steps), "simulating traffic")
         present = sumo.vehicles()

@@ -4,6 +4,7 @@
 ``class_by_size``: The class that a recorded obstacle of a CommonRoad type and length can be; None for other sizes.
 ``nearest_class``: The class of a CommonRoad type whose length is nearest to a recorded one.
 ``vehicle_classes``: All classes by the word used for them in requests.
+``PEDESTRIAN``: A person on foot as a class of road users, which is none of the vehicle classes.
 ``can_be_there``: Whether a car can be between two distances ahead after each of n times at each of m speeds, (n, m).
 ``centers``: Positions of the centre, shape (n, 2) in m, for positions of the rear axle and headings.
 ``latest_passing_s``: The time after which a car has certainly driven a distance; infinite where it can stop before.
@@ -37,7 +38,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
-    from .classes import VehicleClass, class_by_size, nearest_class, vehicle_classes
+    from .classes import PEDESTRIAN, VehicleClass, class_by_size, nearest_class, vehicle_classes
     from .kinematics import can_be_there, centers, latest_passing_s, least_time_s, rear_axle
     from .models import (
         BMW_320I,

@@ -43,6 +43,9 @@ _CLASSES = (
     VehicleClass("bicycle", "bicycle", "bicycle", 1.6, 0.65, 1.0, 3.0, 0.5, 5.6, 1.05, 0.52),
 )
 
+PEDESTRIAN = VehicleClass("pedestrian", "pedestrian", "pedestrian", 0.5, 0.6, 1.5, 2.0, 0.25, 5.0, 0.25, 0.0)
+"""A person on foot: 0.5 m long and 0.6 m wide, as edits add them, at most 5 m/s; not among the classes of vehicles."""
+
 
 def vehicle_classes() -> dict[str, VehicleClass]:
     """All classes by the word used for them in requests."""

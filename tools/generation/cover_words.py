@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from ...engine.generation import Levels, made_before
 from ...engine.maps import MapEntry, MapMatch
-from ...engine.vehicles import vehicle_classes
+from ...engine.vehicles import PEDESTRIAN, vehicle_classes
 from ...engine.workspace import Recipe, versions_of
 from ...schemas.errors import InvalidRequest, UnknownName, closest
 from ...schemas.generation import TURNS_AT, Combination, Density, GenerateScenariosArguments, PlanFactor, SiteType, Turn
@@ -163,7 +163,7 @@ class AskedPlan:
             UnknownName: no such vehicle class, or no map shows the place.
         """
         request = request_for(self.row_arguments(levels), AssignedSite(self.matches(levels)[0]), 0)
-        known = vehicle_classes()
+        known = (*vehicle_classes(), PEDESTRIAN.name)
         for demand in request.vehicles:
             if demand.vehicle_class not in known:
                 name = demand.vehicle_class

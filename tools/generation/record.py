@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from ...engine.vehicles import PEDESTRIAN
 from ...engine.workspace import Artifact
 from ...schemas.generation import (
     NATURAL_SHARES,
@@ -63,7 +64,7 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
     """What the share of each class was that was asked for without a number, and whose statistics say so."""
     for demand in request.vehicles:
         name, share = demand.vehicle_class, demand.share
-        if share is None:
+        if share is None or (name == PEDESTRIAN.name and not share):  # as many people as the density asks for
             continue
         if share == NATURAL_SHARES.get(name):
             yield f"{name}: its share of traffic, {100 * share:g} % of all vehicles ({SHARES_SOURCE}), one at least"

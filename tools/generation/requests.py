@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...engine.maps import MapEntry, MapMatch, country_code, find_maps, resolve_road_classes
-from ...engine.vehicles import vehicle_classes
+from ...engine.vehicles import PEDESTRIAN, vehicle_classes
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest
 from ...schemas.generation import (
     NATURAL_SHARES,
@@ -27,6 +27,8 @@ from .conditions import read_conditions, with_natural_mix
 
 MOST_VEHICLES = 300
 """A site of a few hundred metres holds fewer; more would only make the caller wait for the refusal."""
+MOST_PEOPLE = 100
+"""Pedestrians at a site (chosen): the pavements near a junction hold hardly more."""
 _SHOWN_PLACES = 4
 """Places that a note or refusal names; chosen to keep it short."""
 _MOST_SPARE_MAPS = 3
@@ -237,7 +239,7 @@ def check_demands(arguments: GenerateScenariosArguments) -> None:
         UnknownName: a vehicle class or road class that there is not.
         InvalidRequest: numbers of vehicles that cannot be meant.
     """
-    known = vehicle_classes()
+    known = {*vehicle_classes(), PEDESTRIAN.name}
     for demand in _with_the_ego_s_class(_vehicle_demands(arguments.vehicles), arguments.ego):
         name = demand.vehicle_class
         if name not in known:
@@ -249,6 +251,9 @@ def check_demands(arguments: GenerateScenariosArguments) -> None:
 def _vehicle_demands(texts: list[str]) -> tuple[VehicleDemand, ...]:
     demands = tuple(_vehicle_demand(text) for text in texts)
     asked = sum(demand.needed for demand in demands)
+    on_foot = sum(demand.needed for demand in demands if demand.vehicle_class == PEDESTRIAN.name)
+    if on_foot > MOST_PEOPLE:
+        raise InvalidRequest(f"vehicles ask for {on_foot:,} pedestrians at one site", valid=[f"at most {MOST_PEOPLE}"])
     if asked > MOST_VEHICLES:
         raise InvalidRequest(
             f"vehicles ask for {asked:,} vehicles on one site",

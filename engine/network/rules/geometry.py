@@ -135,7 +135,7 @@ _WIDEST_LANELET_M = 12.0
 )
 def too_wide(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet is wider than 12 m over most of its length."""
-    for lanelet in document.drawn:
+    for lanelet in document.driven:
         width, halfway = lanelet.width_m, lanelet.center[len(lanelet.center) // 2]
         if width > _WIDEST_LANELET_M:
             yield Defect(f"{width:.1f} m wide", (lanelet.lanelet_id,), halfway)
@@ -148,7 +148,7 @@ _SHARPEST_TURN_RAD = np.radians(120)
 @rule("warning", why="No vehicle can follow it, and the arc length along it does not grow with the way made.")
 def folds_back(document: RoadDocument) -> Iterator[Defect]:
     """The centre line turns by more than 120° at one point."""
-    for lanelet in document.drawn:
+    for lanelet in document.driven:
         center = lanelet.path
         turns = np.abs(wrap_angles(np.diff(headings(center)))) if len(center) > 2 else np.zeros(0)
         for index in np.flatnonzero(turns > _SHARPEST_TURN_RAD):
@@ -163,7 +163,7 @@ _TIGHTEST_RADIUS_M = 1.0
 @rule("warning", why="Even a car that cuts the corner needs a wider turn (about 5 m at its centre).")
 def too_tight(document: RoadDocument) -> Iterator[Defect]:
     """The centre line bends more tightly than 1 m of radius over a quarter turn."""
-    for lanelet in document.drawn:
+    for lanelet in document.driven:
         radius, place = _tightest_quarter_turn(lanelet.path)
         if radius < _TIGHTEST_RADIUS_M:
             yield Defect(f"a quarter turn of {radius:.1f} m radius", (lanelet.lanelet_id,), place)

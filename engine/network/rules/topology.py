@@ -216,8 +216,13 @@ _LONGEST_ISOLATED_M = 50.0
 
 @rule("warning", why="Nobody can get there or away; mostly a connection was forgotten.")
 def isolated_lanelet(document: RoadDocument) -> Iterator[Defect]:
-    """A lanelet shorter than 50 m, one of several, has neither predecessor, successor nor neighbour."""
+    """A lanelet shorter than 50 m, one of several, has neither predecessor, successor nor neighbour.
+
+    Ways for pedestrians alone, who go in any direction, need none.
+    """
     for lanelet in document.lanelets if len(document.lanelets) > 1 else ():
         connected = lanelet.predecessors or lanelet.successors or lanelet.neighbours
+        if lanelet.is_footway:
+            continue
         if not connected and lanelet.is_drawn and length_m(lanelet.center) < _LONGEST_ISOLATED_M:
             yield Defect("has neither predecessor, successor nor neighbour", (lanelet.lanelet_id,), lanelet.center[0])

@@ -1,0 +1,171 @@
+"""Pavements beside roads: what a map says of them, and where they are guessed.
+
+A map states pavements in tags of the road (``sidewalk``), or draws them as ways of their own beside it. Where it does
+neither, streets of towns are given pavements, because hardly a town has streets without; how much is guessed is told.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Literal
+
+from .osm import EARTH_RADIUS_M, HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m
+
+if TYPE_CHECKING:
+    from shapely import STRtree
+
+Sides = Literal["both", "left", "right", "no"]
+"""On which sides of a road its pavements lie, seen in the way's direction: values of OSM's ``sidewalk``."""
+_STATED: Mapping[str, Sides] = {
+    "both": "both",
+    "yes": "both",
+    "left": "left",
+    "right": "right",
+    "no": "no",
+    "none": "no",
+    "lane": "both",
+    "separate": "both",
+}
+"""Sides by the values of OSM's ``sidewalk``; those that are drawn as ways of their own are put beside the road."""
+_WITH_PAVEMENTS = frozenset({"primary", "secondary", "tertiary", "residential", "living_street", "unclassified"})
+_GUESSED = _WITH_PAVEMENTS | {"primary_link", "secondary_link", "tertiary_link"}
+"""OSM's classes of streets that are given pavements where the map says nothing of them."""
+_NEVER = frozenset({"motorway", "motorway_link"})
+"""OSM's classes beside which nobody walks, whatever the map says."""
+_TOWN_KMH = 60.0
+"""Roads with a higher limit are given no pavements where the map says nothing (chosen)."""
+_DRAWN_WITHIN_M, _DRAWN_EVERY_M, _DRAWN_SHARE = 14.0, 10.0, 0.5
+"""A way for pedestrians belongs to a road where it lies within this of it, looked at every so many metres, on this
+share of the road's length (chosen)."""
+
+
+@dataclass(frozen=True)
+class Pavements:
+    """Pavements of some roads by the way's id, and how many km of road have them by the map and by a guess.
+
+    ``crossings``: (latitude, longitude) of the crossings that the map marks.
+    """
+
+    sides: Mapping[int, Sides]
+    mapped_km: float
+    guessed_km: float
+    crossings: tuple[tuple[float, float], ...]
+
+    def tags_of(self, way: OsmWay) -> dict[str, str]:
+        """A way's tags with its pavements as netconvert reads them; roads without any are closed to pedestrians.
+
+        Otherwise pedestrians would be let onto the lanes of vehicles.
+        """
+        tags = {key: value for key, value in way.tags.items() if key != "foot" and not key.startswith("sidewalk")}
+        sides = self.sides.get(way.way_id, "no")
+        return tags | ({"sidewalk": "no", "foot": "no"} if sides == "no" else {"sidewalk": sides})
+
+
+def find_pavements(osm: OsmMap, roads: Iterable[OsmWay], center: tuple[float, float], radius_m: float) -> Pavements:
+    """The pavements of roads within a circle around (latitude, longitude)."""
+    footways = _FootWays(osm, center, radius_m)
+    sides: dict[int, Sides] = {}
+    length_km = {"map": 0.0, "guess": 0.0}
+    crossings: dict[int, OsmNode] = {}
+    for way in roads:
+        nodes = [osm.nodes[key] for key in way.node_ids]
+        near = [
+            pair
+            for pair in pairwise(nodes)
+            if ground_distance_m(pair[0].position, center) <= radius_m
+            or ground_distance_m(pair[1].position, center) <= radius_m
+        ]
+        if not near:
+            continue
+        crossings |= {node.node_id: node for pair in near for node in pair if _is_crossing(node)}
+        there, source = _sides_of(way, near, footways)
+        sides[way.way_id] = there
+        if there != "no":
+            length_km[source] += sum(ground_distance_m(a.position, b.position) for a, b in near) / 1000
+    marked = tuple(crossings[key].position for key in sorted(crossings))
+    return Pavements(sides, length_km["map"], length_km["guess"], marked)
+
+
+def _is_crossing(node: OsmNode) -> bool:
+    return node.tags.get("highway") == "crossing" and node.tags.get("crossing") != "no"
+
+
+def _sides_of(
+    way: OsmWay, near: Sequence[tuple[OsmNode, OsmNode]], footways: "_FootWays"
+) -> tuple[Sides, Literal["map", "guess"]]:
+    """On which sides a road has pavements, and whether the map says so."""
+    if way.road_class in _NEVER or way.tags.get("motorroad") == "yes" or way.tags.get("foot") == "no":
+        return "no", "map"
+    stated = _stated_sides(way.tags)
+    if stated is not None:
+        return stated, "map"
+    drawn = footways.sides_of(near)
+    if drawn != "no":
+        return drawn, "map"
+    fast = (way.maxspeed_kmh or 0.0) > _TOWN_KMH
+    return ("both", "guess") if way.road_class in _GUESSED and not fast else ("no", "guess")
+
+
+def _stated_sides(tags: Mapping[str, str]) -> Sides | None:
+    """What the tags of a road say of its pavements; None where they say nothing."""
+    whole = _STATED.get(tags.get("sidewalk") or tags.get("sidewalk:both") or "")
+    if whole is not None:
+        return whole
+    left, right = (_STATED.get(tags.get(f"sidewalk:{side}", "")) for side in ("left", "right"))
+    if left is None and right is None:
+        return None
+    return _named(left not in (None, "no"), right not in (None, "no"))
+
+
+def _named(left: bool, right: bool) -> Sides:
+    if left and right:
+        return "both"
+    return "left" if left else "right" if right else "no"
+
+
+class _FootWays:
+    """The pavements that a map draws as ways of their own, in metres east and north of a point."""
+
+    def __init__(self, osm: OsmMap, center: tuple[float, float], radius_m: float) -> None:
+        self._center = center
+        self._tree = self._tree_of(osm, radius_m)
+
+    def sides_of(self, segments: Iterable[tuple[OsmNode, OsmNode]]) -> Sides:
+        """On which sides of a road such a way runs along most of it."""
+        from shapely import LineString
+
+        if self._tree is None:
+            return "no"
+        looked, found = 0, [0, 0]
+        for start, end in segments:
+            (x0, y0), (x1, y1) = self._metres(start), self._metres(end)
+            length = math.hypot(x1 - x0, y1 - y0)
+            if length < 0.1:  # no direction
+                continue
+            left = (-(y1 - y0) / length * _DRAWN_WITHIN_M, (x1 - x0) / length * _DRAWN_WITHIN_M)
+            count = max(round(length / _DRAWN_EVERY_M), 1)
+            for share in ((number + 0.5) / count for number in range(count)):
+                x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+                looked += 1
+                for side, sign in enumerate((1.0, -1.0)):
+                    across = LineString([(x, y), (x + sign * left[0], y + sign * left[1])])
+                    found[side] += bool(len(self._tree.query(across, predicate="intersects")))
+        return _named(*(looked > 0 and count >= _DRAWN_SHARE * looked for count in found))
+
+    def _tree_of(self, osm: OsmMap, radius_m: float) -> "STRtree | None":
+        from shapely import LineString, STRtree
+
+        drawn = [way for way in osm.ways if way.tags.get("footway") == "sidewalk" and len(way.node_ids) > 1]
+        lines = [
+            LineString([self._metres(osm.nodes[key]) for key in way.node_ids])
+            for way in drawn
+            if any(ground_distance_m(osm.nodes[key].position, self._center) <= radius_m for key in way.node_ids)
+        ]
+        return STRtree(lines) if lines else None
+
+    def _metres(self, node: OsmNode) -> tuple[float, float]:
+        """Equirectangular: good for the size of a site."""
+        north = math.radians(node.latitude - self._center[0]) * EARTH_RADIUS_M
+        east = math.radians(math.remainder(node.longitude - self._center[1], 2 * HALF_TURN_DEG)) * EARTH_RADIUS_M
+        return east * math.cos(math.radians(self._center[0])), north
