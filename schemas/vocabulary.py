@@ -141,7 +141,7 @@ _VEHICLE_WORDS: Final[dict[str, str]] = {
         "bicicletta fiets rower велосипед велосипедист 自行车 自転車"
     ),
     "pedestrian": (
-        "person people walker walkers fußgänger fußgängerin passant passanten piéton piétons peatón peatones pedone "
+        "person people walker fußgänger fußgängerin passant passanten piéton piétons peatón peatones pedone "
         "pedoni pedestre voetganger pieszy пешеход пешеходы 行人 歩行者"
     ),
 }

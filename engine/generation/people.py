@@ -16,8 +16,8 @@ from ...schemas.generation import Density, GenerationRequest, VehicleDemand
 from ...schemas.text import counted
 from ..geometry import Points
 from ..maps import Pavements
-from ..network import RoadNetwork, SumoNet, WalkNet, draw_walkways, give_way_at_crossings, read_walk_net
-from ..traffic import GeneratedVehicle, WalkedPerson, Walkers, apart, plan_walks
+from ..network import RoadNetwork, SumoNet, WalkNet, draw_walkways, read_walk_net, yield_at_crossings
+from ..traffic import GeneratedVehicle, Pedestrians, WalkedPerson, apart, plan_walks
 from ..vehicles import PEDESTRIAN
 
 PEOPLE: dict[Density, int] = {"low": 8, "medium": 16, "high": 30}
@@ -58,7 +58,7 @@ def people_wanted(asked: VehicleDemand, density: Density, vehicles: int) -> int:
 
 def open_footways(net_path: Path) -> None:
     """Let pedestrians go first at all crossings of a new net without lights, in place."""
-    give_way_at_crossings(net_path)
+    yield_at_crossings(net_path)
 
 
 def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Footways:
@@ -114,7 +114,7 @@ def _marked(ways: WalkNet, net: SumoNet, marked: Iterable[tuple[float, float]]) 
     return sum(bool(np.linalg.norm(points - middle, axis=1).min() < MARKED_WITHIN_M) for middle in middles)
 
 
-def walkers_for(
+def pedestrians_for(
     footways: Footways,
     network: RoadNetwork,
     wanted: int,
@@ -123,18 +123,20 @@ def walkers_for(
     duration_s: float,
     step_s: float,
     seed: int,
-) -> Walkers:
+) -> Pedestrians:
     """So many people and some to spare, ready to walk; ``network`` has the walkways."""
     count = wanted + max(round(SPARE_SHARE * wanted), FEWEST_SPARE)
     choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
-    return Walkers(
+    return Pedestrians(
         plan_walks(footways.net, count, middle, duration_s=duration_s, choice=choice), network.walkways, step_s
     )
 
 
-def people_among(walkers: Walkers, vehicles: Sequence[GeneratedVehicle], wanted: int) -> tuple[WalkedPerson, ...]:
+def people_among(
+    pedestrians: Pedestrians, vehicles: Sequence[GeneratedVehicle], wanted: int
+) -> tuple[WalkedPerson, ...]:
     """As many people as are wanted, if so many are apart from all vehicles and each other."""
-    return apart(walkers.people(), vehicles)[:wanted]
+    return apart(pedestrians.people(), vehicles)[:wanted]
 
 
 def people_notes(people: Sequence[WalkedPerson], wanted: int) -> list[str]:

@@ -42,7 +42,7 @@ def record_of(
     counts = Counter(vehicle.vehicle_class.name for vehicle in others)
     density = _density(request, aim, site, vehicles)
     recorded_s = round((max(each.steps for each in (*vehicles, *people)) - 1) * STEP_S, 6)
-    walkers, asked = len(people), people_asked(request)
+    pedestrians, asked = len(people), people_asked(request)
     wanted = {} if asked is None else {PEDESTRIAN.name: people_wanted(asked, request.density, demand.total)}
     signs = site.network.signs if metadata.speed_sign is None else ()
     limits = {key: round(sign.speed_mps * 3.6, 1) for sign in signs for key in sign.lanelet_ids}
@@ -60,7 +60,7 @@ def record_of(
         vehicles_realised=len(vehicles),
         classes_asked=demand.least | wanted,
         classes_realised={name: counts[name] for name in demand.counts if counts[name]}
-        | ({PEDESTRIAN.name: walkers} if walkers else {}),
+        | ({PEDESTRIAN.name: pedestrians} if pedestrians else {}),
         density=density,
         duration_s=request.duration_s,
         recorded_s=recorded_s,

@@ -177,7 +177,7 @@ def build_network(
         network = _lanelets(net_path)
     else:
         if on_foot:
-            pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m)
+            pavements = find_pavements(osm, osm.roads(frozenset(classes)), site.position, radius_m, lefthand=lefthand)
             if not pavements.mapped_km + pavements.guessed_km:
                 raise nowhere_to_walk()
         cut_map(osm, site.position, radius_m, classes, cut, pavements)

@@ -37,7 +37,7 @@ from ..traffic import (
 )
 from ..vehicles import vehicle_classes
 from .flows import FlowPlan, FlowTrips, plan_flows
-from .people import people_among, people_asked, people_wanted, walkers_for
+from .people import pedestrians_for, people_among, people_asked, people_wanted
 from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
 from .writer import STEP_S
@@ -126,10 +126,10 @@ def generate_traffic(
         trips = _trips(request, aim, site.net, lasting_s, choice)
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
-        walkers = None
+        pedestrians = None
         if site.footways is not None:
             middle = middle_of(site.site, site.net)
-            walkers = walkers_for(
+            pedestrians = pedestrians_for(
                 site.footways, site.network, people, middle, duration_s=request.duration_s, step_s=STEP_S, seed=seed
             )
         part = _Part(report, 0.3 + 0.4 * attempt / ATTEMPTS, 0.4 / ATTEMPTS)
@@ -146,7 +146,7 @@ def generate_traffic(
                 scratch=scratch,
                 report=part,
                 style=_style_of(request),
-                walkers=walkers,
+                pedestrians=pedestrians,
             )
         except TooFewFoundRoom as full:
             shortfalls.append(_absent(demand, full.counts))
@@ -160,7 +160,7 @@ def generate_traffic(
         part(1.0, "looking for overlaps")
         kept = drop_infeasible(smoothed, needed)
         absent = _absent(demand, Counter(vehicle.vehicle_class.name for vehicle in kept))
-        walked = () if walkers is None else people_among(walkers, kept, people)
+        walked = () if pedestrians is None else people_among(pedestrians, kept, people)
         most_people = max(most_people, len(walked))
         if not absent and (len(walked) == people or (walked and attempt == ATTEMPTS - 1 and not _is_counted(asked))):
             return _GeneratedTraffic(kept, demand, walked)

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 from .osm import EARTH_RADIUS_M, HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m
+from .site_search.rings import RING_TAGS
 
 if TYPE_CHECKING:
     from shapely import STRtree
@@ -62,8 +63,13 @@ class Pavements:
         return tags | ({"sidewalk": "no", "foot": "no"} if sides == "no" else {"sidewalk": sides})
 
 
-def find_pavements(osm: OsmMap, roads: Iterable[OsmWay], center: tuple[float, float], radius_m: float) -> Pavements:
-    """The pavements of roads within a circle around (latitude, longitude)."""
+def find_pavements(
+    osm: OsmMap, roads: Iterable[OsmWay], center: tuple[float, float], radius_m: float, *, lefthand: bool = False
+) -> Pavements:
+    """The pavements of roads within a circle around (latitude, longitude); ``lefthand``: traffic keeps to the left.
+
+    A ring has none on its inner side: nobody walks there, and a pavement against the traffic would be no ring.
+    """
     footways = _FootWays(osm, center, radius_m)
     sides: dict[int, Sides] = {}
     length_km = {"map": 0.0, "guess": 0.0}
@@ -80,6 +86,9 @@ def find_pavements(osm: OsmMap, roads: Iterable[OsmWay], center: tuple[float, fl
             continue
         crossings |= {node.node_id: node for pair in near for node in pair if _is_crossing(node)}
         there, source = _sides_of(way, near, footways)
+        if way.tags.get("junction") in RING_TAGS:
+            outer: Sides = "left" if lefthand else "right"
+            there = outer if there in ("both", outer) else "no"
         sides[way.way_id] = there
         if there != "no":
             length_km[source] += sum(ground_distance_m(a.position, b.position) for a, b in near) / 1000

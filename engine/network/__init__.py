@@ -17,7 +17,7 @@
 ``Pavement``: A pavement of a SUMO net, in the direction of its road.
 ``WalkNet``: Where people walk in a SUMO net: pavements, crossings, corners.
 ``draw_walkways``: Pavements, crossings and corners as lanelets for pedestrians.
-``give_way_at_crossings``: Give pedestrians the right of way at all crossings of a net without lights, in place.
+``yield_at_crossings``: Give pedestrians the right of way at all crossings of a net without lights, in place.
 ``read_walk_net``: The pavements, corners and crossings of a SUMO net.
 ``Walkway``: A lanelet for pedestrians in both directions.
 ``run_netconvert``: Run netconvert with the options and those for good geometry inside junctions; its warnings.
@@ -79,6 +79,6 @@ if TYPE_CHECKING:
         straight_speeds,
     )
     from .sumo_export.writer import Signal, signals_of, sumo_net
-    from .walk_net import Crossing, Pavement, WalkNet, draw_walkways, give_way_at_crossings, read_walk_net
+    from .walk_net import Crossing, Pavement, WalkNet, draw_walkways, read_walk_net, yield_at_crossings
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

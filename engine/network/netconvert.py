@@ -75,7 +75,7 @@ def convert_osm(
         lefthand: whether traffic keeps to the left.
         drivable_service_roads: open service roads (delivery only by SUMO's default) to all vehicles.
         join_junctions: make one junction of those that lie close together.
-        pavements: build the pavements that tags state, and crossings where they meet at a junction.
+        pavements: build the pavements that tags state, crossings where they meet at a junction, and cycle lanes.
 
     Raises:
         NotPossible: netconvert refuses the extract, naming its error.
@@ -89,7 +89,7 @@ def convert_osm(
     options += ["--lefthand", str(lefthand).lower(), "--junctions.join", str(join_junctions).lower()]
     if pavements:
         options[options.index("--keep-edges.by-vclass") + 1] += ",pedestrian"
-        options += ["--osm.sidewalks", "true", "--crossings.guess", "true"]
+        options += ["--osm.sidewalks", "true", "--crossings.guess", "true", "--osm.bike-access", "true"]
     return run_netconvert(options, net)
 
 

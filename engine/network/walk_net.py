@@ -140,7 +140,7 @@ def _width_m(lane: etree._Element) -> float:
     return float(lane.get("width", "2.0"))
 
 
-def give_way_at_crossings(net_path: Path) -> int:
+def yield_at_crossings(net_path: Path) -> int:
     """Give pedestrians the right of way at all crossings without lights, in place; how many crossings that are.
 
     netconvert lets vehicles go first at those that it guesses. In the net's matrix of right of way every row says in

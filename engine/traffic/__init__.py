@@ -26,7 +26,7 @@
 ``vehicles_per_lane_km``: How dense traffic is in an hour of a working day.
 ``WALKING_SOURCE``: Whose figures of walking speeds are used.
 ``WalkedPerson``: A person who was simulated, and whether he is on a crossing during the recording.
-``Walkers``: Puts people onto the pavements of a simulation, and records them.
+``Pedestrians``: Puts people onto the pavements of a simulation, and records them.
 ``apart``: The people who overlap no vehicle and nobody before them.
 ``plan_walks``: Walks along pavements and over crossings near a place.
 ``WARM_UP_S``: How long vehicles drive before the first recorded step, in s.
@@ -50,9 +50,9 @@ if TYPE_CHECKING:
     )
     from .demand import OpenEdges, TripMaker, lane_km_of
     from .motions import DECIMALS, GeneratedVehicle, drop_infeasible, generated_vehicles
+    from .pedestrians import WALKING_SOURCE, Pedestrians, WalkedPerson, apart, plan_walks
     from .simulation import WARM_UP_S, DrivingStyle, TooFewFoundRoom, simulate_traffic
     from .sumo import NO_LANE, LaneChanges, LaneHint, Sumo, sumo_pose, sumo_running, sumo_version, vehicle_type
     from .vehicle_counts import FEWEST, PAPER_TRIPS, VEHICLES_PER_LANE_KM, Demand, plan_counts
-    from .walkers import WALKING_SOURCE, WalkedPerson, Walkers, apart, plan_walks
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

@@ -57,7 +57,7 @@ class DrivingStyle:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
 
-class Pedestrians(Protocol):
+class OnFoot(Protocol):
     """People on foot in a simulation; ``sumo_type``: the ``vType`` element that they need."""
 
     sumo_type: str
@@ -91,7 +91,7 @@ def simulate_traffic(
     scratch: Path,
     report: ProgressReporter,
     style: DrivingStyle | None = None,
-    walkers: Pedestrians | None = None,
+    pedestrians: OnFoot | None = None,
 ) -> tuple[RawTrack, ...]:
     """Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
 
@@ -101,7 +101,7 @@ def simulate_traffic(
     Args:
         is_enough: whether to go on with so many vehicles of each class at step 0.
         style: how all drive; None: as usual.
-        walkers: the people on foot, who are put in and looked at by the way.
+        pedestrians: the people on foot, who are put in and looked at by the way.
 
     Raises:
         NotPossible: SUMO refuses the net, naming its reason.
@@ -114,7 +114,7 @@ def simulate_traffic(
         scratch / "types.add.xml",
         [
             *(_vehicle_type(known[name], style or DrivingStyle()) for name in sorted(demand.counts)),
-            *(() if walkers is None else (walkers.sumo_type,)),
+            *(() if pedestrians is None else (pedestrians.sumo_type,)),
         ],
         step_s=step_s,
         seed=seed % 2**31,  # SUMO's seeds have 31 bits
@@ -123,7 +123,7 @@ def simulate_traffic(
     )
     with running as sumo:
         source = _Source(sumo, demand, trips, random.Random(seed))  # noqa: S311 - reproducible, not secret
-        return _record(sumo, source, is_enough, duration_s, step_s, report, walkers)
+        return _record(sumo, source, is_enough, duration_s, step_s, report, pedestrians)
 
 
 def _vehicle_type(vehicle_class: VehicleClass, style: DrivingStyle) -> str:
@@ -188,7 +188,7 @@ def _record(
     duration_s: float,
     step_s: float,
     report: ProgressReporter,
-    walkers: Pedestrians | None,
+    pedestrians: OnFoot | None,
 ) -> tuple[RawTrack, ...]:
     warm_up, last_insertion = round(WARM_UP_S / step_s), round(LAST_INSERTION_S / step_s)
     steps = round(duration_s / step_s)
@@ -197,11 +197,11 @@ def _record(
     for step in range(1, warm_up + steps + 1):
         if step <= last_insertion and step % 10 == 1:
             source.fill()
-        if walkers is not None:
-            walkers.before_step(sumo, step)
+        if pedestrians is not None:
+            pedestrians.before_step(sumo, step)
         sumo.step()
-        if walkers is not None:
-            walkers.after_step(sumo, step)
+        if pedestrians is not None:
+            pedestrians.after_step(sumo, step)
         if step % 50 == 0:
             report(step / (warm_up + steps), "simulating traffic")
         present = sumo.vehicles()

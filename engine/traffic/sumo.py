@@ -192,28 +192,30 @@ class Sumo:
 
     # People on foot
 
-    def add_walker(self, key: str, edges: Sequence[str], stations_m: tuple[float, float], walker_type: str) -> None:
+    def add_pedestrian(
+        self, key: str, edges: Sequence[str], stations_m: tuple[float, float], pedestrian_type: str
+    ) -> None:
         """Put a person onto the pavement of the first edge, to walk along the others to a place on the last.
 
         ``stations_m``: how far both places are from the beginning of their edges.
         """
-        self._person.add(key, edges[0], stations_m[0], typeID=walker_type)
+        self._person.add(key, edges[0], stations_m[0], typeID=pedestrian_type)
         self._person.appendWalkingStage(key, list(edges), stations_m[1])
 
-    def walkers(self) -> tuple[str, ...]:
+    def pedestrians(self) -> tuple[str, ...]:
         """The people on the network, ascending."""
         return tuple(sorted(self._person.getIDList()))
 
-    def walker_front(self, key: str) -> tuple[float, float]:
+    def pedestrian_front(self, key: str) -> tuple[float, float]:
         """Place (x, y) of the front of a person."""
         x, y = self._person.getPosition(key)[:2]
         return x, y
 
-    def walker_angle_deg(self, key: str) -> float:
+    def pedestrian_angle_deg(self, key: str) -> float:
         """SUMO's angle of a person."""
         return float(self._person.getAngle(key))
 
-    def walker_edge(self, key: str) -> str:
+    def pedestrian_edge(self, key: str) -> str:
         """The edge that a person walks on; those of crossings have ids such as ``:junction_c0``."""
         return str(self._person.getRoadID(key))
 

@@ -68,7 +68,7 @@ def plan_walks(
     metres = [net.pavements[edge].length_m for edge in along]
     walks = []
     for number in range(count):
-        key = f"walker{number:03d}"
+        key = f"pedestrian{number:03d}"
         if crossings and number < math.ceil(CROSSING_SHARE * count):
             crossing = choice.choices(crossings, weights)[0]
             walks.append(_walk_over(net, crossing, key, duration_s, choice))
@@ -121,7 +121,7 @@ def _onward(net: WalkNet, walk: Walk, entered_at: str | None, duration_s: float,
         entered_at = corner
 
 
-def _walker_type() -> str:
+def _pedestrian_type() -> str:
     """SUMO's type of a person."""
     return vehicle_type(
         PEDESTRIAN.name,
@@ -145,7 +145,7 @@ class _WalkRecording:
     edges: list[str] = field(default_factory=list)
 
 
-class Walkers:
+class Pedestrians:
     """Puts people onto the pavements of a simulation that begins at step 1, and records them.
 
     ``ground``: the ways for people; SUMO leads them over corners in curves that cut across the kerb.
@@ -155,23 +155,23 @@ class Walkers:
         self._walks, self._ground, self._step_s = walks, ground, step_s
         self._begin, self._start = round(INSERTED_S / step_s), round(WARM_UP_S / step_s)
         self._seen: dict[str, _WalkRecording] = {}
-        self.sumo_type = _walker_type()
+        self.sumo_type = _pedestrian_type()
 
     def before_step(self, sumo: Sumo, step: int) -> None:
         """Put all people in when it is time."""
         if step == self._begin:
             for walk in self._walks:
-                sumo.add_walker(walk.key, walk.edges, (walk.begin_m, walk.end_m), PEDESTRIAN.name)
+                sumo.add_pedestrian(walk.key, walk.edges, (walk.begin_m, walk.end_m), PEDESTRIAN.name)
 
     def after_step(self, sumo: Sumo, step: int) -> None:
         """Note where all people are."""
         if step < self._begin:
             return
-        for key in sumo.walkers():
+        for key in sumo.pedestrians():
             seen = self._seen.setdefault(key, _WalkRecording(step))
-            seen.fronts.append(sumo.walker_front(key))
-            seen.headings_rad.append(heading_of_angle_rad(sumo.walker_angle_deg(key)))
-            seen.edges.append(sumo.walker_edge(key))
+            seen.fronts.append(sumo.pedestrian_front(key))
+            seen.headings_rad.append(heading_of_angle_rad(sumo.pedestrian_angle_deg(key)))
+            seen.edges.append(sumo.pedestrian_edge(key))
 
     def people(self) -> tuple["WalkedPerson", ...]:
         """The people who are there at step 0, those first who are on a crossing in the recording."""

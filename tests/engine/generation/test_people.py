@@ -1,0 +1,139 @@
+"""People on foot in generated scenarios: where they walk, who gives way, and what other requests keep."""
+
+from pathlib import Path
+
+import pytest
+from lxml import etree
+from shapely import Point, Polygon, make_valid, union_all
+from support.generation import MAPS, make, request_for
+
+from plannerforge.engine.commonroad.reader import read_recorded
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation.people import PEOPLE, people_asked, people_wanted, vehicles_asked
+from plannerforge.engine.generation.site_network import prepare_site
+from plannerforge.engine.generation.sites import fitting_sites
+from plannerforge.engine.maps.map_file import read_map_file
+from plannerforge.engine.network import read_net, read_walk_net
+from plannerforge.evals.maps.people import judge_file
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.generation import GeneratedScenario, VehicleDemand
+
+ON_FOOT = VehicleDemand(vehicle_class="pedestrian", least=6)
+FOOTWAYS = {"sidewalk", "crosswalk"}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, GeneratedScenario]:
+    """A junction with lights and six people, in its folder."""
+    folder = tmp_path_factory.mktemp("people")
+    bicycles = VehicleDemand(vehicle_class="bicycle", least=2)
+    wish = [ON_FOOT, bicycles]
+    return folder, make("Musterstadt", folder, scenario_type="intersection", vehicles=wish, duration_s=12.0)
+
+
+def test_people_walk_on_ways_of_their_own_and_meet_no_vehicle(made: tuple[Path, GeneratedScenario]) -> None:
+    folder, scenario = made
+    assert scenario.classes_realised["pedestrian"] == 6
+    counts = judge_file(folder / "scenario.xml")
+    assert counts["pedestrians"] == 6
+    assert counts["overlaps"] == 0
+    assert counts["on_ways"] >= 0.99 * counts["positions"]
+    assert counts["on_crossings"] >= 1
+    assert counts["yielded"] == counts["encounters"]
+
+
+def test_pedestrians_count_as_no_vehicles(made: tuple[Path, GeneratedScenario]) -> None:
+    _, scenario = made
+    vehicles = sum(count for name, count in scenario.classes_realised.items() if name != "pedestrian")
+    assert scenario.vehicles_realised == vehicles + 1
+    assert scenario.checks.schema_valid
+    assert scenario.checks.network_errors == ()
+
+
+def test_the_answer_tells_guessed_pavements_and_crossings(made: tuple[Path, GeneratedScenario]) -> None:
+    _, scenario = made
+    assert any("pavements: guessed for" in note and "crossings at junctions" in note for note in scenario.notes)
+    assert any("of 6 pedestrians are on a crossing" in note for note in scenario.notes)
+
+
+def test_ways_for_people_are_no_lanes_of_the_network_that_is_read(made: tuple[Path, GeneratedScenario]) -> None:
+    folder, scenario = made
+    loaded = read_recorded(folder / "scenario.xml").loaded
+    kinds = [{kind.value for kind in lanelet.lanelet_type} for lanelet in loaded.footways]
+    assert all(kind & FOOTWAYS for kind in kinds)
+    assert {"crosswalk"} in kinds
+    driven = list(loaded.scenario.lanelet_network.lanelets)
+    assert not any({kind.value for kind in lanelet.lanelet_type} & FOOTWAYS for lanelet in driven)
+    assert len(driven) + len(kinds) == scenario.lanelets
+
+
+def test_people_walk_as_fast_as_people_and_without_jumps(made: tuple[Path, GeneratedScenario]) -> None:
+    folder, _ = made
+    tracks = read_recorded(folder / "scenario.xml").tracks.values()
+    walked = [track for track in tracks if track.kind == "pedestrian"]
+    assert len(walked) == 6
+    assert all(track.first_step == 0 for track in walked)
+    speeds = [float(speed) for track in walked for speed in track.speeds_mps]
+    assert max(speeds) < 5.0
+    assert 0.3 < sum(speeds) / len(speeds) < 2.0
+
+
+def test_the_same_request_with_people_gives_same_bytes(made: tuple[Path, GeneratedScenario], tmp_path: Path) -> None:
+    folder, _ = made
+    wish = [ON_FOOT, VehicleDemand(vehicle_class="bicycle", least=2)]
+    make("Musterstadt", tmp_path, scenario_type="intersection", vehicles=wish, duration_s=12.0)
+    assert (tmp_path / "scenario.xml").read_bytes() == (folder / "scenario.xml").read_bytes()
+
+
+def test_without_people_a_site_has_no_pavements(tmp_path: Path) -> None:
+    make("Musterstadt", tmp_path, scenario_type="intersection", vehicles=[ON_FOOT.model_copy(update={"most": 0})])
+    types = {element.text for element in etree.parse(tmp_path / "scenario.xml").iter("laneletType")}
+    assert not types & FOOTWAYS
+
+
+def test_a_motorway_is_refused_to_people(tmp_path: Path) -> None:
+    with pytest.raises(NotPossible, match="nobody can walk at this site") as refused:
+        make("Neuland", tmp_path, scenario_type="highway", road_classes=("motorway",), vehicles=[ON_FOOT])
+    assert "leave pedestrian out" in str(refused.value.next_step)
+
+
+def test_vehicles_give_way_at_every_crossing_without_lights(tmp_path: Path) -> None:
+    request = request_for("Kreiselheim", tmp_path, scenario_type="urban", vehicles=[ON_FOOT])
+    osm = read_map_file(Path(request.map_path))
+    site = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
+    walk = read_walk_net(site.net_path)
+    unlit = {f"{key}_0" for key, crossing in walk.crossings.items() if not crossing.lit}
+    assert unlit
+    junctions = etree.parse(site.net_path).getroot().iterfind("junction")
+    for junction in (one for one in junctions if one.get("type") != "internal"):
+        lanes = junction.get("intLanes", "").split()
+        rows = {int(row.get("index", "")): row for row in junction.iterfind("request")}
+        for index in (index for index, lane in enumerate(lanes) if lane in unlit):
+            assert set(rows[index].get("response", "")) == {"0"}
+            foes = [key for key, row in rows.items() if row.get("foes", "")[-1 - index] == "1"]
+            assert all(rows[key].get("response", "")[-1 - index] == "1" for key in foes)
+
+
+def test_drawn_ways_cover_pavements_and_crossings_of_the_net(tmp_path: Path) -> None:
+    request = request_for("Kreiselheim", tmp_path, scenario_type="roundabout", vehicles=[ON_FOOT])
+    osm = read_map_file(Path(request.map_path))
+    site = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
+    outlines = [Polygon([*way.right, *way.left[::-1]]) for way in site.network.walkways]
+    area = union_all([make_valid(outline).buffer(0.05) for outline in outlines])
+    walk = read_walk_net(site.net_path)
+    middles = [line.mean(axis=0) for line in (one.line for one in walk.crossings.values())]
+    assert middles
+    assert all(area.covers(Point(middle)) for middle in middles)
+    assert read_net(site.net_path).edges.keys().isdisjoint(walk.corners)
+
+
+def test_how_many_people_are_wanted() -> None:
+    request = request_for("Musterstadt", Path(), vehicles=[ON_FOOT, VehicleDemand(vehicle_class="truck", least=1)])
+    assert people_asked(request) == ON_FOOT
+    assert [demand.vehicle_class for demand in vehicles_asked(request)] == ["truck"]
+    bare = VehicleDemand(vehicle_class="pedestrian", share=0.0)
+    assert people_wanted(bare, "high", 40) == PEOPLE["high"]
+    assert people_wanted(bare.model_copy(update={"share": 0.25}), "low", 40) == 10
+    assert people_wanted(ON_FOOT, "low", 40) == 6
+    assert people_asked(request_for("Musterstadt", Path())) is None
+    assert set(MAPS) >= {"Musterstadt"}
