@@ -1,5 +1,6 @@
 """Arguments and answers of the tools that list and export what was made, and what a worker writes for an export."""
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar, Literal
 
@@ -9,7 +10,21 @@ from .base import LONGEST_PATH, Answer, Arguments, Model, Result, first_of
 from .planning import PlannerConfiguration
 from .runs import LostCell, RunRecord
 
-ExportFormat = Literal["xml", "net", "yaml", "json", "recipe", "png", "gif", "html", "solution", "csv", "parquet"]
+ExportFormat = Literal[
+    "xml",
+    "net",
+    "yaml",
+    "json",
+    "recipe",
+    "png",
+    "gif",
+    "html",
+    "solution",
+    "csv",
+    "parquet",
+    "opendrive",
+    "openscenario",
+]
 CostFunctionId = Literal["JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1", "TR2"]
 """CommonRoad's cost functions by their identifiers in a benchmark id."""
 
@@ -61,7 +76,8 @@ class ListArtifactsResult(Result):
 class ExportArtifactsArguments(Arguments):
     """Write files of artifacts into a folder inside an allowed root.
 
-    html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch.
+    html: one report on scenarios and batches; solution: CommonRoad file of a run; csv, parquet: runs of a batch;
+    opendrive, openscenario: scenarios for other tools.
 
     Existing files are refused unless overwrite.
     """
@@ -74,13 +90,41 @@ class ExportArtifactsArguments(Arguments):
     overwrite: bool = False
 
 
+NEAR_M = 0.1
+"""A bound in another format is near the lanelet's within this distance (chosen: what netconvert works with)."""
+
+
+class RoadGeometry(Model):
+    """How far bounds of lanes in a written file lie from the lanelets', looked at from both, as the file reads back."""
+
+    points: int
+    within_share: float
+    """Of the points that are at most ``NEAR_M`` away."""
+    max_m: float
+
+    def told(self) -> str:
+        """In words."""
+        share = f"{math.floor(self.within_share * 1000) / 10:g} %"
+        return f"{share} of {self.points:,} points on bounds within {NEAR_M:g} m, {self.max_m:.2f} m at most"
+
+
 class ExportedFile(Model):
-    """A written file."""
+    """One file that was written; ``lost``: what a format of other tools does not hold of it."""
 
     artifact_id: str
     format: str
     path: str
     size_bytes: int
+    lost: tuple[str, ...] = ()
+    geometry: RoadGeometry | None = None
+
+    def told(self) -> str:
+        """The line of an answer."""
+        line = f"{self.path} ({self.size_bytes:,} bytes, {self.format} of {self.artifact_id})"
+        more = ([self.geometry.told()] if self.geometry else []) + (
+            [f"lost: {', '.join(self.lost)}"] if self.lost else []
+        )
+        return "; ".join([line, *more])
 
 
 class ExportArtifactsResult(Result):
@@ -91,9 +135,11 @@ class ExportArtifactsResult(Result):
 
     def answer(self) -> Answer:
         """The folder, then one line a file."""
-        lines = [f"{file.path} ({file.size_bytes:,} bytes, {file.format} of {file.artifact_id})" for file in self.files]
         rest = "the structured answer names all"
-        return Answer(f"{len(self.files)} files in {self.folder}:", listed=first_of(lines, 40, rest))
+        return Answer(
+            f"{len(self.files)} files in {self.folder}:",
+            listed=first_of([file.told() for file in self.files], 40, rest),
+        )
 
 
 class SolutionRequest(Model):
@@ -121,3 +167,19 @@ class FileWritten(Model):
     """The file that a worker wrote."""
 
     path: str
+
+
+class ForeignExportRequest(Model):
+    """A scenario that is to be written in another tool's format; ``roads``: the name of the file with its roads."""
+
+    scenario_path: str
+    target_path: str
+    roads: str = ""
+
+
+class ForeignExport(Model):
+    """The file that a worker wrote, what of the scenario it does not hold, in words, and how near its roads are."""
+
+    path: str
+    lost: tuple[str, ...] = ()
+    geometry: RoadGeometry | None = None

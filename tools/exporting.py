@@ -12,6 +12,8 @@ from ..schemas.artifacts import (
     ExportArtifactsArguments,
     ExportArtifactsResult,
     ExportedFile,
+    ForeignExport,
+    ForeignExportRequest,
     RunTableRequest,
     SolutionRequest,
 )
@@ -24,7 +26,7 @@ from ..schemas.runs import BatchRecord, RunRecord, RunSource
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import printable
 from .call import ToolCall
-from .operations import WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
+from .operations import WRITE_OPENDRIVE, WRITE_OPENSCENARIO, WRITE_REPORT, WRITE_RUN_TABLE, WRITE_SOLUTION
 from .rendering import draw, named_artifact
 from .results import analyze_results, compare_results, run_sources
 
@@ -45,18 +47,30 @@ async def export_artifacts(arguments: ExportArtifactsArguments, call: ToolCall) 
     report = folder / REPORT_NAME if "html" in arguments.formats else None
     if not arguments.overwrite:
         refuse_taken([export.path for export in planned] + ([report] if report else []))
-    for export in planned:
-        if export.is_computed:
-            with call.workspace.scratch() as scratch:
-                write_export(call.workspace, export, await _compute(call, export, scratch / "made"))
-        else:
-            write_export(call.workspace, export, await _drawn(call, export) if export.is_drawn else None)
+    files = [await _write(call, export) for export in planned]
     if report is not None:
         await _write_report(call, artifacts, report)
-    files = [_written(export.artifact.artifact_id, export.format, export.path) for export in planned]
-    if report is not None:
         files.append(_written(", ".join(artifact.artifact_id for artifact in artifacts), "html", report))
     return ExportArtifactsResult(folder=_shown(folder), files=tuple(files))
+
+
+async def _write(call: ToolCall, export: Export) -> ExportedFile:
+    """Write the file of an export."""
+    foreign: ForeignExport | None = None
+    if export.is_computed:
+        with call.workspace.scratch() as scratch:
+            target = scratch / "made"
+            if export.format in ("opendrive", "openscenario"):
+                foreign = await _compute_foreign(call, export, target)
+            else:
+                await _compute(call, export, target)
+            write_export(call.workspace, export, target)
+    else:
+        write_export(call.workspace, export, await _drawn(call, export) if export.is_drawn else None)
+    written = _written(export.artifact.artifact_id, export.format, export.path)
+    if foreign is None:
+        return written
+    return written.model_copy(update={"lost": foreign.lost, "geometry": foreign.geometry})
 
 
 async def _drawn(call: ToolCall, export: Export) -> Path:
@@ -80,7 +94,7 @@ def _written(artifact_id: str, form: str, path: Path) -> ExportedFile:
     return ExportedFile(artifact_id=artifact_id, format=form, path=_shown(path), size_bytes=path.stat().st_size)
 
 
-async def _compute(call: ToolCall, export: Export, target: Path) -> Path:
+async def _compute(call: ToolCall, export: Export, target: Path) -> None:
     """Have a worker write the file of an export to ``target``.
 
     Raises:
@@ -90,7 +104,14 @@ async def _compute(call: ToolCall, export: Export, target: Path) -> Path:
         await call.run(WRITE_SOLUTION, _solution(call, export, target))
     else:
         await call.run(WRITE_RUN_TABLE, _table(call, export, target))
-    return target
+
+
+async def _compute_foreign(call: ToolCall, export: Export, target: Path) -> ForeignExport:
+    """Have a worker write a scenario in another tool's format; OpenSCENARIO names the OpenDRIVE file beside it."""
+    scenario = call.workspace.file("scenario", export.artifact.artifact_id, "scenario.xml")
+    roads = f"{export.artifact.artifact_id}.xodr"
+    request = ForeignExportRequest(scenario_path=str(scenario), target_path=str(target), roads=roads)
+    return await call.run(WRITE_OPENDRIVE if export.format == "opendrive" else WRITE_OPENSCENARIO, request)
 
 
 def _solution(call: ToolCall, export: Export, target: Path) -> SolutionRequest:

@@ -8,7 +8,7 @@ Time limits are chosen, generously: they end what hangs. Where a client waits fo
 """
 
 from ..engine.execution import Operation
-from ..schemas.artifacts import FileWritten, RunTableRequest, SolutionRequest
+from ..schemas.artifacts import FileWritten, ForeignExport, ForeignExportRequest, RunTableRequest, SolutionRequest
 from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
 from ..schemas.comparison import CompareRequest, CompareResultsResult
 from ..schemas.generation import (
@@ -78,3 +78,7 @@ COMPARE = Operation("plannerforge.engine.analysis:compare", CompareRequest, Comp
 # Pictures and pages
 RENDER = Operation("plannerforge.engine.rendering:render", RenderRequest, Rendered, timeout_s=50.0)
 WRITE_REPORT = Operation("plannerforge.engine.rendering:write_report", ReportRequest, ReportWritten)
+
+# Scenarios for other tools
+WRITE_OPENDRIVE = Operation("plannerforge.engine.scenarios:write_opendrive", ForeignExportRequest, ForeignExport)
+WRITE_OPENSCENARIO = Operation("plannerforge.engine.scenarios:write_openscenario", ForeignExportRequest, ForeignExport)

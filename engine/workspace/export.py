@@ -13,9 +13,21 @@ from .artifacts import Artifact, Workspace, disk_failure
 _STORED = {"xml": "scenario.xml", "net": "scenario.net.xml", "yaml": "config.yaml"}
 _WRITTEN = ("json", "recipe")
 _DRAWN = ("png", "gif")
-_MADE = {"scenario": ("png",), "run": ("png", "gif", "solution"), "batch": ("png", "csv", "parquet")}
-_ENDINGS = {"net": ".net.xml", "recipe": ".recipe.json", "solution": ".solution.xml"}
+_MADE = {
+    "scenario": ("png", "opendrive", "openscenario"),
+    "run": ("png", "gif", "solution"),
+    "batch": ("png", "csv", "parquet"),
+}
+_ENDINGS = {
+    "net": ".net.xml",
+    "recipe": ".recipe.json",
+    "solution": ".solution.xml",
+    "opendrive": ".xodr",
+    "openscenario": ".xosc",
+}
 """Where files of a format come from: stored, written from the record, drawn, or made by kind; endings that differ."""
+_WITH = {"openscenario": "opendrive"}
+"""A format whose file names another one beside it, which is written too."""
 REPORT_NAME = "report.html"
 _READABLE = 0o644
 """Temporary files are private; what a user asked for may be read by others."""
@@ -123,4 +135,5 @@ def _formats(workspace: Workspace, artifact: Artifact, asked: Sequence[str], any
     missing = [form for form in asked if form not in available]
     if missing:
         raise InvalidRequest(f"{artifact.artifact_id} has no {', '.join(missing)}", valid=available)
-    return list(dict.fromkeys(asked)) if any_asked else [*stored, *_WRITTEN]
+    wanted = [form for one in asked for form in (_WITH.get(one, one), one)]
+    return list(dict.fromkeys(wanted)) if any_asked else [*stored, *_WRITTEN]

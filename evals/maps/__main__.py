@@ -9,7 +9,9 @@ and judges by code apart from the product. The keys that count:
 ``factory``: ``factory_ratio`` (executable scenarios a minute, ours over those of Scenario Factory 2.0).
 ``plan``: ``batch_per_min`` (scenarios of a plan that is killed twice), ``batch_memory_slope_mb`` (for each thousand of
 them), ``coverage_2way`` (share of the pairs that the maps allow).
-``people``: ``walkers_feasible`` (share of the tracks on ways for them). ``demand`` and ``formats``: keys of their own.
+``people``: ``walkers_feasible`` (share of the tracks on ways for them). ``demand``: keys of its own.
+``formats``: ``opendrive_within_share`` (of points on lanelet bounds, those within 0.1 m in the exported .xodr),
+``opendrive_max_m``, ``openscenario_same_share`` (recorded poses that the exported .xosc has at the same time).
 
 ``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
 1. ``--json`` prints the last line alone.
@@ -33,7 +35,7 @@ KEYS: Mapping[str, tuple[str, ...]] = {
     "country": ("country_cut_s", "country_memory_mb"),
     "people": ("walkers_feasible",),
     "demand": (),
-    "formats": (),
+    "formats": ("opendrive_within_share", "opendrive_max_m", "openscenario_same_share"),
     "factory": ("factory_ratio",),
     "plan": ("batch_per_min", "batch_memory_slope_mb", "coverage_2way"),
 }

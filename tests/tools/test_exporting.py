@@ -57,3 +57,42 @@ async def test_solution_of_a_run_and_tables_of_a_batch(settings: Settings, tmp_p
         assert by_outcome["invalid"]["metrics_duration_s"] is None
         again = await ask("export_artifacts", ids=[grid["batch_id"]], formats=["parquet"], folder="again")
         assert Path(again["files"][0]["path"]).read_bytes() == as_parquet.read_bytes()
+
+
+async def test_a_scenario_goes_out_for_other_tools_with_its_roads(settings: Settings, tmp_path: Path) -> None:
+    folder = tmp_path / "files"
+    folder.mkdir()
+    town_road().write(folder / "one.xml")
+    own = settings.model_copy(update={"starter": False})
+    async with Client(create_server(own, start_folder=tmp_path)) as client:
+        await client.call_tool("import_files", {"path": str(folder)})
+        arguments = {"ids": ["ZAM_Builder-1_1_T-1"], "formats": ["openscenario"], "folder": "out"}
+        result = await client.call_tool("export_artifacts", arguments)
+        assert result.structured_content is not None
+        files = {file["format"]: file for file in result.structured_content["files"]}
+        assert set(files) == {"opendrive", "openscenario"}
+        assert Path(files["opendrive"]["path"]).name in Path(files["openscenario"]["path"]).read_text()
+        assert files["opendrive"]["geometry"]["max_m"] < 0.1
+        assert files["opendrive"]["geometry"]["within_share"] == 1.0
+        text = result.content[0].text  # type: ignore[union-attr]
+        assert "100 % of" in text
+        assert "lost: 1 goal" in text
+        taken = await client.call_tool("export_artifacts", arguments)
+        assert taken.is_error
+        assert "there already" in taken.content[0].text  # type: ignore[union-attr]
+
+
+async def test_a_run_has_no_roads_to_export(settings: Settings, tmp_path: Path) -> None:
+    folder = tmp_path / "files"
+    folder.mkdir()
+    replace(town_road(), problems=(NEAR,)).write(folder / "one.xml")
+    own = settings.model_copy(update={"starter": False})
+    async with Client(create_server(own, start_folder=tmp_path)) as client:
+        await client.call_tool("import_files", {"path": str(folder)})
+        made = await client.call_tool("run_planner", {"scenarios": ["ZAM_Builder-1_1_T-1"], "wait_s": 50})
+        assert made.structured_content is not None
+        run_id = made.structured_content["runs"][0]["run_id"]
+        arguments = {"ids": [run_id], "formats": ["opendrive"], "folder": "out"}
+        refused = await client.call_tool("export_artifacts", arguments)
+        assert refused.is_error
+        assert "has no opendrive" in refused.content[0].text  # type: ignore[union-attr]

@@ -1,0 +1,202 @@
+"""A strip of lanes as OpenDRIVE has it: a reference line, and how far to its left each bound lies along it.
+
+The reference line runs in the middle of the strip, as pieces of cubic curves; at its ends its normals are the ends of
+the strip, so that a skew end stays one. Each bound is what the normals cut of it, at every place where any bound has a
+vertex: there the file says exactly what the lanelets say. Lengths in m.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...geometry import Points, Values, arc_length, interpolate, unit, without_repeats
+
+SPACING_M, FEWEST = 2.0, 4
+"""Of the points that the reference line runs through (chosen)."""
+DENSE_M = 0.1
+"""Of the places on the reference line at which normals are tried (chosen)."""
+REACH = 3.0
+"""How far a bound is looked for on a normal, in widths of the strip (chosen): farther ones belong to another bend."""
+FLAT_M = 0.002
+"""Chosen: places at which a bound is nearer to the straight between its neighbours are not written."""
+_ENDS_M = 1e-3
+
+
+@dataclass(frozen=True)
+class CurvePiece:
+    """A cubic from a station on: start (2,), heading in rad, length, and its polynomials u(p), v(p) for p in [0, 1]."""
+
+    station_m: float
+    start: Points
+    heading_rad: float
+    length_m: float
+    u: Values
+    v: Values
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Lanes side by side: the pieces of the reference line, stations (n,), and left offsets (n, bounds) there."""
+
+    pieces: tuple[CurvePiece, ...]
+    stations_m: Values
+    offsets_m: Points
+
+
+def strip_of(bounds: Sequence[Points]) -> Strip:
+    """The strip between bounds (n, 2) each, from left to right, all in driving direction.
+
+    Raises:
+        ValueError: the bounds enclose no strip: they have no length.
+    """
+    lines = [without_repeats(line) for line in bounds]
+    if any(len(line) < 2 for line in lines):
+        raise ValueError("a bound has no length")
+    pieces = _reference_line(lines[0], lines[-1])
+    stations, positions, normals = _sampled(pieces, DENSE_M)
+    width = float(max(np.linalg.norm(lines[0][[0, -1]] - lines[-1][[0, -1]], axis=1).max(), 1.0))
+    every = [0.0, float(stations[-1])]
+    for line in lines:
+        every += _feet(line, stations, positions, normals, REACH * width)
+    wanted = np.unique(np.round(every, 6))
+    wanted = wanted[np.concatenate([[True], np.diff(wanted) > _ENDS_M])]
+    wanted[-1] = stations[-1]
+    at, across = evaluate(pieces, wanted)
+    offsets = np.column_stack([_cut(line, at, across, REACH * width) for line in lines])
+    for column in range(1, offsets.shape[1]):  # a bound never crosses the one on its left
+        offsets[:, column] = np.minimum(offsets[:, column], offsets[:, column - 1])
+    kept = _needed(wanted, offsets)
+    return Strip(tuple(pieces), wanted[kept], offsets[kept])
+
+
+def evaluate(pieces: Sequence[CurvePiece], stations_m: Values) -> tuple[Points, Points]:
+    """Positions on the reference line and the unit normals to its left, shapes (n, 2), as OpenDRIVE defines them."""
+    starts = np.array([piece.station_m for piece in pieces])
+    index = np.clip(np.searchsorted(starts, stations_m, side="right") - 1, 0, len(pieces) - 1)
+    positions, normals = np.empty((len(stations_m), 2)), np.empty((len(stations_m), 2))
+    for number in np.unique(index):
+        piece, here = pieces[number], index == number
+        p = (stations_m[here] - piece.station_m) / piece.length_m
+        powers = np.column_stack([np.ones_like(p), p, p**2, p**3])
+        slopes = np.column_stack([np.zeros_like(p), np.ones_like(p), 2 * p, 3 * p**2])
+        turn = _rotation(piece.heading_rad)
+        positions[here] = piece.start + np.column_stack([powers @ piece.u, powers @ piece.v]) @ turn.T
+        along = np.column_stack([slopes @ piece.u, slopes @ piece.v]) @ turn.T
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        normals[here] = np.column_stack([-along[:, 1], along[:, 0]])
+    return positions, normals
+
+
+def _rotation(heading_rad: float) -> Points:
+    cosine, sine = float(np.cos(heading_rad)), float(np.sin(heading_rad))
+    return np.array([[cosine, -sine], [sine, cosine]])
+
+
+def _reference_line(left: Points, right: Points) -> list[CurvePiece]:
+    """Cubic pieces through points in the middle of the outer bounds."""
+    lengths = [arc_length(line) for line in (left, right)]
+    middle_m = float(lengths[0][-1] + lengths[1][-1]) / 2
+    count = max(FEWEST, round(middle_m / SPACING_M) + 1)
+    shares = np.linspace(0.0, 1.0, count)
+    one, other = (interpolate(line, at, shares * at[-1]) for line, at in zip((left, right), lengths, strict=True))
+    points = (one + other) / 2
+    tangents = np.gradient(points, axis=0)
+    for end in (0, -1):
+        across = one[end] - other[end]
+        ahead = np.array([across[1], -across[0]])
+        if float(np.linalg.norm(ahead)) > _ENDS_M and float(unit(ahead) @ unit(tangents[end])) > np.cos(np.pi / 3):
+            tangents[end] = ahead
+    directions = tangents / np.maximum(np.linalg.norm(tangents, axis=1), 1e-9)[:, None]
+    pieces: list[CurvePiece] = []
+    station = 0.0
+    for start, end, out, into in zip(points[:-1], points[1:], directions[:-1], directions[1:], strict=True):
+        piece = _piece(station, start, end, out, into)
+        pieces.append(piece)
+        station += piece.length_m
+    return pieces
+
+
+def _piece(station_m: float, start: Points, end: Points, out: Points, into: Points) -> CurvePiece:
+    """The cubic between two points with the given directions there; numbers as they are written."""
+    heading = float(np.round(np.arctan2(out[1], out[0]), 9))
+    turn = _rotation(-heading)
+    chord = turn @ (end - start)
+    reach = max(float(np.linalg.norm(chord)), 1e-3)
+    first, last = turn @ out * reach, turn @ into * reach
+    polynomials = [
+        _rounded([0.0, a, 3 * end - 2 * a - b, a + b - 2 * end]) for a, b, end in zip(first, last, chord, strict=True)
+    ]
+    p = np.linspace(0.0, 1.0, 65)
+    speed = np.hypot(*(sum(k * c * p ** (k - 1) for k, c in enumerate(line) if k) for line in polynomials))
+    length = float(np.round(np.trapezoid(speed, p), 9))
+    return CurvePiece(round(station_m, 9), np.round(start, 9), heading, length, *polynomials)
+
+
+def _rounded(values: Sequence[float]) -> Values:
+    """To 1e-9, without a minus before 0."""
+    return np.round(np.array(values), 9) + 0.0
+
+
+def _sampled(pieces: Sequence[CurvePiece], spacing_m: float) -> tuple[Values, Points, Points]:
+    total = pieces[-1].station_m + pieces[-1].length_m
+    stations = np.linspace(0.0, total, max(round(total / spacing_m), 8) + 1)
+    return (stations, *evaluate(pieces, stations))
+
+
+def _feet(line: Points, stations: Values, positions: Points, normals: Points, reach_m: float) -> list[float]:
+    """The stations whose normals pass through the vertices of a line, that which is nearest to each."""
+    feet = []
+    along = np.column_stack([normals[:, 1], -normals[:, 0]])
+    for vertex in line:
+        ahead = np.einsum("ij,ij->i", vertex - positions, along)
+        beside = np.abs(np.einsum("ij,ij->i", vertex - positions, normals))
+        crossed = np.flatnonzero((ahead[:-1] >= 0) & (ahead[1:] < 0) & (beside[:-1] <= reach_m))
+        if len(crossed):
+            at = crossed[np.argmin(beside[crossed])]
+            share = ahead[at] / (ahead[at] - ahead[at + 1])
+            feet.append(float(stations[at] + share * (stations[at + 1] - stations[at])))
+    return feet
+
+
+def _cut(line: Points, at: Points, across: Points, reach_m: float) -> Values:
+    """How far to the left each normal cuts a line, by its nearest cut; interpolated where a normal misses the line."""
+    start, step = line[:-1], np.diff(line, axis=0)
+    found = np.full(len(at), np.nan)
+    for number, (origin, normal) in enumerate(zip(at, across, strict=True)):
+        cross = normal[0] * step[:, 1] - normal[1] * step[:, 0]
+        between = start - origin
+        with np.errstate(divide="ignore", invalid="ignore"):
+            beside = (between[:, 0] * step[:, 1] - between[:, 1] * step[:, 0]) / cross
+            share = (between[:, 0] * normal[1] - between[:, 1] * normal[0]) / cross
+        hits = (np.abs(cross) > 1e-12) & (share >= -1e-9) & (share <= 1 + 1e-9) & (np.abs(beside) <= reach_m)
+        if hits.any():
+            candidates = beside[hits]
+            found[number] = candidates[np.argmin(np.abs(candidates))]
+    for end, vertex in ((0, line[0]), (-1, line[-1])):  # the end of a strip is the normal there, or nearly
+        if np.isnan(found[end]):
+            found[end] = float((vertex - at[end]) @ across[end])
+    known = np.flatnonzero(~np.isnan(found))
+    whole: Values = np.interp(np.arange(len(found)), known, found[known])
+    return whole
+
+
+def _needed(stations: Values, offsets: Points) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
+    """Which stations have to be written, so that straights between them tell every offset (Douglas and Peucker)."""
+    kept = np.zeros(len(stations), dtype=np.bool_)
+    kept[[0, -1]] = True
+    waiting = [(0, len(stations) - 1)]
+    while waiting:
+        first, last = waiting.pop()
+        if last - first < 2:
+            continue
+        inner = slice(first + 1, last)
+        share = ((stations[inner] - stations[first]) / (stations[last] - stations[first]))[:, None]
+        straight = offsets[first] + share * (offsets[last] - offsets[first])
+        off = np.abs(offsets[inner] - straight).max(axis=1)
+        worst = int(np.argmax(off))
+        if off[worst] > FLAT_M:
+            middle = first + 1 + worst
+            kept[middle] = True
+            waiting += [(first, middle), (middle, last)]
+    return kept

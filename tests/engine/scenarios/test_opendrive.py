@@ -1,0 +1,132 @@
+"""Lanelets as OpenDRIVE: bounds where they were, links that hold, what is lost told."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lxml import etree
+from support.builders import Lane, line, town_road
+
+from plannerforge.engine.commonroad import read_scenario
+from plannerforge.engine.scenarios import write_opendrive
+from plannerforge.engine.scenarios.exchange.reading_back import geometry_error
+from plannerforge.evals.maps.formats import asam_schema, bounds_of
+from plannerforge.schemas.artifacts import ForeignExport, ForeignExportRequest
+from plannerforge.schemas.errors import PlannerForgeError
+from plannerforge.schemas.text import one_line
+
+SHAPES = {
+    "a skew end": ((0.0, 0.0), (30.0, 0.0)),
+    "a corner of 90°": (*line((0.0, 0.0), (40.0, 0.0), 9), *line((40.0, 2.0), (40.0, 40.0), 9)),
+    "half a metre long": ((0.0, 0.0), (0.5, 0.0)),
+    "far from the origin": ((49_000.0, -48_000.0), (49_050.0, -48_020.0)),
+}
+
+
+def quiet(share: float, message: str = "") -> None:
+    """Progress that is not looked at."""
+
+
+def exported(source: Path, target: Path) -> ForeignExport:
+    return write_opendrive(ForeignExportRequest(scenario_path=str(source), target_path=str(target)), quiet)
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The road of the builders as OpenDRIVE."""
+    folder = tmp_path_factory.mktemp("town")
+    exported(town_road().write(folder / "town.xml"), folder / "town.xodr")
+    return folder / "town.xodr"
+
+
+def test_lanes_side_by_side_are_one_road_from_left_to_right(town: Path) -> None:
+    roads = etree.parse(town).getroot().findall("road")
+    lanes = [[note.get("value") for note in road.iter("userData")] for road in roads]
+    assert ["2", "1"] in lanes
+    assert sorted(key for keys in lanes for key in keys if key) == ["1", "11", "12", "13", "2", "21", "3"]
+
+
+def test_a_fork_is_a_junction_that_links_lane_to_lane(town: Path) -> None:
+    root = etree.parse(town).getroot()
+    lane_of = {
+        (road.get("id"), lane.get("id")): note.get("value")
+        for road in root.iter("road")
+        for lane in road.iter("lane")
+        for note in lane.iter("userData")
+    }
+    linked = {
+        (
+            lane_of[connection.get("incomingRoad"), link.get("from")],
+            lane_of[connection.get("connectingRoad"), link.get("to")],
+        )
+        for connection in root.iter("connection")
+        for link in connection.iter("laneLink")
+    }
+    assert {("1", "11"), ("1", "12"), ("2", "21")} <= linked
+
+
+def test_what_is_told_of_the_bounds_is_what_another_reader_finds(tmp_path: Path) -> None:
+    told = exported(town_road().write(tmp_path / "town.xml"), tmp_path / "town.xodr").geometry
+    assert told is not None
+    assert told.within_share == 1.0
+    left, right = bounds_of(tmp_path / "town.xodr")[2]
+    assert np.abs(left[:, 1] - 5.25).max() < 0.01
+    assert np.abs(right[:, 1] - 1.75).max() < 0.01
+
+
+def test_a_bound_that_was_moved_in_the_file_is_told(tmp_path: Path) -> None:
+    source = town_road().write(tmp_path / "town.xml")
+    exported(source, tmp_path / "town.xodr")
+    root = etree.parse(tmp_path / "town.xodr").getroot()
+    first = next(root.iter("width"))
+    first.set("a", str(float(first.get("a", "0")) + 0.5))
+    moved = geometry_error(etree.tostring(root), read_scenario(source).scenario.lanelet_network)
+    assert moved.max_m == pytest.approx(0.5, abs=0.02)
+    assert moved.within_share < 1.0
+
+
+def test_a_lanelet_that_the_file_lacks_counts_as_far(tmp_path: Path) -> None:
+    source = town_road().write(tmp_path / "town.xml")
+    exported(source, tmp_path / "town.xodr")
+    root = etree.parse(tmp_path / "town.xodr").getroot()
+    network = read_scenario(source).scenario.lanelet_network
+    for road in root.findall("road")[1:]:
+        root.remove(road)
+    assert geometry_error(etree.tostring(root), network).within_share < 0.95
+
+
+@pytest.mark.parametrize("center", SHAPES.values(), ids=SHAPES)
+def test_odd_shapes_keep_their_bounds(center: tuple[tuple[float, float], ...], tmp_path: Path) -> None:
+    lanes = (*town_road().lanes, Lane(99, center))
+    written = exported(replace(town_road(), lanes=lanes).write(tmp_path / "odd.xml"), tmp_path / "odd.xodr")
+    assert written.geometry is not None
+    assert written.geometry.within_share > 0.99
+    assert 99 in bounds_of(tmp_path / "odd.xodr")
+
+
+def test_the_same_lanelets_give_the_same_bytes(town: Path, tmp_path: Path) -> None:
+    exported(town_road().write(tmp_path / "town.xml"), tmp_path / "again.xodr")
+    assert (tmp_path / "again.xodr").read_bytes() == town.read_bytes()
+
+
+def test_the_file_keeps_to_the_schema_of_the_standard(town: Path) -> None:
+    schema = asam_schema("opendrive_17_core.xsd")
+    schema.assertValid(etree.parse(town))
+
+
+def test_a_name_with_markup_in_it_stays_text(tmp_path: Path) -> None:
+    name = 'ZAM_"&lt;road/&gt;-1_1_T-1'
+    source = tmp_path / "odd.xml"
+    source.write_text(town_road().xml().replace('"ZAM_Builder-1_1_T-1"', "'ZAM_\"&lt;road/&gt;-1_1_T-1'"))
+    exported(source, tmp_path / "odd.xodr")
+    header = etree.parse(tmp_path / "odd.xodr").getroot().find("header")
+    assert header is not None
+    assert header.get("name") == one_line(name.replace("&lt;", "<").replace("&gt;", ">"))
+
+
+def test_a_scenario_without_lanelets_is_refused(tmp_path: Path) -> None:
+    empty = replace(town_road(), lanes=(), vehicles=(), parked=(), problems=())
+    with pytest.raises(PlannerForgeError):
+        exported(empty.write(tmp_path / "empty.xml"), tmp_path / "empty.xodr")
+    assert not (tmp_path / "empty.xodr").exists()
