@@ -7,8 +7,8 @@ the South Pacific, where no country is near.
 Keys: ``country_cut_s``: seconds of a ``generate_scenarios`` call through the server, from the words for a place to the
 stored scenario (median over ``country_places`` towns; ``country_cut_worst_s``). ``country_cut_alone_s``: of it, looking
 the place up, cutting it out and reading what it shows (median; in a process that did nothing before).
-``country_memory_mb``: the peaks of the server's process and of its largest worker together, while the country is
-indexed and cut. ``country_index_s``, ``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``.
+``country_memory_mb``: the peak of the largest worker, which indexes and cuts; ``country_server_mb``: of the server's
+process beside it; ``country_generating_mb``: of the largest worker once scenarios were made. ``country_index_s``, ``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``.
 ``country_refused``: towns where nothing could be made. ``country_tiles_equal``: of ``country_tiles_judged`` tiles,
 those whose sites in the index are those of the same area when it is read as a small map that osmium cut out of the
 file; ``country_sites_judged``: how many sites that were. ``country_same_bytes``: 1 where a cut made again has the same
@@ -329,9 +329,9 @@ async def _through_the_server(
         await ask_to_the_end(client, "import_files", path=str(path))
         index_s = time.perf_counter() - started
         await ask(client, "describe_catalog", facet="maps")
-        indexing_mb = _peak_mb(server)
+        indexing_mb = _worker_peak_mb(server)
         timed = [await _made(client, town) for town in towns]
-        generating_mb = _peak_mb(server)
+        generating_mb, server_mb = _worker_peak_mb(server), _peak_of(server.pid)
     records = [json.loads(row) for row in _records(workspace)]
     facts = next(facts for facts in map(MapFacts.model_validate, records) if facts.extract is not None)
     seconds = [one.seconds for one in timed if one.made]
@@ -342,6 +342,7 @@ async def _through_the_server(
         "country_refused": sum(not one.made for one in timed),
         "country_memory_mb": round(indexing_mb),
         "country_generating_mb": round(generating_mb),
+        "country_server_mb": round(server_mb),
         "country_index_s": round(index_s, 1),
         "country_tiles": facts.extract.tiles if facts.extract is not None else 0,
     }
@@ -359,10 +360,9 @@ async def _made(client: Client, town: str) -> _Timed:
     return _Timed(town, seconds, made)
 
 
-def _peak_mb(server: psutil.Process) -> float:
-    """The most memory (resident) that the server had at once, and the most that one of its workers had."""
-    workers = [_peak_of(worker.pid) for worker in server.children(recursive=True)]
-    return _peak_of(server.pid) + max(workers, default=0.0)
+def _worker_peak_mb(server: psutil.Process) -> float:
+    """The most memory (resident) that a worker of the server had at once."""
+    return max((_peak_of(worker.pid) for worker in server.children(recursive=True)), default=0.0)
 
 
 def _peak_of(pid: int) -> float:
