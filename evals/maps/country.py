@@ -8,7 +8,8 @@ Keys: ``country_cut_s``: seconds of a ``generate_scenarios`` call through the se
 stored scenario (median over ``country_places`` towns; ``country_cut_worst_s``). ``country_cut_alone_s``: of it, looking
 the place up, cutting it out and reading what it shows (median; in a process that did nothing before).
 ``country_memory_mb``: the peak of the largest worker, which indexes and cuts; ``country_server_mb``: of the server's
-process beside it; ``country_generating_mb``: of the largest worker once scenarios were made. ``country_index_s``, ``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``.
+process beside it; ``country_generating_mb``: of the largest worker once scenarios were made. ``country_index_s``,
+``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``.
 ``country_refused``: towns where nothing could be made. ``country_tiles_equal``: of ``country_tiles_judged`` tiles,
 those whose sites in the index are those of the same area when it is read as a small map that osmium cut out of the
 file; ``country_sites_judged``: how many sites that were. ``country_same_bytes``: 1 where a cut made again has the same
