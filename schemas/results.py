@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
-from .runs import Contact, LostCell, Outcome, RunMetrics, RunReview, RunSource, ScenarioSource, ending
+from .runs import Contact, ContactKind, LostCell, Outcome, RunMetrics, RunReview, RunSource, ScenarioSource, ending
 
 Breakdown = Literal[
     "none", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
@@ -117,6 +117,50 @@ class Finding(Model):
     next_step: str = ""
 
 
+class CollisionCauses(Model):
+    """Who hit whom in the collisions of a set of runs, and which of them no reference driver prevents.
+
+    ``judged``: collisions whose course is known; ``from_behind``: those not preventable in which another drove into the
+    ego from behind or onto it as it stood; ``recorded_traffic``: whether others in them could not react.
+    ``success_without``: the rate with the runs left out that ended in one that is not preventable.
+    """
+
+    collisions: int
+    judged: int
+    kinds: dict[ContactKind, int]
+    not_preventable: tuple[str, ...]
+    from_behind: int
+    recorded_traffic: bool
+    success_without: Rate
+
+    def in_words(self) -> str:
+        """Kinds, and the share that no ego could prevent, with the rate without them."""
+        kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
+        some = "" if self.judged == self.collisions else f" that could be judged, of {self.collisions}"
+        without = f"; without them goal {_rate_text(self.success_without)}" if self.not_preventable else ""
+        none = (
+            f"; no reference driver prevents {len(self.not_preventable)} of {self.judged}{some}" if self.judged else ""
+        )
+        return f"Collisions: {kinds}{none}{without}."
+
+
+TrivialKind = Literal["at_the_start", "standing", "by_time_alone"]
+"""Why a reached goal asked for no driving: the ego was there in the first step; it stood; the goal has no place."""
+
+
+class TrivialGoals(Model):
+    """Reached goals that asked for no driving; ``success_without``: the rate with these runs left out."""
+
+    kinds: dict[TrivialKind, int]
+    run_ids: tuple[str, ...]
+    success_without: Rate
+
+    def in_words(self) -> str:
+        """How many there are of which kind, with the rate without them."""
+        kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
+        return f"Goals that asked for no driving: {kinds}; without them goal {_rate_text(self.success_without)}."
+
+
 class RunRow(Model):
     """One run in a line."""
 
@@ -198,6 +242,8 @@ class AnalyzeResultsResult(Result):
     rows: tuple[RunRow, ...] = ()
     timeline: tuple[TimelineStep, ...] = ()
     review: RunReview | None = None
+    causes: CollisionCauses | None = None
+    trivial: TrivialGoals | None = None
     notes: tuple[str, ...] = ()
 
     def answer(self) -> Answer:
@@ -308,6 +354,7 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     valid = result.success.of
     head = f"{result.runs} runs ({valid} valid, {result.invalid_count} invalid): goal {_rate_text(result.success)}"
     figures = _failures(result)
+    figures += [part.in_words() for part in (result.causes, result.trivial) if part is not None]
     if result.detail == "summary":
         figures += _metrics(result)
     listed = [*_rows(result), *_groups(result)]
@@ -320,6 +367,9 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     more = len(stated) - len(shown)
     listed += [f"… {more} more: detail=findings"] if more > 0 else []
     main = next((finding.next_step for finding in result.findings if finding.name == "main_failure"), "")
+    causes = result.causes
+    if causes is not None and causes.recorded_traffic and 2 * causes.from_behind > causes.collisions:
+        main = "run_planner with traffic=reactive: most collisions are by others that follow a recording"
     return Answer(head, figures=figures, listed=[*listed, *_noted(result)], next_step=main)
 
 

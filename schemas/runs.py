@@ -168,13 +168,41 @@ RelativeHeading = Literal["same", "oncoming", "crossing"]
 """How another heads, seen from the ego: within 45° of it, within 45° of against it, or between."""
 
 
+class Prevention(Model):
+    """Whether reference drivers in the ego's place prevent a collision (``docs/runs.md``), the others as they moved.
+
+    ``by_braking_until_s``: the latest moment of the run at which full braking prevents it; None: none does.
+    """
+
+    by_braking_until_s: float | None
+    by_careful_driver: bool
+    by_rss: bool
+
+    @property
+    def possible(self) -> bool:
+        """Whether any of them prevents it."""
+        return self.by_braking_until_s is not None or self.by_careful_driver or self.by_rss
+
+    def in_words(self) -> str:
+        """Who prevents it, and until when braking does."""
+        if not self.possible:
+            return "no reference driver prevents it (full braking, UN R157's careful driver, RSS)"
+        named = {"UN R157's careful driver": self.by_careful_driver, "RSS": self.by_rss}
+        drivers = [name for name, prevents in named.items() if prevents]
+        others = [name for name, prevents in named.items() if not prevents]
+        until = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
+        not_by = f", not by {' or '.join(others)}" if others else ""
+        return f"preventable by {' and by '.join([*until, *drivers])}{not_by}"
+
+
 class Contact(Model):
     """How the collision of a run came about: speeds at its step, places at the last step before it.
 
     ``ego_side``, ``other_side``: the sides that met. ``closing_mps``: length of the difference of both velocities.
     ``ego_stood_since_s``: where the ego stood, since when. ``braked_since_s``: from when on the ego braked by more than
     1 m/s² without a break until the contact; None: it did not. ``came_in_s``: for a cut-in, when the one ahead came
-    into the way of the one behind. ``also_touched``: others that overlap the ego at the same step.
+    into the way of the one behind. ``also_touched``: others that overlap the ego at the same step. ``prevention``: None
+    where the tracks do not hold the one that was hit.
     """
 
     kind: ContactKind
@@ -190,6 +218,7 @@ class Contact(Model):
     braked_since_s: float | None = None
     came_in_s: float | None = None
     also_touched: tuple[int, ...] = ()
+    prevention: Prevention | None = None
 
     def in_words(self) -> str:
         """Who hit whom, from where, when, at which speeds, and whether the ego had braked before."""
@@ -198,7 +227,8 @@ class Contact(Model):
             return f"{where} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
         speeds = f"ego {self.ego_speed_mps:.1f} m/s, {self._other} {self.other_speed_mps:.1f} m/s"
         also = f"; also touched then: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
-        return f"{self._what} at {self.time_s:.1f} s ({speeds}{self._braked}){also}"
+        judged = "" if self.prevention is None else f"; {self.prevention.in_words()}"
+        return f"{self._what} at {self.time_s:.1f} s ({speeds}{self._braked}){also}{judged}"
 
     @property
     def _other(self) -> str:

@@ -31,6 +31,7 @@ from ..commonroad import Track, kept_recording, static_tracks
 from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
 from ..geometry import Points, Values, oriented_rectangle, wrap_angle, wrap_angles
+from .prevention import prevention_of
 from .run_set import RunSet, driven_tracks
 
 _MOMENTS, _LAST_S = 10, 3.0
@@ -198,6 +199,7 @@ class _Drive:
             braked_since_s=braked,
             came_in_s=came_in,
             also_touched=self._also_touched(hit.step, hit.obstacle_id),
+            prevention=prevention_of(self._ego, other, hit.step, self._record.step_s),
         )
 
     def _kind(

@@ -27,6 +27,7 @@ from ...schemas.results import (
 from ...schemas.runs import Encounter, RunRecord, RunReview
 from ..commonroad import parse_benchmark_id
 from ..execution import ProgressReporter
+from .causes import collision_causes, trivial_goals
 from .filters import matching
 from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
 from .moments import contact_of, review, timeline
@@ -93,6 +94,8 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
         else (),
         timeline=timeline(runs, runs.records[0], moment) if detail == "timeline" else (),
         review=looked_at,
+        causes=collision_causes(runs) if detail == "summary" and len(runs.sources) > 1 else None,
+        trivial=trivial_goals(runs) if detail == "summary" and len(runs.sources) > 1 else None,
         notes=_notes(runs, request, note, len(grouped), len(findings)),
     )
     report(1.0, "analysed")

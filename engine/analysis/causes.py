@@ -1,0 +1,73 @@
+"""What decides the rates of a set of runs beside the planner: collisions that no ego prevents, goals met by nothing.
+
+Both stand beside the rate over all valid runs and never in its place.
+"""
+
+from collections import Counter
+from pathlib import Path
+
+from ...schemas.results import CollisionCauses, TrivialGoals, TrivialKind
+from ...schemas.runs import ContactKind, RunRecord
+from ..commonroad import kept_recording
+from .moments import contact_of
+from .run_set import RunSet
+from .statistics import rate
+
+MOST_COLLISIONS, MOST_GOALS = 60, 200
+"""Collisions and reached goals that are looked at (chosen): each reads its scenario, and an answer has 50 s."""
+FROM_BEHIND: tuple[ContactKind, ...] = ("rear_end_by_other", "onto_standing_ego")
+"""Another drives into the ego, which it would have seen."""
+STOOD_M = 0.5
+"""An ego that drove less has stood (chosen)."""
+
+
+def collision_causes(runs: RunSet) -> CollisionCauses | None:
+    """Who hit whom, and how many of the collisions no reference driver prevents; None where none is known."""
+    hits = [record for record in runs.valid if record.collision is not None]
+    if not hits:
+        return None
+    seen = {record.run_id: contact_of(runs, record) for record in hits[:MOST_COLLISIONS]}
+    contacts = {run_id: contact for run_id, contact in seen.items() if contact is not None}
+    if not contacts:
+        return None
+    judged = {run_id: contact.prevention for run_id, contact in contacts.items() if contact.prevention is not None}
+    not_preventable = tuple(run_id for run_id, prevention in judged.items() if not prevention.possible)
+    kinds = Counter(contact.kind for contact in contacts.values())
+    return CollisionCauses(
+        collisions=len(hits),
+        judged=len(judged),
+        kinds=dict(sorted(kinds.items(), key=lambda item: (-item[1], item[0]))),
+        not_preventable=not_preventable,
+        from_behind=sum(contacts[run_id].kind in FROM_BEHIND for run_id in not_preventable),
+        recorded_traffic=any(record.traffic == "recorded" for record in hits if record.run_id in not_preventable),
+        success_without=rate(len(runs.successes), len(runs.valid) - len(not_preventable)),
+    )
+
+
+def trivial_goals(runs: RunSet) -> TrivialGoals | None:
+    """The reached goals that asked for no driving; None where there is none."""
+    kinds = {record.run_id: kind for record in runs.successes[:MOST_GOALS] if (kind := _trivial_kind(runs, record))}
+    if not kinds:
+        return None
+    rest = len(runs.valid) - len(kinds)
+    return TrivialGoals(
+        kinds=dict(sorted(Counter(kinds.values()).items())),
+        run_ids=tuple(kinds),
+        success_without=rate(len(runs.successes) - len(kinds), rest),
+    )
+
+
+def _trivial_kind(runs: RunSet, record: RunRecord) -> TrivialKind | None:
+    """Why a reached goal asked for no driving: the first reason that holds; None: it did."""
+    if record.metrics is None:
+        return None
+    if record.metrics.duration_s <= record.step_s * 1.5:
+        return "at_the_start"
+    if record.metrics.distance_m < STOOD_M:
+        return "standing"
+    path = next((Path(one.path) for one in runs.scenarios if one.scenario_id == record.scenario_id), None)
+    if path is None or not path.is_file():
+        return None
+    goal = kept_recording(path).loaded.problem(record.problem_id).goal
+    placed = any(getattr(state, "position", None) is not None for state in goal.state_list)
+    return None if placed else "by_time_alone"

@@ -1,0 +1,116 @@
+"""Reference drivers in the ego's place: closed forms of braking, encounters that none of them prevents."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plannerforge.engine.analysis.prevention import BRAKING_MPS2, JERK_MPS3, prevention_of
+from plannerforge.engine.commonroad import Track
+
+STEP_S = 0.1
+LENGTH_M, WIDTH_M = 4.5, 1.8
+
+
+def track(
+    key: int, start: tuple[float, float], speed_mps: float, steps: int, heading_rad: float = 0.0, first_step: int = 0
+) -> Track:
+    along = np.array([math.cos(heading_rad), math.sin(heading_rad)])
+    positions = np.array(start) + np.outer(np.arange(steps) * STEP_S * speed_mps, along)
+    shape = np.full(steps, heading_rad), np.full(steps, speed_mps)
+    return Track(key, "car", LENGTH_M, WIDTH_M, first_step, positions, *shape)
+
+
+def first_touch(ego: Track, other: Track) -> int:
+    """The first step at which the two overlap, along one line."""
+    gaps = np.abs(ego.positions - other.positions[: len(ego.positions)])
+    touching = (gaps[:, 0] <= LENGTH_M) & (gaps[:, 1] <= WIDTH_M)
+    return int(np.flatnonzero(touching)[0])
+
+
+def stopping_m(speed_mps: float) -> float:
+    """How far an ego comes that brakes with a jerk to a largest deceleration, by integrating finely."""
+    braking, way, step = 0.0, 0.0, 1e-4
+    while speed_mps > 0:
+        braking = min(braking + JERK_MPS3 * step, BRAKING_MPS2)
+        way += speed_mps * step
+        speed_mps -= braking * step
+    return way
+
+
+@settings(deadline=None, max_examples=25)
+@given(speed_mps=st.floats(5, 30), gap_m=st.floats(60, 120))
+def test_before_a_standing_car_braking_helps_as_late_as_the_stopping_distance_says(
+    speed_mps: float, gap_m: float
+) -> None:
+    ego = track(-1, (0.0, 0.0), speed_mps, 400)
+    standing = track(7, (gap_m + LENGTH_M, 0.0), 0.0, 400)
+    hit = first_touch(ego, standing)
+    found = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)
+    latest_s = (gap_m - stopping_m(speed_mps)) / speed_mps
+    if latest_s < 0:
+        assert found.by_braking_until_s is None
+    else:
+        assert found.by_braking_until_s == pytest.approx(latest_s, abs=1.6 * STEP_S)
+
+
+def test_a_careful_driver_needs_the_time_that_its_perception_takes() -> None:
+    for gap_m, prevents in ((80.0, True), (12.0, False)):
+        ego, standing = track(-1, (0.0, 0.0), 10.0, 200), track(7, (gap_m + LENGTH_M, 0.0), 0.0, 200)
+        hit = first_touch(ego, standing)
+        found = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)
+        assert found.by_careful_driver is prevents
+        assert found.by_rss is prevents
+        assert found.by_braking_until_s is not None
+
+
+def test_the_careful_driver_is_too_late_where_two_seconds_are_too_short() -> None:
+    ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (150.0, 0.0), 0.0, 200)
+    hit = first_touch(ego, standing)
+    found = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)
+    assert not found.by_careful_driver, "2 s at 30 m/s are 60 m, and 0.75 s of them go by"
+    assert found.by_rss
+    assert found.by_braking_until_s is not None
+
+
+def test_no_ego_prevents_a_recorded_follower_that_drives_into_it() -> None:
+    ego, follower = track(-1, (30.0, 0.0), 5.0, 200), track(7, (0.0, 0.0), 15.0, 200)
+    hit = first_touch(ego, follower)
+    found = prevention_of(ego.part(0, hit + 1), follower, hit, STEP_S)
+    assert not found.possible
+    assert found.in_words() == "no reference driver prevents it (full braking, UN R157's careful driver, RSS)"
+
+
+def test_what_drives_onto_a_standing_ego_is_prevented_by_none() -> None:
+    ego, follower = track(-1, (30.0, 0.0), 0.0, 200), track(7, (0.0, 0.0), 10.0, 200)
+    hit = first_touch(ego, follower)
+    assert not prevention_of(ego.part(0, hit + 1), follower, hit, STEP_S).possible
+
+
+@pytest.mark.parametrize(("enters_at_m", "possible"), [(45.0, True), (6.0, False)])
+def test_a_cut_in_just_ahead_is_prevented_by_none(enters_at_m: float, possible: bool) -> None:
+    ego = track(-1, (0.0, 0.0), 20.0, 200)
+    slower = track(7, (enters_at_m, 3.5), 8.0, 200)
+    steps = np.arange(200)
+    slower.positions[:, 1] = np.clip(3.5 - 0.35 * steps, 0.0, None)  # 1 s from lane to lane
+    hit = first_touch(ego, slower)
+    assert prevention_of(ego.part(0, hit + 1), slower, hit, STEP_S).possible is possible
+
+
+def test_one_that_crosses_is_seen_before_it_is_in_the_way() -> None:
+    ego = track(-1, (0.0, 0.0), 10.0, 200)
+    crossing = track(7, (40.0, -40.0), 10.0, 200, heading_rad=math.pi / 2)
+    hit = 36
+    found = prevention_of(ego.part(0, hit + 1), crossing, hit, STEP_S)
+    assert found.by_careful_driver
+    assert found.by_braking_until_s is not None
+
+
+def test_words_name_those_that_prevent_it_and_those_that_do_not() -> None:
+    ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (150.0, 0.0), 0.0, 200)
+    hit = first_touch(ego, standing)
+    words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
+    assert words.startswith("preventable by full braking until ")
+    assert words.endswith(" s and by RSS, not by UN R157's careful driver")
