@@ -20,7 +20,7 @@ import numpy as np
 
 from ...schemas.runs import Prevention
 from ..commonroad import Track
-from ..geometry import Points, Values, arc_length, oriented_rectangle, without_repeats
+from ..geometry import Points, Values, arc_length, interpolate, oriented_rectangle, without_repeats
 
 GRAVITY_MPS2 = 9.81
 BRAKING_MPS2, JERK_MPS3 = 0.774 * GRAVITY_MPS2, 12.65
@@ -35,9 +35,14 @@ AFTER_S = 3.0
 """How long a reference driver has to stay clear after the collision (chosen), unless it stands before."""
 
 
-def prevention_of(ego: Track, other: Track, hit_step: int, step_s: float) -> Prevention:
-    """What reference drivers in the ego's place make of its collision with another."""
+def prevention_of(ego: Track, other: Track, hit_step: int, step_s: float) -> Prevention | None:
+    """What reference drivers in the ego's place make of its collision with another.
+
+    None where the two do not touch as their tracks and rectangles show them.
+    """
     encounter = _Encounter(ego, other, hit_step, step_s)
+    if encounter.stays_clear(hit_step):
+        return None
     latest = encounter.latest_braking()
     careful, cautious = encounter.careful_braking(), encounter.rss_braking()
     return Prevention(
@@ -94,9 +99,9 @@ class _Encounter:
         shown = [(index, at) for index, step in enumerate(self._steps) if (at := self.other.index_at(step)) is not None]
         if not shown:
             return True
-        own = [self._box(float(stations[index])) for index, _ in shown]
-        theirs = [self.other.corners_at(at) for _, at in shown]
-        return not bool(shapely.intersects(shapely.polygons(np.array(own)), shapely.polygons(np.array(theirs))).any())
+        own = self._boxes(stations[[index for index, _ in shown]])
+        theirs = np.array([self.other.corners_at(at) for _, at in shown])
+        return not bool(shapely.intersects(shapely.polygons(own), shapely.polygons(theirs)).any())
 
     def _stations_when_braking(self, braking_from: int) -> Values:
         """How far along its way an ego is at each step that brakes fully from one on."""
@@ -111,13 +116,15 @@ class _Encounter:
             stations.append(station)
         return np.array(stations[: len(self._steps)])
 
-    def _box(self, station_m: float) -> Points:
-        """The ego's rectangle at a place on its way."""
-        index = int(np.clip(np.searchsorted(self._stations_m, station_m, side="right") - 1, 0, len(self._way) - 2))
-        step = self._way[index + 1] - self._way[index]
-        along = step / max(float(np.linalg.norm(step)), 1e-9)
-        center = self._way[index] + along * (station_m - self._stations_m[index])
-        return oriented_rectangle(center, math.atan2(along[1], along[0]), self.ego.size_m)
+    def _boxes(self, stations_m: Values) -> Points:
+        """The ego's rectangles (n, 4, 2) at places along its way, with the headings that it had there."""
+        driven = self._driven_m
+        beyond = np.maximum(stations_m - driven[-1], 0.0)
+        headings = np.interp(stations_m, driven, np.unwrap(self.ego.headings_rad))
+        ahead = np.column_stack([np.cos(headings), np.sin(headings)]) * beyond[:, None]
+        centers = interpolate(self.ego.positions, driven, stations_m) + ahead
+        pairs = zip(centers, headings.tolist(), strict=True)
+        return np.array([oriented_rectangle(center, heading, self.ego.size_m) for center, heading in pairs])
 
     def careful_braking(self) -> int | None:
         """The step at which UN R157's driver brakes; None: not before the collision."""

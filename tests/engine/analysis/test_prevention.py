@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plannerforge.engine.analysis.prevention import BRAKING_MPS2, JERK_MPS3, prevention_of
+from plannerforge.engine.analysis.prevention import BRAKING_MPS2, JERK_MPS3
+from plannerforge.engine.analysis.prevention import prevention_of as prevention_or_none
 from plannerforge.engine.commonroad import Track
+from plannerforge.schemas.runs import Prevention
 
 STEP_S = 0.1
 LENGTH_M, WIDTH_M = 4.5, 1.8
@@ -28,6 +30,12 @@ def first_touch(ego: Track, other: Track) -> int:
     gaps = np.abs(ego.positions - other.positions[: len(ego.positions)])
     touching = (gaps[:, 0] <= LENGTH_M) & (gaps[:, 1] <= WIDTH_M)
     return int(np.flatnonzero(touching)[0])
+
+
+def prevention_of(ego: Track, other: Track, hit_step: int, step_s: float) -> Prevention:
+    found = prevention_or_none(ego, other, hit_step, step_s)
+    assert found is not None
+    return found
 
 
 def stopping_m(speed_mps: float) -> float:
@@ -114,3 +122,13 @@ def test_words_name_those_that_prevent_it_and_those_that_do_not() -> None:
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
     assert words.startswith("preventable by full braking until ")
     assert words.endswith(" s and by RSS, not by UN R157's careful driver")
+
+
+def test_a_contact_that_the_tracks_do_not_show_is_not_judged() -> None:
+    assert prevention_or_none(track(-1, (0.0, 0.0), 10.0, 50), track(7, (0.0, 50.0), 0.0, 50), 40, STEP_S) is None
+
+
+def test_an_ego_that_stands_turned_keeps_its_heading_in_the_reference_drivers_place() -> None:
+    ego = track(-1, (0.0, 0.0), 0.0, 60, heading_rad=math.pi / 2)
+    passing = track(7, (-30.0, 2.5), 10.0, 60)
+    assert not prevention_of(ego, passing, 29, STEP_S).possible
