@@ -61,35 +61,51 @@ def start_indexing(call: ToolCall, path: Path, known: KnownAs) -> Job:
         progress.add_result(artifact.artifact_id)
         progress.report(1.0, f"{one_line(path.name)} is the map {artifact.artifact_id}")
 
+    size, changed_ns = _state_of(path)
+    arguments = {"extract": str(path), "size": size, "changed_ns": changed_ns}
+    arguments |= {"name": known.place, "country": known.country}
+    return call.jobs.start("import", Recipe(tool="import_files", arguments=arguments), work)
+
+
+def _state_of(path: Path) -> tuple[int, int]:
+    """Size in bytes and time of change in nanoseconds.
+
+    Raises:
+        UnsafeInput: the file is gone.
+    """
     try:
         stat = path.stat()
     except OSError as error:
         raise UnsafeInput(f"{path.name} cannot be read: {error.strerror}") from error
-    arguments = {"extract": str(path), "size": stat.st_size, "changed_ns": stat.st_mtime_ns}
-    arguments |= {"name": known.place, "country": known.country}
-    return call.jobs.start("import", Recipe(tool="import_files", arguments=arguments), work)
+    return stat.st_size, stat.st_mtime_ns
 
 
 async def _indexed(call: ToolCall, path: Path, known: KnownAs) -> Artifact:
     """The extract as a map: the one of the same content, or a new one.
 
+    That of one that was made before is looked through, and made anew where it is gone or damaged.
+
     Raises:
-        UnsafeInput: the file is broken, is not sorted, or holds no road; nothing of it is kept then.
+        UnsafeInput: the file is broken, is not sorted, holds no road, or was written meanwhile; nothing of it is kept.
         ResourceFailure: the disk has no room.
     """
     await call.progress(0.0, "reading the extract")
+    before = _state_of(path)
     recipe = await anyio.to_thread.run_sync(map_recipe, path, known)
-    before = call.workspace.find_by_recipe("map", recipe)
-    if before is not None:
-        return before
     map_id = f"map_{recipe.digest}"
-    folder = extract_index(call, map_id).parent
-    _make_room(folder, path)
+    index = extract_index(call, map_id)
+    folder = index.parent
+    if not (index.exists() and call.workspace.find_by_recipe("map", recipe)):
+        _make_room(folder, path)
     request = IndexExtractRequest(
         path=str(path), folder=str(folder), map_id=map_id, place=known.place, country=known.country
     )
     try:
         indexed = await call.run(INDEX_EXTRACT, request, share=(_DIGESTED, 1.0))
+        if _state_of(path) != before:
+            raise UnsafeInput(
+                f"{one_line(path.name)} was written while it was read", next_step="add it again when it is whole"
+            )
     except UnsafeInput:
         shutil.rmtree(folder, ignore_errors=True)
         raise
@@ -115,4 +131,8 @@ def _make_room(folder: Path, path: Path) -> None:
 def told_of(facts: MapFacts) -> str:
     """How much an extract holds, in words; empty for other maps."""
     size = facts.extract
-    return "" if size is None else f"{size.places:,} places, kept by {size.tiles:,} tiles"
+    return (
+        ""
+        if size is None
+        else f"{size.places:,} {'place' if size.places == 1 else 'places'}, kept by {size.tiles:,} tiles"
+    )

@@ -7,15 +7,24 @@ the South Pacific, where no country is near.
 Keys: ``country_cut_s``: seconds of a ``generate_scenarios`` call through the server, from the words for a place to the
 stored scenario (median over ``country_places`` towns; ``country_cut_worst_s``). ``country_cut_alone_s``: of it, looking
 the place up, cutting it out and reading what it shows (median; in a process that did nothing before).
-``country_memory_mb``: the peak of the largest worker, which indexes and cuts; ``country_server_mb``: of the server's
-process beside it; ``country_generating_mb``: of the largest worker once scenarios were made. ``country_index_s``,
-``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``.
-``country_refused``: towns where nothing could be made. ``country_tiles_equal``: of ``country_tiles_judged`` tiles,
-those whose sites in the index are those of the same area when it is read as a small map that osmium cut out of the
-file; ``country_sites_judged``: how many sites that were. ``country_same_bytes``: 1 where a cut made again has the same
+``country_refused``: towns where nothing could be made.
+
+``country_memory_mb``: the most memory (resident, as the system counts) of the largest worker that reads the country
+into tiles, or of a process that cuts towns out, whichever is more (``country_indexing_mb``, ``country_cutting_mb``).
+``country_server_mb``: of the server's process beside it; ``country_generating_mb``: of the largest worker once
+scenarios were made.
+
+The first server is killed with its workers in the middle of the work (``country_killed_at``, the share that was done;
+``country_kept_tiles``, with their sites known by then), a second one goes on (``country_resumed_s``).
+``country_index_s``: both together. ``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``.
+
+``country_tiles_equal``: of ``country_tiles_judged`` tiles, those whose sites in the index are those of the same area
+when it is read as a small map that osmium cut out of the file; ``country_sites_judged``: how many sites that were;
+``country_sites_twice``: sites that the index holds twice. ``country_same_bytes``: 1 where a cut made again has the same
 bytes.
 """
 
+import hashlib
 import json
 import math
 import os
@@ -25,8 +34,10 @@ import statistics
 import sys
 import time
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import asynccontextmanager, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, get_args
 
@@ -86,8 +97,13 @@ _SYLLABLES = (
 )
 _PLACES, _JUDGED_TILES = 24, 12
 """Towns that scenarios are made in, and tiles whose sites are judged."""
+_KILLED_AT = 0.75
+"""Share of the work at which the first server is killed: in its longest part, the search for sites."""
 _SURROUNDINGS_DEG = 0.012
 """Around a tile, what the product says that it looks at."""
+_SITES_TWICE = (
+    "SELECT COUNT(*) - COUNT(DISTINCT printf('%d %s %f %f %s', tile, kind, latitude, longitude, mark)) FROM sites"
+)
 Position = tuple[float, float]
 Box = tuple[float, float, float, float]
 
@@ -308,16 +324,55 @@ def measure(bench: MapsBench) -> Figures:
     """Make the country, take it in, make scenarios in its towns, and judge its sites by the file itself."""
     path, workspace = bench.scratch / "Syntheticland.osm.pbf", bench.folder("country")
     nodes = write_country(bench.maps, path)
+    killed = anyio.run(_broken_off, bench, path, workspace)
     figures, facts = anyio.run(_through_the_server, bench, path, workspace)
     index = workspace / "extracts" / facts.map_id / INDEX_NAME
+    cuts = _cuts_alone(index, facts, bench.folder("cuts"))
+    indexing_mb = max(killed.peak_mb, float(figures["country_indexing_mb"]))
     return {
         **figures,
+        **cuts,
+        "country_memory_mb": round(max(indexing_mb, cuts["country_cutting_mb"])),
+        "country_indexing_mb": round(indexing_mb),
+        "country_index_s": round(killed.seconds + float(figures["country_resumed_s"]), 1),
+        "country_killed_at": killed.share,
+        "country_kept_tiles": killed.tiles,
         "country_nodes": nodes,
         "country_file_mb": round(path.stat().st_size / 1e6, 1),
         "country_index_mb": round(index.stat().st_size / 1e6, 1),
-        **_cuts_alone(index, facts, bench.folder("cuts")),
         **_judged(index, path, bench.folder("judged")),
     }
+
+
+@dataclass(frozen=True)
+class _Killed:
+    """How far a server had come when it was killed: the share of the work, seconds, peak in MB, tiles with sites."""
+
+    share: float
+    seconds: float
+    peak_mb: float
+    tiles: int
+
+
+async def _broken_off(bench: MapsBench, path: Path, workspace: Path) -> _Killed:
+    """Begin to take the country in, and kill the server with all its workers.
+
+    Raises:
+        RuntimeError: the work ended before that.
+    """
+    started = time.perf_counter()
+    async with _server(bench, workspace) as (client, server):
+        job = await ask(client, "import_files", path=str(path))
+        while (job := await ask(client, "get_job", job_id=job["job_id"], wait_s=1))["share"] < _KILLED_AT:
+            if job["state"] != "running":
+                raise RuntimeError(f"the work ended as {job['state']} before it was to be killed: {job}")
+        found = _Killed(job["share"], time.perf_counter() - started, _worker_peak_mb(server), 0)
+        for process in (server, *server.children(recursive=True)):
+            process.kill()
+    (index,) = workspace.glob(f"extracts/*/{INDEX_NAME}")
+    with closing(sqlite3.connect(index)) as database:
+        (tiles,) = database.execute("SELECT COUNT(*) FROM sited").fetchone()
+    return replace(found, tiles=tiles)
 
 
 async def _through_the_server(
@@ -328,7 +383,7 @@ async def _through_the_server(
     async with _server(bench, workspace) as (client, server):
         started = time.perf_counter()
         await ask_to_the_end(client, "import_files", path=str(path))
-        index_s = time.perf_counter() - started
+        resumed_s = time.perf_counter() - started
         await ask(client, "describe_catalog", facet="maps")
         indexing_mb = _worker_peak_mb(server)
         timed = [await _made(client, town) for town in towns]
@@ -341,10 +396,10 @@ async def _through_the_server(
         "country_cut_worst_s": round(max(seconds), 2),
         "country_places": len(timed),
         "country_refused": sum(not one.made for one in timed),
-        "country_memory_mb": round(indexing_mb),
+        "country_indexing_mb": indexing_mb,
         "country_generating_mb": round(generating_mb),
         "country_server_mb": round(server_mb),
-        "country_index_s": round(index_s, 1),
+        "country_resumed_s": round(resumed_s, 1),
         "country_tiles": facts.extract.tiles if facts.extract is not None else 0,
     }
     return figures, facts
@@ -377,24 +432,36 @@ def _records(workspace: Path) -> list[str]:
         return [row[0] for row in database.execute("SELECT record FROM artifacts WHERE kind = 'map'")]
 
 
-def _cuts_alone(index: Path, facts: MapFacts, folder: Path) -> dict[str, float | int]:
-    """Seconds of cutting a town out, without a server; and whether it has the same bytes when it is cut again."""
+def _cuts_alone(index: Path, facts: MapFacts, folder: Path) -> dict[str, float]:
+    """Seconds of cutting a town out in a process of its own; whether it has the same bytes again; its memory."""
     seconds: list[float] = []
     same = True
-    for number in range(0, COLUMNS * ROWS, COLUMNS * ROWS // _PLACES):
-        request = CutExtractRequest(index=str(index), folder=str(folder), facts=facts, place=name_of(number * 64))
-        started = time.perf_counter()
-        cut = cut_extract(request, silent)
-        seconds.append(time.perf_counter() - started)
-        content = Path(cut.path).read_bytes()
-        same = same and Path(cut_extract(request, silent).path).read_bytes() == content
-    return {"country_cut_alone_s": round(statistics.median(seconds), 2), "country_same_bytes": int(same)}
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        for number in range(0, COLUMNS * ROWS, COLUMNS * ROWS // _PLACES):
+            request = CutExtractRequest(index=str(index), folder=str(folder), facts=facts, place=name_of(number * 64))
+            (one_s, one), (_, other) = pool.submit(_cut_s, request).result(), pool.submit(_cut_s, request).result()
+            seconds.append(one_s)
+            same = same and one == other
+        cutting_mb = _peak_of(pool.submit(os.getpid).result())
+    return {
+        "country_cut_alone_s": round(statistics.median(seconds), 2),
+        "country_same_bytes": int(same),
+        "country_cutting_mb": round(cutting_mb),
+    }
+
+
+def _cut_s(request: CutExtractRequest) -> tuple[float, str]:
+    """Seconds of a cut, and the digest of what was cut out."""
+    started = time.perf_counter()
+    path = cut_extract(request, silent).path
+    return time.perf_counter() - started, hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def _judged(index: Path, path: Path, folder: Path) -> dict[str, int]:
     """Tiles whose sites are those of a small map of the same area."""
     with closing(sqlite3.connect(index)) as database:
         tiles = [row[0] for row in database.execute("SELECT DISTINCT tile FROM sites ORDER BY tile")]
+        (sites_twice,) = database.execute(_SITES_TWICE).fetchone()
         chosen = random.Random(18).sample(tiles, min(_JUDGED_TILES, len(tiles)))  # noqa: S311 - reproducible
         held = {
             tile: set(database.execute("SELECT kind, mark FROM sites WHERE tile = ?", (tile,)).fetchall())
@@ -408,6 +475,7 @@ def _judged(index: Path, path: Path, folder: Path) -> dict[str, int]:
             sys.stderr.write(f"tile {tile}: only in the index {sorted(held[tile] - found[tile])[:5]}, ")
             sys.stderr.write(f"only in the small map {sorted(found[tile] - held[tile])[:5]}\n")
     return {
+        "country_sites_twice": sites_twice,
         "country_tiles_judged": len(chosen),
         "country_tiles_equal": sum(found[tile] == held[tile] for tile in chosen),
         "country_sites_judged": sum(len(sites) for sites in found.values()),

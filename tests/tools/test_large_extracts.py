@@ -1,15 +1,18 @@
 """Extracts of countries as maps: taken in by a job, found by their towns, cut out for the request that means them."""
 
+import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 from mcp import Client
-from support.extracts import SECOND_TOWN, elements, written
+from support.extracts import IDS_APART, SECOND_TOWN, elements, written
 from support.server import Connect
 
 from plannerforge.engine.maps import unpacking
+from plannerforge.engine.workspace import content_digest
 from plannerforge.server.settings import Settings
+from plannerforge.tools import extracts
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("starter_ready")]
 WISH = {"place": SECOND_TOWN, "duration_s": 5, "scenario_type": "intersection"}
@@ -97,6 +100,68 @@ async def test_a_broken_extract_is_refused_and_leaves_nothing(
         answer = await structured(client, "import_files", path=country.name)
         assert answer["refused"] == 1
         assert "Country.osm.pbf cannot be read" in answer["refusals"][0]["reason"]
+    assert list((settings.workspace / "extracts").iterdir()) == []
+
+
+def index_of(settings: Settings, map_id: str) -> Path:
+    return settings.workspace / "extracts" / map_id / "extract.sqlite"
+
+
+async def test_an_extract_whose_index_is_gone_is_told_and_added_again(
+    connect: Connect, country: Path, settings: Settings
+) -> None:
+    async with connect() as client:
+        map_id = await added(client, country)
+        index_of(settings, map_id).unlink()
+        for place in (SECOND_TOWN, f"{SECOND_TOWN}, {map_id}"):
+            answer = await client.call_tool("generate_scenarios", {**WISH, "place": place})
+            assert answer.is_error
+            assert "extract.sqlite" in str(answer.content)
+            assert "add the extract again" in str(answer.content)
+        assert await added(client, country) == map_id
+        assert (await structured(client, "generate_scenarios", **WISH))["scenarios"][0]["place"] == SECOND_TOWN
+
+
+async def test_a_damaged_extract_spoils_no_request_that_another_shows(
+    connect: Connect, country: Path, settings: Settings
+) -> None:
+    async with connect() as client:
+        await added(client, country)
+        again = country.with_name("Again.osm.pbf")
+        again.write_bytes(country.read_bytes())
+        answer = await structured(client, "import_files", path=again.name, country="ZAM", name="Again")
+        index_of(settings, answer["items"][0]["artifact_id"]).write_bytes(b"no index")
+        answer = await structured(client, "generate_scenarios", **WISH)
+        assert any("an extract was left out: the index extract.sqlite" in note for note in answer["notes"])
+
+
+async def test_an_extract_that_changed_is_another_map_with_its_own_index(
+    connect: Connect, country: Path, settings: Settings
+) -> None:
+    async with connect() as client:
+        before = await added(client, country)
+        moved = [element for element in elements() if element.id < IDS_APART]
+        written(country, moved)
+        answer = await structured(client, "import_files", path=country.name, country="ZAM")
+        after = answer["items"][0]["artifact_id"]
+        assert after != before
+        assert "1 place, kept by 4 tiles" in answer["items"][0]["summary"]
+        assert index_of(settings, before).exists()
+        assert index_of(settings, after).exists()
+
+
+async def test_an_extract_that_is_written_while_it_is_read_is_refused(
+    connect: Connect, country: Path, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def digest_before_more_comes(path: Path) -> str:
+        digest = content_digest(path)
+        os.utime(path, ns=(0, 0))
+        return digest
+
+    monkeypatch.setattr(extracts, "content_digest", digest_before_more_comes)
+    async with connect() as client:
+        answer = await structured(client, "import_files", path=country.name)
+        assert "was written while it was read" in answer["refusals"][0]["reason"]
     assert list((settings.workspace / "extracts").iterdir()) == []
 
 

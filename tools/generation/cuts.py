@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ...engine.maps import NOT_SHOWN, MapEntry, country_code, fold, place_parts, stored_name
 from ...engine.workspace import Recipe, content_digest
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName
+from ...schemas.errors import InvalidRequest, NotPossible, PlannerForgeError, ResourceFailure, UnknownName
 from ...schemas.generation import CutExtractRequest, CutOfExtract, GenerateScenariosArguments, MapFacts
 from ...schemas.maps import Box
 from ..call import ToolCall
@@ -18,17 +18,38 @@ from .requests import box_of, plan_maps
 
 @dataclass(frozen=True)
 class MapChoice:
-    """The maps that a request is looked up on, in the words that are left of it, and notes for the answer."""
+    """The maps that a request is looked up on, in the words that are left of it, and notes for the answer.
+
+    ``failures``: of extracts that might show it too, but could not be read.
+    """
 
     arguments: GenerateScenariosArguments
     entries: tuple[MapEntry, ...]
-    notes: tuple[str, ...] = ()
+    note: str = ""
+    failures: tuple[ResourceFailure, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was cut out, and what was left out."""
+        left_out = [f"an extract was left out: {failure.message}; {failure.next_step}" for failure in self.failures]
+        return (*([self.note] if self.note else []), *left_out)
+
+    def with_failures(self, refusal: PlannerForgeError) -> PlannerForgeError:
+        """Why nothing was found: where an extract could not be read, that it might have been there."""
+        if not self.failures:
+            return refusal
+        first = self.failures[0]
+        return ResourceFailure(f"{refusal.message.rstrip('.')}; {first.message}", next_step=first.next_step)
 
 
 async def with_cuts(arguments: GenerateScenariosArguments, call: ToolCall, entries: Sequence[MapEntry]) -> MapChoice:
     """The maps for a request; where no map shows what it means but an extract does, the part that is cut out of it.
 
-    Without a place, a country or a box, extracts are not looked at.
+    Without a place, a country or a box, extracts are not looked at. One whose index is gone or damaged is left out, and
+    the notes say so; one that the request names is refused then.
+
+    Raises:
+        ResourceFailure: the index of the extract that is named cannot be read.
     """
     whole = [entry for entry in entries if entry.facts.extract is None]
     if arguments.source == "online":
@@ -38,6 +59,7 @@ async def with_cuts(arguments: GenerateScenariosArguments, call: ToolCall, entri
     if earlier is not None:
         return MapChoice(arguments, (earlier,))
     named = [entry for entry in extracts if _is_named(entry.facts, arguments.place)]
+    failures: list[ResourceFailure] = []
     for entry in named or _fitting(arguments, whole, extracts):
         with call.workspace.scratch() as folder:
             request = CutExtractRequest(
@@ -49,10 +71,16 @@ async def with_cuts(arguments: GenerateScenariosArguments, call: ToolCall, entri
                 scenario_type=arguments.scenario_type,
                 seed=arguments.seed,
             )
-            cut = await call.run(CUT_EXTRACT, request, share=(0.0, 0.2))
+            try:
+                cut = await call.run(CUT_EXTRACT, request, share=(0.0, 0.2))
+            except ResourceFailure as failure:
+                if named:
+                    raise
+                failures.append(failure)
+                continue
             if cut.facts is not None:
-                return _chosen(arguments, _stored(call, cut, cut.facts), cut, entry.facts)
-    return MapChoice(arguments, tuple(whole))
+                return _chosen(arguments, _stored(call, cut, cut.facts), cut, entry.facts, failures)
+    return MapChoice(arguments, tuple(whole), failures=tuple(failures))
 
 
 def _named_cut(arguments: GenerateScenariosArguments, call: ToolCall) -> MapEntry | None:
@@ -114,7 +142,13 @@ def _stored(call: ToolCall, cut: CutOfExtract, facts: MapFacts) -> MapEntry:
     )
 
 
-def _chosen(arguments: GenerateScenariosArguments, entry: MapEntry, cut: CutOfExtract, extract: MapFacts) -> MapChoice:
+def _chosen(
+    arguments: GenerateScenariosArguments,
+    entry: MapEntry,
+    cut: CutOfExtract,
+    extract: MapFacts,
+    failures: Sequence[ResourceFailure],
+) -> MapChoice:
     """The part alone, with the words that name roads on it and the box in which its roads are whole."""
     asked = box_of(arguments.bbox)
     core = cut.core
@@ -123,4 +157,4 @@ def _chosen(arguments: GenerateScenariosArguments, entry: MapEntry, cut: CutOfEx
     country = None if entry.facts.country is not None else arguments.country
     narrowed = arguments.model_copy(update={"place": cut.words or None, "bbox": list(core), "country": country})
     note = f"{cut.label} was cut out of {extract.file_name} ({extract.map_id})"
-    return MapChoice(narrowed, (entry,), (note,))
+    return MapChoice(narrowed, (entry,), note, tuple(failures))

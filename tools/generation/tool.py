@@ -2,7 +2,7 @@
 
 from ...engine.catalog import open_catalogue
 from ...engine.maps import MapMatch
-from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, WorkerFailure
+from ...schemas.errors import InvalidRequest, NotPossible, ServiceFailure, UnknownName, WorkerFailure
 from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, ScenarioSummary
 from ..call import ToolCall
 from ..maps import map_of_scenario, maps_at_hand
@@ -41,7 +41,10 @@ async def generate_scenarios(arguments: GenerateScenariosArguments, call: ToolCa
             next_step="say by cover what is to be varied, such as ['density=low|high', 'turn=left|right|straight']",
         )
     conditions = read_conditions(arguments)
-    plan = await maps_for(arguments, call, choice.entries)
+    try:
+        plan = await maps_for(arguments, call, choice.entries)
+    except (UnknownName, NotPossible, ServiceFailure) as refusal:
+        raise choice.with_failures(refusal) from refusal
     sites = await assign_sites(arguments, call, plan.matches)
     made, failures = await _make_all(arguments, call, sites)
     call.made("scenario", *(summary.scenario_id for summary in made))

@@ -6,6 +6,7 @@ a map of it can be looked through in a second.
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -21,7 +22,7 @@ from ..index import place_parts, without_frame
 from ..osm import OsmMap, append_node, append_object, ground_distance_m
 from ..places import fold, place_keys
 from ..spellings import MOST_KEPT, road_keys, whole_road_keys
-from .tiles import TileStore, box_of_tile, tiles_in
+from .tiles import TileStore, box_of_tile, index_failures, tiles_in
 
 SIDES_M = (5_000.0, 3_500.0, 2_500.0, 1_800.0)
 """Sides of the square that is cut out: the first that holds no more nodes than ``MOST_NODES``, or the last (chosen)."""
@@ -61,8 +62,8 @@ def cut_extract(request: CutExtractRequest, report: ProgressReporter) -> CutOfEx
     Raises:
         ResourceFailure: the index cannot be read.
     """
-    store = TileStore(Path(request.index))
-    try:
+    index = Path(request.index)
+    with index_failures(index), closing(TileStore(index)) as store:
         report(0.0, "looking the place up in the extract")
         meant = _meant(request, store)
         if meant is None:
@@ -70,19 +71,15 @@ def cut_extract(request: CutExtractRequest, report: ProgressReporter) -> CutOfEx
         core = _core(meant, request.seed, store)
         report(0.3, "cutting the part out")
         part = store.read(_widened(core, MARGIN_M))
-        if not part.roads():
-            return CutOfExtract()
-        target = Path(request.folder) / "cut.osm"
-        _write(part, target)
-        known = ReadMapRequest(
-            path=str(target), place=meant.place or request.facts.place, country=request.facts.country
-        )
-        facts = facts_of(part, known).model_copy(
-            update={"cut_of": request.facts.map_id, "file_name": request.facts.file_name}
-        )
-        return CutOfExtract(path=str(target), facts=facts, core=core, label=meant.label, words=meant.words)
-    finally:
-        store.close()
+    if not part.roads():
+        return CutOfExtract()
+    target = Path(request.folder) / "cut.osm"
+    _write(part, target)
+    known = ReadMapRequest(path=str(target), place=meant.place or request.facts.place, country=request.facts.country)
+    facts = facts_of(part, known).model_copy(
+        update={"cut_of": request.facts.map_id, "file_name": request.facts.file_name}
+    )
+    return CutOfExtract(path=str(target), facts=facts, core=core, label=meant.label, words=meant.words)
 
 
 def _meant(request: CutExtractRequest, store: TileStore) -> _Meant | None:

@@ -1,19 +1,25 @@
 """Reading an extract of a country into tiles, once: elements, then names, then the sites of each tile.
 
 What is done is noted in the index itself, so that work that broke off goes on: a stage that was not finished begins
-anew, sites go on at the tile that they had come to. Positions of nodes are kept on disk meanwhile, so that memory does
-not grow with the extract.
+anew, sites go on at the tile that they had come to. Positions of nodes are kept on disk meanwhile, and what of them was
+looked at is given back as the work goes on, so that memory does not grow with the extract.
 """
 
+import ctypes
+import errno
 import json
 import math
+import mmap
+import os
+import sqlite3
 from collections.abc import Iterable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from ....schemas.errors import UnsafeInput
+from ....schemas.errors import ResourceFailure, UnsafeInput
 from ....schemas.generation import (
     INDEX_NAME,
     MAP_FACTS_VERSION,
@@ -42,31 +48,32 @@ from ..osm import (
 from ..places import fold, place_keys
 from ..road_classes import ALL_ROADS
 from ..site_search.finder import SiteFinder
-from .tiles import TileStore, box_of_tile, tile_of
+from .tiles import TileStore, box_of_tile, index_failures, tile_of
 
 VERSION = "1"
 """Raised when the index holds something else than before: it is then made anew."""
 SURROUNDINGS_DEG = 0.012
 """What is looked at around a tile, so that its sites are those of a map of any size (over a kilometre; chosen)."""
-_TOLD_EVERY, _BYTES_OF_ELEMENT = 10_000, 60
+TOLD_EVERY, _BYTES_OF_ELEMENT = 10_000, 60
 """Elements between two reports; what one that is kept takes in a file, for the share that is read (measured)."""
 _TIMESTAMP = "osmosis_replication_timestamp"
 """The header's field for the time of the data."""
+_NO_ROOM = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG))
+"""What osmium says where the disk takes no more; it raises the same error as of a broken file."""
 _SHOWN_PLACES = 300
 """Names of places that the facts list (chosen)."""
 
 
 def index_extract(request: IndexExtractRequest, report: ProgressReporter) -> IndexedExtract:
-    """Read an extract into tiles, or go on where that broke off.
+    """Read an extract into tiles, or go on where that broke off; an index that is whole is looked through for damage.
 
     Raises:
         UnsafeInput: the file is broken, or holds no road for vehicles.
-        ResourceFailure: the index cannot be written.
+        ResourceFailure: the index cannot be written; what is done of it is kept.
     """
     path, folder = Path(request.path), Path(request.folder)
     index = folder / INDEX_NAME
-    store = _begun(index)
-    try:
+    with index_failures(index, writable=True), closing(_begun(index)) as store:
         if not store.state("staged"):
             report(0.0, "reading the extract")
             store.forget("staged", "places", "place_names")
@@ -77,20 +84,32 @@ def index_extract(request: IndexExtractRequest, report: ProgressReporter) -> Ind
         _find_sites(store, report)
         store.finish()
         return IndexedExtract(index=str(index), facts=_facts(request, store))
-    finally:
-        store.close()
 
 
 def _begun(index: Path) -> TileStore:
-    """The index as far as it was made; from the beginning where another version of this program began it."""
-    store = TileStore(index, writable=True)
-    if store.state("version") not in ("", VERSION):
-        store.close()
+    """The index as far as it was made; from the beginning where it is damaged or of another version of this program."""
+    if index.exists() and not _can_go_on(index):
         for leftover in index.parent.glob(f"{index.name}*"):
             leftover.unlink()
-        store = TileStore(index, writable=True)
+    store = TileStore(index, writable=True)
     store.note("version", VERSION)
     return store
+
+
+def _can_go_on(index: Path) -> bool:
+    """Whether an index is of this version, and without damage where all of it is there.
+
+    Raises:
+        sqlite3.OperationalError: it cannot be looked at: the disk is full, or another process writes.
+    """
+    try:
+        with closing(TileStore(index, writable=True)) as store:
+            is_done = bool(store.state("packed")) and not store.tiles_without_sites()
+            return store.state("version") in ("", VERSION) and (not is_done or store.is_sound())
+    except sqlite3.OperationalError:
+        raise
+    except sqlite3.DatabaseError:  # no index at all, or its first pages are gone
+        return False
 
 
 def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter) -> None:
@@ -132,10 +151,16 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
                     store.note("ways_staged", "yes")
                     store.index_staged()
                 store.stage_relation(relation)
-            if (nodes + ways) % _TOLD_EVERY == 0:
+            if (nodes + ways) % TOLD_EVERY == 0:
                 share = (nodes + ways) * _BYTES_OF_ELEMENT / path.stat().st_size
                 report(0.4 * min(share, 1.0), f"reading the extract: {nodes + ways:,} elements")
-    except (RuntimeError, ValueError) as error:  # all that osmium raises on a broken file
+                give_pages_back(positions)
+    except (RuntimeError, ValueError) as error:  # all that osmium raises, of the file and of the positions
+        if any(words in str(error) for words in _NO_ROOM):
+            raise ResourceFailure(
+                f"the positions of the nodes of {path.name} could not be written: {error}",
+                next_step="free disk space and add the extract again",
+            ) from error
         raise UnsafeInput(
             f"{path.name} cannot be read: {error}", next_step="get the extract again, or convert it to .osm.pbf"
         ) from error
@@ -160,6 +185,24 @@ def _elements(path: Path, positions: Path) -> Iterator[Any]:
         .with_filter(osmium.filter.KeyFilter(*KEPT_KEYS))
     )
     return iter(found)
+
+
+def give_pages_back(path: Path) -> None:
+    """Take the pages of a file that is mapped and shared out of this process; they stay in the file.
+
+    osmium maps the positions, and a process keeps every page that it looked at as long as others leave it room. Nothing
+    is done where the system does not list what is mapped: there it takes pages back when memory is short.
+    """
+    try:
+        mapped = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return
+    system = ctypes.CDLL(None)
+    for line in mapped:
+        places, access, *rest = line.split(maxsplit=5)
+        if access.endswith("s") and rest[-1] == str(path.resolve()):  # of one that is not shared, changes would go
+            begin, end = (int(place, 16) for place in places.split("-"))
+            system.madvise(ctypes.c_void_p(begin), ctypes.c_size_t(end - begin), mmap.MADV_DONTNEED)
 
 
 def _in_order(elements: Iterator[Any], name: str) -> Iterator[Any]:

@@ -8,9 +8,11 @@ import io
 import json
 import math
 import sqlite3
+import zipfile
+import zlib
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -37,7 +39,8 @@ _WIDEST_TILES = 400
 """A way that touches more tiles is none of a road network: it is left out (chosen; the longest roads touch dozens)."""
 _LONGEST_SEGMENT_DEG = 0.5
 """Between two nodes of a way, beyond which the tiles between are not told of it: no road is so straight (chosen)."""
-_SCHEMA = """
+_ADD_AGAIN = "add the extract again with plannerforge maps add: what is broken of its index is made anew"
+SCHEMA = """
 CREATE TABLE IF NOT EXISTS state (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS staged (tile INTEGER NOT NULL, kind INTEGER NOT NULL, id INTEGER NOT NULL, body BLOB);
 CREATE TABLE IF NOT EXISTS tiles (tile INTEGER PRIMARY KEY, nodes INTEGER NOT NULL, body BLOB NOT NULL);
@@ -48,6 +51,24 @@ CREATE TABLE IF NOT EXISTS sites (tile INTEGER, kind TEXT, latitude REAL, longit
 CREATE INDEX IF NOT EXISTS sites_by_kind ON sites (kind, tile);
 CREATE TABLE IF NOT EXISTS sited (tile INTEGER PRIMARY KEY);
 """
+
+
+@contextmanager
+def index_failures(path: Path, *, writable: bool = False) -> Iterator[None]:
+    """What SQLite says of an index, as an error that says what to do.
+
+    Raises:
+        ResourceFailure: the index cannot be read, or written.
+    """
+    try:
+        yield
+    except sqlite3.Error as error:
+        raise ResourceFailure(
+            f"the index {path.name} of the extract cannot be {'written' if writable else 'used'}: {error}",
+            next_step="free disk space and add the extract again: it goes on with what is done"
+            if writable
+            else _ADD_AGAIN,
+        ) from error
 
 
 def tile_of(latitude: float, longitude: float) -> int:
@@ -95,20 +116,19 @@ class _Tile:
 
 
 class TileStore:
-    """The file; used by one thread. A file that is no such index raises ``ResourceFailure``."""
+    """The file; used by one thread, within ``index_failures``: what SQLite raises is not told here."""
 
     def __init__(self, path: Path, *, writable: bool = False) -> None:
+        self._path = path
+        self._database = sqlite3.connect(path if writable else f"file:{path}?mode=ro", uri=not writable)
         try:
-            self._database = sqlite3.connect(path if writable else f"file:{path}?mode=ro", uri=not writable)
             if writable:
-                self._database.executescript(f"PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; {_SCHEMA}")
+                self._database.executescript(f"PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; {SCHEMA}")
             else:
                 self._database.execute("SELECT value FROM state LIMIT 1")
-        except sqlite3.Error as error:
-            raise ResourceFailure(
-                f"the index {path.name} of the extract cannot be used: {error}",
-                next_step="check that the disk has room, or add the extract again with plannerforge maps add",
-            ) from error
+        except sqlite3.Error:
+            self._database.close()
+            raise
         self._tile = lru_cache(maxsize=_MOST_OPEN_TILES)(self._unpacked)
 
     def close(self) -> None:
@@ -126,6 +146,17 @@ class TileStore:
         """Keep a note, with all that was written before."""
         self._database.execute("INSERT OR REPLACE INTO state VALUES (?, ?)", (name, value))
         self._database.commit()
+
+    def is_sound(self) -> bool:
+        """Whether the file can be read to its last byte: its pages by SQLite, its tiles by their checksums."""
+        try:
+            if self._database.execute("PRAGMA quick_check(1)").fetchone()[0] != "ok":
+                return False
+            for (tile,) in self._database.execute("SELECT tile FROM tiles ORDER BY tile"):
+                self._unpacked(tile)
+        except (sqlite3.DatabaseError, ResourceFailure):
+            return False
+        return True
 
     def forget(self, *tables: str) -> None:
         """Empty tables whose filling broke off."""
@@ -315,18 +346,23 @@ class TileStore:
         row = self._database.execute("SELECT body FROM tiles WHERE tile = ?", (number,)).fetchone()
         if row is None:
             return None
-        with closing(np.load(io.BytesIO(row[0]), allow_pickle=False)) as arrays:
-            words = json.loads(arrays["words"].tobytes())
-            return _Tile(
-                node_ids=arrays["node_ids"],
-                places=arrays["places"],
-                node_tags={int(key): tags for key, tags in words["nodes"].items()},
-                way_ids=arrays["way_ids"],
-                begins=arrays["begins"],
-                refs=arrays["refs"],
-                way_tags=words["ways"],
-                relations=words["relations"],
-            )
+        try:
+            with closing(np.load(io.BytesIO(row[0]), allow_pickle=False)) as arrays:
+                words = json.loads(arrays["words"].tobytes())
+                return _Tile(
+                    node_ids=arrays["node_ids"],
+                    places=arrays["places"],
+                    node_tags={int(key): tags for key, tags in words["nodes"].items()},
+                    way_ids=arrays["way_ids"],
+                    begins=arrays["begins"],
+                    refs=arrays["refs"],
+                    way_tags=words["ways"],
+                    relations=words["relations"],
+                )
+        except (ValueError, KeyError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
+            raise ResourceFailure(
+                f"the index {self._path.name} of the extract is damaged at tile {number}: {error}", next_step=_ADD_AGAIN
+            ) from error
 
 
 def _tiles_along(places: Sequence[tuple[int, int]]) -> set[int]:

@@ -1,8 +1,11 @@
 """Extracts of countries by tiles: what is cut out of them is what the whole file shows."""
 
+import mmap
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import closing
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -17,12 +20,20 @@ from support.extracts import APART_DEG, IDS_APART, SECOND_TOWN, elements, indexe
 
 from plannerforge.engine.execution import silent
 from plannerforge.engine.maps import OsmMap, SiteFinder, cut_map, ground_distance_m, read_map_file
+from plannerforge.engine.maps.extracts import indexing, tiles
 from plannerforge.engine.maps.extracts.cutting import cut_extract
+from plannerforge.engine.maps.extracts.indexing import index_extract
 from plannerforge.engine.maps.extracts.tiles import TileStore, box_of_tile, tile_of, tiles_in
 from plannerforge.engine.maps.osm import OsmWay, read_osm
 from plannerforge.engine.maps.road_classes import ALL_ROADS
 from plannerforge.schemas.errors import ResourceFailure, UnsafeInput
-from plannerforge.schemas.generation import CutExtractRequest, CutOfExtract, IndexedExtract, ScenarioType
+from plannerforge.schemas.generation import (
+    CutExtractRequest,
+    CutOfExtract,
+    IndexedExtract,
+    IndexExtractRequest,
+    ScenarioType,
+)
 
 
 @pytest.fixture(scope="module")
@@ -225,6 +236,119 @@ def content_of(index: str) -> dict[str, list[object]]:
     tables = ("state", "tiles", "places", "place_names", "road_names", "sites", "sited")
     with sqlite3.connect(index) as database:
         return {table: sorted(database.execute(f"SELECT * FROM {table}")) for table in tables}
+
+
+@pytest.mark.parametrize("pages", [12, 14, 16, 18, 22])
+def test_a_full_disk_is_told_and_room_lets_it_go_on(
+    pages: int, country: IndexedExtract, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(tiles, "SCHEMA", f"{tiles.SCHEMA}; PRAGMA max_page_count = {pages};")
+        with pytest.raises(ResourceFailure, match=r"extract\.sqlite .* is full"):
+            indexed(folder / "Country.osm.pbf", tmp_path)
+    again = indexed(folder / "Country.osm.pbf", tmp_path)
+    assert content_of(again.index) == content_of(country.index)
+
+
+LITTLE_ROOM = """
+import resource, sys
+from plannerforge.engine.maps.extracts.indexing import index_extract
+from plannerforge.schemas.errors import PlannerForgeError
+from plannerforge.schemas.generation import IndexExtractRequest
+resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
+try:
+    index_extract(IndexExtractRequest(path=sys.argv[1], folder=sys.argv[2], map_id="map_country"), lambda *_: None)
+except PlannerForgeError as error:
+    print(error.text)
+"""
+
+
+def test_no_room_for_positions_is_no_fault_of_the_file(folder: Path, tmp_path: Path) -> None:
+    path = folder / "Country.osm.pbf"
+    told = subprocess.run(
+        [sys.executable, "-c", LITTLE_ROOM, str(path), str(tmp_path)], check=True, capture_output=True, text=True
+    ).stdout
+    assert told.startswith("[resource_failure] the positions of the nodes of Country.osm.pbf could not be written")
+    assert not (tmp_path / "positions").exists()
+
+
+def without_its_beginning(index: Path) -> None:
+    index.write_bytes(b"no index" * 100)
+
+
+def with_pages_of_noise(index: Path) -> None:
+    content = bytearray(index.read_bytes())
+    content[4096:] = b"\x55" * (len(content) - 4096)
+    index.write_bytes(content)
+
+
+def with_other_bytes_in_the_tiles(index: Path) -> None:
+    with closing(sqlite3.connect(index)) as database, database:
+        for tile, body in database.execute("SELECT tile, body FROM tiles").fetchall():
+            middle = len(body) // 2
+            changed = body[:middle] + bytes([body[middle] ^ 255]) + body[middle + 1 :]
+            database.execute("UPDATE tiles SET body = ? WHERE tile = ?", (changed, tile))
+
+
+@pytest.mark.parametrize(
+    "damage", [Path.unlink, without_its_beginning, with_pages_of_noise, with_other_bytes_in_the_tiles]
+)
+def test_a_damaged_index_is_told_and_made_anew(
+    damage: Callable[[Path], None], country: IndexedExtract, folder: Path, tmp_path: Path
+) -> None:
+    held = indexed(folder / "Country.osm.pbf", tmp_path)
+    damage(Path(held.index))
+    with pytest.raises(ResourceFailure, match=r"extract\.sqlite") as told:
+        cut(held, tmp_path, SECOND_TOWN)
+    assert "add the extract again" in told.value.next_step
+    again = indexed(folder / "Country.osm.pbf", tmp_path)
+    assert content_of(again.index) == content_of(country.index)
+    assert cut(again, tmp_path, SECOND_TOWN).facts is not None
+
+
+def test_an_index_that_is_whole_is_not_made_anew(folder: Path, tmp_path: Path) -> None:
+    held = indexed(folder / "Country.osm.pbf", tmp_path)
+    told: list[str] = []
+    request = IndexExtractRequest(path=str(folder / "gone.osm.pbf"), folder=str(tmp_path), map_id="map_country")
+    again = index_extract(request, lambda share, message: told.append(message))
+    assert told == []
+    assert again.facts.sites == held.facts.sites
+
+
+@pytest.mark.parametrize(("content", "name"), [("Country.osm.pbf", "c.osm"), ("country.osm", "c.osm.pbf")])
+def test_an_extract_under_the_name_of_another_format_is_refused(
+    content: str, name: str, folder: Path, whole: OsmMap, country: IndexedExtract, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_bytes((folder / content).read_bytes())
+    with pytest.raises(UnsafeInput, match=name):
+        indexed(path, tmp_path / "index") if name.endswith(".pbf") else read_map_file(path)
+
+
+@pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="the system does not list what is mapped")
+def test_pages_that_are_given_back_stay_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "positions"
+    path.write_bytes(bytes(4_000_000))
+    with path.open("r+b") as file, closing(mmap.mmap(file.fileno(), 0)) as mapped:
+        mapped[:] = b"\x07" * 4_000_000
+        assert resident_kb(path) > 3_900
+        indexing.give_pages_back(path)
+        assert resident_kb(path) == 0
+        assert mapped[:] == b"\x07" * 4_000_000
+
+
+def resident_kb(path: Path) -> int:
+    """Of a mapped file, what is in this process's memory."""
+    _, _, rest = Path("/proc/self/smaps").read_text().partition(str(path))
+    return int(rest.partition("Rss:")[2].split()[0])
+
+
+def test_positions_are_found_again_after_their_pages_were_given_back(
+    country: IndexedExtract, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(indexing, "TOLD_EVERY", 7)
+    again = indexed(folder / "Country.osm.pbf", tmp_path)
+    assert content_of(again.index) == content_of(country.index)
 
 
 def refusal(path: Path, folder: Path) -> str:
