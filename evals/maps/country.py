@@ -76,7 +76,7 @@ _SOUTH_WEST = (-45.0, -130.0)
 _METRES_A_DEGREE = 111_195.0
 _HOUSES, _HOUSE_M = 1_800, 10.0
 """Houses of a cell beside those of its extract, and their sides."""
-_IDS_OF_CELL = 1_000_000
+_IDS_OF_CELL, _NAMES_OF_CELL = 1_000_000, 256
 _SYLLABLES = (
     "ba",
     "dor",
@@ -135,9 +135,14 @@ def name_of(number: int) -> str:
     return "".join(parts).capitalize()
 
 
+def town_of(cell: int) -> str:
+    """The name of the town in the middle of a cell."""
+    return name_of(cell * _NAMES_OF_CELL)
+
+
 def write_country(maps: Path, target: Path, *, columns: int = COLUMNS, rows: int = ROWS) -> int:
     """Write the country as .osm.pbf, nodes before ways before relations; the number of its nodes."""
-    pieces = [_piece(maps / name) for name in _SOURCES]
+    pieces = [_piece(maps / name) for name in _SOURCES[: columns * rows]]
     cells = [_Cell(number, columns, pieces[number % len(pieces)]) for number in range(columns * rows)]
     count = 0
     with osmium.SimpleWriter(str(target), overwrite=True) as writer:
@@ -213,7 +218,7 @@ class _Cell:
     @property
     def town(self) -> str:
         """The name of the place in its middle."""
-        return name_of(self._number * 64)
+        return town_of(self._number)
 
     def nodes(self) -> Iterator[mutable.Node]:
         """All nodes, by id."""
@@ -222,7 +227,7 @@ class _Cell:
             tags = dict(node.tags)
             if "place" in tags and "name" in tags:  # one of a name alone: the word must mean one place
                 places += 1
-                tags["name"] = name_of(self._number * 64 + min(places, 62))
+                tags["name"] = name_of(self._number * _NAMES_OF_CELL + places)
             yield self._node(node.number, node.position, tags)
         number = len(self._piece.nodes) + 1
         yield self._node(number, (0.0, 0.0), {"place": "town", "name": self.town})
@@ -379,7 +384,7 @@ async def _through_the_server(
     bench: MapsBench, path: Path, workspace: Path
 ) -> tuple[dict[str, float | int | str], MapFacts]:
     count = min(bench.limit or _PLACES, _PLACES)
-    towns = [name_of(number * 64) for number in range(0, COLUMNS * ROWS, COLUMNS * ROWS // _PLACES)][:count]
+    towns = [town_of(number) for number in range(0, COLUMNS * ROWS, COLUMNS * ROWS // _PLACES)][:count]
     async with _server(bench, workspace) as (client, server):
         started = time.perf_counter()
         await ask_to_the_end(client, "import_files", path=str(path))
@@ -438,7 +443,7 @@ def _cuts_alone(index: Path, facts: MapFacts, folder: Path) -> dict[str, float]:
     same = True
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         for number in range(0, COLUMNS * ROWS, COLUMNS * ROWS // _PLACES):
-            request = CutExtractRequest(index=str(index), folder=str(folder), facts=facts, place=name_of(number * 64))
+            request = CutExtractRequest(index=str(index), folder=str(folder), facts=facts, place=town_of(number))
             (one_s, one), (_, other) = pool.submit(_cut_s, request).result(), pool.submit(_cut_s, request).result()
             seconds.append(one_s)
             same = same and one == other
