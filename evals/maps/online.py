@@ -329,7 +329,7 @@ def _fault_cases() -> list[_FaultCase]:
         _FaultCase("504 once of Nominatim", {"nominatim": (Fault("504"),)}, True, ("downloaded",)),
         _FaultCase("429 for an hour", {"one": (Fault("429", 1, wait_s=3600),)}, True, ("429",)),
         _FaultCase("empty of the first", {"one": (Fault("empty"),)}, True, ("holds nothing there",)),
-        _FaultCase("empty of all", dict.fromkeys(_MIRRORS, (empty,)), False, ("[not_possible]", "no road")),
+        _FaultCase("empty of all", dict.fromkeys(_MIRRORS, (empty,)), False, ("[not_possible]", "OpenStreetMap shows")),
         _FaultCase("unknown to Nominatim", {"nominatim": (empty,)}, False, ("[unknown_name]", "no such place")),
         _FaultCase("200 MB", {"one": (Fault("huge"),)}, False, ("[not_possible]", "60 MB")),
     ]

@@ -199,3 +199,19 @@ async def test_which_of_two_towns_is_told_where_no_choice_is_made(
         assert "Springfield, Illinois, United States of America" in text
         assert "place='Springfield, Illinois, United States of America'" in text
     assert stored(online, "map") == []
+
+
+@pytest.mark.parametrize("era", ["auto"], indirect=True)
+async def test_a_map_of_a_like_name_is_no_map_of_the_place(connect: Connect, settings: Settings) -> None:
+    first, second = drawn_town("kreiselheim.osm"), drawn_town("quadratstadt.osm", (50.0, 9.0), 1000)
+    places = [*town_places("Ringstadt", first), *town_places("Ringstadt 2", second)]
+    with MapServers([first, second], places, (Mirror("one"), Mirror("two"))).running() as servers:
+        async with connect(changed(settings, servers)) as client:
+            _, (made,) = await generate(client, place="Ringstadt")
+            for mirror in ("one", "two"):
+                servers.fail(mirror, Fault("403", 9))
+            text, others = await generate(client, place="Ringstadt 2")
+            assert others == []
+            assert "[service_failure]" in text
+            again, (same,) = await generate(client, place="Ringstadt", seed=0)
+            assert same == made, again

@@ -12,8 +12,10 @@ from ...engine.maps import (
     MapEntry,
     country_code,
     country_name,
+    fold,
     is_map,
     match_fetched,
+    place_parts,
     resolve_road_classes,
     stored_name,
 )
@@ -90,11 +92,19 @@ async def _fetched_or_at_hand(
         if isinstance(failure, NotPossible) and failure.reason != "not_asked":
             raise
         try:
-            plan = plan_maps(arguments, [entry for entry in entries if entry.facts.source is not None])
+            plan = plan_maps(arguments, [entry for entry in entries if _is_called_so(entry.facts, arguments.place)])
         except InvalidRequest:
             raise _told_with(failure, refusal) from failure
         note = f"{failure.message.rstrip('.')}; a map that was fetched for another request is used"
         return GenerationPlan(plan.matches, (*plan.notes, note))
+
+
+def _is_called_so(facts: MapFacts, place: str | None) -> bool:
+    """Whether a fetched map shows what was asked for by its very names: one that is only called like it is another."""
+    if facts.source is None or place is None:
+        return facts.source is not None
+    names = {fold(name) for name in (facts.place, *facts.source.place.split(","), *facts.streets, *facts.refs)}
+    return all(fold(part) in names for part in place_parts(place))
 
 
 def _with_names_at_hand(unknown: UnknownName, refusal: UnknownName) -> UnknownName:

@@ -42,6 +42,8 @@ ATTEMPTS = 2
 """At one service (the paper's: one retry each)."""
 FIRST_PAUSE_S = 1.0
 """Before the second attempt where the service names no time; doubled for each further one."""
+EMPTY_KEPT_S = 3_600.0
+"""An answer that holds nothing is asked for again after this time (chosen): somebody may have mapped the place."""
 _MOST_STATUS_READS = 3
 _MOST_SHARE = 0.8
 _CHUNK = 64 * 1024
@@ -227,8 +229,10 @@ class ServiceClient:
         kind: str,
         holds: Callable[[Any], object] = bool,
     ) -> Answered:
-        kept = self._cache.find(question, however_old=self._services.mode == "cache")
-        if kept is not None:
+        asks_none = self._services.mode == "cache"
+        kept = self._cache.find(question, however_old=asks_none)
+        fresh = kept is not None and (asks_none or holds(kept.answer) or time.time() - kept.asked_at < EMPTY_KEPT_S)
+        if kept is not None and fresh:
             return Answered(kept.answer, kept.service, kept=True)
         if self._services.mode != "online":
             raise NotPossible(
@@ -242,7 +246,7 @@ class ServiceClient:
             if old is None:
                 raise ServiceFailure(f"{kind} cannot be used: {'; '.join(troubles)}", reason=UNREACHED)
             return Answered(old.answer, old.service, True, (*troubles, "an answer kept from long ago is used"))
-        if holds(answered.answer):
+        if not answered.kept:
             self._cache.keep(KeptAnswer(question, answered.service, time.time(), answered.answer))
         return answered
 

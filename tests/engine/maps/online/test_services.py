@@ -94,6 +94,22 @@ def test_an_empty_answer_is_believed_when_a_second_service_says_so(tmp_path: Pat
         assert "holds nothing there" in answered.troubles[0]
 
 
+def test_an_empty_answer_is_kept_for_an_hour_and_offline_for_ever(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with town_servers().running() as servers:
+        here = services_of(servers, tmp_path)
+        assert ServiceClient(here, silent).query(NOWHERE).answer["elements"] == []
+        again = ServiceClient(here, silent).query(NOWHERE)
+        assert (again.kept, again.answer["elements"]) == (True, [])
+        now = time.time()
+        monkeypatch.setattr(time, "time", lambda: now + 3_700.0)
+        assert not ServiceClient(here, silent).query(NOWHERE).kept
+        offline = here.model_copy(update={"mode": "cache"})
+        monkeypatch.setattr(time, "time", lambda: now + 1e9)
+        assert ServiceClient(offline, silent).query(NOWHERE).kept
+
+
 def test_what_one_service_said_stays_when_another_differs(tmp_path: Path) -> None:
     mirrors = (Mirror("one"), Mirror("two", data_time="2019-01-01T00:00:00Z", lacks=("name", "Nordring")))
     with town_servers(mirrors=mirrors).running() as servers:
