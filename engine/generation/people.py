@@ -72,10 +72,8 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
         raise nowhere_to_walk()
     lit = sum(crossing.lit for crossing in ways.crossings.values())
     if pavements is None:
-        built = f"{ways.pavement_km:.2f} km of pavements"
-        return Footways(
-            ways, (f"people walk on {built}, {counted(len(ways.crossings), 'crossing')}, {lit} with lights",)
-        )
+        there = f"{ways.pavement_km:.2f} km of pavements, {counted(len(ways.crossings), 'crossing')}, {lit} with lights"
+        return Footways(ways, (f"{there}; those that the network lacks are guessed along roads up to 50 km/h",))
     marked = _marked(ways, net, pavements.crossings)
     road_km = pavements.mapped_km + pavements.guessed_km
     guessed = (

@@ -214,7 +214,7 @@ def test_a_site_that_a_joined_junction_swallows_is_built_of_junctions_apart(
 def test_a_site_without_another_gets_all_the_rounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds: list[int] = []
 
-    def no_room(request: object, demand: object, site: object, round_number: int, *rest: object) -> None:
+    def no_room(request: object, demand: object, aim: object, site: object, round_number: int, *_: object) -> None:
         rounds.append(round_number)
         raise NotPossible("no room")
 
