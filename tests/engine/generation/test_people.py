@@ -13,7 +13,7 @@ from plannerforge.engine.generation.people import PEOPLE, people_asked, people_w
 from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.map_file import read_map_file
-from plannerforge.engine.network import read_net, read_walk_net
+from plannerforge.engine.network import convert_osm, read_net, read_walk_net
 from plannerforge.evals.maps.people import judge_file
 from plannerforge.schemas.errors import NotPossible
 from plannerforge.schemas.generation import GeneratedScenario, VehicleDemand
@@ -137,3 +137,19 @@ def test_how_many_people_are_wanted() -> None:
     assert people_wanted(ON_FOOT, "low", 40) == 6
     assert people_asked(request_for("Musterstadt", Path())) is None
     assert set(MAPS) >= {"Musterstadt"}
+
+
+def test_a_network_of_sumo_gets_the_pavements_that_it_lacks(tmp_path: Path) -> None:
+    net_path = tmp_path / "town.net.xml"
+    convert_osm(Path(MAPS["Musterstadt"].path), net_path, lefthand=False)
+    made = make("Musterstadt", tmp_path, map_path=str(net_path), scenario_type="intersection", vehicles=[ON_FOOT])
+    assert made.classes_realised["pedestrian"] == 6
+    assert any("those that the network lacks are guessed" in note for note in made.notes)
+    assert judge_file(tmp_path / "scenario.xml")["overlaps"] == 0
+
+
+def test_a_lanelet_network_is_refused_to_people(tmp_path: Path) -> None:
+    make("Landmoor", tmp_path, scenario_type="rural")
+    roads = (tmp_path / "scenario.xml").rename(tmp_path / "roads.xml")
+    with pytest.raises(NotPossible, match="pavements are not put beside it"):
+        make("Landmoor", tmp_path, map_path=str(roads), scenario_type="any", vehicles=[ON_FOOT])
