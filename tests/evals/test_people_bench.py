@@ -1,4 +1,4 @@
-"""The judge of people in written files: it sees people off the pavement, people that are hit, and cars that do not let them across."""
+"""The judge of people in written files: it sees who is off the pavement, who is hit, and cars that do not give way."""
 
 from copy import deepcopy
 from pathlib import Path
