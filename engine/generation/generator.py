@@ -17,6 +17,7 @@ from ...schemas.generation import GeneratedScenario, GenerationRequest, VehicleD
 from ..execution import ProgressReporter
 from ..maps import OsmMap, Site, read_map_file
 from ..traffic import lane_km_of, plan_counts
+from ..vehicles import PEDESTRIAN
 from .checks import check_scenario, faults_of
 from .flows import flow_notes
 from .people import people_asked, people_notes, people_wanted, vehicles_asked
@@ -97,7 +98,8 @@ def _with_ego_class(request: GenerationRequest, other: str | None) -> tuple[list
     else:
         at_least_one = asked if asked.least != 0 else asked.model_copy(update={"least": 1})
         vehicles = tuple(at_least_one if demand is asked else demand for demand in request.vehicles)
-    notes = [f"the ego is always a car; the asked {other} drives in the traffic"]
+    moves = "walks beside" if other == PEDESTRIAN.name else "drives in"
+    notes = [f"the ego is always a car; the asked {other} {moves} the traffic"]
     return notes, request.model_copy(update={"vehicles": vehicles})
 
 

@@ -76,13 +76,11 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
         return Footways(ways, (f"{there}; those that the network lacks are guessed along roads up to 50 km/h",))
     marked = _marked(ways, net, pavements.crossings)
     road_km = pavements.mapped_km + pavements.guessed_km
-    guessed = (
-        f"guessed for {pavements.guessed_km:.1f} of {road_km:.1f} km of road" if pavements.guessed_km else "the map's"
-    )
-    crossings = (
-        f"{counted(len(ways.crossings), 'crossing')} at junctions, {marked} marked in the map, the others guessed"
-    )
-    note = f"pavements: {guessed}; {crossings}; vehicles give way there, {lit} with lights"
+    guessed = f"guessed for {pavements.guessed_km:.1f} of {road_km:.1f} km of road"
+    source = guessed if pavements.guessed_km else "as the map has them"
+    built = counted(len(ways.crossings), "crossing")
+    rule = "vehicles give way there" + (f", at {lit} by lights" if lit else "")
+    note = f"pavements: {source}; {built} at junctions, {marked} marked in the map, the others guessed; {rule}"
     return Footways(ways, (note,))
 
 
