@@ -40,7 +40,7 @@ Line = NDArray[np.float64]
 NEAR_M, EVERY_M, SAME_NODE_M, SAME_POSE_M = 0.1, 0.5, 0.02, 1e-3
 FILLED = 40
 EXPORTED = 60
-"""Scenarios that are exported (chosen): every third of the public ones."""
+"""Public scenarios that are exported (chosen), besides those that networks were filled with."""
 
 
 def measure(bench: MapsBench) -> Figures:
@@ -48,8 +48,9 @@ def measure(bench: MapsBench) -> Figures:
     files = sorted((bench.shared / "data" / "commonroad").glob("*.xml"))
     scratch = bench.folder("formats")
     figures: dict[str, float | int | str] = {}
-    figures |= _exports(_spread(files, min(EXPORTED, bench.limit or EXPORTED)), scratch)
-    figures |= _filled(_spread(files, min(FILLED, bench.limit or FILLED)), scratch)
+    filled, made = _filled(_spread(files, min(FILLED, bench.limit or FILLED)), scratch)
+    figures |= filled
+    figures |= _exports([*_spread(files, min(EXPORTED, bench.limit or EXPORTED)), *made], scratch)
     figures |= _lanelet2(_spread(files, min(30, bench.limit or 30)), scratch)
     return figures
 
@@ -206,24 +207,24 @@ def _centres(group: ElementTree.Element, ahead_m: float) -> Iterator[tuple[float
         yield round(float(vertex.get("time", "0")), 6), center
 
 
-def _filled(files: Sequence[Path], scratch: Path) -> dict[str, float | int | str]:
-    good, refused, faulty = 0, 0, 0
+def _filled(files: Sequence[Path], scratch: Path) -> tuple[dict[str, float | int | str], list[Path]]:
+    """The figures, and the scenarios that were made."""
+    good, refused, made_files = 0, 0, list[Path]()
     for number, path in enumerate(files):
         try:
             made = _fill(path, number, scratch)
         except PlannerForgeError:
             refused += 1
             continue
-        if _is_sound(made, path):
-            good += 1
-        else:
-            faulty += 1
-    return {
+        made_files.append(made)
+        good += _is_sound(made, path)
+    figures: dict[str, float | int | str] = {
         "filled_networks_ok": good / max(len(files), 1),
         "filled_networks": len(files),
         "filled_refused": refused,
-        "filled_faulty": faulty,
+        "filled_faulty": len(made_files) - good,
     }
+    return figures, made_files
 
 
 def _fill(path: Path, number: int, scratch: Path) -> Path:

@@ -18,6 +18,14 @@ DENSE_M = 0.1
 """Of the places on the reference line at which normals are tried (chosen)."""
 REACH = 3.0
 """How far a bound is looked for on a normal, in widths of the strip (chosen): farther ones belong to another bend."""
+STEEPEST_RAD, TURNINGS = np.pi / 3, (2.5, 0.0, 1.2, 5.0)
+"""Chosen: a skew end is kept up to this angle. The reference line turns into it over so many widths times the angle: a
+cubic is about four times as bent at such an end as on average, and its normals cross inside the strip where the radius
+is less than half the width. The first is tried first, the others where a bound is missed."""
+GOOD_M, FAR_M = 0.02, 0.1
+"""Chosen: what is missed by no more needs no other try; by more than the second it counts first."""
+TRIED_M, TRIED_AT_ENDS_M = 0.5, 0.1
+"""Spacing of the places at which bounds are cut besides at vertices (chosen); skew ends turn the normals."""
 FLAT_M = 0.002
 """Chosen: places at which a bound is nearer to the straight between its neighbours are not written."""
 _ENDS_M = 1e-3
@@ -53,10 +61,22 @@ def strip_of(bounds: Sequence[Points]) -> Strip:
     lines = [without_repeats(line) for line in bounds]
     if any(len(line) < 2 for line in lines):
         raise ValueError("a bound has no length")
-    pieces = _reference_line(lines[0], lines[-1])
+    best, least = _strip(lines, TURNINGS[0])
+    for turning in TURNINGS[1:]:
+        if least[1] <= GOOD_M:
+            break
+        other, miss = _strip(lines, turning)
+        if miss < least:
+            best, least = other, miss
+    return best
+
+
+def _strip(lines: Sequence[Points], turning: float) -> tuple[Strip, tuple[int, float]]:
+    """A strip, and what it misses: on how many places by more than ``FAR_M``, and the most."""
+    pieces = _reference_line(lines[0], lines[-1], turning)
     stations, positions, normals = _sampled(pieces, DENSE_M)
     width = float(max(np.linalg.norm(lines[0][[0, -1]] - lines[-1][[0, -1]], axis=1).max(), 1.0))
-    every = [0.0, float(stations[-1])]
+    every = _tried(pieces)
     for line in lines:
         every += _feet(line, stations, positions, normals, REACH * width)
     wanted = np.unique(np.round(every, 6))
@@ -66,8 +86,18 @@ def strip_of(bounds: Sequence[Points]) -> Strip:
     offsets = np.column_stack([_cut(line, at, across, REACH * width) for line in lines])
     for column in range(1, offsets.shape[1]):  # a bound never crosses the one on its left
         offsets[:, column] = np.minimum(offsets[:, column], offsets[:, column - 1])
+    away = np.concatenate([_apart(line, at + across * offsets[:, [k]]) for k, line in enumerate(lines)])
     kept = _needed(wanted, offsets)
-    return Strip(tuple(pieces), wanted[kept], offsets[kept])
+    return Strip(tuple(pieces), wanted[kept], offsets[kept]), (int((away > FAR_M).sum()), float(away.max()))
+
+
+def _apart(one: Points, other: Points) -> Values:
+    """How far the vertices of either line lie from the other line."""
+    import shapely
+
+    pairs = ((one, other), (other, one))
+    away: list[Values] = [shapely.distance(shapely.points(a), shapely.LineString(b)) for a, b in pairs]
+    return np.concatenate(away)
 
 
 def evaluate(pieces: Sequence[CurvePiece], stations_m: Values) -> tuple[Points, Points]:
@@ -93,7 +123,7 @@ def _rotation(heading_rad: float) -> Points:
     return np.array([[cosine, -sine], [sine, cosine]])
 
 
-def _reference_line(left: Points, right: Points) -> list[CurvePiece]:
+def _reference_line(left: Points, right: Points, turning: float) -> list[CurvePiece]:
     """Cubic pieces through points in the middle of the outer bounds."""
     lengths = [arc_length(line) for line in (left, right)]
     middle_m = float(lengths[0][-1] + lengths[1][-1]) / 2
@@ -102,12 +132,18 @@ def _reference_line(left: Points, right: Points) -> list[CurvePiece]:
     one, other = (interpolate(line, at, shares * at[-1]) for line, at in zip((left, right), lengths, strict=True))
     points = (one + other) / 2
     tangents = np.gradient(points, axis=0)
+    shares = shares * middle_m
+    kept = np.ones(count, dtype=np.bool_)
     for end in (0, -1):
         across = one[end] - other[end]
-        ahead = np.array([across[1], -across[0]])
-        if float(np.linalg.norm(ahead)) > _ENDS_M and float(unit(ahead) @ unit(tangents[end])) > np.cos(np.pi / 3):
-            tangents[end] = ahead
-    directions = tangents / np.maximum(np.linalg.norm(tangents, axis=1), 1e-9)[:, None]
+        ahead, width = np.array([across[1], -across[0]]), float(np.linalg.norm(across))
+        if width <= _ENDS_M or (skew := float(unit(ahead) @ unit(tangents[end]))) <= np.cos(STEEPEST_RAD):
+            continue
+        tangents[end] = ahead
+        turned_m = min(turning * float(np.arccos(min(skew, 1.0))) * width, middle_m / 2)
+        kept &= (np.abs(shares - shares[end]) >= turned_m) | (shares == shares[end])
+    directions = (tangents / np.maximum(np.linalg.norm(tangents, axis=1), 1e-9)[:, None])[kept]
+    points = points[kept]
     pieces: list[CurvePiece] = []
     station = 0.0
     for start, end, out, into in zip(points[:-1], points[1:], directions[:-1], directions[1:], strict=True):
@@ -142,6 +178,18 @@ def _sampled(pieces: Sequence[CurvePiece], spacing_m: float) -> tuple[Values, Po
     total = pieces[-1].station_m + pieces[-1].length_m
     stations = np.linspace(0.0, total, max(round(total / spacing_m), 8) + 1)
     return (stations, *evaluate(pieces, stations))
+
+
+def _tried(pieces: Sequence[CurvePiece]) -> list[float]:
+    """Places on the reference line, closer together in its first and last piece."""
+    total = pieces[-1].station_m + pieces[-1].length_m
+    ends = pieces[0].length_m, pieces[-1].station_m
+    parts = ((0.0, ends[0], TRIED_AT_ENDS_M), (*ends, TRIED_M), (ends[1], total, TRIED_AT_ENDS_M))
+    return [
+        float(at)
+        for first, last, step in parts
+        for at in np.linspace(first, last, max(round((last - first) / step), 1) + 1)
+    ]
 
 
 def _feet(line: Points, stations: Values, positions: Points, normals: Points, reach_m: float) -> list[float]:

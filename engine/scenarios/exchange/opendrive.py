@@ -4,6 +4,7 @@ Every road runs one way, along its reference line. Where a lane forks or merges,
 connecting roads of a junction. The same lanelets give the same bytes. Each lane names its lanelet in ``userData``.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -33,6 +34,7 @@ TYPES = {"sidewalk": "sidewalk", "crosswalk": "sidewalk", "bicycleLane": "biking
 TYPES |= {"shoulder": "shoulder", "accessRamp": "onRamp", "exitRamp": "offRamp", "parking": "parking"}
 """OpenDRIVE's type of a lane for the types of a lanelet; otherwise driving."""
 ROAD_TYPES = {"interstate": "motorway", "highway": "motorway", "country": "rural", "urban": "town"}
+_WORD = re.compile(r"\+(\w+)(?:=([^\s+]\S*))?")
 _MARKS = {"solid": "solid", "broad_solid": "solid", "dashed": "broken", "broad_dashed": "broken"}
 
 
@@ -69,7 +71,8 @@ def opendrive_of(scenario: "Scenario", name: str) -> tuple[etree._Element, tuple
     header = _add(
         root, "header", revMajor="1", revMinor="7", name=one_line(name), version="1.00", vendor="PlannerForge"
     )
-    if projection := _projection(scenario):
+    projection = _projection(scenario)
+    if projection:
         header.append(_reference(projection))
     limits = posted_speeds(network)
     lanelets = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
@@ -77,7 +80,13 @@ def opendrive_of(scenario: "Scenario", name: str) -> tuple[etree._Element, tuple
         _write_road(root, key, plan, lanelets, limits)
     for junction, members in plan.junctions.items():
         _write_junction(root, junction, members, plan)
-    return root, _lost(network, plan)
+    lost = _lost(network, plan)
+    return root, lost if projection or not _is_located(scenario) else (*lost, "the geo-reference")
+
+
+def _is_located(scenario: "Scenario") -> bool:
+    change = None if scenario.location is None else scenario.location.geo_transformation
+    return change is not None and bool(change.geo_reference)
 
 
 def _projection(scenario: "Scenario") -> str:
@@ -95,18 +104,19 @@ def _projection(scenario: "Scenario") -> str:
 
 
 def _shifted(projection: str, x_m: float, y_m: float) -> str:
-    """A PROJ string whose coordinates are so much larger: false easting and northing with the shift added."""
-    from pyproj import CRS
-
-    words = dict(CRS(projection).to_dict())
-    if words.get("proj") == "utm":  # its false easting cannot be named: the same as a transverse Mercator
-        zone = int(words.pop("zone"))
-        south = words.pop("south", False)
-        words |= {"proj": "tmerc", "lat_0": 0, "lon_0": 6 * zone - 183, "k": 0.9996, "x_0": 500_000}
-        words["y_0"] = 10_000_000 if south else 0
-    words["x_0"] = float(words.get("x_0", 0.0)) + x_m
-    words["y_0"] = float(words.get("y_0", 0.0)) + y_m
-    return " ".join(f"+{key}" if value is True or value is None else f"+{key}={value}" for key, value in words.items())
+    """A PROJ string whose coordinates are so much larger, by its false easting and northing; empty if not in metres."""
+    words = dict(_WORD.findall(projection))
+    if words.get("units", "m") != "m" or "to_meter" in words:
+        return ""
+    if words["proj"] == "utm":  # its false easting cannot be named: the same as a transverse Mercator
+        south = "south" in words
+        zone = int(words.pop("zone", "0") or 0)
+        words = {key: value for key, value in words.items() if key not in ("proj", "south")}
+        words = {"proj": "tmerc", "lat_0": "0", "lon_0": str(6 * zone - 183), "k": "0.9996", **words}
+        words |= {"x_0": "500000", "y_0": "10000000" if south else "0"}
+    for key, shift_m in (("x_0", x_m), ("y_0", y_m)):
+        words[key] = f"{float(words.get(key, '0')) + shift_m:.6f}"
+    return " ".join(f"+{key}={value}" if value else f"+{key}" for key, value in words.items())
 
 
 def _reference(projection: str) -> etree._Element:

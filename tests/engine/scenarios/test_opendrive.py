@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lxml import etree
+from pyproj import Proj
 from support.builders import Lane, line, town_road
 
 from plannerforge.engine.commonroad import read_scenario
@@ -130,3 +131,39 @@ def test_a_scenario_without_lanelets_is_refused(tmp_path: Path) -> None:
     with pytest.raises(PlannerForgeError):
         exported(empty.write(tmp_path / "empty.xml"), tmp_path / "empty.xodr")
     assert not (tmp_path / "empty.xodr").exists()
+
+
+LOCATED = """<location><geoNameId>-999</geoNameId><gpsLatitude>48</gpsLatitude><gpsLongitude>11</gpsLongitude>
+<geoTransformation><geoReference>{projection}</geoReference><additionalTransformation>
+<xTranslation>-650000.0</xTranslation><yTranslation>-5300000.5</yTranslation><zRotation>{turned}</zRotation>
+<scaling>1.0</scaling></additionalTransformation></geoTransformation></location>"""
+
+
+def located(folder: Path, projection: str, turned: str = "0.0") -> tuple[str, ForeignExport]:
+    """The geo-reference of the town where it lies by a projection with a shift, and what is told."""
+    text = town_road().xml()
+    start, end = text.index("<location>"), text.index("</location>") + len("</location>")
+    (folder / "town.xml").write_text(text[:start] + LOCATED.format(projection=projection, turned=turned) + text[end:])
+    told = exported(folder / "town.xml", folder / "town.xodr")
+    return etree.parse(folder / "town.xodr").getroot().findtext("header/geoReference") or "", told
+
+
+@pytest.mark.parametrize(
+    "projection",
+    ["+proj=utm +zone=32 +ellps=WGS84 +units=m +no_defs", "+proj=tmerc +lat_0=48 +lon_0=9 +k=1 +x_0=7 +ellps=WGS84"],
+)
+def test_the_file_says_where_on_earth_its_roads_lie(projection: str, tmp_path: Path) -> None:
+    written, told = located(tmp_path, projection)
+    assert told.lost == ()
+    expected = Proj(projection)(650_100.0, 5_300_200.5, inverse=True)
+    assert Proj(written)(100.0, 200.0, inverse=True) == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("projection", "turned"),
+    [("+proj=tmerc +lat_0=48 +lon_0=9 +units=us-ft", "0.0"), ("+proj=utm +zone=32", "0.3"), ("EPSG:25832", "0.0")],
+)
+def test_a_geo_reference_that_cannot_be_kept_is_told(projection: str, turned: str, tmp_path: Path) -> None:
+    written, told = located(tmp_path, projection, turned)
+    assert not written
+    assert told.lost == ("the geo-reference",)
