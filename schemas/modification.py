@@ -326,7 +326,7 @@ class ModifyScenarioResult(Result):
             number = f"{edit.index} " if len(self.edits) > 1 else ""
             verdict = f", {edit.verdict}" if edit.verdict != "done" else ""
             who = f" ({edit.meant})" if edit.meant else ""
-            yield f"{number}{edit.op} ({edit.letter}){verdict}: {what}{who}"
+            yield f"{number}{edit.op}{verdict}: {what}{who}"
             routes = [route for route in edit.routes if route.arrives is not None or self.detail == "checks"]
             grouped = _grouped((route.vehicle_id, _route_text(route)) for route in routes)
             lines = [f"  {_ids(keys)} {text}" for text, keys in grouped]

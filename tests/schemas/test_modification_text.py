@@ -136,4 +136,4 @@ def test_a_vehicle_that_is_driven_besides_is_named_with_the_reason() -> None:
 
 def test_the_vehicles_that_a_word_meant_stand_behind_what_was_done() -> None:
     meant = edit(0).model_copy(update={"meant": "lead: 361 car 43 m ahead, same lane"})
-    assert "set_behaviour (B): tau=1.5 for all (lead: 361 car 43 m ahead, same lane)" in text(edits=(meant,))
+    assert "set_behaviour: tau=1.5 for all (lead: 361 car 43 m ahead, same lane)" in text(edits=(meant,))
