@@ -76,7 +76,7 @@ def index_extract(request: IndexExtractRequest, report: ProgressReporter) -> Ind
     with index_failures(index, writable=True), closing(_begun(index)) as store:
         if not store.state("staged"):
             report(0.0, "reading the extract")
-            store.forget("staged", "places", "place_names")
+            store.begin_staging()
             _stage(path, folder, store, report)
         if not store.state("packed"):
             for done, left in enumerate(store.pack(), start=1):
@@ -119,6 +119,7 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
     positions.unlink(missing_ok=True)
     bounds = [math.inf, math.inf, -math.inf, -math.inf]
     nodes = ways = 0
+    is_indexed = False
     road_m = 0.0
     places: list[_Settlement] = []
     try:
@@ -147,14 +148,15 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
                     road_m += _length_m(line)
                     bounds = _widened(bounds, line)
             elif element.is_relation() and (relation := _relation(element)):
-                if not store.state("ways_staged"):
-                    store.note("ways_staged", "yes")
+                if not is_indexed:
                     store.index_staged()
+                    is_indexed = True
                 store.stage_relation(relation)
             if (nodes + ways) % TOLD_EVERY == 0:
                 share = (nodes + ways) * _BYTES_OF_ELEMENT / path.stat().st_size
                 report(0.4 * min(share, 1.0), f"reading the extract: {nodes + ways:,} elements")
                 give_pages_back(positions)
+                store.keep()
     except (RuntimeError, ValueError) as error:  # all that osmium raises, of the file and of the positions
         if any(words in str(error) for words in _NO_ROOM):
             raise ResourceFailure(
@@ -173,7 +175,7 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
         store.add_place(number, rank, place.model_dump_json(), keys)
     store.note("data_time", header.get(_TIMESTAMP, ""))
     store.note("counts", json.dumps([road_m / 1000, ways, bounds]))
-    store.note("staged", "yes")
+    store.end_staging()
 
 
 def _elements(path: Path, positions: Path) -> Iterator[Any]:

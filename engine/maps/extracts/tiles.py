@@ -35,6 +35,9 @@ _UNITS_PER_DEG = 10_000_000
 _NODE, _WAY, _RELATION = range(3)
 _MOST_OPEN_TILES = 12
 """Unpacked tiles that are kept: those around one, and a few more (chosen)."""
+_STAGING_ENDING = ".staged"
+_KEPT_AT_ONCE = 500
+"""Tiles that are packed in one transaction (chosen): some megabytes."""
 _WIDEST_TILES = 400
 """A way that touches more tiles is none of a road network: it is left out (chosen; the longest roads touch dozens)."""
 _LONGEST_SEGMENT_DEG = 0.5
@@ -42,7 +45,6 @@ _LONGEST_SEGMENT_DEG = 0.5
 _ADD_AGAIN = "add the extract again with plannerforge maps add: what is broken of its index is made anew"
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS state (name TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS staged (tile INTEGER NOT NULL, kind INTEGER NOT NULL, id INTEGER NOT NULL, body BLOB);
 CREATE TABLE IF NOT EXISTS tiles (tile INTEGER PRIMARY KEY, nodes INTEGER NOT NULL, body BLOB NOT NULL);
 CREATE TABLE IF NOT EXISTS places (place INTEGER PRIMARY KEY, rank INTEGER NOT NULL, body TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS place_names (name TEXT, place INTEGER, PRIMARY KEY (name, place)) WITHOUT ROWID;
@@ -51,6 +53,14 @@ CREATE TABLE IF NOT EXISTS sites (tile INTEGER, kind TEXT, latitude REAL, longit
 CREATE INDEX IF NOT EXISTS sites_by_kind ON sites (kind, tile);
 CREATE TABLE IF NOT EXISTS sited (tile INTEGER PRIMARY KEY);
 """
+
+
+STAGING_SCHEMA = """
+PRAGMA staging.journal_mode=WAL; PRAGMA staging.synchronous=NORMAL;
+CREATE TABLE IF NOT EXISTS staging.staged
+    (tile INTEGER NOT NULL, kind INTEGER NOT NULL, id INTEGER NOT NULL, body BLOB);
+"""
+"""A file beside the index, removed once all is packed: to empty a table takes more room than the table."""
 
 
 @contextmanager
@@ -124,6 +134,8 @@ class TileStore:
         try:
             if writable:
                 self._database.executescript(f"PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; {SCHEMA}")
+                if not self.state("packed"):
+                    self._attach_staging()
             else:
                 self._database.execute("SELECT value FROM state LIMIT 1")
         except sqlite3.Error:
@@ -147,6 +159,10 @@ class TileStore:
         self._database.execute("INSERT OR REPLACE INTO state VALUES (?, ?)", (name, value))
         self._database.commit()
 
+    def keep(self) -> None:
+        """Keep what was written: the log of changes would hold all of it a second time."""
+        self._database.commit()
+
     def is_sound(self) -> bool:
         """Whether the file can be read to its last byte: its pages by SQLite, its tiles by their checksums."""
         try:
@@ -158,13 +174,30 @@ class TileStore:
             return False
         return True
 
-    def forget(self, *tables: str) -> None:
-        """Empty tables whose filling broke off."""
-        for table in tables:
-            self._database.execute(f"DELETE FROM {table}")  # noqa: S608 - names of this module
-        self._database.commit()
-
     # Staging
+
+    def begin_staging(self) -> None:
+        """Forget what was staged by work that broke off."""
+        self._database.execute("DELETE FROM places")
+        self._database.execute("DELETE FROM place_names")
+        self.keep()
+        self._database.execute("DETACH staging")
+        self._remove_staging()
+        self._attach_staging()
+
+    def end_staging(self) -> None:
+        """Note that all is staged; first what was staged is on the disk, since the note lies in another file."""
+        self.keep()
+        self._database.execute("PRAGMA staging.wal_checkpoint(TRUNCATE)").fetchall()
+        self.note("staged", "yes")
+
+    def _attach_staging(self) -> None:
+        self._database.execute("ATTACH ? AS staging", (f"{self._path}{_STAGING_ENDING}",))
+        self._database.executescript(STAGING_SCHEMA)
+
+    def _remove_staging(self) -> None:
+        for leftover in self._path.parent.glob(f"{self._path.name}{_STAGING_ENDING}*"):
+            leftover.unlink()
 
     def stage_nodes(self, nodes: Iterable[OsmNode]) -> None:
         """Take in nodes with tags."""
@@ -197,27 +230,29 @@ class TileStore:
 
     def index_staged(self) -> None:
         """Make ways findable by id, for the relations."""
-        self._database.execute("CREATE INDEX IF NOT EXISTS staged_by_id ON staged (kind, id)")
+        self._database.execute("CREATE INDEX IF NOT EXISTS staging.staged_by_id ON staged (kind, id)")
 
     # Packing
 
     def pack(self) -> Iterator[int]:
         """Pack every tile; how many are left."""
-        self._database.execute("DROP INDEX IF EXISTS staged_by_id")
-        self._database.execute("CREATE INDEX IF NOT EXISTS staged_by_tile ON staged (tile)")
+        self._database.execute("DROP INDEX IF EXISTS staging.staged_by_id")
+        self._database.execute("CREATE INDEX IF NOT EXISTS staging.staged_by_tile ON staged (tile)")
         tiles = [row[0] for row in self._database.execute("SELECT DISTINCT tile FROM staged ORDER BY tile")]
         for left, tile in zip(range(len(tiles) - 1, -1, -1), tiles, strict=True):
             rows = self._database.execute("SELECT kind, id, body FROM staged WHERE tile = ? ORDER BY rowid", (tile,))
             count, body = _packed(rows)
             self._database.execute("INSERT OR REPLACE INTO tiles VALUES (?, ?, ?)", (tile, count, body))
+            if left % _KEPT_AT_ONCE == 0:
+                self.keep()
             yield left
-        self._database.execute("INSERT OR REPLACE INTO state VALUES ('packed', 'yes')")  # with what makes it true
-        self._database.execute("DROP TABLE staged")
-        self._database.commit()
-        self._database.execute("VACUUM")
+        self.note("packed", "yes")
+        self._database.execute("DETACH staging")
+        self._remove_staging()
 
     def finish(self) -> None:
         """Close the log of changes, so that the file can be read where nothing may be written."""
+        self._remove_staging()  # of work that was killed when all was packed
         self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         self._database.execute("PRAGMA journal_mode=DELETE")
 

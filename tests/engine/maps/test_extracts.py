@@ -80,16 +80,16 @@ def roads_within(osm: OsmMap, site: tuple[float, float], radius_m: float, target
     )
 
 
-@given(data=some.data())
+@given(
+    number=some.integers(0, 10_000),
+    radius_m=some.floats(20.0, 900.0),
+    off=some.tuples(some.floats(-0.004, 0.004), some.floats(-0.004, 0.004)),
+)
 def test_a_site_of_any_place_is_cut_as_out_of_the_whole_file(
-    data: some.DataObject, country: IndexedExtract, whole: OsmMap, folder: Path
+    number: int, radius_m: float, off: tuple[float, float], country: IndexedExtract, whole: OsmMap, folder: Path
 ) -> None:
-    node = whole.nodes[data.draw(some.sampled_from(sorted(whole.nodes)))]
-    radius_m = data.draw(some.floats(20.0, 900.0))
-    spot = (
-        node.latitude + data.draw(some.floats(-0.004, 0.004)),
-        node.longitude + data.draw(some.floats(-0.004, 0.004)),
-    )
+    node = whole.nodes[sorted(whole.nodes)[number % len(whole.nodes)]]
+    spot = node.latitude + off[0], node.longitude + off[1]
     aside = radius_m * 1.01 / ground_distance_m(spot, (spot[0], spot[1] + 1.0))
     up = radius_m * 1.01 / ground_distance_m(spot, (spot[0] + 1.0, spot[1]))
     part = store_of(country.index).read((spot[0] - up, spot[1] - aside, spot[0] + up, spot[1] + aside))
@@ -238,12 +238,20 @@ def content_of(index: str) -> dict[str, list[object]]:
         return {table: sorted(database.execute(f"SELECT * FROM {table}")) for table in tables}
 
 
-@pytest.mark.parametrize("pages", [12, 14, 16, 18, 22])
+@pytest.mark.parametrize(
+    ("schema", "limit"),
+    [
+        ("STAGING_SCHEMA", "staging.max_page_count = 3"),
+        ("STAGING_SCHEMA", "staging.max_page_count = 6"),
+        ("SCHEMA", "max_page_count = 12"),
+        ("SCHEMA", "max_page_count = 16"),
+    ],
+)
 def test_a_full_disk_is_told_and_room_lets_it_go_on(
-    pages: int, country: IndexedExtract, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    schema: str, limit: str, country: IndexedExtract, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr(tiles, "SCHEMA", f"{tiles.SCHEMA}; PRAGMA max_page_count = {pages};")
+        patch.setattr(tiles, schema, f"{getattr(tiles, schema)} PRAGMA {limit};")
         with pytest.raises(ResourceFailure, match=r"extract\.sqlite .* is full"):
             indexed(folder / "Country.osm.pbf", tmp_path)
     again = indexed(folder / "Country.osm.pbf", tmp_path)
