@@ -10,6 +10,7 @@ from pyproj import Proj
 from support.builders import Lane, line, town_road
 
 from plannerforge.engine.commonroad import read_scenario
+from plannerforge.engine.network import run_netconvert
 from plannerforge.engine.scenarios import write_opendrive
 from plannerforge.engine.scenarios.exchange.reading_back import geometry_error
 from plannerforge.evals.maps.formats import asam_schema, bounds_of
@@ -167,3 +168,18 @@ def test_a_geo_reference_that_cannot_be_kept_is_told(projection: str, turned: st
     written, told = located(tmp_path, projection, turned)
     assert not written
     assert told.lost == ("the geo-reference",)
+
+
+def test_netconvert_reads_the_lanes_where_they_were(town: Path, tmp_path: Path) -> None:
+    """SUMO's reader, which shares nothing with the writer: its lanes lie on the middle of the lanelets."""
+    net = tmp_path / "town.net.xml"
+    run_netconvert(["--opendrive-files", str(town), "--opendrive.curve-resolution", "1"], net)
+    root = etree.parse(net).getroot()
+    x_m, y_m = (float(part) for part in root.find("location").get("netOffset").split(","))  # type: ignore[union-attr]
+    lanes = [lane for edge in root.findall("edge") if edge.get("function") != "internal" for lane in edge.iter("lane")]
+    shapes = [
+        np.array([point.split(",")[:2] for point in lane.get("shape", "").split()], dtype=float) for lane in lanes
+    ]
+    middles = {round(float(np.median(shape[:, 1])) - y_m, 1) for shape in shapes}
+    assert {0.0, 3.5, 7.0} <= middles
+    assert max(float(shape[:, 0].max()) for shape in shapes) - x_m == pytest.approx(300.0, abs=0.1)

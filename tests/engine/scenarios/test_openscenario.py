@@ -12,6 +12,7 @@ from support.builders import Vehicle, driving, town_road
 from plannerforge.engine.scenarios import write_openscenario
 from plannerforge.evals.maps.formats import asam_schema
 from plannerforge.schemas.artifacts import ForeignExport, ForeignExportRequest
+from plannerforge.schemas.errors import UnsafeInput
 
 LATE = driving(77, (10.0, 3.5), 9.0, 20, first_step=12)
 WALKER = driving(78, (20.0, 9.0), 1.3, 20, kind="pedestrian", size_m=(0.5, 0.5))
@@ -97,3 +98,20 @@ def test_a_scenario_without_traffic_and_ego_is_a_file_all_the_same(tmp_path: Pat
     root = ElementTree.parse(tmp_path / "bare.xosc").getroot()
     assert root.tag == "OpenSCENARIO"
     assert not list(root.iter("ScenarioObject"))
+
+
+def test_names_of_the_file_stay_text(tmp_path: Path) -> None:
+    source = tmp_path / "odd.xml"
+    source.write_text(town_road().xml().replace('"ZAM_Builder-1_1_T-1"', "'ZAM_\"&lt;Act/&gt;-1_1_T-1'"))
+    exported(source, tmp_path / "odd.xosc")
+    root = ElementTree.parse(tmp_path / "odd.xosc").getroot()
+    assert "<Act/>" in str(root.find("FileHeader").get("description"))  # type: ignore[union-attr]
+    assert len(list(root.iter("Act"))) == 1
+
+
+@pytest.mark.parametrize("text", ["", "<commonRoad", "<!DOCTYPE a [<!ENTITY b 'c'>]><commonRoad>&b;</commonRoad>"])
+def test_a_broken_scenario_is_refused_and_nothing_is_written(text: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.xml").write_text(text)
+    with pytest.raises(UnsafeInput):
+        exported(tmp_path / "bad.xml", tmp_path / "bad.xosc")
+    assert not (tmp_path / "bad.xosc").exists()
