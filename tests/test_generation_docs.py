@@ -13,7 +13,7 @@ from plannerforge.engine.maps.site_search.finder import MERGE_M, SIGNAL_REACH_M
 from plannerforge.engine.maps.unpacking import LARGEST_BYTES, MAP_ENDINGS
 from plannerforge.engine.traffic.simulation import WARM_UP_S
 from plannerforge.engine.traffic.vehicle_counts import FEWEST, MOST, PAPER_TRIPS, VEHICLES_PER_LANE_KM
-from plannerforge.engine.vehicles.classes import vehicle_classes
+from plannerforge.engine.vehicles.classes import PEDESTRIAN, vehicle_classes
 from plannerforge.schemas.generation import Checks, GenerateScenariosArguments
 from plannerforge.tools.generation.making import CHECK
 from plannerforge.tools.generation.record import verdicts
@@ -55,8 +55,10 @@ def test_the_densities_are_those_of_the_code() -> None:
 
 
 def test_every_class_stands_with_its_type_and_size() -> None:
-    wanted = {c.name: [c.commonroad_type, f"{c.length_m:g} × {c.width_m:g} m"] for c in vehicle_classes().values()}
-    assert table("class") == wanted
+    classes = (*vehicle_classes().values(), PEDESTRIAN)
+    wanted = {c.name: [c.commonroad_type, f"{c.length_m:g} × {c.width_m:g} m"] for c in classes}
+    said = {name: [kind, size.partition(";")[0]] for name, (kind, size) in table("class").items()}
+    assert said == wanted
 
 
 def test_every_check_of_the_answer_stands_there() -> None:

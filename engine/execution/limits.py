@@ -23,6 +23,7 @@ class Limits:
         roots: folders that files may be read from and written to.
         worker_count: worker processes for simulation and planning.
         worker_memory_bytes: data memory of one worker process (enforced by the operating system on Linux).
+        worker_idle_bytes: a worker that holds more between two operations is ended, and a fresh one takes its place.
         operation_timeout_s: time after which one operation of a worker is ended.
         file_bytes: largest file that is read.
         recordings: where workers keep what they read; None: nowhere.
@@ -31,6 +32,7 @@ class Limits:
     roots: tuple[Path, ...]
     worker_count: int = 2
     worker_memory_bytes: int = 4 * 1024**3
+    worker_idle_bytes: int = 1024**3
     operation_timeout_s: float = 300.0
     file_bytes: int = 100_000_000
     recordings: Path | None = None

@@ -90,7 +90,7 @@ class WorkerPool:
                 ) from error
             finally:
                 self._busy.discard(worker)
-                if finished:
+                if finished and (lane == "retrieval" or worker.held_bytes() <= self._limits.worker_idle_bytes):
                     self._idle[lane].append(worker)
                 else:
                     await worker.kill()
@@ -186,6 +186,15 @@ class _WorkerProcess:
     def pid(self) -> int:
         """Process id."""
         return self._process.pid
+
+    def held_bytes(self) -> int:
+        """Resident memory of the process; 0 where it is gone."""
+        import psutil
+
+        try:
+            return int(psutil.Process(self.pid).memory_info().rss)
+        except psutil.Error:
+            return 0
 
     @property
     def alive(self) -> bool:

@@ -53,6 +53,18 @@ async def run(
     return await pool.run(operation, Words(text=text, number=number), on_progress=on_progress)
 
 
+async def test_a_worker_that_holds_too_much_between_operations_gives_way(
+    tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(pool_module.PRELOAD, "compute", ())
+    for most, same in ((1, False), (1024**3, True)):
+        limits = Limits(roots=(tmp_path,), worker_count=1, worker_idle_bytes=most, operation_timeout_s=PATIENCE_S)
+        async with WorkerPool.open(limits, log) as pool:
+            first, second = await pid_of_worker(pool), await pid_of_worker(pool)
+            assert (first == second) is same
+            assert same or await gone(first)
+
+
 async def test_a_module_in_the_current_folder_takes_no_place_of_another(
     pool: WorkerPool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
