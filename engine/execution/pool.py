@@ -89,12 +89,22 @@ class WorkerPool:
                     next_step="ask for less at once, or raise the operation_timeout_s setting",
                 ) from error
             finally:
+                stays = finished and await self._may_stay(worker, lane)
                 self._busy.discard(worker)
-                if finished and (lane == "retrieval" or worker.held_bytes() <= self._limits.worker_idle_bytes):
+                if stays:
                     self._idle[lane].append(worker)
                 else:
                     await worker.kill()
         return await anyio.to_thread.run_sync(self._response, operation, report)
+
+    async def _may_stay(self, worker: "_WorkerProcess", lane: Lane) -> bool:
+        """Whether a worker is kept for the next operation: it holds no more than it may between two of them."""
+        if lane == "retrieval":
+            return True
+        held_bytes = 0
+        with anyio.CancelScope(shield=True):
+            held_bytes = await anyio.to_thread.run_sync(worker.held_bytes)
+        return held_bytes <= self._limits.worker_idle_bytes
 
     async def warm_up(self, lane: Lane = "compute") -> None:
         """Have one idle worker with its heavy imports done, before the first operation needs it."""
