@@ -134,7 +134,7 @@ class _Guard:
         parts: list[bytes] = []
         size = 0
         try:
-            for part in response.raw.stream(_CHUNK, decode_content=True):
+            while part := response.raw.read1(_CHUNK, decode_content=True):  # what has come: bytes may come one by one
                 size += len(part)
                 if size > MOST_BYTES:
                     raise _too_much()
