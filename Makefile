@@ -110,7 +110,7 @@ bench-import-crashes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.faults.imports
 
 bench-robust: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.soundness --seeds $(SEEDS)
+	@$(PYTHON) -m plannerforge.evals.robustness.soundness --seeds $(SEEDS)
 
 bench-hostile: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.robustness --keep soundness/findings
@@ -137,7 +137,7 @@ bench-answers: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.answers
 
 bench-analysis: $(DEV_STAMP)
-	@$(PYTHON) -m plannerforge.evals.planners.causes
+	@$(PYTHON) -m plannerforge.evals.analysis
 
 bench-same-bytes: $(DEV_STAMP)
 	@$(PYTHON) -m plannerforge.evals.same_bytes record $(RECORD)

@@ -1,6 +1,7 @@
 """What all benchmarks share: the form of their output, their files, their server and its client.
 
-Each prints a table for people and, as its last line, one JSON object for comparison.
+Each prints a table for people and, as its last line, one JSON object for comparison. A benchmark of several parts is a
+package whose modules have a function ``measure(bench) -> Figures`` each, which explains its keys (:class:`Parts`).
 """
 
 import hashlib
@@ -9,12 +10,16 @@ import os
 import statistics
 import sys
 import time
+import traceback
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 from mcp import Client
 from rich.console import Console
@@ -30,6 +35,8 @@ from ..server.settings import Settings
 from ..tools.call import Services, ToolCall
 
 Content = TypeVar("Content", bound=Model)
+Bench = TypeVar("Bench")
+"""What the parts of a benchmark are given."""
 _POLL_S = 50
 """For which the server is asked to wait for a job: the most that it accepts."""
 Figures = Mapping[str, float | int | str]
@@ -218,3 +225,78 @@ def call_in_process(workspace: Workspace | None = None) -> ToolCall:
     nothing = cast("Any", None)
     services = Services(workspace or nothing, _InProcess(), nothing, nothing, nothing, with_starter=False)
     return ToolCall(services, no_progress)
+
+
+class LeftOut(Exception):
+    """What a part needs is not to be had on this machine; the message says what."""
+
+
+@dataclass(frozen=True)
+class Parts(Generic[Bench]):
+    """The parts of a benchmark in the order in which they are measured, with the keys that each owes.
+
+    ``package``: where their modules are.
+    """
+
+    package: str
+    keys: Mapping[str, tuple[str, ...]]
+
+    def chosen(self, only: Sequence[str]) -> tuple[str, ...]:
+        """The parts that measure some keys, or are named themselves; all of them where nothing is named.
+
+        Raises:
+            ValueError: a word that is neither a part nor a key.
+        """
+        known = {*self.keys, *(key for keys in self.keys.values() for key in keys)}
+        if unknown := sorted(set(only) - known):
+            raise ValueError(f"unknown: {', '.join(unknown)}; valid are {', '.join(sorted(known))}")
+        return tuple(part for part, keys in self.keys.items() if not only or {part, *keys} & set(only))
+
+    def find(self, part: str) -> Callable[[Bench], Figures] | None:
+        """The function of a part; None where its module is not there."""
+        if find_spec(f"{self.package}.{part}") is None:
+            return None
+        measure: Callable[[Bench], Figures] = import_module(f"{self.package}.{part}").measure
+        return measure
+
+    def measured(
+        self, parts: Sequence[str], bench: Bench, find: Callable[[str], Callable[[Bench], Figures] | None] | None = None
+    ) -> tuple[dict[str, float | int | str], list[str]]:
+        """The figures of some parts, and in words what is wrong: a part is not there, failed, or owes a key."""
+        figures: dict[str, float | int | str] = {}
+        faults: list[str] = []
+        for part in parts:
+            measure = (find or self.find)(part)
+            if measure is None:
+                faults.append(f"{part}: left out, it is not there yet")
+                continue
+            sys.stderr.write(f"{part} …\n")
+            try:
+                found = measure(bench)
+            except LeftOut as reason:
+                faults.append(f"{part}: left out: {reason}")
+                continue
+            except Exception as error:  # noqa: BLE001 - the boundary of a part: the others are measured all the same
+                sys.stderr.write(traceback.format_exc())
+                faults.append(f"{part}: failed: {error}")
+                continue
+            figures |= found
+            faults += [f"{part}: {key} was not measured" for key in self.keys.get(part, ()) if key not in found]
+        return figures, faults
+
+
+def add_part_options(parser: ArgumentParser) -> None:
+    """``--only`` and ``--json``."""
+    parser.add_argument("--only", nargs="+", default=[], metavar="KEY", help="only the parts of these keys")
+    parser.add_argument("--json", action="store_true", help="print nothing but the figures as JSON")
+
+
+def print_parts(title: str, figures: Figures, faults: Sequence[str], *, as_json: bool) -> int:
+    """Print the figures and what is wrong; the status: 1 where something is."""
+    for fault in faults:
+        sys.stderr.write(f"{fault}\n")
+    if as_json:
+        sys.stdout.write(json.dumps(dict(figures)) + "\n")
+    else:
+        print_figures(title, figures, more_rows=[("!", fault) for fault in faults])
+    return 1 if faults else 0

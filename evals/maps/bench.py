@@ -4,10 +4,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 
-class LeftOut(Exception):
-    """What a part needs is not to be had on this machine; the message says what."""
-
-
 @dataclass(frozen=True)
 class MapsBench:
     """Where a part finds its data and may write, and how much it measures.

@@ -47,8 +47,8 @@ from ...schemas.errors import PlannerForgeError
 from ...schemas.generation import GenerateScenariosArguments, ReadMapRequest
 from ...tools.generation.requests import assign_sites, plan_maps, request_for
 from ..generation.figures import Spent, motion_figures, ratio
-from ..harness import Figures, call_in_process, drawn, process_pool, share
-from .bench import LeftOut, MapsBench
+from ..harness import Figures, LeftOut, call_in_process, drawn, process_pool, share
+from .bench import MapsBench
 from .factory_judge import FileVerdict, judge_file
 
 LARGEST_KM2 = 1.6**2

@@ -1,15 +1,16 @@
 """The bench of causes: its truth is found without the product, and the product agrees with it."""
 
 import math
+from pathlib import Path
 
 import pytest
 
-from plannerforge.evals.planners.causes import (
+from plannerforge.evals.analysis.causes import (
     Made,
+    compared,
     first_touch_s,
     kind_at,
     latest_braking_s,
-    measure,
     overlap,
     straight,
 )
@@ -39,7 +40,7 @@ def test_nothing_helps_against_a_follower() -> None:
     assert latest_braking_s(made, touch) is None
 
 
-def test_the_product_agrees_on_one_collision_of_each_kind() -> None:
-    figures = measure(7, 1)
+def test_the_product_agrees_on_one_collision_of_each_kind(tmp_path: Path) -> None:
+    figures = compared(7, 1, tmp_path)
     assert figures["causes_collisions"] == 8
     assert figures["class_right"] == figures["fault_right"] == 1.0

@@ -10,7 +10,7 @@ import pytest
 from support.builders import Problem, Vehicle, town_road
 
 from plannerforge.evals.generation.figures import Spent
-from plannerforge.evals.maps.bench import LeftOut
+from plannerforge.evals.harness import LeftOut
 from plannerforge.evals.maps.factory import OURS, THEIRS, Factory, MapTask, Produced, figures, prepared_environment
 from plannerforge.evals.maps.factory_judge import FileVerdict, judge_file
 

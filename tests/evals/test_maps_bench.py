@@ -5,19 +5,19 @@ from pathlib import Path
 import pytest
 
 from plannerforge.evals.harness import Figures
-from plannerforge.evals.maps.__main__ import KEYS, Measure, chosen_parts, measured
+from plannerforge.evals.maps.__main__ import PARTS
 from plannerforge.evals.maps.bench import MapsBench
 
 
 def test_a_key_or_the_name_of_a_part_chooses_the_part() -> None:
-    assert chosen_parts(["coverage_2way"]) == ("plan",)
-    assert chosen_parts(["people", "cache_same_bytes"]) == ("online", "people")
-    assert chosen_parts([]) == tuple(KEYS)
+    assert PARTS.chosen(["coverage_2way"]) == ("plan",)
+    assert PARTS.chosen(["people", "cache_same_bytes"]) == ("online", "people")
+    assert PARTS.chosen([]) == tuple(PARTS.keys)
 
 
 def test_an_unknown_key_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ValueError, match=r"coverage_3way; valid are .*coverage_2way"):
-        chosen_parts(["coverage_3way"])
+        PARTS.chosen(["coverage_3way"])
 
 
 def test_a_part_that_is_not_there_or_fails_is_told_and_the_others_are_measured(tmp_path: Path) -> None:
@@ -27,8 +27,10 @@ def test_a_part_that_is_not_there_or_fails_is_told_and_the_others_are_measured(t
     def plan(bench: MapsBench) -> Figures:
         return {"coverage_2way": 1.0, "batch_memory_slope_mb": 2.5, "batch_lost": bench.scenarios}
 
-    parts: dict[str, Measure] = {"country": country, "plan": plan}
-    figures, faults = measured(["online", "country", "plan"], MapsBench(tmp_path, tmp_path, scenarios=7), parts.get)
+    parts = {"country": country, "plan": plan}
+    figures, faults = PARTS.measured(
+        ["online", "country", "plan"], MapsBench(tmp_path, tmp_path, scenarios=7), parts.get
+    )
     assert figures == {"coverage_2way": 1.0, "batch_memory_slope_mb": 2.5, "batch_lost": 7}
     assert faults == [
         "online: left out, it is not there yet",

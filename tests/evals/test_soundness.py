@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def soundness(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "plannerforge.evals.soundness", "--seeds", "7", *arguments]
+    command = [sys.executable, "-m", "plannerforge.evals.robustness.soundness", "--seeds", "7", *arguments]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

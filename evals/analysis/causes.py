@@ -1,4 +1,4 @@
-"""``make bench-analysis``: who hit whom and whether an ego could have prevented it, on collisions made for it.
+"""Who hit whom and whether an ego could have prevented it, on collisions made for it.
 
 The collisions are drawn at random (a seed, 12 of each kind): a recorded follower, a standing ego, a slower or standing
 leader, a leader that brakes, one that cuts in, one that crosses, one that comes the other way. The truth is that of
@@ -11,11 +11,9 @@ largest difference of the latest moment; ``causes_collisions``: how many there w
 ``fault_right``, because 2 % more speed or 0.1 m more width would turn the truth.
 """
 
-import argparse
 import math
 import random
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +31,8 @@ from ...schemas.runs import (
     RunSource,
     RunSteps,
 )
-from ..harness import Figures, print_figures, share
+from ..harness import Figures, share
+from .bench import AnalysisBench
 
 STEP_S, FINE_S = 0.1, 0.005
 LENGTH_M, WIDTH_M = 4.508, 1.61
@@ -231,7 +230,12 @@ def _record(touch_s: float, speed: float) -> RunRecord:
     )
 
 
-def measure(seed: int, each: int) -> Figures:
+def measure(bench: AnalysisBench) -> Figures:
+    """The keys above; 12 collisions of each kind, or the bench's limit."""
+    return compared(bench.seed, bench.limit or 12, bench.folder("causes"))
+
+
+def compared(seed: int, each: int, folder: Path) -> Figures:
     """Make so many collisions of each kind, and compare what is told of them with the truth."""
     choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
     classes: list[bool] = []
@@ -239,29 +243,28 @@ def measure(seed: int, each: int) -> Figures:
     errors: list[float] = []
     unclear = 0
     counts: dict[int, int] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        while min(counts.values(), default=0) < each:
-            for number, made in enumerate(drawn(choice)):
-                touch = first_touch_s(made)
-                if touch is None or counts.setdefault(number, 0) >= each:
-                    continue
-                counts[number] += 1
-                contact = told(made, touch, Path(folder)).contact
-                classes.append(contact is not None and contact.kind == kind_at(made, touch))
-                if not classes[-1]:
-                    sys.stderr.write(f"made {made.kind}, told {contact and contact.in_words()}\n")
-                truth, wider = latest_braking_s(made, touch), latest_braking_s(made, touch, 0.1)
-                slower = latest_braking_s(replace(made, ego_mps=made.ego_mps * 1.02), touch)
-                if not (truth is None) == (wider is None) == (slower is None):
-                    unclear += 1
-                    continue
-                prevention = None if contact is None else contact.prevention
-                faults.append(prevention is not None and prevention.possible == (truth is not None))
-                if not faults[-1]:
-                    sys.stderr.write(f"{made.kind}: truth {truth}, told {contact and contact.in_words()}\n")
-                until = None if prevention is None else prevention.by_braking_until_s
-                if truth is not None and until is not None:
-                    errors.append(abs(until - truth))
+    while min(counts.values(), default=0) < each:
+        for number, made in enumerate(drawn(choice)):
+            touch = first_touch_s(made)
+            if touch is None or counts.setdefault(number, 0) >= each:
+                continue
+            counts[number] += 1
+            contact = told(made, touch, folder).contact
+            classes.append(contact is not None and contact.kind == kind_at(made, touch))
+            if not classes[-1]:
+                sys.stderr.write(f"made {made.kind}, told {contact and contact.in_words()}\n")
+            truth, wider = latest_braking_s(made, touch), latest_braking_s(made, touch, 0.1)
+            slower = latest_braking_s(replace(made, ego_mps=made.ego_mps * 1.02), touch)
+            if not (truth is None) == (wider is None) == (slower is None):
+                unclear += 1
+                continue
+            prevention = None if contact is None else contact.prevention
+            faults.append(prevention is not None and prevention.possible == (truth is not None))
+            if not faults[-1]:
+                sys.stderr.write(f"{made.kind}: truth {truth}, told {contact and contact.in_words()}\n")
+            until = None if prevention is None else prevention.by_braking_until_s
+            if truth is not None and until is not None:
+                errors.append(abs(until - truth))
     return {
         "class_right": share(classes),
         "fault_right": share(faults),
@@ -269,16 +272,3 @@ def measure(seed: int, each: int) -> Figures:
         "causes_collisions": len(classes),
         "unclear": unclear,
     }
-
-
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=20, help="of the collisions (default: 20)")
-    parser.add_argument("--each", type=int, default=12, help="collisions of each kind (default: 12)")
-    arguments = parser.parse_args()
-    print_figures("analysis", measure(arguments.seed, arguments.each))
-
-
-if __name__ == "__main__":
-    main()

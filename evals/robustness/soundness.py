@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .harness import print_figures
+from ..harness import print_figures
 
 _MAPS, _SCENARIOS, _APPROACHES = 140, 55, 100
 """Of each seed: maps to generate from, of which some are refused or name no site; scenarios to be edited, at four edits

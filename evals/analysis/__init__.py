@@ -1,0 +1,1 @@
+"""``make bench-analysis``: whether what an analysis says of runs is so."""

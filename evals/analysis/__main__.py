@@ -1,0 +1,44 @@
+"""``make bench-analysis``: whether what an analysis says of runs is so.
+
+Each part is a module of this package with a function ``measure(bench: AnalysisBench) -> Figures``, which explains its
+keys and judges by code apart from the product. The keys that count:
+
+``causes``: ``class_right`` (share of made collisions whose kind is told as it is), ``fault_right`` (told to be
+preventable or not, as the truth has it).
+
+``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
+1. ``--json`` prints the last line alone.
+"""
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from ..harness import Parts, add_part_options, existing, print_parts, shared_folder
+from .bench import AnalysisBench
+
+PARTS: Parts[AnalysisBench] = Parts(package=__package__ or "", keys={"causes": ("class_right", "fault_right")})
+"""The parts in the order in which they are measured, and the keys that each owes."""
+
+
+def _main() -> int:
+    """Read the command line, measure, print; the status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_part_options(parser)
+    parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/xml")
+    parser.add_argument("--seed", type=int, default=20, help="of all that is drawn (default: 20)")
+    parser.add_argument("--limit", type=int, default=None, help="only so many cases of each part: a sample")
+    given = parser.parse_args()
+    try:
+        parts = PARTS.chosen(given.only)
+    except ValueError as error:
+        parser.error(str(error))
+    with tempfile.TemporaryDirectory() as scratch:
+        bench = AnalysisBench(existing(given.shared), Path(scratch), given.seed, given.limit)
+        figures, faults = PARTS.measured(parts, bench)
+    return print_parts("Analysis", figures, faults, as_json=given.json)
+
+
+if __name__ == "__main__":
+    sys.exit(_main())
