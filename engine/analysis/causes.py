@@ -4,13 +4,12 @@ Both stand beside the rate over all valid runs and never in its place.
 """
 
 from collections import Counter
-from pathlib import Path
 
 from ...schemas.results import CollisionCauses, TrivialGoals, TrivialKind
 from ...schemas.runs import ContactKind, RunRecord
 from ..commonroad import kept_recording
 from .moments import contact_of
-from .run_set import RunSet
+from .run_set import RunSet, most_frequent_first
 from .statistics import rate
 
 MOST_COLLISIONS, MOST_GOALS = 60, 200
@@ -36,7 +35,7 @@ def collision_causes(runs: RunSet) -> CollisionCauses | None:
     return CollisionCauses(
         collisions=len(hits),
         judged=len(judged),
-        kinds=dict(sorted(kinds.items(), key=lambda item: (-item[1], item[0]))),
+        kinds=dict(most_frequent_first(kinds)),
         not_preventable=not_preventable,
         from_behind=sum(contacts[run_id].kind in FROM_BEHIND for run_id in not_preventable),
         recorded_traffic=any(record.traffic == "recorded" for record in hits if record.run_id in not_preventable),
@@ -65,7 +64,7 @@ def _trivial_kind(runs: RunSet, record: RunRecord) -> TrivialKind | None:
         return "at_the_start"
     if record.metrics.distance_m < STOOD_M:
         return "standing"
-    path = next((Path(one.path) for one in runs.scenarios if one.scenario_id == record.scenario_id), None)
+    path = runs.scenario_path(record)
     if path is None or not path.is_file():
         return None
     goal = kept_recording(path).loaded.problem(record.problem_id).goal

@@ -7,7 +7,6 @@ driven steps and the tracks of the others only.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -425,10 +424,10 @@ def timeline(runs: RunSet, record: RunRecord, moment: Encounter | None = None) -
 
 def _tracks(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:
     """All others as they moved in a run, static obstacles included; without a file only those of reactive traffic."""
-    path = next((source.path for source in runs.scenarios if source.scenario_id == record.scenario_id), None)
+    path = runs.scenario_path(record)
     if path is None:
         return driven_tracks(steps)
-    recording = kept_recording(Path(path))
+    recording = kept_recording(path)
     standing = static_tracks(recording.loaded.scenario, steps.first_step + len(steps.x_m))
     return standing | recording.tracks | driven_tracks(steps)
 

@@ -17,10 +17,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...schemas.runs import Prevention
 from ..commonroad import Track
-from ..geometry import Points, Values, arc_length, interpolate, oriented_rectangle, without_repeats
+from ..geometry import Points, Values, arc_length, interpolate, oriented_rectangle, point_at, without_repeats
 
 GRAVITY_MPS2 = 9.81
 BRAKING_MPS2, JERK_MPS3 = 0.774 * GRAVITY_MPS2, 12.65
@@ -70,13 +71,9 @@ class _Encounter:
         return np.vstack([path, ahead])
 
     @cached_property
-    def _stations_m(self) -> Values:
-        return arc_length(self._way)
-
-    @cached_property
     def _driven_m(self) -> Values:
         """How far the ego had come at each of its states."""
-        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.ego.positions, axis=0), axis=1))])
+        return arc_length(self.ego.positions)
 
     @cached_property
     def _steps(self) -> range:
@@ -95,13 +92,20 @@ class _Encounter:
         """Whether an ego that brakes fully from a step on does not touch the other."""
         import shapely
 
-        stations = self._stations_when_braking(braking_from)
-        shown = [(index, at) for index, step in enumerate(self._steps) if (at := self.other.index_at(step)) is not None]
+        shown, theirs = self._theirs
         if not shown:
             return True
-        own = self._boxes(stations[[index for index, _ in shown]])
-        theirs = np.array([self.other.corners_at(at) for _, at in shown])
-        return not bool(shapely.intersects(shapely.polygons(own), shapely.polygons(theirs)).any())
+        own = self._boxes(self._stations_when_braking(braking_from)[shown])
+        return not bool(shapely.intersects(shapely.polygons(own), theirs).any())
+
+    @cached_property
+    def _theirs(self) -> tuple[list[int], NDArray[np.object_]]:
+        """The entries of the looked-at steps at which the other is there, and its polygons there."""
+        import shapely
+
+        shown = [(index, at) for index, step in enumerate(self._steps) if (at := self.other.index_at(step)) is not None]
+        corners = np.array([self.other.corners_at(at) for _, at in shown]).reshape(-1, 4, 2)
+        return [index for index, _ in shown], shapely.polygons(corners)
 
     def _stations_when_braking(self, braking_from: int) -> Values:
         """How far along its way an ego is at each step that brakes fully from one on."""
@@ -129,7 +133,7 @@ class _Encounter:
     def careful_braking(self) -> int | None:
         """The step at which UN R157's driver brakes; None: not before the collision."""
         seen: int | None = None
-        for place in self._places():
+        for place in self._places:
             if seen is None and (place.in_way or place.came_nearer_m > WANDERING_M):
                 seen = place.step
             perceived = seen is not None and (place.step - seen) * self.step_s >= PERCEPTION_S - 1e-9
@@ -139,14 +143,15 @@ class _Encounter:
 
     def rss_braking(self) -> int | None:
         """The step at which an ego of RSS brakes; None: not before the collision."""
-        for place in self._places():
+        for place in self._places:
             if place.in_way and place.gap_m < _safe_distance_m(place.ego_mps, place.other_mps):
                 return place.step + round(RSS_RESPONSE_S / self.step_s)
         return None
 
+    @cached_property
     def _places(self) -> "list[_Place]":
         """Where the other was with regard to the ego's way, at each step until the collision."""
-        from shapely import LineString, Point, distance
+        from shapely import LineString, Point, Polygon, distance
 
         line = LineString(self._way)
         places: list[_Place] = []
@@ -157,7 +162,7 @@ class _Encounter:
                 continue
             index = step - self.ego.first_step
             corners = self.other.corners_at(at)
-            aside = float(distance(line, _polygon(corners)))
+            aside = float(distance(line, Polygon(corners)))
             first_aside = aside if first_aside is None else max(first_aside, aside)
             along = np.array([line.project(Point(corner)) for corner in corners])
             station = float(line.project(Point(self.other.positions[at])))
@@ -176,9 +181,8 @@ class _Encounter:
 
     def _along_mps(self, at: int, station_m: float) -> float:
         """How fast the other moves along the ego's way."""
-        index = int(np.clip(np.searchsorted(self._stations_m, station_m, side="right") - 1, 0, len(self._way) - 2))
-        step = self._way[index + 1] - self._way[index]
-        turn = float(self.other.headings_rad[at]) - math.atan2(step[1], step[0])
+        _, heading = point_at(self._way, station_m)
+        turn = float(self.other.headings_rad[at]) - heading
         return float(self.other.speeds_mps[at]) * math.cos(turn)
 
 

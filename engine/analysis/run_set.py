@@ -3,11 +3,12 @@
 Step files are read when they are first asked for. ``METRICS`` lists the metrics of a run with unit and direction.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from ...schemas.errors import ResourceFailure
 from ...schemas.results import ConfigWeights, CostShare, MetricName
 from ...schemas.runs import RunRecord, RunSource, RunSteps, ScenarioSource
 from ..commonroad import Track
+
+_Name = TypeVar("_Name", bound=str)
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,10 @@ class RunSet:
         """Numbers of obstacles by type, by scenario id; only where they are known."""
         known = ((source.scenario_id, source.obstacles) for source in self.scenarios)
         return {scenario_id: obstacles for scenario_id, obstacles in known if obstacles is not None}
+
+    def scenario_path(self, record: RunRecord) -> Path | None:
+        """The file of a run's scenario; None where it is not known."""
+        return next((Path(one.path) for one in self.scenarios if one.scenario_id == record.scenario_id), None)
 
     def obstacle_count(self, record: RunRecord) -> int | None:
         """The number of obstacles in the scenario of a run; None where it is not known."""
@@ -105,6 +112,11 @@ def driven_tracks(steps: RunSteps) -> dict[int, Track]:
         )
         for other in steps.others
     }
+
+
+def most_frequent_first(counts: Counter[_Name]) -> list[tuple[_Name, int]]:
+    """Names with their counts, the largest first, of equal ones in order of the name."""
+    return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ Invalid items stand apart and are in no denominator.
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import TypeVar
 
 import numpy as np
 
@@ -31,10 +30,9 @@ from .causes import collision_causes, trivial_goals
 from .filters import matching
 from .findings import CRITICAL_TIME_TO_COLLISION_S, find_all
 from .moments import contact_of, review, timeline
-from .run_set import METRICS, RunSet, cost_shares
+from .run_set import METRICS, RunSet, cost_shares, most_frequent_first
 from .statistics import holm, rate
 
-_Name = TypeVar("_Name", bound=str)
 _SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_ROWS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 30, 20, 8
 """Entries of each list (chosen): the default answer stays under 4,500 characters; notes say what is left out."""
 _SHOWN_CONTACTS = 10
@@ -167,7 +165,7 @@ def _outcome_shares(runs: RunSet) -> tuple[OutcomeShare, ...]:
             rate=rate(count, len(runs.valid)),
             run_ids=tuple(record.run_id for record in runs.valid if record.outcome == outcome)[:_SHOWN_RUNS],
         )
-        for outcome, count in _most_frequent_first(Counter(record.outcome for record in runs.valid))
+        for outcome, count in most_frequent_first(Counter(record.outcome for record in runs.valid))
     )
 
 
@@ -227,13 +225,9 @@ def _group(name: str, records: list[RunRecord]) -> Group:
     return Group(
         name=name,
         success=rate(counts["goal_reached"], len(valid)),
-        outcomes=dict(_most_frequent_first(counts)),
+        outcomes=dict(most_frequent_first(counts)),
         invalid=len(records) - len(valid),
     )
-
-
-def _most_frequent_first(counts: Counter[_Name]) -> list[tuple[_Name, int]]:
-    return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
 
 _BINS = ((0, 0), (1, 4), (5, 9), (10, 19), (20, 49), (50, 10**6))

@@ -9,7 +9,7 @@ import math
 import random
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -34,8 +34,9 @@ LONGEST_M = 5_000.0
 LEAST_PER_H = 0.5
 """A route with a smaller flow is none (chosen)."""
 _OSM_WAY = re.compile(r"-?(\d+)")
-MOST_ASIDE_RAD = math.radians(67.5)
-"""A road leads into a direction of the compass where its heading is no further from it."""
+MOST_ASIDE_RAD, END_ASIDE_RAD = math.radians(67.5), math.radians(45)
+"""A road leads into a direction of the compass, or ends there, where its heading, or the way from the middle of the
+site to its end, is no further from it (chosen: a road may bend, an end lies in one quarter)."""
 
 
 @dataclass(frozen=True)
@@ -77,24 +78,21 @@ class FlowPlan:
         return max(round(sum(route.present for route in self.routes)), 1)
 
 
-def plan_flows(flows: Iterable[RoadFlow], net: SumoNet, choice: random.Random) -> FlowPlan:
+def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -> FlowPlan:
     """Routes of cars over a site that carry flows.
 
     Raises:
         NotPossible: none of the roads is here, or no way leads from where to where traffic was counted.
     """
-    flows = tuple(flows)
     edges = OpenEdges.of(net, vehicle_classes()["car"].sumo_class)
     place = _Place(net, edges)
     candidates = _candidates(edges, choice)
-    routes: list[RouteFlow] = []
-    for flow in flows:
-        if flow.to:
-            ways = place.ways_between(flow.road, flow.to)
-            routes += [RouteFlow(way, flow.per_h / len(ways), edges.travel_s(way)) for way in ways]
-    counts = [(section, flow.per_h) for flow in flows if not flow.to for section in place.sections(flow)]
+    between = [(flow, place.ways_between(flow.road, flow.to) if flow.to else ()) for flow in flows]
+    routes = [RouteFlow(way, flow.per_h / len(ways), edges.travel_s(way)) for flow, ways in between for way in ways]
+    across = [(flow, ways, () if flow.to else place.sections(flow)) for flow, ways in between]
+    counts = [(section, flow.per_h) for flow, _, sections in across for section in sections]
     routes += _meeting(counts, candidates, edges)
-    roads = tuple(_counted(flow, place, routes) for flow in flows)
+    roads = tuple(_counted(flow, frozenset(ways), sections, routes) for flow, ways, sections in across)
     if not routes:
         raise NotPossible(
             f"of the counted roads none carries traffic at this site: {', '.join(str(flow) for flow in flows[:5])}",
@@ -104,12 +102,13 @@ def plan_flows(flows: Iterable[RoadFlow], net: SumoNet, choice: random.Random) -
     return FlowPlan(tuple(routes), roads)
 
 
-def _counted(flow: RoadFlow, place: "_Place", routes: list[RouteFlow]) -> CountedRoad:
+def _counted(
+    flow: RoadFlow, ways: frozenset[tuple[str, ...]], sections: tuple[frozenset[str], ...], routes: list[RouteFlow]
+) -> CountedRoad:
+    """What routes carry of a flow: between two roads on their ways, on one road across its sections."""
     if flow.to:
-        ways = set(place.ways_between(flow.road, flow.to))
         planned = sum(route.per_h for route in routes if route.edges in ways)
         return CountedRoad(flow, (), min(planned, flow.per_h))
-    sections = place.sections(flow)
     carried = [sum(route.per_h for route in routes if section & set(route.edges)) for section in sections]
     return CountedRoad(flow, sections, float(np.mean(carried)) if carried else 0.0)
 
@@ -233,9 +232,7 @@ class _Place:
         if heading_deg is None:
             return [edge for edge in sorted(edges) if self._is_named(edge, word)]
         return [
-            edge
-            for edge in sorted(edges)
-            if _turn(self._ends(edge)[end] - self._middle, heading_deg) <= MOST_ASIDE_RAD / 1.5
+            edge for edge in sorted(edges) if _turn(self._ends(edge)[end] - self._middle, heading_deg) <= END_ASIDE_RAD
         ]
 
     def _is_named(self, edge: str, word: str) -> bool:

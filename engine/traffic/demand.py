@@ -1,6 +1,5 @@
 """Where the vehicles of a class begin and drive on a site: random trips over the edges that are open to the class."""
 
-import heapq
 import random
 from collections import Counter
 from collections.abc import Iterable
@@ -10,7 +9,7 @@ from functools import cached_property
 from ...schemas.errors import NotPossible
 from ...schemas.generation import TripKind
 from ..geometry import length_m
-from ..network import SumoNet
+from ..network import Digraph, SumoNet
 from ..vehicles import VehicleClass, vehicle_classes
 
 
@@ -146,20 +145,9 @@ class OpenEdges:
 
     def quickest(self, starts: Iterable[str], goal: str) -> tuple[str, ...] | None:
         """The quickest route from any of some edges to an edge, both included; None where no way leads there."""
-        queue: list[tuple[float, tuple[str, ...]]] = [(self.travel_s([start]), (start,)) for start in sorted(starts)]
-        heapq.heapify(queue)
-        done: set[str] = set()
-        while queue:
-            time_s, route = heapq.heappop(queue)
-            if route[-1] == goal:
-                return route
-            if route[-1] in done:
-                continue
-            done.add(route[-1])
-            for edge in self.following[route[-1]]:
-                if edge not in done:
-                    heapq.heappush(queue, (time_s + self.travel_s([edge]), (*route, edge)))
-        return None
+        # What an edge costs is paid when it is left: the last one of a route costs the same on all of them.
+        graph = Digraph(lambda edge: [(onward, self.travel_s([edge])) for onward in self.following[edge]])
+        return graph.cheapest_route(starts, [goal])
 
     def random_route(
         self, start: str, wanted_m: float, choice: random.Random, favoured: frozenset[str]
