@@ -181,10 +181,20 @@ class PlanRows:
         (row,) = self._rows("coalesce(max(number), -1) + 1 AS n", "number >= 0")
         return int(row["n"])
 
-    def last_lap(self) -> tuple[int, int]:
-        """The last lap that was planned, and how many of its rows were made; (0, 0) without any."""
-        rows = self._rows("lap, sum(state = 'made') AS made", "number >= 0 GROUP BY lap ORDER BY lap DESC LIMIT 1")
-        return (int(rows[0]["lap"]), int(rows[0]["made"])) if rows else (0, 0)
+    def last_lap(self) -> int:
+        """The last lap that was planned; 0 without any."""
+        (row,) = self._rows("coalesce(max(lap), 0) AS lap", "number >= 0")
+        return int(row["lap"])
+
+    def refused_in_a_row(self) -> int:
+        """How many of the rows planned once all was covered were refused or failed since the last one that was made."""
+        (row,) = self._rows(
+            "count(*) AS n",
+            "lap > 0 AND state IN ('refused', 'failed') AND number > coalesce((SELECT max(number) FROM plan_rows"
+            " WHERE plan_id = ? AND state = 'made'), -1)",
+            self._plan_id,
+        )
+        return int(row["n"])
 
     def turns(self) -> dict[str, int]:
         """By the words for sites, how many rows were planned for them."""

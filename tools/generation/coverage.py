@@ -42,6 +42,9 @@ _AT_ONCE = 500
 """Rows that are planned together (chosen): many of each map, which workers then read once for all of them."""
 _TAKEN = 64
 """Rows that are read from the database together (chosen)."""
+_GIVEN_UP_AFTER = 20
+"""Rows beyond those that cover all which are refused one after the other until a plan ends short of its count (chosen:
+where three of ten are refused, as on real maps, so many in a row are none that chance makes)."""
 _LISTED = 50
 """Combinations that the structured answer names of those that cannot be, and of those left (chosen)."""
 _LONGEST_REASON = 160
@@ -192,7 +195,7 @@ class _PlanWork:
         missing = _AT_ONCE if wanted is None else min(wanted - self._tally.made, _AT_ONCE)
         if _is_exhausted(self._rows):
             return False
-        lap, _ = self._rows.last_lap()
+        lap = self._rows.last_lap()
         report = await self._call.run(PLAN_COVERAGE, coverage_request(record, self._rows, lap=lap + 1, most=missing))
         if not report.rows or (not report.left and wanted is None):
             return False
@@ -266,8 +269,7 @@ class _PlanWork:
 
 def _is_exhausted(rows: PlanRows) -> bool:
     """Whether all is covered, and of the rows beyond that the last ones were all refused."""
-    lap, made = rows.last_lap()
-    return lap > 0 and made == 0 and rows.counts().waiting == 0
+    return rows.refused_in_a_row() >= _GIVEN_UP_AFTER and rows.counts().waiting == 0
 
 
 def coverage_request(record: PlanRecord, rows: PlanRows, *, lap: int, most: int) -> CoverageRequest:
@@ -305,7 +307,7 @@ async def _answer(
     summary = await _summary(asked, call, record, rows)
     if state == "done" and asked.wanted is not None and summary.made < asked.wanted:
         told.append(
-            "no more can be made: of the last rows all were refused"
+            f"no more can be made: the last {_GIVEN_UP_AFTER} rows were all refused"
             if _is_exhausted(rows)
             else "the job that ran was asked for fewer: the same call goes on"
         )
