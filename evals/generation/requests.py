@@ -33,8 +33,8 @@ AS_TYPED: dict[str, dict[str, Any]] = {
 }
 """What the corpus's ground truth leaves out of the requests because it is invalid: as their texts have it."""
 PEOPLE = frozenset({"gen-d091"})
-"""Refused in the corpus because the paper has no pedestrians. Here they are a class, and the ego drives alone among them:
-what is left is a place that no map shows."""
+"""Refused in the corpus because the paper has no pedestrians. Here they are a class, and the ego drives alone among
+them: what is left is a place that no map shows."""
 
 
 @dataclass(frozen=True)
